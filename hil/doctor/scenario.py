@@ -1,15 +1,16 @@
 """Check a scenario without running it: the content of its files, and errors at its start."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 from hil.autonomy.control.allocation import pseudo_inverse
-from hil.common.errors import ConfigError, MissionError
+from hil.common.errors import ConfigError, MissingExtraError, MissionError
 from hil.master.flight import prepare
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
 from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.scenario.fleet import as_member
-from hil.slave.drivers.ends import check_line_rate
+from hil.slave.drivers.ends import check_line_rate, end_protocol
 from sim.environment.world import World, load_world
 from sim.vehicle.terminal_speed import reaches
 from sim.vehicle.thrusters.bank import wrench_matrix
@@ -62,8 +63,10 @@ def _check_speed(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator
 
 
 def _check_line(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
-    """Find out whether the line of the thruster link carries the commands."""
+    """Find out whether the thruster link can be opened, and whether its line carries the commands."""
     try:
+        with suppress(MissingExtraError):  # this machine may not be the one that opens it; the doctor looks there
+            end_protocol(scenario.link, "host", len(vehicle.channels))
         check_line_rate(scenario.link, len(vehicle.channels), 1.0 / scenario.slave.control_period)
     except ConfigError as error:
         yield ScenarioFinding("problem", f"{scenario.path}: {error}")

@@ -67,7 +67,13 @@ class Ends(NamedTuple):
 def end_protocol(link: Link, role: Role, channels: int) -> LinkProtocol:
     """That end's protocol of the link. Raises ConfigError, MissingExtraError."""
     if link.protocol != "frame":
-        return open_protocol(link.protocol, role, channels, **link.options)
+        try:
+            return open_protocol(link.protocol, role, channels, **link.options)
+        except ConfigError as error:
+            raise ConfigError(f"link: {error}") from None
+    if link.options:
+        names = ", ".join(link.options)
+        raise ConfigError(f'link: options: {names}: protocol = "frame" has none; its layout is [link] frame')
     from hil.links.frame.protocol import open_frame
 
     return open_frame(role, channels, link.frame)

@@ -59,6 +59,8 @@ def test_a_check_names_the_scenario_as_it_was_typed(capsys: pytest.CaptureFixtur
     ("change", "level", "words"),
     [
         ("link.baud=1200", "problem", "use at least"),
+        ("link.options.x=3", "problem", 'link: options: x: protocol = "frame" has none'),
+        ('link={protocol="mavlink", options={mx=3}}', "problem", "link: mavlink: no key 'mx'; did you mean 'mix'?"),
         ("master.goal=[45, 45]", "problem", "inside an obstacle"),
         ("master.goal=[5000, 5000]", "problem", "outside the map"),
         ("start.depth=500", "problem", "cannot start at"),
