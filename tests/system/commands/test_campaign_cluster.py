@@ -123,7 +123,7 @@ def test_what_goes_wrong_on_a_worker_names_the_users_files(tmp_path: Path) -> No
     with importing(folder):
         here = run_one(str(scenario), {"vehicle": "gone.toml"}, 1)
     _, there = _run_unpacked(run_one, bundle, Task(0, {"vehicle": "gone.toml"}, 1))
-    assert there["reason"] == f"--set or --vary vehicle: vehicle: {folder}/gone.toml: no such file"
+    assert there["reason"] == f"--set or --vary vehicle: {folder}/gone.toml: no such file"
     assert repr(there) == repr(here)
 
 
