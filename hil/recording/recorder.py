@@ -9,6 +9,7 @@ or fails, or anything else goes wrong, recording ends with a word about it, and 
 import os
 import threading
 import time
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -127,26 +128,25 @@ class Recorder:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not that of a real-time thread that made us
             while not self._stop.wait(DRAIN_PERIOD_S):
                 self._drain(now_ns())
-            self._drain(now_ns(), hold_ns=0)
+            self._drain(now_ns(), is_last=True)
             self._finish()
         except OSError as error:
             self._fail(f"{error.strerror}; free some space, or record less")
         except Exception as error:  # noqa: BLE001 - of which nobody would hear: a thread dies in silence
             self._fail(f"{type(error).__name__}: {error}; that is a fault of uuv-hil, please report it")
 
-    def _drain(self, now: int, hold_ns: int = HOLD_NS) -> None:
+    def _drain(self, now: int, is_last: bool = False) -> None:
         if self._file is None:
             self._begin()
         waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
         self._drained += sum([len(message.data) for message in waiting])
         messages = sorted([*self._held, *waiting, *self._source()], key=_log_time)
-        newest = to_wall_ns(now) - hold_ns
-        due: list[Message] = []
-        self._held = []
-        for message in messages:  # what is far ahead has the time of a clock that was set: nothing to wait for
-            held = hold_ns and 0 < message.logged_ns - newest < NS_PER_S
-            (self._held if held else due).append(message)
-        self._write(due)
+        due_ns = to_wall_ns(now) - HOLD_NS
+        due = len(messages) if is_last else bisect_right(messages, due_ns, key=_log_time)
+        # What is far ahead has the time of a clock that was set: nothing to wait for.
+        ahead = bisect_left(messages, due_ns + NS_PER_S, lo=due, key=_log_time)
+        self._held = messages[due:ahead]
+        self._write(messages[:due] + messages[ahead:])
         if now >= self._flush_due_ns and self._file:
             self._flush_due_ns = now + FLUSH_PERIOD_NS
             self._file.flush()
