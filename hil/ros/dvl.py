@@ -93,6 +93,11 @@ def decode_dvl_twist(data: bytes) -> DvlSample:
     return DvlSample(time_ns, swap_body((u, v, w)), nan, locked)
 
 
+def altitude_of(sample: DvlSample) -> AltitudeSample:
+    """Return the distance to the seabed that a DVL tells; inf without bottom lock."""
+    return AltitudeSample(sample.time_ns, sample.altitude if sample.locked else inf)
+
+
 def encode_range(
     sample: DvlSample, frame: str = "dvl_link", limits: tuple[float, float] = (0.2, 75.0), variance: float = 0.0
 ) -> bytes:
@@ -100,8 +105,8 @@ def encode_range(
 
     `variance` in m², where the sample has none itself. The field of view is sent as 0: the mean of narrow beams.
     """
-    altitude = sample.altitude if sample.locked else inf
-    return pack_range(sample.time_ns, (frame,), 0, 0.0, *limits, altitude, sample.altitude_variance or variance)
+    distance = altitude_of(sample).distance
+    return pack_range(sample.time_ns, (frame,), 0, 0.0, *limits, distance, sample.altitude_variance or variance)
 
 
 @tolerant

@@ -1,12 +1,11 @@
 """Samples of a simulation in this process, for the live view; its time can be paused, stepped and sped up."""
 
 from collections.abc import Callable, Mapping
-from math import inf
 from typing import Any, Protocol
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.ros.diagnostics import Diagnostics
-from hil.ros.dvl import AltitudeSample
+from hil.ros.dvl import altitude_of
 from hil.ros.images import Picture
 from hil.ros.joints import JointStates
 from hil.view.sources.paced_time import PacedTime
@@ -57,7 +56,7 @@ class SimulatedSource:
             else:
                 newest[topic] = sample
                 if topic == "dvl":  # what the slave publishes of it as a topic of its own
-                    newest["altitude"] = AltitudeSample(sample.time_ns, sample.altitude if sample.locked else inf)
+                    newest["altitude"] = altitude_of(sample)
         names = tuple([thruster.name for thruster in simulation.vehicle.thrusters])
         newest["joint_states"] = JointStates(simulation.time_ns, names, tuple(simulation.thrusts))
         return newest
