@@ -27,10 +27,10 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
 from hil.autonomy.control.controller import VelocityCommand  # noqa: E402 - works from a bare checkout too
+from hil.bench.harness import Bench, await_vehicle  # noqa: E402
 from hil.bench.processes import cpu_s, read_threads  # noqa: E402
 from hil.client.client import VehicleClient  # noqa: E402
 from hil.common.children import module_command, package_environment, start_child  # noqa: E402
-from hil.common.ports import free_ports  # noqa: E402
 from hil.common.quantiles import quantile  # noqa: E402
 from hil.ros import encoders as ros  # noqa: E402
 from hil.view.scene.frames import to_scene  # noqa: E402
@@ -56,8 +56,6 @@ vehicle = "paper_six"
 world = "{world}"
 [start]
 depth = 5
-[slave]
-listen = "tcp/127.0.0.1:{port}"
 [master]
 goal = [8, 7]
 depth = 5
@@ -151,9 +149,9 @@ class Viewers:
 
 
 @contextmanager
-def viewed(scenario: Path) -> Iterator[tuple[int, str, str]]:
+def viewed(scenario: str) -> Iterator[tuple[int, str, str]]:
     """Run a view; its process id, address and token."""
-    command = module_command("hil.cli", "view", "--scenario", str(scenario), "--listen", "127.0.0.1:0", "--no-browser")
+    command = module_command("hil.cli", "view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser")
     process = start_child(command, environment=package_environment(), stdout=subprocess.PIPE, text=True)
     assert process.stdout
     try:
@@ -183,22 +181,19 @@ def fly(client: VehicleClient, seconds: float) -> tuple[list[float], list[float]
 
 def measure(folder: Path, viewers: int | None, seconds: float, browser: bool) -> Measured:
     """One round with so many viewers; None: no view."""
-    port = free_ports(1)[0]
     (folder / "wide.toml").write_text(WORLD, encoding="utf-8")
     scenario = folder / "scenario.toml"
-    scenario.write_text(SCENARIO.format(port=port, world=folder / "wide.toml"), encoding="utf-8")
+    scenario.write_text(SCENARIO.format(world=folder / "wide.toml"), encoding="utf-8")
     clock = Clock()
     with ExitStack() as stack:
-        command = module_command("hil.cli", "slave", str(scenario))
-        slave = start_child(command, environment=package_environment(), stderr=subprocess.DEVNULL)
-        stack.callback(slave.wait)
-        stack.callback(slave.terminate)
-        client = stack.enter_context(VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", topics=("ground_truth", "trace")))
+        bench = stack.enter_context(Bench(str(scenario)))
+        slave = bench.start_slave()
+        client = stack.enter_context(bench.client(topics=("ground_truth", "trace")))
         client.session.subscribe("uuv1", "ground_truth", clock.on_truth, 64)
-        assert client.wait_for_vehicle(60.0), "the slave says nothing"
+        await_vehicle(client, slave)
         view = seen = None
         if viewers is not None:
-            view, address, token = stack.enter_context(viewed(scenario))
+            view, address, token = stack.enter_context(viewed(bench.path))
             if browser:
                 stack.enter_context(_open_page(f"{address}?token={token}", seconds))
             seen = stack.enter_context(Viewers(viewers, address, token, clock))
