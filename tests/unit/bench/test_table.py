@@ -121,7 +121,7 @@ def test_what_could_not_be_had_is_no_number() -> None:
 
 def test_a_mission_without_path_and_goal_says_nothing_of_them() -> None:
     there = OUTCOME._replace(path_length=math.nan, goal_error=math.nan, cross_track_max=math.nan)
-    assert there.summary == "71.0 m travelled, at least 0.80 m from every obstacle"
+    assert there.summary == "71.0 m travelled, its middle at least 0.80 m from every obstacle"
     assert "m from the goal" in OUTCOME.summary
 
 

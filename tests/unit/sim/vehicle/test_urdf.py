@@ -168,11 +168,12 @@ FIN = """<link name="hydra/fin0"/><joint name="f" type="revolute">
 <liftdrag><type>TwoLines</type><area>0.02</area></liftdrag></plugin></gazebo>
 <gazebo><plugin name="b" filename="gz-sim-lift-drag-system">
 <link_name>wing</link_name><area>0.3</area></plugin></gazebo>
+<gazebo><plugin name="c" filename="libLiftDragPlugin.so"><link_name>hydra/fin0</link_name></plugin></gazebo>
 </robot>"""
 
 
 def test_fins_are_reported_and_those_given_are_kept(tmp_path: Path) -> None:
-    """Each by its name, with what it takes to write it down; the file that is written holds what was given."""
+    """Each once by its name, with what it takes to write it down; the file that is written holds what was given."""
     text = (VECTORS / "hydra.urdf").read_text().replace("</robot>", FIN).encode()
     path = str(VECTORS / "hydra.urdf")
     vehicle, notes = read_urdf(path, {}, text)
