@@ -98,7 +98,7 @@ class Outcome(NamedTuple):
             (self.path_length, "on a path of {:.1f} m"),
             (self.goal_error, "{:.2f} m from the goal"),
             (self.cross_track_max, "at most {:.2f} m off the path"),
-            (self.least_clearance, "its middle {:.2f} m from the nearest obstacle"),
+            (self.least_clearance, "its middle at least {:.2f} m from every obstacle"),
         )
         return ", ".join(words.format(value) for value, words in reason if isfinite(value))
 
