@@ -64,7 +64,7 @@ class Stm32:
 
     @property
     def deadline_ns(self) -> int:
-        """When `tick` has to be called next, unless a command is received before."""
+        """Time (ns) at which `tick` has to be called next, unless a command is received before."""
         return min(self._watchdog_due_ns, self._telemetry_due_ns)
 
     def command(self, command: ThrusterCommand, now_ns: int) -> bool:
@@ -133,7 +133,7 @@ class Stm32End:
 
     @property
     def deadline_ns(self) -> int:
-        """When `service` has to be called without data: for watchdog, telemetry, or the protocol."""
+        """Time (ns) at which `service` has to be called without data: for watchdog, telemetry, or the protocol."""
         return min(self.stm32.deadline_ns, self.link.protocol.deadline_ns)
 
     @property

@@ -61,7 +61,7 @@ class UnicornBoard:
 
     @property
     def due_ns(self) -> int:
-        """When (simulated time) the chip acts next without new input."""
+        """Simulated time (ns) of the chip's next action without new input."""
         return self._chip.due_ns if self._core.sleeping else min(self._chip.due_ns, self._busy_ns)
 
     @property
@@ -71,7 +71,7 @@ class UnicornBoard:
 
     @property
     def command_ns(self) -> int:
-        """When (monotonic ns, not simulated) the program last wrote a pulse width: with each command and report."""
+        """Monotonic time (ns) of the program's last write of a pulse width: with each command and report."""
         return max(self._chip.timers[name].width_set_ns for name in OUTPUTS)
 
     @property
@@ -171,12 +171,12 @@ class UnicornEnd:
 
     @property
     def command_ns(self) -> int:
-        """When (monotonic, whatever the caller's clock is) its outputs last took a command, or were confirmed."""
+        """Monotonic time (ns) at which the outputs last took a command or were confirmed."""
         return self.board.command_ns
 
     @property
     def deadline_ns(self) -> int:
-        """When `service` has to be called without data."""
+        """Time (ns) at which `service` has to be called without data."""
         return self._serviced_ns + (self.PERIOD_NS if len(self._held) < self._unit else 0)
 
     def fileno(self) -> int:
@@ -184,7 +184,7 @@ class UnicornEnd:
         return self.wire.fileno()
 
     def service(self, now_ns: int) -> int:
-        """Carry in what came, let the board's time pass until `now_ns`, carry out; how many bytes came in.
+        """Deliver received bytes, run the board until `now_ns`, send its output; return how many bytes came in.
 
         What came is read before time passes, as by the firmware's twin: a command does not wait until the board has
         caught up, and a late caller does not count as a host that stopped. Raises DeviceError when the wire is lost, or

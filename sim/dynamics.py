@@ -61,7 +61,7 @@ Integrator = Literal["verlet", "rk4"]
 
 
 class State:
-    """Where the vehicle is and how it moves.
+    """Place, attitude and velocity of the vehicle.
 
     `position` NED in m; `quaternion` (w, x, y, z) body to world; `nu` = u v w (m/s) and p q r (rad/s) over
     ground along the body axes; `nu_dot` its rate over the last step, which is what an accelerometer feels and what the

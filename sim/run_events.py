@@ -35,7 +35,7 @@ class RunEvent(NamedTuple):
 
     @property
     def end_ns(self) -> int:
-        """When the condition held last."""
+        """Time (ns) at which the condition last held."""
         return self.start_ns + self.duration_ns
 
     @property
@@ -71,7 +71,7 @@ class EventLog:
         return len(self._events)
 
     def hold(self, kind: EventKind, since_ns: int, until_ns: int, place: Sequence[float], what: str = "") -> None:
-        """Note that a condition held from `since_ns` to `until_ns`, with the vehicle at `place` (NED, m)."""
+        """Record that a condition held from `since_ns` to `until_ns`, with the vehicle at `place` (NED, m)."""
         newest = self._newest.get((kind, what))
         if newest is not None:
             event = self._events[newest]

@@ -267,7 +267,7 @@ class Simulation:
         return pwm_us[:count]
 
     def _count_thrusters(self, pwm_us: Sequence[int]) -> int:
-        """How many of these pulses, which come first, are the thrusters'. Raises ConfigError otherwise."""
+        """Return how many of these pulses, the first ones, are the thrusters'. Raises ConfigError for a wrong count."""
         channels = len(self.vehicle.channels)
         if len(pwm_us) != channels:
             raise ConfigError(f"{len(pwm_us)} pulses for a vehicle of {channels} channels: give one a channel")

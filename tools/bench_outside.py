@@ -1,4 +1,4 @@
-"""Whether the figures of `uuv-hil bench table` agree with what others measure at the same time, as root.
+"""Compare the figures of `uuv-hil bench table` with what others measure at the same time, as root.
 
     python tools/bench_outside.py [--seconds 10]
 
@@ -159,7 +159,7 @@ class Witness:
         self.packets = [Packet(*row) for row in json.loads(output)]
 
     def watch(self, pids: list[int]) -> None:
-        """Keep account of these processes from now on."""
+        """Measure these processes from now on."""
         self._watched = pids
 
     def share(self, pid: int, begin: int, end: int) -> float:

@@ -49,7 +49,7 @@ PARTS: dict[str, Part] = {
 
 
 class Outcome(NamedTuple):
-    """How a part went."""
+    """Result of one part."""
 
     seconds: float
     failed: list[str]  # tests, or commands

@@ -41,7 +41,7 @@ READ, REFUSED, RAISED = 0, 2, 1  # exit codes of the copy
 
 
 class ForkedReader:
-    """What `hil.charts.sources.s57` takes for the process of `hil.charts.sources.s57_process`: a copy of this one."""
+    """Fork of this process in place of the one that `hil.charts.sources.s57` starts (`s57_process`)."""
 
     def __init__(self, command: list[str], **_: Any) -> None:
         self._files = [tempfile.TemporaryFile() for _ in range(2)]  # noqa: SIM115 - closed by __exit__

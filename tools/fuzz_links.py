@@ -32,7 +32,7 @@ TICK_NS = 10_000_000
 
 
 class Result(NamedTuple):
-    """What one end did with the strings it was fed."""
+    """Result of one end after all strings."""
 
     end: str
     strings: int
@@ -142,7 +142,7 @@ def _mutate(rng: random.Random, data: bytearray, unit: int) -> None:
 
 
 def _pieces(rng: random.Random, data: bytes, unit: int) -> Iterator[bytes]:
-    """As a wire hands them over: all at once, or in pieces of whole records."""
+    """Yield the data as a wire does: all at once, or in pieces of whole records."""
     if rng.random() < 0.5:
         yield data
         return

@@ -1,4 +1,4 @@
-"""What a camera and a sonar cost the loop of a slave: how late it is, and what a command waits, with and without them.
+"""Measure the cost of a camera and a sonar for the slave's loop: its lateness and the delay of commands.
 
     python tools/imaging_cost.py [--seconds 60] [--rounds 3]
 

@@ -1,4 +1,4 @@
-"""What the thruster link costs in time and processor, beside a bare pseudo terminal, in one run.
+"""Measure the time and processor time of the thruster link, beside a bare pseudo terminal, in one run.
 
     python tools/link_cost.py [--frames 2000] [--channels 6] [--cpu 1] [--baud 115200]
 

@@ -1,4 +1,4 @@
-"""How far modems get: signal to noise and lost packets against range, as docs/explanation/modems.md shows them.
+"""Draw signal to noise and lost packets of modems against range, for docs/explanation/modems.md.
 
     python -m tools.modem_figure        writes docs/explanation/modems/range.png and prints ranges at half the packets
 
@@ -55,7 +55,7 @@ def main() -> int:
 
 
 def by_sound(modem: AcousticModem, distance: float) -> Point:
-    """Of the acoustic modem at `distance` m, by the formulas."""
+    """Return signal to noise (dB) and share of lost packets of the acoustic modem at `distance` m, by the formulas."""
     noise = ambient_noise(modem.frequency, modem.wind, modem.shipping) + 10.0 * log10(modem.bandwidth)
     snr = modem.source_level - transmission_loss(distance, modem.frequency, modem.spreading) - noise
     errors = 0.5 * exp(-0.5 * power(snr) * modem.bandwidth / modem.bit_rate)
@@ -63,7 +63,7 @@ def by_sound(modem: AcousticModem, distance: float) -> Point:
 
 
 def by_light(modem: OpticalModem, distance: float) -> Point:
-    """Of the optical modem at `distance` m, head on."""
+    """Return signal to noise (dB) and share of lost packets of the optical modem at `distance` m, head on."""
     errors = bit_error(modem, (0.0, 0.0, 0.0), AHEAD, (distance, 0.0, 0.0), BACK)
     q = quality(errors)
     return (20.0 * log10(q) if q > 0.0 else -99.0), 1.0 - float((1.0 - errors) ** (8 * SIZE))

@@ -1,4 +1,4 @@
-"""What modems do to the hunt: the table of docs/explanation/modems.md, in simulated time.
+"""Measure the effect of modems on the hunt in simulated time: the table of docs/explanation/modems.md.
 
 python -m tools.modem_hunts [SEEDS]           20 seeds take some minutes
 """

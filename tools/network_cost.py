@@ -1,4 +1,4 @@
-"""What a command waits for on the network: our sessions beside bare zenoh, alone and with a camera on a full link.
+"""Measure the delay of a command on the network: our sessions beside bare zenoh, alone and on a full link.
 
     python tools/network_cost.py [--seconds 8]
 
@@ -148,7 +148,7 @@ def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
 def measure(
     bare: bool, camera: bool, seconds: float, spaces: tuple[str, ...] = (), host: str = "127.0.0.1"
 ) -> dict[str, float]:
-    """Both sides as processes of this machine, in two network namespaces if there are any, the first at `host`."""
+    """Measure with both sides as processes of this machine, in two network namespaces if any, the first at `host`."""
     endpoint = f"tcp/{host}:{7447 + 2 * (os.getpid() % 5000)}"
     options = [*(["--bare"] if bare else []), *(["--camera"] if camera else []), "--seconds", str(seconds)]
 

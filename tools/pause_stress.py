@@ -48,7 +48,7 @@ UNMENDED = "import hil.slave.contacts as c, sys; c.Contacts.mend_links = lambda 
 
 
 def come_back(clients: list[VehicleClient], seconds: float) -> list[VehicleClient]:
-    """Those that get no sample any more within the time."""
+    """Return the clients that get no new sample within the time."""
     before = {id(client): client.received["odom"] for client in clients}
     missing, deadline = clients, time.monotonic() + seconds
     while missing and time.monotonic() < deadline:

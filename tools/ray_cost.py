@@ -1,4 +1,4 @@
-"""What rays against the seabed cost: in C, in plain Python, and in Embree, in one run.
+"""Measure the time of rays against the seabed: in C, in plain Python, and in Embree, in one run.
 
     python tools/ray_cost.py [--rounds 15] [--pictures]
 
@@ -162,7 +162,7 @@ def _solid_triangles(world: World, trimesh: Any) -> Iterator[Any]:
 
 
 def thinned(rays: Rays) -> Rays:
-    """At most FEW of the rays, evenly chosen: plain Python needs no more to be timed."""
+    """Return at most FEW of the rays, evenly chosen: enough for the time of plain Python."""
     directions, reach = rays
     count = len(directions) // 3
     chosen = Random(1).sample(range(count), min(count, FEW))
@@ -221,7 +221,7 @@ class RecordedScene(RayScene):
     def hits(
         self, origin: Sequence[float], directions: Any, reach: float, rotation: Sequence[float] = ALONG_AXES
     ) -> Hits:
-        """As any other."""
+        """Return the hits of the base class, and save the arguments for the race."""
         self.last = directions, reach, rotation
         return super().hits(origin, directions, reach, rotation)
 

@@ -1,4 +1,4 @@
-"""What recording costs: ten slaves with every sensor there is, commanded, recorded for a minute.
+"""Measure the cost of recording ten commanded slaves with every sensor there is for a minute.
 
     python tools/recording_cost.py [--vehicles 10] [--seconds 60]
 

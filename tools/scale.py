@@ -73,7 +73,7 @@ class Received:
 
 
 class Use(NamedTuple):
-    """What has been used so far: CPU s and resident bytes of each process."""
+    """Processor time (s) and resident bytes of each process so far."""
 
     cpu: list[float]
     resident: list[int]

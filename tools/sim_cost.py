@@ -1,4 +1,4 @@
-"""What one simulated vehicle costs: how much faster than real time it goes, and its share of a core in real time.
+"""Measure the cost of one simulated vehicle: its speed beside real time, and its share of a core in real time.
 
     python tools/sim_cost.py [--vehicle NAME]
     python tools/sim_cost.py --table

@@ -1,4 +1,4 @@
-"""What one step of the dynamics costs: in Python, in C, and as others do it, in one run.
+"""Measure the time of one step of the dynamics: in Python, in C, and as others do it, in one run.
 
     python tools/step_cost.py [--vehicle bluerov2_heavy] [--integrator rk4] [--rounds 15]
 

@@ -73,7 +73,7 @@ $b sleep 10
 
 
 class Outcome(NamedTuple):
-    """How a command ended, and what it printed."""
+    """Exit status and output of a command."""
 
     status: int
     output: str
@@ -199,7 +199,7 @@ def _shim() -> str:
 
 
 class _Console:
-    """Tells the command's output from the kernel's own."""
+    """Separates the command's output from the kernel's."""
 
     def __init__(self, mark: str, report: Callable[[str], None]) -> None:
         self._mark = mark
@@ -236,7 +236,7 @@ class _Console:
         raise DeviceError(f"User Mode Linux: {end}{self._last_words()}")
 
     def _sort(self, lines: Iterator[str]) -> None:
-        """Up to the first mark the kernel speaks, up to the second the command."""
+        """Sort lines: those before the first mark are the kernel's, those before the second the command's."""
         end = f"{self._mark} end "
         for line in lines:
             self._begun = line.endswith(f"{self._mark} begin")

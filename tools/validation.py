@@ -65,7 +65,7 @@ def draw(sheet: Sheet, path: Path) -> list[Finding]:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """As a PNG of few colours, a third of the bytes."""
+    """Save the figure as a PNG of few colours, a third of the bytes."""
     buffer = BytesIO()
     figure.savefig(buffer, format="png")
     plt.close(figure)
@@ -90,7 +90,7 @@ def _section(sheet: Sheet, findings: list[Finding]) -> str:
 
 
 def _anchor(title: str) -> str:
-    """As GitHub makes it of a heading."""
+    """Return the anchor that GitHub makes of a heading."""
     return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c in "-_")
 
 

@@ -1,4 +1,4 @@
-"""What the live view costs: the vehicle's delays with and without it, ten viewers, and how late a sample is shown.
+"""Measure the cost of the live view: the vehicle's delays with and without it, and how late a sample is shown.
 
     python tools/view_cost.py [--seconds 20] [--browser]
 
@@ -69,7 +69,7 @@ COUNT_PICTURES = """seconds => new Promise(done => {
 
 
 class Measured(NamedTuple):
-    """Of one round: command delay and loop lateness in the median, shares of a core, memory, and the viewers' part."""
+    """Figures of one round: command delay, loop lateness, shares of a core, memory, and the viewers' part."""
 
     delay_p50_ms: float
     delay_p99_ms: float
@@ -83,7 +83,7 @@ class Measured(NamedTuple):
 
 
 class Clock:
-    """When each place of the vehicle was measured (wall ns), by its place in the scene."""
+    """Times of measurement (wall ns) of the vehicle's places, by the place in the scene."""
 
     def __init__(self) -> None:
         self.measured_ns: dict[Place, int] = {}
@@ -134,7 +134,7 @@ class Viewers:
                         self._take_ages(message.data, time.time_ns())
 
     def _take_ages(self, data: bytes, now_ns: int) -> None:
-        """Note how old the vehicle's newest place in a message of viser's is."""
+        """Record the age of the vehicle's newest place in a message of viser."""
         import msgspec
         import zstandard
 

@@ -90,7 +90,7 @@ class Chip:
 
     @property
     def due_ns(self) -> int:
-        """When `tick` has to be called next."""
+        """Time of the next event of a peripheral (ns): `tick` has to be called then."""
         return min([peripheral.due_ns for peripheral in self._timed])
 
     def tick(self) -> None:

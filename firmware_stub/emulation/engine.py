@@ -51,7 +51,10 @@ class Registers(NamedTuple):
 
 
 class _Batch:
-    """Some registers, read or written at once. Unicorn's own batches cost ten times as much: new arrays each time."""
+    """Batch of registers that are read or written at once.
+
+    Unicorn's own batches cost ten times as much: new arrays each time.
+    """
 
     def __init__(self, uc: Any, numbers: list[int]) -> None:
         self._uc = uc

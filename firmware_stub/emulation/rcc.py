@@ -55,7 +55,7 @@ class Rcc(Peripheral):
             self._on_change()
 
     def _measure(self) -> None:
-        """Work out the frequencies, in Hz."""
+        """Compute the clocks' frequencies, in Hz."""
         cfgr = self.words.get(CFGR, 0)
         hpre, ppre1, ppre2 = cfgr >> 4 & 15, cfgr >> 10 & 7, cfgr >> 13 & 7
         source = (HSI_HZ, HSE_HZ, self._pll_hz(), HSI_HZ)[cfgr & 3]

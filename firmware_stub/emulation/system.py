@@ -45,7 +45,7 @@ class SystemControl(Peripheral):
 
     @property
     def sleep_on_exit(self) -> bool:
-        """Whether the core sleeps when it has handled its last exception."""
+        """True if the core goes to sleep after its last pending exception (SLEEPONEXIT of the SCR)."""
         return bool(self.words.get(SCR, 0) & SLEEPONEXIT)
 
     def read(self, offset: int) -> int:
@@ -76,7 +76,7 @@ class SystemControl(Peripheral):
             self._write_control(offset, value)
 
     def tick(self) -> None:
-        """SysTick has counted to zero."""
+        """Handle the end of SysTick's count."""
         self._nvic.pend(1 << SYSTICK)
         self._plan(self._wraps() + 1)
 

@@ -95,7 +95,7 @@ class Usart(Peripheral):
         return self.words.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
-        """Writing the data sends it."""
+        """Write a register; a write to the data register sends the byte."""
         if offset == DR:
             self._send(value & 0xFF)
             if not self._paced:
@@ -107,7 +107,7 @@ class Usart(Peripheral):
         self._update()
 
     def tick(self) -> None:
-        """A byte is out, a byte is in, or the line has fallen silent."""
+        """Finish the byte that is sent or received now, or report an idle line."""
         now = self._time.now_ns
         if self._sent_ns <= now:
             self._finish_sending()
@@ -134,12 +134,12 @@ class Usart(Peripheral):
         return data
 
     def _stays_ready(self) -> bool:
-        """Unpaced: whether the next byte changes no flag, for it is there as soon as this one is read."""
+        """Return True if, unpaced, the next byte is there as soon as this one is read: no flag changes."""
         status, enabled = self.words[SR], self.words.get(CR1, 0)
         return status & (RXNE | ORE | IDLE) == RXNE and enabled & (UE | RE) == UE | RE
 
     def _go_on(self) -> None:
-        """Unpaced: the program has read a byte, so the next one comes, or the line falls silent."""
+        """Deliver the next byte after the program has read one (unpaced), or report an idle line."""
         if not self._on_line:
             self.words[SR] |= IDLE
         elif self._at_once > 1:

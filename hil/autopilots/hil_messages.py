@@ -25,7 +25,7 @@ VISION = 2  # MAV_ESTIMATOR_TYPE: one that PX4 fuses as external navigation
 
 
 class Inertial(NamedTuple):
-    """What one HIL_SENSOR carries: m/s², rad/s, T, Pa; None where nothing new was measured."""
+    """Readings of one HIL_SENSOR message: m/s², rad/s, T, Pa; None where nothing new was measured."""
 
     acceleration: Sequence[float] | None
     gyro: Sequence[float] | None

@@ -19,7 +19,7 @@ MOST_RANGES, MOST_RC = 6, 12
 
 
 class ServoPacket(NamedTuple):
-    """What ArduPilot sends once a frame: the rate it asks for (Hz), the frame's number, and its outputs (us)."""
+    """Packet that ArduPilot sends once a frame: the rate it asks for (Hz), the frame's number, its outputs (us)."""
 
     frame_rate: int
     frame_count: int
@@ -27,7 +27,7 @@ class ServoPacket(NamedTuple):
 
 
 class JsonState(NamedTuple):
-    """What ArduPilot gets: time in s; gyro rad/s, acceleration m/s² (specific force), both FRD; NED in m and m/s.
+    """State for ArduPilot: time in s; gyro rad/s, acceleration m/s² (specific force), both FRD; NED in m and m/s.
 
     `quaternion` is w x y z, body to NED. `ranges` (m), `rc` (us) and `battery` (V, A) are left out where empty,
     `geodetic` (degrees, degrees, m above mean sea level) too; then ArduPilot takes `position`.

@@ -16,7 +16,7 @@ WARM_UP_NS = NS_PER_S // 2
 
 
 class LinkResult(NamedTuple):
-    """What a link test found. Rates in Hz, times in ms; `line_rate` is what the line's speed allows, 0 without one."""
+    """Result of a link test. Rates in Hz, times in ms; `line_rate` is what the line's speed allows, 0 without one."""
 
     states: int
     outputs: int

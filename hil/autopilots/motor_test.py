@@ -16,9 +16,10 @@ OUTPUTS = 16
 
 
 class MotorResult(NamedTuple):
-    """What motor `number` (from 1) did at a pulse width above neutral: `thruster` turned, the vehicle went `push`.
+    """Result of a motor test: motor `number` (from 1) turned `thruster`, and the vehicle went `push`.
 
-    `expected` is where the frame says it goes, "" for a custom one; `agrees` whether it did.
+    The pulse width of the test is above neutral. `expected` is where the frame says it goes, "" for a custom one;
+    `agrees` is whether it did.
     """
 
     number: int

@@ -161,7 +161,7 @@ class Px4(Autopilot):
         return "heartbeats come, but no HIL_ACTUATOR_CONTROLS: it is still booting, or on a board SYS_HITL is not 1"
 
     def _check_peer(self) -> None:
-        """Notice that SITL has connected, or gone."""
+        """Check whether SITL has connected or disconnected."""
         is_there = self._wire.connected if isinstance(self._wire, TcpWire) else True
         if is_there == self._is_peer_known or not self.is_sitl:
             return

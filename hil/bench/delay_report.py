@@ -23,12 +23,12 @@ FEWEST_ROWS = 4  # for which there is room, so that one bar alone is not as high
 
 
 def text(results: Mapping[str, Result]) -> str:
-    """Delays beside their floor, then the hops, then what is to be known."""
+    """Return delays beside their floor, then the hops, then the remarks, as text."""
     return "\n".join([*_delays(results), "", *_hops(results), "", *_notes(results)])
 
 
 def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
-    """Histograms, time series and hops; `record` tells machine, date and labels.
+    """Draw histograms, time series and hops; `record` tells machine, date and labels.
 
     Raises ConfigError, MissingExtraError.
     """

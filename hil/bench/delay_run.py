@@ -37,7 +37,7 @@ MOVED_M_S2 = 0.05  # a change of acceleration that only the thrusters make: 0.13
 
 
 class Plan(NamedTuple):
-    """How one configuration is measured.
+    """Settings of the measurement of one configuration.
 
     `rate` Hz of commands, over `seconds`; `burners`: processes that take all the processor they get, on this machine;
     `payload`: bytes that cross the network beside each command; `steps` of the measurement of motion.
@@ -247,7 +247,9 @@ def _applied_ns(meter: DelayMeter, sent: int) -> int:
 
 
 def first_motion(samples: Sequence[tuple[int, float]], applied: int, sign: float) -> int:
-    """When the first sample came that leaves, towards `sign`, the line through the last two before `applied`; 0: none.
+    """Return the time (ns) of the first sample that shows the motion after `applied`, 0 if none does.
+
+    A sample shows it if it leaves, towards `sign`, the line through the last two samples before `applied`.
 
     samples: when each came (ns) and its acceleration (m/s²), without noise.
     """
@@ -366,7 +368,7 @@ def _own_echo(bench: Bench) -> Iterator[Echo]:
 
 
 def _bare_qemu_ms(bench: Bench) -> float:
-    """Under the same limits as the slave. Raises NetworkError with what it said."""
+    """Measure bare QEMU under the slave's limits, in ms. Raises NetworkError with its output."""
     command = module_command("hil.bench.floors.bare_qemu", bench.path)
     with bench.start("bare-qemu", command, limited=True) as process:
         return float(process.expect("answer_ms", READY_S).split()[1])

@@ -43,7 +43,7 @@ def program() -> list[str]:
 
 
 class Process:
-    """A program, what it says in a file. `exec_ns` is when it was executed (monotonic ns)."""
+    """Running program that writes its output to a file. `exec_ns` is when it was executed (monotonic ns)."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class Process:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
+        """True while the process runs."""
         return self._process.poll() is None
 
     @property
@@ -94,7 +94,7 @@ class Process:
 
     @property
     def last_words(self) -> str:
-        """The last line it said."""
+        """Last line of the output."""
         return (self.output.strip().splitlines() or ["no message"])[-1]
 
     @property
@@ -112,7 +112,7 @@ class Process:
         return f"{how}; it last said: {self.last_words}"
 
     def expect(self, word: str, seconds: float) -> str:
-        """Return the first line it says with `word` in it. Raises NetworkError when none comes in time, or it ends."""
+        """Return the first line of output with `word` in it. Raises NetworkError if none comes in time."""
         deadline = now_ns() + round(seconds * NS_PER_S)
         while True:
             running = self.running  # before what it said is read
@@ -140,7 +140,7 @@ class Process:
         return self._process.wait()
 
     def stop(self) -> int:
-        """End it as a user would, by force if that takes too long; its exit code."""
+        """End it by Ctrl-C, by force if that takes too long; return its exit code."""
         if self.running:
             self._process.send_signal(signal.SIGTERM)
             self._process.send_signal(signal.SIGCONT)  # one that was stopped would not notice
@@ -156,13 +156,13 @@ class Process:
 
 
 def _environment(exec_ns: int, more: dict[str, str]) -> dict[str, str]:
-    """Ours, and where the modules are if they are not installed."""
+    """Return this process's environment, with the modules' path if they are not installed."""
     ours = package_environment() if len(program()) > 1 else os.environ
     return {**ours, "UUV_HIL_EXEC_NS": str(exec_ns), **more}
 
 
 class Bench:
-    """A place for one measurement. Use as a context, which ends all that was started and removes what it wrote.
+    """Folder and processes of one measurement. Use as a context, which ends the processes and removes the folder.
 
     scenario: name or path; `changes` to it by dotted key. `limits` bind the slave. `scenario` and `path` are the
     changed one, `processes` what was started. A share of a processor binds no real-time process: under such a limit
@@ -244,7 +244,7 @@ class Bench:
         return process
 
     def start(self, name: str, command: list[str], limited: bool = False) -> Process:
-        """Any other process, ended with the rest; pinned and limited as the slave only if `limited`."""
+        """Start another process, which ends with the rest; pinned and limited as the slave only if `limited`."""
         log = self.file(f"{name}-{len(self.processes)}.log")
         return self._start(Process(command, log, self._confinement if limited else None))
 
@@ -295,7 +295,7 @@ def _why_silent(client: VehicleClient) -> str:
 
 
 def signal_name(number: int) -> str:
-    """Such as KILL."""
+    """Return the name of a signal, such as KILL."""
     try:
         return signal.Signals(number).name.removeprefix("SIG")
     except ValueError:
@@ -303,5 +303,5 @@ def signal_name(number: int) -> str:
 
 
 def labels_of(diagnostics: Diagnostics) -> tuple[str, ...]:
-    """Return what figures of a slave elsewhere have to say of themselves, by its own word."""
+    """Return the labels of the figures of a slave elsewhere, from its diagnostics."""
     return tuple(f"{OF_SLAVE}{label}" for label in diagnostics.labels or ())

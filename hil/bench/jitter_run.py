@@ -43,7 +43,7 @@ little before, as early as they have learnt to need, and spin for the rest: so t
 
 
 class Lateness(NamedTuple):
-    """How late wake-ups were, us; `mean` of cyclictest, which tells no median; nan for what is not known."""
+    """Lateness of wake-ups in us; `mean` is that of cyclictest, which gives no median; nan if not known."""
 
     p50: float
     p99: float

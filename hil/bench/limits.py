@@ -63,7 +63,7 @@ class Limits(NamedTuple):
 
     @property
     def controllers(self) -> list[str]:
-        """Those of control groups that it takes."""
+        """Controllers of control groups ("cpu", "memory") that the limits need."""
         return [name for name, limit in (("cpu", self.cpu_share), ("memory", self.memory_mib)) if limit]
 
 
@@ -170,7 +170,7 @@ def _has(controller: str, version: int) -> bool:
 
 
 def _quota_us(share: float) -> tuple[int, int]:
-    """So much time of one core, and in which period, us."""
+    """Return the processor time (us of one core) that is allowed, and the period (us) in which it is."""
     period = max(PERIOD_US, round(LEAST_QUOTA_US / share))
     return round(share * period), period
 

@@ -156,13 +156,15 @@ class Difference(NamedTuple):
 
     @property
     def is_distinct(self) -> bool:
-        """Whether it can be told from noise."""
+        """True if the difference is larger than the noise."""
         return abs(self.more) > self.noise
 
 
 def difference(values: list[float], base: list[float], again: Collection[list[float]] = ()) -> Difference:
-    """Of two series' medians. Noise is the wider of their middle halves, or how far `again`, the base's repetitions,
-    are from it."""
+    """Return the difference of two series' medians, and its noise.
+
+    Noise is the wider of their middle halves, or how far `again`, the base's repetitions, are from the base.
+    """
     apart = [abs(median(each) - median(base)) for each in again]
     return Difference(median(values) - median(base), max(spread(values), spread(base), *apart, 0.0))
 

@@ -55,7 +55,7 @@ class Outage(NamedTuple):
 
 
 class Soak(NamedTuple):
-    """All readings; how long (s) each return of the master took until data flowed, None for never; silences.
+    """Readings of a soak test: times (s) of each return of the master until data flowed, None for never; silences.
 
     The master's first coming, when the slave starts, is no return.
     """
@@ -98,7 +98,7 @@ class Soaking:
         return self._soak
 
     def _await(self, client: VehicleClient, first: bool) -> float | None:
-        """Return seconds from the dialling until data flowed; None if they did not in time, or the end is wished."""
+        """Return the seconds from connecting until data flowed; None if none did in time, or a stop is requested."""
         began = time.monotonic()
         while not self._pause(0.0):
             try:
@@ -152,20 +152,20 @@ class Soaking:
         self._quiet = reason
 
     def _pause(self, seconds: float) -> bool:
-        """Wait; whether the end is wished."""
+        """Wait; return whether a stop is requested."""
         watched = [self._stop_fd] if self._stop_fd >= 0 else []
         self._stopped = self._stopped or bool(select.select(watched, (), (), seconds)[0])
         return self._stopped
 
     def _kill(self) -> None:
-        """End a slave that hangs: to be asked would only take time."""
+        """Kill a slave that hangs: a signal to end would only take time."""
         for pid in self._slave.family():
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
 
 
 def measured(values: Sequence[float]) -> list[float]:
-    """Those that are known."""
+    """Return the values that are known."""
     return [value for value in values if not isnan(value)]
 
 

@@ -82,7 +82,7 @@ def time_floor(bench: Bench, code: str) -> float:
 
 
 def files_of_a_start(bench: Bench) -> list[str]:
-    """The files that the slave and the floors read: modules as the interpreter tells of them, and what is mapped."""
+    """Return the files that the slave and the floors read: modules that the interpreter lists, and mapped files."""
     files: set[str] = set()
     with bench.client() as client:
         slave = bench.start_slave(environment={"PYTHONVERBOSE": "1"})

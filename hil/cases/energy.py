@@ -30,7 +30,7 @@ class EnergyMeter:
         self.joules = 0.0
 
     def add(self, time: float, pwm_us: Sequence[int], battery: Any = None) -> None:
-        """What is applied since the last call (`time` in s), by pulses (us) or a BatterySample."""
+        """Add the energy since the last call (`time` in s), from pulse widths (us) or a BatterySample."""
         step = 0.0 if self._last is None else min(time - self._last, _LONGEST_STEP_S)
         self._last = time
         watts = battery.voltage * battery.current if battery else power(self._thrusters, pwm_us)

@@ -44,7 +44,7 @@ def compare(sil: Run, hil: Run) -> Fidelity:
 
 
 def distances(points: Sequence[Point], track: Track) -> NDArray[np.float64]:
-    """How far (m) each of `points` is from the nearest place of a track of two places or more, and between them."""
+    """Return the distance (m) of each of `points` from the polyline of a track of two places or more."""
     places = np.array(track.points)
     starts, legs = places[:-1], np.diff(places, axis=0)
     squares = np.maximum(np.sum(legs * legs, axis=1), 1e-12)  # where it stood still

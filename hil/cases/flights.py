@@ -41,7 +41,7 @@ def fly_all(
 def fly_one(
     name: str, mode: Mode, seed: int, folder: str, show: Show | None = None, viewer: Viewer | None = None
 ) -> Run:
-    """One flight of the case called `name`; `show` gets a text again and again that says how far it is."""
+    """Fly the case called `name` once; `show` gets the progress as text at intervals."""
     case = find_case(name)
     if show:
         case.show = show

@@ -25,7 +25,7 @@ CLEAR_M = 3.0  # of every pile, round start and goal
 
 
 class PathPlanning(SingleCase):
-    """Every obstacle is on the map."""
+    """Path planning with every obstacle on the map."""
 
     name = "path_planning"
     scenario = "path_planning"
@@ -64,7 +64,7 @@ class PathPlanning(SingleCase):
 
 
 class PathPlanningUnknown(PathPlanning):
-    """Some piles that no map shows stand on the path."""
+    """Path planning with piles on the path that no map shows."""
 
     name = "path_planning_unknown"
     title = "Path planning past obstacles that the map lacks"
@@ -79,7 +79,7 @@ class PathPlanningUnknown(PathPlanning):
     )
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """As with a map, and the piles, a new set for each seed."""
+        """Return the changes of `PathPlanning.vary`, and a new set of piles for each seed."""
         changes, _ = super().vary(seed)
         scenario = load_scenario(self.scenario, dict(changes))
         plan = prepare(scenario)

@@ -49,7 +49,7 @@ class Result(NamedTuple):
 
 
 class Track(NamedTuple):
-    """Where one vehicle truly was, and the way its planner had set out on (m north, m east)."""
+    """True track of one vehicle, and the path that its planner first followed (m north, m east)."""
 
     name: str
     time: Sequence[float]

@@ -167,6 +167,6 @@ class _Notes(TrackWriter):
         self._telemetry = telemetry
 
     def row(self, elapsed: float, truth: OdometrySample, odometry: OdometrySample, command: VelocityCommand) -> None:
-        """Note one instant, as `TrackWriter` says."""
+        """Record one instant, as `TrackWriter` describes."""
         super().row(elapsed, truth, odometry, command)
         self._meter.add(elapsed, *self._telemetry())

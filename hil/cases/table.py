@@ -101,7 +101,10 @@ def write_csv(path: str, results: Sequence[Result]) -> None:
 
 
 def write_json(path: str, results: Sequence[Result]) -> None:
-    """All flights as a list of objects; what was not measured is null. Raises ConfigError if it cannot be written."""
+    """Write all flights as a JSON list of objects; what was not measured is null.
+
+    Raises ConfigError if it cannot be written.
+    """
     plain = [{**result._asdict(), "extra": dict(result.extra)} for result in results]
     try:
         with open(path, "w", encoding="utf-8") as file:

@@ -24,7 +24,7 @@ from sim.vehicle.vehicle import load_vehicle
 
 
 class TargetHunting(Case):
-    """From a line abreast."""
+    """Hunt of a target from a line abreast."""
 
     name = "target_hunting"
     scenario = "target_hunting"
@@ -100,7 +100,7 @@ class TargetHunting(Case):
 
 
 class TargetHuntingDiamond(TargetHunting):
-    """From a diamond."""
+    """Hunt of a target from a diamond."""
 
     name = "target_hunting_diamond"
     scenario = "target_hunting_diamond"
@@ -111,7 +111,7 @@ class TargetHuntingDiamond(TargetHunting):
 
 
 class TargetHuntingAcoustic(TargetHunting):
-    """From a line abreast, by sound."""
+    """Hunt of a target from a line abreast, with acoustic modems."""
 
     name = "target_hunting_acoustic"
     scenario = "target_hunting_acoustic"
@@ -197,7 +197,7 @@ def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:
 
 
 def write_rows(path: str, scenario: Scenario, watch: HuntWatch) -> None:
-    """All rows as CSV: time, and for each vehicle its true place and its reading of the plan's clock."""
+    """Write all rows as CSV: time, and for each vehicle its true place and its reading of the plan's clock."""
     nodes = [member.node for member in scenario.member]
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

@@ -48,7 +48,10 @@ class TaskScheduling(SingleCase):
         return changes, {}
 
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
-        """Of all orders in which each task has what it needs, the shortest, from the start and home."""
+        """Return the length (m) of the shortest order of the tasks in which each has what it needs.
+
+        The way leads from the start through all tasks and home.
+        """
         mission = tasks_of(plan.planner).mission
         start = scenario.start.north, scenario.start.east
         return min(
@@ -70,7 +73,7 @@ class TaskScheduling(SingleCase):
 
 
 def tasks_of(planner: Planner) -> Tasks:
-    """Return the planner of this case as what it is."""
+    """Return the planner of this case as `Tasks`."""
     assert isinstance(planner, Tasks), "the scenario of this case names it"
     return planner
 

@@ -1,4 +1,4 @@
-"""What shows the flights of a case while they are flown."""
+"""Live view of the flights of a case."""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Viewer:
-    """Shows nothing; a command that shows flights gives a case one that does."""
+    """Base that shows nothing; a command that shows flights gives a case a viewer derived from it."""
 
     def show_simulated(
         self, _scenario: Scenario, _vehicles: "Mapping[str, SimulatedVehicle]"

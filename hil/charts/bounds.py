@@ -17,7 +17,7 @@ LAND_TOP = 30.0  # m
 
 
 class Bounds(NamedTuple):
-    """Of each node, (rows, columns): shoal limit and deep limit in m, whether it is land, whether it is known."""
+    """Limits of the depth at each node, (rows, columns): shoal and deep limit in m, masks of land and known nodes."""
 
     low: Array
     high: Array
@@ -80,7 +80,7 @@ def clamp(depths: Array, bounds: Bounds, allowance: Array) -> Array:
 
 
 def allowance(soundings: Array, limits: Array, north: Array, east: Array, reach: float) -> Array:
-    """How far in m the bed may lie below its deep limit: as much as a sounding there does, fading over `reach` m.
+    """Return how far (m) the bed may lie below its deep limit: as far as a sounding there does, fading over `reach` m.
 
     `limits`: the deep limit at each sounding. Generalised charts have soundings deeper than the area they are in;
     a sounding is a measurement and the area's limit a drawing, so the sounding is kept.

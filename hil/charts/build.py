@@ -23,7 +23,7 @@ SAME_PLACE = 0.05  # m
 
 
 class Report(NamedTuple):
-    """How good a grid is. `rmse` and `linear_rmse` (m): of soundings held out, over those the linear one reaches.
+    """Quality of a grid. `rmse` and `linear_rmse` (m): of soundings held out, over those the linear one reaches.
 
     `held_out` says how many those are, `rmse_all` the error over all that were held out. Shares of the nodes:
     `water`, `land` (what dries is land here), `unknown`; `clamped` of the water was held by the areas' limits.

@@ -135,7 +135,7 @@ def _obstacles(world: World, grid: Grid) -> Iterator[str]:
 
 
 def _walls(world: World) -> list[Box]:
-    """Those of a pool, as boxes around its extent whose middles stay over its bed."""
+    """Return a pool's walls, as boxes around its extent whose middles stay over its bed."""
     if not world.walls:
         return []
     south, north, west, east = world.extent

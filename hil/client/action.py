@@ -45,7 +45,7 @@ class Action:
 
     @property
     def over(self) -> bool:
-        """Whether it is done or failed; `error` is the reason for a failure, if one is known."""
+        """True once the action is done or has failed; `error` is the reason for a failure, if one is known."""
         return self._over.is_set()
 
     def step(self, client: VehicleClient, state: State) -> None:
@@ -71,7 +71,7 @@ class Action:
         return self
 
     def __await__(self) -> Generator[Any, None, "Action"]:
-        """`await maneuver` is `wait` without keeping asyncio from other work."""
+        """Wait as `wait` does, without blocking asyncio: `await action`."""
         return self._finish().__await__()
 
     async def _finish(self) -> "Action":
@@ -136,7 +136,7 @@ class _Run:
 
 
 def run_trajectory(trajectory: Trajectory, limits: Limits, tolerance: float) -> Action:
-    """Run over a trajectory, kept within `limits`; done within `tolerance` m and rad of its end."""
+    """Follow a trajectory in time, kept within `limits`; done within `tolerance` m and rad of its end."""
     run = _Run(trajectory, limits, tolerance)
     return Action(run.send, run.reached)
 

@@ -141,7 +141,7 @@ class VehicleClient:
 
     @property
     def has_commanded(self) -> bool:
-        """Whether a command has been sent."""
+        """True once a command has been sent."""
         return any(publisher.sequence for publisher in self._publishers.values())
 
     def command(self, command: VelocityCommand) -> int:
@@ -190,13 +190,13 @@ class VehicleClient:
                 fetch_last(self.session, self.node, self._deliver_last, topic)  # some come once a second
 
     def offers(self) -> set[str]:
-        """Return the topics it has said anything on, listened to or not; asked for here and now."""
+        """Return the topics on which the vehicle has published, subscribed or not; queried now."""
         topics: set[str] = set()
         fetch_last(self.session, self.node, lambda topic, *_: topics.add(topic))
         return topics
 
     def wait_for_vehicle(self, seconds: float) -> bool:
-        """Wait for the first sample; whether it came within `seconds`."""
+        """Wait for the first sample; return whether it came within `seconds`."""
         return self._first_sample.wait(seconds)
 
     def get(self, topic: str, within_s: float = 1.0) -> Any:
@@ -215,7 +215,7 @@ class VehicleClient:
 
     @property
     def has_samples(self) -> bool:
-        """Whether a sensor sample has come."""
+        """True once a sensor sample has come."""
         return self._first_sample.is_set()
 
     def first_sample_ns(self, exec_wall_ns: int) -> int | None:
@@ -227,7 +227,7 @@ class VehicleClient:
         return min([first.received_wall_ns for first in firsts if first.sent_wall_ns >= exec_wall_ns], default=None)
 
     def run_events(self, began_ns: int) -> tuple[RunEvent, ...]:
-        """Return what the vehicle says went wrong since `began_ns` (monotonic), times from then on."""
+        """Return the events that the vehicle has reported since `began_ns` (monotonic), times from then on."""
         stamped = self.latest.get("diagnostics")
         if stamped is None:
             return ()
@@ -237,7 +237,7 @@ class VehicleClient:
 
     @property
     def in_doubt(self) -> bool:
-        """Whether it has named another master; that one may have left since, which its next diagnostics report."""
+        """True if the vehicle has named another master, which may have left since: its next diagnostics report that."""
         return not self._rank and (self._named_before or 0 < self._named_other < HOLDS_ON)
 
     def unavailable_reason(self) -> str:
@@ -253,7 +253,7 @@ class VehicleClient:
         return self.refusal()
 
     def _lack_of_software(self) -> str:
-        """Return what no software of a vehicle's own does, "" if it may be there.
+        """Return why no software of a vehicle's own answers here, "" if it may.
 
         Who listens may be a recorder: what tells is whether anybody drives the thrusters while we command.
         """

@@ -23,7 +23,7 @@ How = tuple[Literal["master", "observer"], int, Network, Security | None]  # par
 
 
 def connect(*endpoints: str, take_over: bool, observe: bool, routed: bool, keys: str, wait: float) -> "Fleet":
-    """See `hil.connect`."""
+    """Connect to vehicles: see `hil.connect`."""
     if not endpoints:
         raise NetworkError('connect to whom? Give an endpoint, "tcp/HOST:PORT", or "lan"')
     dialled = [

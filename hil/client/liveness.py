@@ -66,7 +66,7 @@ class LivenessMonitor:
         self.reported: Estimate | None = None  # our clock minus the vehicle's, as the vehicle computes
 
     def begin(self, part: Part, gid: bytes, rank: int) -> None:
-        """Announce us as `part`; commands carry `gid`."""
+        """Announce this process as `part`; commands carry `gid`."""
         self._gid = gid
         ping, pong, masters_ping = clock_keys(self._node)
         self._send = self._session.sender(ping)
@@ -78,7 +78,7 @@ class LivenessMonitor:
         self._pinger.start()
 
     def end(self) -> None:
-        """Leave. The session stays open."""
+        """Withdraw this master's presence. The session stays open."""
         self._closing.set()
         self._pinger.join()
         with self._turn:

@@ -28,7 +28,7 @@ class Aged:
 
 
 class State(OdometrySample, Aged):
-    """Where the vehicle is and how it moves: `position` m NED, `orientation` (w, x, y, z) FRD to NED, `nu`."""
+    """Place, attitude and motion of the vehicle: `position` m NED, `orientation` (w, x, y, z) FRD to NED, `nu`."""
 
     @property
     def depth(self) -> float:

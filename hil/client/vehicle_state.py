@@ -102,7 +102,7 @@ class VehicleState:
 
     @property
     def present(self) -> bool:
-        """Whether the vehicle is present."""
+        """True if the vehicle is present."""
         return self.client.contact.present
 
     @property

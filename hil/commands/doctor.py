@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def findings(case: Case) -> Iterator[Finding]:
-    """Everything there is to find; what this process would be granted is tried only on this machine."""
+    """Return all findings; what this process would be granted is tried only on this machine."""
     checks = (*SOFTWARE, *MACHINE, doctor_software.granted) if case.tree.live else MACHINE
     for check in checks:
         yield from check(case)

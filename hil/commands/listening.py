@@ -1,4 +1,4 @@
-"""How a command reaches vehicles: the options that say so, and what follows from them and the scenario."""
+"""Options by which a command reaches vehicles, and the addresses and keys that follow from them and the scenario."""
 
 import argparse
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ from hil.scenario.config import Scenario, load_scenario, load_single
 
 
 class Reach(NamedTuple):
-    """How a fleet is reached: `hil.connect(*endpoints, routed=..., keys=...)`; `keys` is a folder, or ""."""
+    """Arguments of `hil.connect(*endpoints, routed=..., keys=...)` for a fleet; `keys` is a folder, or ""."""
 
     endpoints: list[str]
     routed: bool

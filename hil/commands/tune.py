@@ -30,7 +30,7 @@ HEADER = ("axis", "step", "", "rise", "overshoot", "settling", "steady error")
 
 
 def main(arguments: list[str]) -> int:
-    """Tune; the exit code. Raises HilError."""
+    """Tune a controller and return the exit code. Raises HilError."""
     parser = new_parser("tune", __doc__, EXAMPLES)
     parser.add_argument("vehicle", metavar="VEHICLE", help="a preset, or a .toml file")
     parser.add_argument(

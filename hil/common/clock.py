@@ -72,7 +72,7 @@ class Histogram:
 
     @property
     def count(self) -> int:
-        """How many values there were."""
+        """Number of values."""
         return sum(self.bins)
 
     def add(self, value: int) -> None:
@@ -94,7 +94,7 @@ class Histogram:
         return self.maximum
 
     def share_within(self, value: int) -> float:
-        """At least this share (0..1) of all values does not exceed `value`; 1 when there are none."""
+        """Return a share (0..1) of all values that surely does not exceed `value`; 1 when there are none."""
         within = sum(number for index, number in enumerate(self.bins) if number and self._upper_edge(index) <= value)
         return 1.0 if self.maximum <= value else within / self.count
 
@@ -232,7 +232,7 @@ def schedule_below_loop() -> None:
 
 
 def lock_memory() -> str:
-    """Keep the process's memory from being paged out; a line that says whether it holds."""
+    """Lock the process's memory into RAM; return a line that says whether that succeeded."""
     import ctypes  # 3 ms, so only here, after the process is ready
 
     mcl_current, mcl_future, mcl_onfault = 1, 2, 4
@@ -248,7 +248,7 @@ _awake: list[int] = []  # the descriptors whose being open keeps the processors 
 
 
 def stay_awake() -> str:
-    """Keep idle processors from sleeping deeply while this process lives; a line that says whether it holds.
+    """Keep idle processors out of deep sleep while this process lives; return a line that says whether that succeeded.
 
     By the kernel's PM QoS: without it a loop finds its processor asleep and its caches cold after each pause. It costs
     power, most on PCs, whose shallowest idle state is to spin.

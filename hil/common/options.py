@@ -254,7 +254,7 @@ class Number:
 
     @property
     def permitted(self) -> str:
-        """What is permitted, in words."""
+        """Text that describes the permitted values."""
         unit = f" {self.unit}" if self.unit else ""
         words = f"a {'whole ' * self.whole}number from {_plain(self.low)} to {_plain(self.high)}{unit}"
         return ", or ".join([words, *map(_plain, self.also)])
@@ -268,7 +268,7 @@ class Quantity(Number):
 
     @property
     def permitted(self) -> str:
-        """What is permitted, in words."""
+        """Text that describes the permitted values."""
         return f"{super().permitted}, with its unit after a space"
 
 
@@ -284,7 +284,7 @@ class Share(Number):
 
     @property
     def permitted(self) -> str:
-        """What is permitted, in words."""
+        """Text that describes the permitted values."""
         return f'a share from {self.low:.0%} to {self.high:.0%}, such as 0.05 or "5%"'
 
 

@@ -1,4 +1,4 @@
-"""What tells a boot of a machine from another, and whether a package came from bytecode."""
+"""Identity of a machine's boot, and a check that a package was loaded from bytecode."""
 
 import os
 

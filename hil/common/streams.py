@@ -52,7 +52,7 @@ def prepare() -> None:
 
 
 def drop_output() -> None:
-    """Let what is still to be printed go nowhere: nobody reads it, or there is no room."""
+    """Discard what is still to be printed: nobody reads it, or there is no room."""
     null = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(null, sys.stdout.fileno())
@@ -89,7 +89,7 @@ class ProgressLine:
         self._is_open = False
 
     def show(self, text: str) -> None:
-        """Say how far it is, if it is time to say so again."""
+        """Print the progress, if it is time to print it again."""
         now = self._clock()
         if now < self._due_s:
             return
@@ -99,7 +99,7 @@ class ProgressLine:
         self._stream.flush()
 
     def clear(self) -> None:
-        """Take the line away, before something else is printed."""
+        """Clear the line, before something else is printed."""
         if self._is_open:
             print("\r\x1b[K", end="", file=self._stream, flush=True)
         self._is_open = False

@@ -53,7 +53,7 @@ class Case(NamedTuple):
 
     @property
     def remote(self) -> bool:
-        """Whether masters on other machines are expected."""
+        """True if masters on other machines are expected."""
         scenario = self.scenario
         return scenario is not None and bool(scenario.network.router or not _is_local(scenario.slave.listen))
 

@@ -40,7 +40,7 @@ WARM_UP, STEPS = 40, 400
 
 
 def software(case: Case) -> Iterator[Finding]:
-    """This installation, and the packages that a run needs."""
+    """Return findings about this installation and the packages that a run needs."""
     yield Finding("ok", "uuv-hil", f"{__version__}, {ROOT}")
     yield Finding("ok", "Python", f"{platform.python_version()}, {sys.executable}")
     for name, distribution, purpose, package in LIBRARIES:

@@ -92,7 +92,7 @@ class Connection:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the client may still be there."""
+        """True until the connection has ended."""
         return not self._ended
 
     def close(self) -> None:

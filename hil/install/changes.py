@@ -82,7 +82,7 @@ def plan_install(tree: Tree, texts: dict[str, str]) -> Plan:
 
 
 def plan_uninstall(tree: Tree) -> Plan:
-    """Return what takes away all that the manifest names. Raises ConfigError when nothing is installed."""
+    """Return the changes that remove all files of the manifest. Raises ConfigError when nothing is installed."""
     entries = _manifest(tree)
     if entries is None:
         raise ConfigError(f"nothing is installed here: there is no {MANIFEST}")
@@ -100,7 +100,7 @@ def show(change: Change) -> str:
 
 
 def carry_out(tree: Tree, plan: Plan) -> None:
-    """Do it. Call `check_permission` before. Raises DeviceError when a file cannot be written."""
+    """Write and remove the files. Call `check_permission` before. Raises DeviceError when a file cannot be written."""
     entries = _manifest(tree) or {}
     done = dict(entries)
     for change in plan.written:
@@ -218,7 +218,7 @@ def _read(tree: Tree, path: str) -> str | None:
 
 
 def _put(tree: Tree, changes: Sequence[Change]) -> None:
-    """Everything is written beside its place before anything is put there: a full disk leaves all as it was.
+    """Write all files beside their places, then rename them: a full disk leaves all as it was.
 
     Raises DeviceError.
     """

@@ -65,7 +65,7 @@ class Shown(NamedTuple):
 
 
 def state_file(scenario: str) -> str:
-    """Return where it is noted what was started of a scenario."""
+    """Return the file that lists the processes started of a scenario."""
     base = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
     name = os.path.splitext(os.path.basename(scenario))[0]
     return os.path.join(base, "uuv-hil", "fleets", f"{name}.json")
@@ -136,7 +136,7 @@ def query_states(members: Sequence[Started], ssh: str) -> list[Shown]:
 
 
 def stop(scenario: str, members: Sequence[Started], ssh: str) -> list[Shown]:
-    """End them: SIGTERM, and after GRACE_S SIGKILL. Those that cannot be reached stay noted."""
+    """Stop the slaves: SIGTERM, and after GRACE_S SIGKILL. Those that cannot be reached stay noted."""
     shown, left = [], []
     for one in members:
         try:

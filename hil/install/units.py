@@ -183,7 +183,7 @@ def drivers(tree: Tree, device: str) -> tuple[str, ...]:
 
 
 def waits_for_network(service: Service) -> bool:
-    """Whether the slave cannot start before the network does: it listens at an address that this machine gets."""
+    """Return True if the slave listens at an address that this machine gets from the network: it starts after that."""
     if service.scenario.network.router:
         return False
     host = split_endpoint(service.listen or service.scenario.slave.listen)[1].strip("[]")

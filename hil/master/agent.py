@@ -75,7 +75,7 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
 
 
 def _subscribe_reports(session: Session, scenario: Scenario, own: str, planner: HuntPlanner, began: int) -> None:
-    """Let the planner hear all others, but for those with modems, and ROS see who says what to whom."""
+    """Subscribe to the reports of all others, but for those with modems, and announce that to ROS."""
     graph = Node(session, f"{own}_agent")
     graph.publishes(REPORTS, own)
     if scenario.modem:
@@ -91,7 +91,7 @@ def _subscribe_reports(session: Session, scenario: Scenario, own: str, planner: 
 
 
 def _modem(session: Session, scenario: Scenario, number: int, planner: HuntPlanner, began: int) -> "ModemPort | None":
-    """Return its modem, None without one."""
+    """Return the member's modem, None without one."""
     if not scenario.modem:
         return None
     from hil.master.modem_port import ModemPort  # most fleets talk over the network

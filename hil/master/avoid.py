@@ -101,7 +101,7 @@ class Avoid(Planner):
         self._follow()
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        """Along the way and round what is in it; stopped where there is none, and over if none opens."""
+        """Return the command along the path and around obstacles; standstill without a free way, end if none opens."""
         command = self._sight.command(samples)
         guide = self._follow()
         if guide.done:

@@ -45,7 +45,7 @@ class Plan(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """How a mission ended; times in s, lengths in m.
+    """Result of a mission; times in s, lengths in m.
 
     `cpu_s` is processor time of the whole master while flying, `planner_cpu_s` that of the planner alone. `path_length`
     is that of the planner's first path, `cross_track_max` and `cross_track_rms` tell how far the vehicle truly was from
@@ -75,12 +75,12 @@ class Outcome(NamedTuple):
 
     @property
     def success(self) -> bool:
-        """Whether the planner reached what it was asked for, and nothing went wrong on the way."""
+        """True if the planner reached its goal and nothing went wrong on the way."""
         return self.reached and not self.faults
 
     @property
     def verdict(self) -> str:
-        """Why the run ended, with the kinds of events that went wrong."""
+        """Reason why the run ended, with the kinds of events that went wrong."""
         names = list(dict.fromkeys(event.name for event in self.faults))
         more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
         return f"{self.reason}, but {', '.join([*names[:MOST_NAMED], *more])}" if names else self.reason

@@ -16,7 +16,7 @@ QUEUE = 16
 
 
 class ModemPort:
-    """Lets the planner of member `number` send in its turn, and hear. `began` (monotonic ns) is its time 0.
+    """Modem of member `number`: it sends in its turn, and receives. `began` (monotonic ns) is its time 0.
 
     TdmaSchedule go by the wall clock: machines have to agree on it to a fraction of a slot. Raises ConfigError.
     """

@@ -46,7 +46,7 @@ class Tasks(Planner):
 
     @property
     def log(self) -> list[tuple[float, str]]:
-        """When (s) each state was entered."""
+        """Pairs of time (s) and the state that was entered then."""
         return [(time / _NS_PER_S, state) for time, state in self._scheduler.log]
 
     @property

@@ -13,7 +13,7 @@ Watch = Callable[[Presence, bool], None]
 
 
 def declare_presence(session: Session, node: str, part: Part, ident: str = "", rank: int = 0) -> Callable[[], None]:
-    """Let others see that this process is there for a node, until what this gives is called, or the session lost.
+    """Announce this process as present for a node, until the returned function is called or the session lost.
 
     `ident` and `rank`: see `hil.network.tokens.Presence`; by default one of chance and 0.
     """
@@ -23,7 +23,7 @@ def declare_presence(session: Session, node: str, part: Part, ident: str = "", r
 
 
 def watch_presence(session: Session, node: str, deliver: Watch) -> None:
-    """Call `deliver(presence, alive)` for each that is there for a node ("*": any), comes or goes.
+    """Call `deliver(presence, alive)` for each process that is present for a node ("*": any), comes or goes.
 
     One that vanishes without a word goes after the lease. Otherwise like `Session.subscribe`.
     """

@@ -55,7 +55,7 @@ class Declared:
         self.current = declare(session)
 
     def renew(self, session: zenoh.Session) -> None:
-        """Declare it on this session."""
+        """Declare the publisher on this session."""
         self.current = self._declare(session)
 
     def end_publishing(self) -> None:

@@ -136,7 +136,7 @@ class Server:
 def call(
     session: Session, name: str, type_name: str, request: Mapping[str, Any] | None = None, seconds: float = 2.0
 ) -> Message:
-    """Call the service of that whole name ("/uuv1/arm", "std_srvs/srv/SetBool"); its response.
+    """Call the service of that whole name ("/uuv1/arm", "std_srvs/srv/SetBool"); return its response.
 
     Raises ConfigError for an unknown type or a request that does not fit it, NetworkError when no answer comes within
     the time or the request is refused.

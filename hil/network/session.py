@@ -273,7 +273,7 @@ class Session:
 
     @property
     def is_lost(self) -> bool:
-        """Whether it could not be opened again so far."""
+        """True while the session is lost and could not be opened again."""
         return not (self._is_open or self._closed.is_set())
 
     def links(self) -> list[tuple[str, str, str]]:

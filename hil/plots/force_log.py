@@ -19,7 +19,7 @@ AXES = ("x_n", "y_n", "z_n", "k_nm", "m_nm", "n_nm")
 
 
 class Flight:
-    """Notes a simulation as it goes, 20 times a second of its time, and in the first step of each touch.
+    """Record of a simulation: 20 rows a second of its time, and one in the first step of each contact.
 
     So no blow is missed, however short.
     """

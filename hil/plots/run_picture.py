@@ -75,7 +75,7 @@ def draw_start(axes: Any, scenario: Scenario) -> None:
 
 
 def draw_goal(axes: Any, scenario: Scenario) -> None:
-    """Where the mission was to go, if to one place."""
+    """Draw the mission's goal, if it has one."""
     if scenario.master.goal:
         north, east = scenario.master.goal
         axes.plot(east, north, "*", color=GOAL, markersize=14, linestyle="none", label="goal")

@@ -19,7 +19,7 @@ RESPONSE = (("surge (m/s)", 1, 5), ("sway (m/s)", 2, 6), ("heave (m/s)", 3, 7), 
 
 
 def plot_recording(path: str, folder: str, own_classes: bool = False) -> list[str]:
-    """Draw what is in the recording at `path` into `folder`; the files made.
+    """Draw the recording at `path` into `folder`; return the files made.
 
     `own_classes`: see `read_run`. Raises ConfigError, MissingExtraError.
     """

@@ -20,7 +20,7 @@ _FACING = 0.9
 
 
 class View(NamedTuple):
-    """How a side is drawn: FRD components and signs of right, up and towards the eye."""
+    """Projection of one side: FRD components and signs of right, up and towards the eye."""
 
     title: str
     right: tuple[int, int, str]

@@ -71,7 +71,7 @@ class _Repetition:
         self._numbers: dict[str, int] = {}
 
     def run(self, messages: Iterator[Message]) -> Verdict:
-        """Hold the messages against what the simulation says; up to the first that differs."""
+        """Compare the messages with the simulation's, up to the first that differs."""
         compared = 0
         for message in messages:
             if message.topic == self._pulses_topic:

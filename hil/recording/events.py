@@ -24,12 +24,12 @@ EVENTS = Topic("events", "std_msgs/msg/String", 0, "data")
 
 
 def encode_place(step: int, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> bytes:
-    """The vehicle was put there (NED in m, body to world, FRD in m/s and rad/s)."""
+    """Encode that the vehicle was placed there (NED in m, body to world, FRD in m/s and rad/s)."""
     return _encode({"step": step, "place": [list(position), list(quaternion), list(nu)]})
 
 
 def encode_failures(step: int, failures: Iterable[Failure]) -> bytes:
-    """Thrusters were let fail, or repaired."""
+    """Encode that thrusters were made to fail, or repaired."""
     return _encode({"step": step, "fail": [failure._asdict() for failure in failures]})
 
 
@@ -44,7 +44,7 @@ def decode_event(data: bytes) -> dict[str, Any]:
 
 
 def repeat(event: dict[str, Any], simulation: Simulation) -> None:
-    """Do it again, as `hil.slave.loop.Loop` did. Raises ConfigError for what no slave of ours has written."""
+    """Apply an event again, as `hil.slave.loop.Loop` did. Raises ConfigError for what no slave of ours has written."""
     try:
         if "place" in event:
             position, quaternion, nu = event["place"]

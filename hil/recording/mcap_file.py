@@ -125,7 +125,10 @@ def schema_of(kind: str) -> tuple[str, bytes]:
 
 
 def qos_profile(topic: str) -> str:
-    """What rosbag2 is to offer when it plays `topic`, by the numbers of rmw/types.h: as we do, the rest by default."""
+    """Return the QoS with which rosbag2 offers `topic` in playback, by the numbers of rmw/types.h.
+
+    Topics that are not ours have the default.
+    """
     known = TOPICS.get(topic.rpartition("/")[2]) or TOPICS.get(topic)
     qos = known.qos if known else Qos()
     never = "{sec: 9223372036, nsec: 854775807}"
@@ -172,7 +175,7 @@ class _Stream:
 
 
 def _write_all(descriptor: int, data: bytes, at: int) -> None:
-    """Usually one system call; a disk that fills up takes a part, then raises."""
+    """Write all bytes, usually by one system call; a disk that fills up takes a part, then raises."""
     view = memoryview(data)
     while view:
         written = os.pwrite(descriptor, view, at)

@@ -24,10 +24,10 @@ class Output(Protocol):
     """Output of the writer."""
 
     def write(self, data: bytes) -> None:
-        """Take them, at the end of what was taken before."""
+        """Append bytes."""
 
     def tell(self) -> int:
-        """Return how many there were so far."""
+        """Return the number of bytes so far."""
 
 
 class Channel:

@@ -44,7 +44,7 @@ class Player:
         self.unknown: set[str] = set()
 
     def send(self, message: Message) -> None:
-        """Publish it now."""
+        """Publish the message now."""
         name = message.topic
         if name not in self._publishers:
             self._publishers[name] = self._declare(name, message.type)

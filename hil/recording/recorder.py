@@ -178,7 +178,7 @@ class Recorder:
         self._begin()
 
     def _forget_oldest(self) -> None:
-        """Keep room for a whole file beside those that stay."""
+        """Delete the oldest files until there is room for a whole file."""
         most = (self._options.total_size - self._options.file_size) * _MIB
         while sum(os.path.getsize(file.path) for file in self._closed) > most:
             os.unlink(self._closed.pop(0).path)

@@ -36,13 +36,13 @@ COMPLAINT_PERIOD_NS = 60 * NS_PER_S
 
 
 def save_processor() -> None:
-    """Let this process take in what comes at a third less; before it opens its first session."""
+    """Reduce this process's cost of receiving by a third; call it before the first session opens."""
     os.environ.setdefault("ZENOH_RUNTIME", ONE_THREAD)
     os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # lets others finish first, and takes more at once
 
 
 class _Publisher:
-    """Somebody's messages on one topic: its name and type, and the number of the last that came."""
+    """One publisher of one topic: its name and type, and the number of the last message."""
 
     __slots__ = ("last", "topic", "type")
 

@@ -26,7 +26,7 @@ Six = tuple[float, float, float, float, float, float]
 
 
 class PoseCommand(NamedTuple):
-    """Where to go: `position` m NED, and the `heading` there, rad from north, clockwise. Roll and pitch stay level."""
+    """Pose to reach: `position` m NED, `heading` rad from north, clockwise. Roll and pitch stay level."""
 
     position: Vector3
     heading: float

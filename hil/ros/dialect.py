@@ -24,7 +24,7 @@ def speak(domain: int = FROM_ENVIRONMENT, distro: Distro = "jazzy") -> None:
 
 
 def domain() -> int:
-    """Return the domain; what is settled is not asked for again."""
+    """Return the domain; it is read from the environment once."""
     if _chosen[0] < 0:
         speak(*_chosen)
     return _chosen[0]

@@ -13,7 +13,7 @@ _WRENCH = Layout("i I string 6d")
 
 
 class Transform(NamedTuple):
-    """Where the axes `child` are in `frame`: m, and the quaternion (w, x, y, z) from theirs to its. Both FLU or ENU."""
+    """Pose of the axes `child` in `frame`: m, quaternion (w, x, y, z) from `child` to `frame`. Axes are FLU or ENU."""
 
     time_ns: int
     frame: str

@@ -13,7 +13,7 @@ STEP = {"ardupilot": 10, "px4": 1}  # from one instance to the next
 
 
 class AutopilotSettings(NamedTuple):
-    """How to reach the autopilot, which motors it drives, and how simulated time goes.
+    """Settings of the autopilot: its address, the motors that it drives, and the pace of simulated time.
 
     `program` is ArduSub's SITL program or PX4's build folder, which the slave or `uuv-hil sim` then starts with
     `arguments` besides its own; left out, it is started by hand. `parameters` is a file of them (.parm), by default the

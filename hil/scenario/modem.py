@@ -130,5 +130,5 @@ class _Acoustic:
         self.receive = self._channel.receive
 
     def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
-        """See `Channel.send`."""
+        """Send a message: see `Channel.send`."""
         return self._channel.send(time_ns, sender, payload, {name: pose.position for name, pose in places.items()})

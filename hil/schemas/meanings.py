@@ -1,4 +1,4 @@
-"""What each key of each file means, record by record."""
+"""Meanings of the keys of all TOML files, by record."""
 
 import re
 from functools import cache

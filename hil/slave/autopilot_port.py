@@ -100,7 +100,7 @@ class AutopilotPort:
         self.autopilot.update_sensor(topic, sample)
 
     def advance(self, simulation: Simulation) -> None:
-        """Tell the autopilot that a step has ended. Raises DeviceError."""
+        """Report to the autopilot that a step has ended. Raises DeviceError."""
         self.autopilot.advance(simulation.time_ns, simulation.truth())
 
     def next_sequence(self) -> int:

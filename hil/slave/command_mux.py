@@ -28,7 +28,7 @@ class CommandMux:
         self.fault = ""
 
     def read(self, topic: str, payload: bytes) -> Any:
-        """Return what a message says; None if that cannot be obeyed."""
+        """Return the decoded message; None if it cannot be obeyed."""
         decode = ros.decoder(topic)
         value = decode(payload) if decode else None
         if topic == "cmd_thrusters" and value is not None and len(value) != self._thrusters:
@@ -51,7 +51,7 @@ class CommandMux:
         return velocity._replace(depth=depth, heading=heading)
 
     def clear(self) -> None:
-        """Hold nothing any more: another commands."""
+        """Forget all set points: another master commands."""
         self._received.clear()
 
     def _recent(self, topic: str, now: int, otherwise: Any = None) -> Any:

@@ -191,7 +191,7 @@ class CommandReceiver:
 
     @property
     def is_master_timed_out(self) -> bool:
-        """Whether the active master has sent nothing for so long that any other may command."""
+        """True if the active master has sent nothing for so long that any other may command."""
         return self._is_timed_out(self._accepted_ns, now_ns())
 
     def remove_sender(self, sender: bytes) -> None:
@@ -208,7 +208,7 @@ class CommandReceiver:
         os.close(self._event)
 
     def _decode(self, topic: str, payload: bytes) -> Any:
-        """Return what a message on another topic than cmd_vel says; None if that cannot be obeyed."""
+        """Return a decoded message of another topic than cmd_vel; None if it cannot be obeyed."""
         if topic not in COMMANDS:
             return None
         if self._mux is None:

@@ -76,7 +76,7 @@ class Contacts:
         declare_presence(session, node, "slave", self._ident)
 
     def mend_links(self) -> None:
-        """Cut links that the library holds open and does not read: their masters open them again."""
+        """Close links that the library holds open and does not read: their masters open them again."""
         if self._unread.mend(self._session):
             self._report("a link was open and not read, or lost: its master has to connect again")
 

@@ -52,7 +52,7 @@ class Log:
             self._left_out = 0
 
     def flush(self) -> None:
-        """Write what was noted, as long as there is somebody to read it."""
+        """Write the stored lines, as long as somebody reads them."""
         if self._left_out:
             with self._noting:
                 if now_ns() - self._window_ns > WINDOW_NS:

@@ -197,7 +197,7 @@ class Pilot:
         return tuple([find(thrust) for find, thrust in zip(self._pulse_finders, thrusts, strict=True)])
 
     def reset(self) -> None:
-        """Let the controller begin again."""
+        """Reset the controller."""
         self.controller.reset()
         self._residual = NO_RESIDUAL
 

@@ -91,7 +91,7 @@ class RosNode:
 
 
 class _Due:
-    """When a task of `rate` Hz is due; never for 0."""
+    """Timer of a task that runs at `rate` Hz; never for 0."""
 
     def __init__(self, rate: float) -> None:
         self._period_ns = period_ns(rate) if rate else 0

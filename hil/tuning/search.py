@@ -35,7 +35,7 @@ ReportText = Callable[[str], None]
 
 
 class Tuned(NamedTuple):
-    """One axis: what it is like, its response with the old gains and with `gains`, by their keys in [control].
+    """Tuning of one axis: its model, its response with the old gains and with `gains`, by their keys in [control].
 
     `better` is False where the old gains stay, which are then `gains`, because the proposed ones did no better.
     """
@@ -155,13 +155,13 @@ class Tuner:
 
 
 def _waiting(loop: int) -> float:
-    """Return how old, s on average, is what the loop's controller acts on: half a sample and half a control period."""
+    """Return the mean age (s) of the controller's measurements: half a sample and half a control period."""
     rate = fit()["odometry" if loop < 3 else "imu"].model.rate
     return 0.5 / float(rate) + 0.5 * CONTROL_PERIOD_S
 
 
 def _worth(figures: Figures) -> float:
-    """Less is better: the cost, twice as much for each 10 % of overshoot beyond the first."""
+    """Return the cost to minimise; it doubles with each 10 % of overshoot beyond the first."""
     return figures.cost * float(2.0 ** (max(0.0, figures.overshoot - _OVERSHOOT) / 0.1))
 
 

@@ -1,4 +1,4 @@
-"""The web server of the live view: its page, the scene behind it, and the stick of who steers.
+"""Web server of the live view: its page, a proxy to the scene's server, and the stick of the person who steers.
 
 The scene is served by viser, which knows no passwords. It listens on this machine only, on a port of its own, and
 takes no client but this server, which sends it a secret that nobody else knows. This server lets nobody in without the
@@ -151,7 +151,7 @@ class Front:
         return web.Response(text=text, content_type="text/html", headers={"Cache-Control": "no-store"})
 
     async def _stick(self, request: web.Request) -> web.WebSocketResponse:
-        """Talk with the page: stick and buttons in, what can be done and what is shown out."""
+        """Exchange messages with the page: stick and buttons in, possible actions and shown values out."""
         socket = web.WebSocketResponse(max_msg_size=MOST_STICK_BYTES, heartbeat=5.0)
         await socket.prepare(request)
         if self._clients >= MOST_CLIENTS:

@@ -134,7 +134,7 @@ class Contact:
         return self._north, self._east, self._free, -inf if apart else self._seabed
 
     def _resolve_terrain(self, footprint: Footprint, state: State) -> None:
-        """Out of a step the way it came, as no slope can have come up to it so far; out of a slope along its normal."""
+        """Push the vehicle out of the seabed: out of a step the way it came, out of a slope along its normal."""
         last = self._last
         if not footprint.is_clear(state.position):
             share = inf
@@ -181,7 +181,7 @@ class Contact:
                     self._push(state, into_side, (out_north, out_east, 0.0), obstacle.label)
 
     def _push(self, state: State, depth: float, normal: Sequence[float], what: str) -> None:
-        """Out of `what` by `depth` m along `normal` (NED, away from it), and no velocity against it."""
+        """Move it out of `what` by `depth` m along `normal` (NED, away from it); stop its motion against it."""
         if not self.touching:  # the first in this step
             self.impulse = (0.0, 0.0, 0.0)
         self.touching, self.what = True, what

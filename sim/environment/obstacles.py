@@ -102,7 +102,7 @@ class Wall(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Which side of the pool it is."""
+        """Name of the pool's side, such as "the south wall"."""
         side = ("south", "north") if self.inward_north else ("west", "east")
         return f"the {side[self.inward_north + self.inward_east < 0.0]} wall"
 

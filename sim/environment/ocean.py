@@ -148,7 +148,7 @@ class Waves(NamedTuple):
 
 
 class Ocean(NamedTuple):
-    """Everything about the water that is not the same everywhere and always."""
+    """Water whose properties vary with place and time."""
 
     layers: Layers | None = None
     gauss_markov: GaussMarkov | None = None

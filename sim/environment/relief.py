@@ -31,7 +31,7 @@ class Slope(NamedTuple):
     resolution: Resolution = 1.0
 
     def depths(self, grid: Grid) -> "array[float]":
-        """At the nodes."""
+        """Return the depths (m) at the nodes."""
         return _along(self, grid, lambda x: self.depth + self.slope * x)
 
 
@@ -46,7 +46,7 @@ class Step(NamedTuple):
     resolution: Resolution = 1.0
 
     def depths(self, grid: Grid) -> "array[float]":
-        """At the nodes."""
+        """Return the depths (m) at the nodes."""
         return _along(self, grid, lambda x: self.depth - self.height if x >= 0.0 else self.depth)
 
 
@@ -62,7 +62,7 @@ class Ridge(NamedTuple):
     resolution: Resolution = 1.0
 
     def depths(self, grid: Grid) -> "array[float]":
-        """At the nodes."""
+        """Return the depths (m) at the nodes."""
         return _along(self, grid, lambda x: self.depth - self.height * exp(-0.5 * (x / self.width) ** 2))
 
 
@@ -78,7 +78,7 @@ class Sinusoid(NamedTuple):
     resolution: Resolution = 1.0
 
     def depths(self, grid: Grid) -> "array[float]":
-        """At the nodes."""
+        """Return the depths (m) at the nodes."""
         return _along(self, grid, lambda x: self.depth - self.amplitude * sin(2.0 * pi / self.wavelength * x))
 
 
@@ -96,7 +96,7 @@ class Fractal(NamedTuple):
     resolution: Resolution = 1.0
 
     def depths(self, grid: Grid) -> "array[float]":
-        """At the nodes."""
+        """Return the depths (m) at the nodes."""
         side = 1
         while side + 1 < max(grid.rows, grid.columns):
             side *= 2

@@ -51,7 +51,7 @@ class FluidMotion:
 
     @property
     def pushed_mass(self) -> list[float]:
-        """What `pushed_mass` gives for the vehicle as it is now, row after row."""
+        """The vehicle's current `pushed_mass` matrix, row after row."""
         return [x for row in self._mass for x in row]
 
     @property

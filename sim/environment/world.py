@@ -70,7 +70,7 @@ class World(NamedTuple):
         return self.terrain.depth(north, east) if self.terrain else self.depth
 
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """Everything that stands in the water, walls included."""
+        """Return all obstacles in the water, walls included."""
         return (*self.cylinder, *self.box, *self._walls())
 
     def buried(self) -> str | None:

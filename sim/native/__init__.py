@@ -85,23 +85,23 @@ class NativeThrusterSet(ThrusterSet):
 
     @property
     def thrusts(self) -> list[float]:
-        """See ThrusterSet."""
+        """The present thrust of each in N."""
         return self.mixer.pushes if self.works else self._thrusts
 
     def immerse(self, shares: Sequence[float] | None) -> None:
-        """See ThrusterSet."""
+        """Set the shares of thrust near the surface: see ThrusterSet."""
         super().immerse(shares)
         self.mixer.immerse([1.0] * len(self._thrusters) if shares is None else shares)
 
     def fail(self, failures: "Iterable[Failure]") -> None:
-        """See ThrusterSet."""
+        """Plan failures: see ThrusterSet."""
         if self.works:  # until now
             self._steps, self._shares = self.mixer.steps, self.mixer.shares
             self._lagged, self._thrusts = self.mixer.thrusts, self.mixer.pushes
         super().fail(failures)
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
-        """See ThrusterSet."""
+        """Set the commanded pulse widths (us): see ThrusterSet."""
         super().command(pwm_us)
         self.mixer.aim(self._targets)
 
@@ -121,7 +121,7 @@ class NativeErrorBank(ErrorBank):
         self.errors = Errors(pack(f"{len(numbers)}d", *numbers), pack("625I", *key), second)
 
     def measure(self, true: Sequence[float]) -> list[float]:
-        """See ErrorBank."""
+        """Return the measured values of the true ones: see ErrorBank."""
         return self.errors.measure(true)
 
 

@@ -20,19 +20,19 @@ class NativeWaveField(WaveField):
         self.twin = Twin(pack(f"{len(numbers)}d", *numbers), depth, hold_ns)
 
     def elevation(self, time: float, north: float, east: float) -> float:
-        """As WaveField.elevation."""
+        """Return the surface's elevation (m) as WaveField.elevation does."""
         return self.twin.elevation(time, north, east)
 
     def surface(self, time: float, north: float, east: float) -> float:
-        """As WaveField.surface, near the last motion of NativeSampledWaves."""
+        """Return the surface as WaveField.surface does, near the last motion of NativeSampledWaves."""
         return self.twin.surface(time, north, east)
 
     def pressure_depth(self, time: float, north: float, east: float, depth: float) -> float:
-        """As WaveField.pressure_depth."""
+        """Return the depth (m) of equal pressure as WaveField.pressure_depth does."""
         return self.twin.pressure_depth(time, north, east, depth)
 
     def motion(self, time: float, north: float, east: float, depth: float) -> WaterMotion:
-        """As WaveField.motion."""
+        """Return the water's motion as WaveField.motion does."""
         return WaterMotion(*self.twin.motion(time, north, east, depth))
 
 
@@ -45,5 +45,5 @@ class NativeSampledWaves(SampledWaves):
         return NativeWaveField(waves, world.depth, world.gravity, seed, self._hold_ns)
 
     def motion(self, time_ns: int, position: Sequence[float]) -> WaterMotion:
-        """As SampledWaves.motion."""
+        """Return the water's motion as SampledWaves.motion does."""
         return WaterMotion(*self.wave_field.twin.held_motion(time_ns, position))

@@ -11,7 +11,7 @@ NOTHING, SEABED = -1, 0  # objects; the solids follow from 1
 
 
 class Geometry(NamedTuple):
-    """All that rays can hit: the seabed, flat at `depth` m where there is no terrain, and solids with meshes."""
+    """Surfaces that rays can hit: the seabed, flat at `depth` m where there is no terrain, and solids with meshes."""
 
     terrain: "Terrain | None"
     depth: float

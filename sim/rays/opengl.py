@@ -59,7 +59,7 @@ class PictureScene(RayScene):
     def hits(
         self, origin: Sequence[float], directions: Any, reach: float, rotation: Sequence[float] = ALONG_AXES
     ) -> Hits:
-        """See RayScene.hits, in arrays of 32-bit floats; `directions` must be those of the camera's pixels.
+        """Return hits as RayScene.hits does, in 32-bit floats; `directions` must be those of the camera's pixels.
 
         Raises ConfigError where more of a terrain is within `reach` than a texture takes.
         """

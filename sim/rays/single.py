@@ -157,7 +157,7 @@ def _round(at: Vector3, along: Vector3, radius: float, axes: int, near: float, f
 
 
 def _solid_normal(row: Sequence[float], x: float, y: float, z: float) -> Vector3:
-    """Away from a solid without triangles, at the place of it that is nearest to (x, y, z); all in its own axes."""
+    """Return the outward normal of a solid without triangles at its nearest place to (x, y, z), all in its own axes."""
     if row[KIND] == SPHERE:
         return _unit(x, y, z)
     low, high = row[SIZES], row[SIZES + 1]

@@ -90,7 +90,7 @@ class _Fitted:
 
 
 def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[Any, OwnModel, Mounting]:
-    """Such a section: an OwnKind that makes the sensor, its keys, and how it sits. Raises ConfigError."""
+    """Read the section of an own sensor: an OwnKind that makes it, its keys, its mounting. Raises ConfigError."""
     if not name.isidentifier() or not name.isascii():
         raise ConfigError(f"{where}: a sensor's name becomes a topic's: letters, digits and _, no digit first")
     sits = {key: value for key, value in section.items() if key in Mounting._fields}

@@ -72,7 +72,7 @@ class Sample(Protocol):
 
     @property
     def time_ns(self) -> int:
-        """When it was measured, in simulation time."""
+        """Time (ns) of the measurement, in simulation time."""
 
 
 class Scene(Protocol):

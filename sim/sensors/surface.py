@@ -1,4 +1,4 @@
-"""Whether a sensor is under water, for those that only work on one side of the surface."""
+"""Submersion of a sensor, for those that only work on one side of the surface."""
 
 from collections.abc import Sequence
 

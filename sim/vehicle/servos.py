@@ -1,4 +1,4 @@
-"""What follows pulses with a lag and a limited rate: the servos of fins, the pump of a buoyancy engine."""
+"""Actuators that follow pulses with a lag and a limited rate: servos of fins, the pump of a buoyancy engine."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""The words of the code: names use the terms of the field, not the metaphors that stood here before."""
+"""The words of the code: names use the terms of the field, and docstrings state what a thing is or does."""
 
 import ast
 import re
@@ -17,6 +17,13 @@ VAGUE = {
 }  # fmt: skip
 WITH_OBJECT = {"keep", "look", "note", "take"}  # verbs that say too little alone
 FILE_METHODS = {("hil/recording/mcap_file.py", "tell"), ("hil/recording/mcap_writer.py", "tell")}  # of Python's files
+
+
+# A docstring that begins so is a fragment ("Whether it is there", "Of a thruster"): no statement, or no verb.
+FRAGMENTS = {
+    "And", "As", "How", "If", "Of", "So", "Such", "That", "Those", "What", "When", "Where", "Whether", "Which", "Who",
+    "Why",
+}  # fmt: skip
 
 
 def _names(tree: ast.AST) -> Iterator[tuple[bool, str]]:
@@ -48,4 +55,17 @@ def test_names_are_free_of_the_old_words() -> None:
                 is_alone = room != "tests" and is_function and name.strip("_") in WITH_OBJECT
                 if (_words(name) & old or is_alone) and (where, name) not in FILE_METHODS:
                     found.append(f"{where}: {name}")
+    assert not found, "\n".join(found)
+
+
+def test_docstrings_begin_with_a_statement() -> None:
+    """The first line of each docstring in the packages and tools: "Return ...", "Error of a sensor", "True if ..."."""
+    found = []
+    for room in ("hil", "sim", "boards", "firmware_stub", "tools"):
+        for path in sorted((ROOT / room).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+                    text = ast.get_docstring(node) or ""
+                    if text and text.split()[0].rstrip(",:;") in FRAGMENTS:
+                        found.append(f"{path.relative_to(ROOT).as_posix()}: {text.splitlines()[0]}")
     assert not found, "\n".join(found)

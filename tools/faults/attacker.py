@@ -97,7 +97,7 @@ def _not_a_number(endpoint: str) -> None:
 
 
 def _replay(endpoint: str) -> None:
-    """What it hears in its first 0.4 s it says again, again and again."""
+    """Repeat for ever the messages that come in the first 0.4 s."""
     with _open(endpoint) as session:
         key = key_of(TOPICS["cmd_thrusters"], NODE)
         channel = session.declare_subscriber(key, zenoh.handlers.RingChannel(64))

@@ -1,4 +1,4 @@
-"""Which faults meet which links, and the processes that they share."""
+"""Plan of the campaign: which faults are applied to which links, and which of them share processes."""
 
 import tempfile
 from collections.abc import Callable, Iterator
@@ -35,7 +35,7 @@ Choose = Callable[[str], bool]
 
 
 class Plan(NamedTuple):
-    """What is to be run: a link, the faults that strike it, and their group."""
+    """Part of the campaign: a link, the faults that are applied to it, and their group."""
 
     link: Link
     faults: tuple[Fault, ...]

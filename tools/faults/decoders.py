@@ -36,7 +36,7 @@ LONGEST = 300  # bytes of noise
 
 
 class Outcome(NamedTuple):
-    """What one decoder did with its inputs; `fault` is "" if nothing is wrong."""
+    """Result of one decoder over all its inputs; `fault` is "" if nothing is wrong."""
 
     name: str
     inputs: int
@@ -70,7 +70,7 @@ def main(arguments: list[str]) -> int:
 
 
 def outcomes(count: int, seed: int) -> Iterator[Outcome]:
-    """Of the firmware, of both ends of each protocol, and of what comes over the network."""
+    """Yield results of the firmware, of both ends of each protocol, and of the network's decoders."""
     yield firmware(count, seed)
     for kind in PROTOCOLS:
         for role in get_args(Role):
@@ -113,7 +113,7 @@ def sound_packets() -> Iterator[bytes]:
 
 
 def slave_decoders() -> Mapping[str, tuple[Callable[[bytes], object], bytes]]:
-    """Both ends of the frame as the slave has them: in C, where that was compiled."""
+    """Yield results of both ends of the frame as the slave has them: in C, where that was compiled."""
     peers: dict[Role, bytes] = {
         "device": open_protocol("frame", "host", len(PULSES)).encode(ThrusterCommand(1, True, PULSES)),
         "host": open_protocol("frame", "device", len(PULSES)).encode(

@@ -86,7 +86,7 @@ class Line:
             self._far = self._open_far()
 
     def clear(self) -> None:
-        """No fault of the line any more."""
+        """Remove all faults of the line."""
         self.down = self.up = True
         self.noise = self.halves = False
         self.bytes_a_s = 0.0
@@ -118,7 +118,7 @@ class Line:
         return not self.bytes_a_s or time.monotonic() >= self._due_s
 
     def _read_near(self, near: Wire) -> bytes:
-        """All that is there; on a slow line what it carries in a turn: the rest waits in the slave's own queue."""
+        """Return the bytes of the near end; on a slow line, as many as it carries in a turn."""
         if not self.bytes_a_s:
             return near.read()
         self._due_s = max(self._due_s, time.monotonic() - 4 * TURN_S) + TURN_S
@@ -148,7 +148,7 @@ class Line:
         return data[: len(data) // 2 // wire.record_size * wire.record_size]
 
     def _noise(self, wire: Wire) -> bytes:
-        """Of a CAN bus frames of others, which use it as much as they may."""
+        """Return random bytes; on a CAN bus, a frame of another node with a high priority."""
         if wire.record_size != RECORD_SIZE:
             return self._random.randbytes(NOISE)
         head = (0x700 + self._random.randrange(64)).to_bytes(4, "little") + bytes((8, 0, 0, 0))

@@ -43,7 +43,7 @@ def _signal(name: str, number: int) -> Callable[[Rig], None]:
 
 
 def _restart_slave(rig: Rig) -> None:
-    """As its service manager does."""
+    """Start the slave again once it has ended, as its service manager does."""
     rig.processes.pop("slave").wait(10.0)
     rig.start_slave()
 

@@ -90,7 +90,7 @@ def _unlimit(rig: Rig, which: int) -> None:
 
 
 def _no_more_memory(rig: Rig) -> None:
-    """And somebody new comes, who takes some."""
+    """Limit the slave's memory to what it has, and connect a second planner, which needs some."""
     used = psutil.Process(rig.processes["slave"].pid).memory_info().vms
     _limit(rig, resource.RLIMIT_AS, used + ROOM_KIB * 1024)
     with suppress(NetworkError):
@@ -116,7 +116,7 @@ def _with_clock(process: str, step_s: int) -> Callable[[Rig], None]:
 
 
 def _check_planner(rig: Rig) -> None:
-    """What the planner's side says of the vehicle: a wrong clock must not make it look gone."""
+    """Check that the planner still sees the vehicle: a wrong clock must not make it look absent."""
     rig.instruct("astern")
     rig.await_pins("astern", START_S)
     end_s = time.monotonic() + START_S

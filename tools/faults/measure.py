@@ -22,7 +22,7 @@ USUAL = re.compile(r"ready |scheduling:|memory:|garbage|idle processors|master \
 
 
 def measure(rig: Rig, fault: Fault) -> Row:
-    """Strike `rig`, which works, with the fault, and mend it; what was measured, judged."""
+    """Apply the fault to `rig`, which works, then remove it; return the measured row with its judgement."""
     problems: list[str] = []
     logs = _Logs(rig)
     rig.instruct("ahead")
@@ -66,7 +66,7 @@ def measure(rig: Rig, fault: Fault) -> Row:
 
 
 class _Logs:
-    """What slaves say from now on."""
+    """Text that slaves log from now on."""
 
     def __init__(self, rig: Rig) -> None:
         self._folder = rig.folder

@@ -11,7 +11,7 @@ LATE_S = 0.2  # by how much a flood that takes all of a processor may delay a co
 
 
 def _attack(kind: str, seconds: float = 0.0) -> Callable[[Rig], None]:
-    """Starts the attacker, and lets the planner command for so long under it."""
+    """Start the attacker, and let the planner command during the attack."""
 
     def strike(rig: Rig) -> None:
         command = [*module_command("tools.faults.attacker"), kind, f"tcp/127.0.0.1:{rig.port}"]
@@ -26,7 +26,7 @@ def _end_attack(rig: Rig) -> None:
 
 
 def _second_planner(rig: Rig) -> None:
-    """It commands astern while the first commands ahead; then both are silent."""
+    """Start a second planner that commands astern while the first commands ahead; then both are silent."""
     rig.start_planner("second")
     began = rig.pause(0.0)
     rig.instruct("astern", "second")

@@ -1,4 +1,4 @@
-"""What the STM32 says its outputs are, instant by instant: the only witness of the campaign."""
+"""Record of the STM32's outputs over time, from its own report: all findings of the campaign rest on it."""
 
 import threading
 import time
@@ -11,7 +11,7 @@ State = Literal["ahead", "astern", "neutral", "other"]
 
 
 class Seen(NamedTuple):
-    """From `at_s` (monotonic) on the outputs were so. `sequence`: of the command that made them so."""
+    """State of the outputs from `at_s` (monotonic) on, and the `sequence` of the command that caused it."""
 
     at_s: float
     state: State

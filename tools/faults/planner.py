@@ -52,7 +52,7 @@ def _command(client: VehicleClient, wish: str) -> None:
 
 
 def _report_state(client: VehicleClient) -> None:
-    """Whether the vehicle is there as the Python interface has it, and the slave's figures."""
+    """Report the slave's figures, and whether the Python interface says that the vehicle is present."""
     try:
         client.get("ground_truth")
         problem = ""

@@ -59,19 +59,19 @@ class Relay:
 
     @property
     def endpoint(self) -> str:
-        """Where a master dials."""
+        """Endpoint to which a master connects."""
         return f"tcp/127.0.0.1:{self.port}"
 
     def hold(self) -> None:
-        """From now on nothing passes."""
+        """Hold all data from now on."""
         self._held = True
 
     def release(self) -> None:
-        """What was held passes, and what follows."""
+        """Forward what was held, and all that follows."""
         self._held = False
 
     def cut(self) -> None:
-        """All connections end."""
+        """Close all connections."""
         self._cut = True
 
     def mend(self) -> None:
@@ -134,7 +134,7 @@ class Relay:
         self._close(end, self._pairs[end])
 
     def _deliver_delayed(self) -> None:
-        """What has waited long enough goes on, in the order in which it came."""
+        """Forward the data whose delay is over, in the order in which it came."""
         while self._waiting and self._waiting[0][0] <= time.monotonic():
             _, end, data = self._waiting.popleft()
             if end in self._pairs:

@@ -49,7 +49,7 @@ depth = 5
 
 
 class Rig:
-    """All of it, in `folder`. Use as a context; `start` begins.
+    """Slave, STM32, line and planners under test, in `folder`. Use as a context; `start` begins.
 
     `network`: whether the planner reaches the slave through `relay`. `environments`: more variables for the process
     "slave" or "planner".
@@ -161,13 +161,13 @@ class Rig:
         os.kill(self.stm32.pid, number)
 
     def kill_stm32(self) -> None:
-        """As when its supply fails."""
+        """Kill the STM32 and close its end of the line, as when its supply fails."""
         self.signal_stm32(signal.SIGKILL)
         self.line.lose_far()
         self._end_stm32()
 
     def revive_stm32(self) -> None:
-        """Its supply is back."""
+        """Start the STM32 again, as when its supply is back."""
         self.start_stm32()
         self.line.find_far()
 
@@ -204,7 +204,7 @@ class Rig:
 
     @property
     def descriptors(self) -> int:
-        """How many the slave has; 0 if it does not run."""
+        """Number of the slave's open file descriptors; 0 if it does not run."""
         slave = self.processes.get("slave")
         try:
             return psutil.Process(slave.pid).num_fds() if slave and slave.running else 0
@@ -219,7 +219,7 @@ class Rig:
             (stm32.stop if isinstance(stm32, Process) else stm32.close)()
 
     def _addresses(self) -> tuple[str, str]:
-        """Those of the near wire and of the far one."""
+        """Return the addresses of the near wire and of the far one."""
         wire = self.link.wire
         if wire == "pty":
             return f"pty:{self.folder / 'near'}", f"pty:{self.folder / 'far'}"
@@ -230,11 +230,11 @@ class Rig:
         return f"{wire}://127.0.0.1:{ports[0]}", f"{wire}://127.0.0.1:{ports[1]}"
 
     def _open_near(self) -> Wire | None:
-        """None on a CAN bus, where the slave is beside us: a bridge would carry the frames of both buses on each."""
+        """Open the near wire; None on a CAN bus, where a bridge would carry the frames of both buses on each."""
         return None if self.near == self.far else open_address(self.near, "device")
 
     def _open_far(self) -> Wire:
-        """Some wires are there a little later than what listens on them says."""
+        """Open the far wire; some exist a little later than the listening process reports."""
         if self.link.stm32 == "qemu":
             wire: Wire = self.stm32.wire
             return wire

@@ -1,4 +1,4 @@
-"""What a row of the campaign is: the fault, what was measured, and whether that is good enough."""
+"""Rows of the campaign's table: the fault, the measured figures, and the judgement."""
 
 from collections.abc import Callable
 from math import isfinite
@@ -22,7 +22,7 @@ class Link(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As in the table: "python frame pty"."""
+        """Name in the table, such as "python frame pty"."""
         return f"{self.stm32} {self.protocol} {self.wire}"
 
     @property
@@ -79,7 +79,7 @@ class Fault(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What one fault on one link did. Times in s; nan where it never came, or where nothing moves (a file).
+    """Result of one fault on one link. Times in s; nan where it never came, or where nothing moves (a file).
 
     stale: commands executed later than the limit after they were given; of a planner that is not to be obeyed: any.
     reported: the line for a person. leaked: what was there afterwards and not before, "" nothing. attempts: how often
@@ -100,7 +100,7 @@ class Row(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether nothing is wrong with it."""
+        """True if the row has no problem."""
         return not self.problems
 
 

@@ -1,4 +1,4 @@
-"""Where the pictures are taken, and what every entry of the gallery is made of."""
+"""Places where the pictures are taken, and the record of an entry of the gallery."""
 
 from collections.abc import Callable
 from math import radians
@@ -44,12 +44,12 @@ def rough_ground() -> World:
 
 
 def looking(world: World) -> Simulation:
-    """Something to look at; the sensors are asked one by one."""
+    """Return a simulation with things to look at; its sensors are sampled one by one."""
     return Simulation(VEHICLE, world, {}, position=(30.0, 0.0, 2.0), seed=SEED)
 
 
 def at(north: float, east: float, depth: float, heading: float = 0.0, pitch: float = 0.0) -> State:
-    """At rest at a place (m), bow to `heading`, raised by `pitch` (deg)."""
+    """Return a state at rest at a place (m), bow to `heading`, raised by `pitch` (deg)."""
     return State((north, east, depth), from_euler(0.0, radians(pitch), radians(heading)))
 
 

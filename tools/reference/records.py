@@ -27,7 +27,7 @@ class Section(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """How a page shows the annotation of one key."""
+    """Type, unit and range of one key as a page shows them."""
 
     type: str
     unit: str = ""

@@ -63,7 +63,7 @@ def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
 
 
 def _bobbing_energy() -> Finding:
-    """Over 100 s with the default integrator."""
+    """Return the energies of a bobbing vehicle over 100 s with the default integrator."""
     vehicle = floats.float_(linear_damping=(0.0, 0.0, 0.0, 0.5, 0.5, 0.5))
     dynamics, state, worst = Dynamics(vehicle, floats.RHO, floats.G), State((0.0, 0.0, 0.08)), 0.0
     rest = floats.energy(dynamics, State())

@@ -1,4 +1,4 @@
-"""How a wrench is shared among thrusters that cannot make it."""
+"""Allocation of a wrench that the thrusters cannot make."""
 
 from collections.abc import Sequence
 from math import atan2, cos, degrees, pi, radians, remainder, sin

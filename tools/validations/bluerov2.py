@@ -28,7 +28,7 @@ def difference(found: Sequence[float], expected: Sequence[float]) -> float:
 
 
 def apart(row: Row, like_them: bool) -> float:
-    """How far our state derivative is from theirs, with or without what they leave out in a current."""
+    """Return how far our state derivative is from theirs, with or without what they leave out in a current."""
     current = pick(row, "vcN vcE vcD")
     dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, forces=[LeftOut(current)] if like_them else [])
     rotation, nu = rotations.matrix(from_euler(*pick(row, "phi theta psi"))), pick(row, "u v w p q r")
@@ -89,7 +89,7 @@ def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[float,
 
 
 def reference(name: str) -> list[Row]:
-    """Their trajectory, a row a second."""
+    """Return the reference trajectory, a row a second."""
     return [row for row in rows_of("vonbenzon_fossen_trajectories.csv") if row["case"] == name]
 
 

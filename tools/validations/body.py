@@ -22,7 +22,7 @@ Energies = list[float]
 
 
 def kinetic(mass: Matrix, nu: Sequence[float]) -> float:
-    """In J."""
+    """Return the kinetic energy in J."""
     return 0.5 * sum(v * sum(m * x for m, x in zip(row, nu, strict=True)) for row, v in zip(mass, nu, strict=True))
 
 
@@ -33,7 +33,7 @@ UNEVEN = [10.0, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
 
 
 class WrongSign:
-    """What a wrong sign in the Coriolis matrix of the added mass adds: X gets -A22 v r where +A22 v r is right."""
+    """Force that a wrong sign in the Coriolis matrix of the added mass adds: X gets -A22 v r instead of +A22 v r."""
 
     def __init__(self, sway_mass: float) -> None:
         self._twice = 2.0 * sway_mass
@@ -108,7 +108,7 @@ def _thrown(axes: Axes) -> Finding:
 
 
 def _left_alone(name: str) -> Energies:
-    """As the test throws it."""
+    """Return the energies of a tumbling vehicle without buoyancy, as the test starts it."""
     vehicle, _ = load_vehicle(name)
     vehicle = vehicle._replace(neutrally_buoyant=True, center_of_buoyancy=vehicle.center_of_gravity)
     vehicle = vehicle._replace(fins=tuple([fin._replace(straightening=1.0) for fin in vehicle.fins]))

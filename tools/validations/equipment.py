@@ -65,7 +65,7 @@ def _slopes(axes: Axes) -> list[Finding]:
 
 
 def _power() -> Finding:
-    """As a share of the sizes of its parts, over random fins in flows from everywhere."""
+    """Return the largest power of a fin's force, relative to its parts, over random fins and flows."""
     random, worst = Random(5), -1.0
     for make in held.forces():
         for _ in range(400):

@@ -1,4 +1,4 @@
-"""How level vehicles fly under their own controller, by the speed that they are asked for."""
+"""Pitch and roll of vehicles under their own controller, by the commanded speed."""
 
 from collections.abc import Sequence
 

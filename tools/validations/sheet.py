@@ -1,4 +1,4 @@
-"""What every picture of docs/explanation/validation.md is made of: panels, and findings that a test holds."""
+"""Parts of the pictures of docs/explanation/validation.md: panels, and findings that a test holds."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -39,7 +39,7 @@ class Sheet(NamedTuple):
 
     @property
     def name(self) -> str:
-        """That of its file, without .png."""
+        """Name of the picture's file, without .png."""
         return self.draw.__name__
 
 
@@ -49,14 +49,14 @@ def below(what: str, value: float, bound: float, test: str, unit: str = "") -> F
 
 
 def above(what: str, value: float, bound: float, test: str, unit: str = "") -> Finding:
-    """Something that has to be above `bound`."""
+    """Return a finding that has to be above `bound`."""
     return Finding(what, _text(value, unit), f"> {_text(bound, unit)}", test, value > bound)
 
 
 def near(
     what: str, value: float, expected: float, test: str, unit: str = "", rel: float = 0.0, within: float = 0.0
 ) -> Finding:
-    """Something that has to be `expected`, to a share of `rel` or to `within`, in its unit."""
+    """Return a finding that has to equal `expected` to a share of `rel` or to `within`, in its unit."""
     most = max(rel * abs(expected), within)
     margin = _text(within, unit) if within else f"{100.0 * rel:g} %"
     shown = _text(value, unit, 4)
@@ -73,12 +73,12 @@ def ours(axes: Axes, x: Sequence[float], y: Sequence[float], label: str = "ours"
 
 
 def theirs(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, size: float = 4.0) -> None:
-    """What it is held against, others' numbers or theory: black dots."""
+    """Plot reference values, others' numbers or theory, as black dots."""
     axes.plot(x, y, "k.", markersize=size, label=label)
 
 
 def wrong(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, style: str = "-") -> None:
-    """What a formula of others that does not hold gives."""
+    """Plot the values of a formula of others that does not hold."""
     axes.plot(x, y, style, color=WRONG, label=label)
 
 

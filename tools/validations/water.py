@@ -144,7 +144,7 @@ def carried(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def _apart(integrator: Integrator, left_out: bool) -> list[float]:
-    """How far the carried vehicle is from where the calm one is, each 0.1 s of 4 s."""
+    """Return the distances (m) between the carried vehicle and the one in calm water, each 0.1 s of 4 s."""
     q, nu = from_euler(0.3, -0.2, 0.9), [0.5, -0.2, 0.1, 0.4, -0.3, 0.8]
     moving = [a + b for a, b in zip(nu[:3], rotate_inverse(q, CURRENT), strict=True)] + nu[3:]
     calm, moved = State((0.0, 0.0, DEEP), q, nu), State((0.0, 0.0, DEEP), q, moving)

@@ -68,7 +68,7 @@ class Booted:
 
     @property
     def output(self) -> str:
-        """What the job has printed so far."""
+        """Text that the job has printed so far."""
         return "\n".join(self._lines)
 
     def wait(self, seconds: float = PATIENCE_S) -> int:

@@ -165,7 +165,7 @@ class Judgement(NamedTuple):
 
     @property
     def success(self) -> bool:
-        """Whether all criteria are met."""
+        """True if all criteria are met."""
         return not self.failures
 
 

@@ -24,7 +24,7 @@ _SLACK = 1e-6
 
 
 class Limits(NamedTuple):
-    """What a vehicle and its water allow: m/s, m/s², rad/s, and depths in m.
+    """Limits of a vehicle's motion and of the water's depth: m/s, m/s², rad/s, m.
 
     `speed` is the most along the path, `vertical_speed` up or down, `yaw_rate` of turning, `acceleration`
     along the path, `lateral_acceleration` across it. Whatever the speed, the path may be no steeper than `climb_angle`

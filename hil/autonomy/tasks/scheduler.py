@@ -83,7 +83,7 @@ class Scheduler:
 
     @property
     def done(self) -> bool:
-        """Whether the mission is over."""
+        """True once the mission is over."""
         return self._chart.state == "done"
 
     @property

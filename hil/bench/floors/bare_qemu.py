@@ -55,7 +55,7 @@ def _answer_ns(link: ThrusterLink, channels: int, number: int) -> int:
 
 
 def main(path: str) -> None:
-    """Say what it takes on the way that a slave of the scenario at `path` would run; exits with a message."""
+    """Print the delay of bare QEMU with the link of the scenario at `path`; exit with a message on an error."""
     die_with_parent()
     try:
         scenario = load_scenario(path)

@@ -89,7 +89,7 @@ class RoundTrips:
 
     @property
     def is_silent(self) -> bool:
-        """Whether it has never answered, and need not be asked again."""
+        """True if the peer has never answered and need not be asked again."""
         return not self.taken_ns and self.lost >= GIVE_UP
 
     def measure_once(self, until_ns: int) -> None:

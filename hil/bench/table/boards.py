@@ -60,7 +60,7 @@ def paper() -> list[Column]:
 
 
 def ratios(column: Column, board: str) -> str:
-    """A line: how many times less each figure of a column is than that of the reference platform on the same board.
+    """Return a line: ratio of the reference platform's figure on the same board to each figure of a column.
 
     board: the name of the board's profile. "" where the platform had no such board, or the column's machine is not a
     real one, or a limited one, as its labels tell.
@@ -119,7 +119,7 @@ def remarks(columns: Sequence[Column]) -> list[str]:
 
 
 def text(columns: Sequence[Column]) -> str:
-    """For a terminal: medians, and in brackets the range of the middle half where there are several runs."""
+    """Return the table for a terminal: medians, and in brackets the middle half where there are several runs."""
     return "\n".join(aligned(_cells(columns), rule=True))
 
 
@@ -133,7 +133,7 @@ def markdown(columns: Sequence[Column]) -> str:
 
 
 def comma_separated(columns: Sequence[Column]) -> str:
-    """A line a figure and column, with the number of runs, the labels, and the warnings that are about the figure."""
+    """Return CSV: a line a figure and column, with the number of runs, the labels, and the figure's warnings."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(("column", "figure", "unit", "median", "spread", "runs", "labels", "warnings"))
@@ -148,7 +148,7 @@ def comma_separated(columns: Sequence[Column]) -> str:
 
 
 def draw(columns: Sequence[Column], path: str) -> None:
-    """The four figures of the paper as points on logarithmic scales. Raises ConfigError, MissingExtraError."""
+    """Draw the four figures of the paper as points on logarithmic scales. Raises ConfigError, MissingExtraError."""
     plt = pyplot()
     below = [part for line in remarks(columns) for part in wrap(line, LINE, subsequent_indent="    ")]
     names = ["\n".join(wrap(column.title, NAME)) for column in columns]
@@ -169,7 +169,7 @@ def draw(columns: Sequence[Column], path: str) -> None:
 
 
 def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:
-    """One figure of each column: its median, the middle half, and its number above."""
+    """Draw one figure of each column: its median, the middle half, and its number above."""
     panel.set(xscale="log", title=f"{row.title} ({row.unit})")
     panel.grid(axis="x", alpha=0.3)
     shown = []

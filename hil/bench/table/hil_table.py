@@ -83,7 +83,7 @@ class CpuMark(NamedTuple):
 
 
 def mark_cpu(client: VehicleClient) -> CpuMark:
-    """Return what the vehicle last said of its processor time."""
+    """Return the processor time that the vehicle last reported."""
     stamped = client.latest["diagnostics"]
     health: Diagnostics = stamped.value
     return CpuMark(or_nan(health.cpu_s), stamped.received_ns / 1e9, health.exec_wall_ns)

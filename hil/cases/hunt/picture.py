@@ -74,7 +74,7 @@ def _draw_ring(axes: Any, plan: HuntPlan) -> None:
 
 
 def _draw_snapshot(axes: Any, tracks: Sequence[Track], plan: HuntPlan, at: int, age: float) -> None:
-    """Where all were at one instant, joined in their order on the ring; the later the darker."""
+    """Draw the vehicles' places at one instant, joined in their order on the ring; the later the darker."""
     shade = str(0.75 - 0.6 * age)
     places = [(track.north[at], track.east[at]) for track in tracks]
     order = _round_trip(plan)

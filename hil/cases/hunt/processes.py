@@ -36,7 +36,7 @@ _WATCHED = ("ground_truth", "formation", "diagnostics", "trace")
 
 
 class Costs(NamedTuple):
-    """What a hunt took: J of all thrusters, shares of a core of all agents and of all slaves.
+    """Costs of a hunt: energy of all thrusters (J), shares of a core of all agents and of all slaves.
 
     `delays_ns` of commands, from an agent's publishing to applied pulses; `real_time` the slowest slave's factor;
     `messages` how many were sent by modem, delivered, and lost for which reason.
@@ -91,7 +91,7 @@ class _Seen:
 
     @property
     def complete(self) -> bool:
-        """Whether all that a row needs has come."""
+        """True once a message of every topic that a row needs has come."""
         return all(topic in self.latest for topic in ("ground_truth", "formation", "diagnostics"))
 
     @property
@@ -106,7 +106,7 @@ class _Seen:
 
 
 class _Observer:
-    """Makes rows of what is seen, as often as commands are sent."""
+    """Recorder of one row of each vehicle's newest samples, as often as commands are sent."""
 
     def __init__(self, scenario: Scenario, session: Session, slaves: Crew, agents: Crew, watch: HuntWatch) -> None:
         self._slaves, self._agents, self._watch = slaves, agents, watch
@@ -140,7 +140,7 @@ class _Observer:
         )
 
     def _add_events(self, began: int, stop_fd: int) -> None:
-        """What the vehicles say went wrong, once each has told of the time until now."""
+        """Add the events that the vehicles report, once the report of each reaches until now."""
         ended, deadline = now_ns(), now_ns() + seconds_ns(FINAL_FIGURES_S)
         while now_ns() < deadline and any(seen.received_ns["diagnostics"] < ended for seen in self._seen):
             _pause(stop_fd, now_ns() + self._period_ns)

@@ -28,7 +28,7 @@ class HuntRow(NamedTuple):
 
 
 class HuntOutcome(NamedTuple):
-    """How a hunt went; times in s, lengths in m.
+    """Result of a hunt; times in s, lengths in m.
 
     `judgement` is the referee's. `closed` is when the last vehicle's plan had ended, inf if it did not. `travelled`
     is the way of all vehicles, `optimum` the shortest, see `shortest_ways`. `target_distance` is how near a vehicle's
@@ -76,7 +76,7 @@ class HuntWatch:
         self._off_place_max = self._off_place_squares = 0.0
 
     def add_row(self, row: HuntRow) -> str:
-        """Take in the next instant; why the hunt is over, or "" while it goes on."""
+        """Add the next instant; return why the hunt is over, or "" while it goes on."""
         if self.rows:
             self._travelled += sum(map(dist, row.positions, self.rows[-1].positions))
         self.rows.append(row)
@@ -99,7 +99,7 @@ class HuntWatch:
         self._monitors[number].observe(seconds_ns(time), truth.position, truth.orientation, self._depth)
 
     def add_events(self, number: int, events: Sequence[RunEvent]) -> None:
-        """Take in all that vehicle `number` itself, or its simulation, knows to have gone wrong so far."""
+        """Add the events that vehicle `number` itself, or its simulation, has reported so far."""
         self._known[number] = events
 
     def _events(self) -> tuple[tuple[str, RunEvent], ...]:
@@ -107,7 +107,7 @@ class HuntWatch:
         return tuple([(node, event) for node, known, own in both for event in merge_events(known, own.log.events())])
 
     def outcome(self) -> HuntOutcome:
-        """Return the account so far."""
+        """Return the result so far."""
         events = self._events()
         faults = list(dict.fromkeys([f"{node}: {e.name}" for node, e in events if e.kind not in self._allow]))
         last, plan = self.rows[-1], self.plan

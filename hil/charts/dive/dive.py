@@ -86,7 +86,7 @@ class Wish(NamedTuple):
 
 
 def prepare_dive(world: str, wish: Wish, folder: str) -> str:
-    """Write a scenario into `folder`; its path.
+    """Write a scenario into `folder`; return its path.
 
     `world` is a chart (.000), any other file that `uuv-hil world build` takes, a world's .toml, or a world's name.
     Raises ConfigError, MissingExtraError, and MissionError when no way is found.
@@ -129,7 +129,7 @@ def _over_world(world: str, wish: Wish, folder: str) -> str:
 
 
 def _wished(grid: Grid, origin: tuple[float, float] | None, wish: Wish) -> Iterator[Site]:
-    """Return the way that is asked for, or those that suggest themselves."""
+    """Return the requested way, or the best ones found."""
     if wish.start is None or wish.goal is None:
         yield from sites(grid, wish.length, wish.depth)
         return

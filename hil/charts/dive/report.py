@@ -184,7 +184,7 @@ def _camera(plt: Any, world: World, chosen: Sequence[Observation]) -> Any:
 
 
 def _sonar(plt: Any, observations: Sequence[Observation]) -> Any:
-    """Those of either half of the dive on which most stands out, on their fan."""
+    """Draw the sonar picture with the strongest contrast of each half of the dive, on its fan."""
     figure, panels = plt.subplots(1, 2, figsize=(12, 4.3), layout="constrained")
     middle = (len(observations) + 1) // 2
     for axes, half in zip(panels, (observations[:middle], observations[middle:] or observations), strict=True):

@@ -60,5 +60,5 @@ class DiveWatch:
         return True
 
     def figures(self) -> Diagnostics:
-        """Return the slave's figures of health, as it last told them."""
+        """Return the slave's last figures of health."""
         return self._client.diagnostics()

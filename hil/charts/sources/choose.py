@@ -85,7 +85,7 @@ def _local(points: Points, plane: LocalPlane) -> Array:
 
 
 def _survey(points: Points, places: Array, resolution: float, reach: float | None) -> Survey:
-    """Loose soundings, their mean where several are nearer to each other than the grid's nodes."""
+    """Return single soundings, or their mean where several are nearer to each other than the grid's nodes."""
     soundings = block_means(np.column_stack([places, points.depths]), resolution)
     if reach is None:
         size = np.ptp(soundings[:, :2], axis=0)

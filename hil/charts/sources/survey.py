@@ -30,7 +30,7 @@ class Sheet(NamedTuple):
 
 
 class Hazard(NamedTuple):
-    """Something on the seabed. `top` is the depth of its upper end in m, None if only known to be there.
+    """Object on the seabed. `top` is the depth of its upper end in m, None if only known to be there.
 
     A point (`line` with one place) stands with `radius` m around it, a line is as wide; an area rises from the
     bed inside its edges.

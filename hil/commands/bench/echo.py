@@ -14,7 +14,7 @@ examples:
 
 
 def main(arguments: list[str]) -> int:
-    """Answer until told to stop. Raises NetworkError."""
+    """Echo packets until a signal to stop. Raises NetworkError."""
     parser = new_parser("bench echo", __doc__, EXAMPLES)
     parser.add_argument(
         "--listen",

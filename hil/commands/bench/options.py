@@ -60,13 +60,13 @@ def limits_of(options: Any) -> Limits:
 
 
 def check_plot(options: Any) -> None:
-    """That the picture can be drawn if one is asked for. Raises ConfigError, MissingExtraError."""
+    """Check that the picture of `--plot` can be drawn. Raises ConfigError, MissingExtraError."""
     if options.plot:
         check_picture(options.plot)
 
 
 def save_record(record: Record, options: Any) -> None:
-    """Say what makes the figures stand for something else, and write the record if asked. Raises ConfigError."""
+    """Warn of conditions that change the figures, and write the record if requested. Raises ConfigError."""
     for label in record.labels:
         print(f"label: {label}")
     if options.output:

@@ -26,7 +26,7 @@ class PartialFailures:
 
     @property
     def stopped(self) -> bool:
-        """Whether a person or a signal did it: then nothing else is to be measured."""
+        """True if a person or a signal ended the run: then nothing else is to be measured."""
         return any(isinstance(error, KeyboardInterrupt) for _, error in self._found)
 
     @property

@@ -104,7 +104,7 @@ def _start(bench: Bench, before: Callable[[], None]) -> Row:
 
 
 def _leave() -> None:
-    """Warm: nothing is dropped."""
+    """Leave the page cache warm."""
 
 
 def _text(by_kind: dict[str, Series]) -> str:

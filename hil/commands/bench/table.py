@@ -165,7 +165,7 @@ def _earlier(path: str) -> list[Column]:
 
 
 def _ratios(column: Column, record: Record) -> str:
-    """Against the reference platform, if that had the board that this slave says it runs on."""
+    """Return ratios to the reference platform, if that had the board that this slave reports."""
     return board_table.ratios(column, Diagnostics(record.details[column.title]["slave"]).board or "")
 
 

@@ -127,7 +127,7 @@ def _agreed(tree: Tree, plan: Plan, commands: list[Command], options: argparse.N
 
 
 def _run(tree: Tree, commands: list[Command]) -> None:
-    """On the machine itself only; what fails is said and does not stop the rest."""
+    """Run commands on this machine; a failure is reported and does not stop the rest."""
     for command in commands if tree.live else ():
         if "reset-failed" in command:
             tree.run(*command)  # what had not failed is an error to it, and none to us

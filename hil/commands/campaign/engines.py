@@ -57,8 +57,9 @@ def run_here(run: Run, scenario: str, tasks: Sequence[Task], jobs: int, backend:
 def run_on_cluster(
     run: Run, bundle: Bundle, tasks: Sequence[Task], jobs: int, backend: str
 ) -> Generator[Result, None, None]:
-    """On the cluster that the environment names, or one made on this machine of so many processes (-1: as many as
-    cores); at most `jobs` runs at once. Raises MissingExtraError, NetworkError, ConfigError.
+    """Run the tasks on the cluster that the environment names, or on one of `jobs` processes here; yield the results.
+
+    -1 `jobs` are as many as cores. At most `jobs` runs go at once. Raises MissingExtraError, NetworkError, ConfigError.
     """
     try:
         with (_dask if backend == "dask" else _ray)(jobs) as engine:
@@ -195,7 +196,7 @@ def _run_named(run: Run, scenario: str, task: Task) -> Result:
 
 
 def _run_unpacked(run: Run, bundle: Bundle, task: Task) -> Result:
-    """On a worker: the scenario's files are put where they can be read."""
+    """Run one mission on a worker, after its scenario's files are written there."""
     unpacked = unpack(bundle)
     row = run(unpacked.scenario, unpacked.moved(task.changes), task.seed)
     return task.place, row | task.changes | {"reason": unpacked.as_named(row["reason"])}

@@ -83,7 +83,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _greet(server: "FoxgloveServer", nodes: set[str], message: Message) -> None:
-    """Say once that a vehicle is there; /tf and /clock are of no vehicle alone."""
+    """Report once that a vehicle is present; /tf and /clock are of no vehicle alone."""
     node = message.topic.split("/")[1]
     if node not in nodes and message.topic.count("/") > 1:
         nodes.add(node)

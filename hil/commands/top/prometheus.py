@@ -123,6 +123,6 @@ def _handler(watch: HealthWatch) -> type[BaseHTTPRequestHandler]:
             self.wfile.write(body)
 
         def log_message(self, *_: object) -> None:
-            """Say nothing of each request."""
+            """Log nothing: one line a request would fill the terminal."""
 
     return Handler

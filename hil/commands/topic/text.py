@@ -49,7 +49,7 @@ def _parse_flow(text: str) -> dict[str, Any]:
 
 
 class _Flow:
-    """Reads YAML's flow style, which has JSON in it, from left to right."""
+    """Parser of YAML's flow style, which includes JSON."""
 
     def __init__(self, text: str) -> None:
         self._text = text

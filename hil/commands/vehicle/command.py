@@ -82,7 +82,7 @@ def presets() -> list[dict[str, Any]]:
 
 
 def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
-    """Everything there is to say of `vehicle` in water of `density` kg/m³, as text for a terminal."""
+    """Return a description of `vehicle` in water of `density` kg/m³, as text for a terminal."""
     matrix = wrench_matrix(vehicle)
     _, rank = pseudo_inverse(matrix)
     reaches = top(vehicle, density)
@@ -106,7 +106,7 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
 
 
 def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
-    """Return the same as plain values: the vehicle's own keys, and what follows from them."""
+    """Return the description as plain values: the vehicle's own keys, and what follows from them."""
     matrix = wrench_matrix(vehicle)
     reaches = top(vehicle, density)
     return {
@@ -123,7 +123,10 @@ def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
 
 
 def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[Reach, ...]:
-    """What `vehicle` can do along each axis in water of `density` kg/m³, its thrust shared as the slave shares it."""
+    """Return the largest forces and speeds of `vehicle` along each axis in water of `density` kg/m³.
+
+    Its thrust is allocated as the slave allocates it.
+    """
     return reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
 
 

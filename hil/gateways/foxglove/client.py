@@ -55,7 +55,7 @@ class Client:
         )
 
     def has_subscribed(self, channel: int | None) -> bool:
-        """Whether the client wants the messages of a channel."""
+        """Return True if the client has subscribed to a channel."""
         return channel in self._subscriptions
 
     def advertise(self, channels: Mapping[int, Channel]) -> None:

@@ -1,4 +1,4 @@
-"""What a Foxglove client with the token may do: publish commands, call services, read and set parameters."""
+"""Requests of a Foxglove client that has the token: publish commands, call services, read and set parameters."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What Foxglove's 3-D panel shows beside the messages: world and vehicles of a scenario, and the sonar's fan.
+"""Scene for Foxglove's 3-D panel: world and vehicles of a scenario, and the sonar's fan.
 
 World and vehicles are foxglove.SceneUpdate, made by Foxglove's SDK; axes are those of ROS (ENU, FLU).
 """

@@ -70,7 +70,7 @@ class FoxgloveServer:
         self._loop.call_soon_threadsafe(self._publish, channel, time_ns, data, latched)
 
     def is_watched(self, topic: str) -> bool:
-        """Whether a client has subscribed to the topic."""
+        """Return True if a client has subscribed to the topic."""
         number = self._numbers.get(topic)
         return any(client.has_subscribed(number) for client in tuple(self._clients))
 

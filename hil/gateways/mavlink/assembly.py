@@ -1,4 +1,4 @@
-"""What the gateway takes from a scenario: origin, and parameters that suit the vehicle."""
+"""Settings of the gateway from a scenario: origin, camera, and parameters that suit the vehicle."""
 
 import os
 from math import degrees

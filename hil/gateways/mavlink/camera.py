@@ -12,7 +12,7 @@ COMPONENT: int = dialect.MAV_COMP_ID_CAMERA
 
 
 class CameraInfo(NamedTuple):
-    """Where its picture is, and how it is: pixels, rate (Hz), angle of view (degrees); 0 where not known yet."""
+    """Address and properties of a camera's picture: pixels, rate (Hz), angle of view (degrees); 0 if not known yet."""
 
     address: str
     width: int = 0

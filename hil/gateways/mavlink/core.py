@@ -62,7 +62,7 @@ class Core:
         self._refusal = ""
 
     def set_origin(self, origin: Origin) -> bool:
-        """Say where on the earth north and east are 0; return whether that was free to be said."""
+        """Set the origin of the NED frame on the earth; return whether it could still be set."""
         if self._origin_is_given:
             return False
         self.origin = origin
@@ -133,7 +133,7 @@ class Core:
         )  # fmt: skip
 
     def tick(self, now: int) -> None:
-        """Look at the vehicle, watch over it, and send it a command when one is due."""
+        """Read the vehicle's state, check its failsafes, and send a command when one is due."""
         snapshot = self.snapshot = self.port.snapshot()
         if snapshot:
             self._seen_ns = now

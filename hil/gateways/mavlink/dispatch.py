@@ -90,7 +90,7 @@ class Dispatcher:
         handle(peer, packet, now)
 
     def tick(self, now: int, wall_ns: int) -> None:
-        """Send each peer what is due, and all what is new. To be called behind `Core.tick`."""
+        """Send each peer the messages that are due, and new ones to all. To be called behind `Core.tick`."""
         core = self.core
         for name, reason in core.port.pop_settled():
             self._broadcast(core.parameters.value_of(name))
@@ -161,7 +161,7 @@ class Dispatcher:
         ]
 
     def _deny(self, peer: Peer, packet: Any) -> None:
-        """Tell one who may only look that nothing was changed."""
+        """Answer a sender without the right to command that nothing was changed."""
         if not peer.denied:
             self.core.texts.append((4, f'{peer.name} may only look: commands_from = "localhost"'))
         peer.denied += 1

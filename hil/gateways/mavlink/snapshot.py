@@ -1,4 +1,4 @@
-"""What the gateway knows of its vehicle at one instant, and what it may ask of it: `VehiclePort`."""
+"""State of the gateway's vehicle at one instant (`Snapshot`), and the requests it takes (`VehiclePort`)."""
 
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol
@@ -40,7 +40,7 @@ class Snapshot(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """Where north and east are 0: latitude and longitude in degrees; altitude of the surface in m."""
+    """Origin of the NED frame: latitude and longitude in degrees; altitude of the surface in m."""
 
     latitude: float
     longitude: float

@@ -21,7 +21,7 @@ DEGE7 = 1e7
 
 
 class Context(NamedTuple):
-    """What messages need beside the snapshot: times (ns), home (m, NED), origin, mode, and what it steers to."""
+    """Values that messages need beside the snapshot: times (ns), home (m, NED), origin, mode, setpoint."""
 
     now: int  # since the gateway started
     wall_ns: int  # since 1970

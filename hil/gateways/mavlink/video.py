@@ -95,7 +95,7 @@ class _Handler(BaseHTTPRequestHandler):
                 video.viewers -= 1
 
     def log_message(self, *_: Any) -> None:
-        """Say nothing."""
+        """Log nothing."""
 
     def _stream(self, video: VideoServer) -> None:
         self.send_response(200)

@@ -79,7 +79,7 @@ class Field(NamedTuple):
 
     @property
     def is_list(self) -> bool:
-        """Whether there is one number a thruster."""
+        """True if the field holds one number a thruster."""
         return self.per_channel or self.name == "pwm_us"
 
     @property

@@ -66,7 +66,7 @@ class SyncReader(Reader):
         self._length = _length_field(layout)
 
     def feed(self, data: bytes) -> list[Message]:
-        """See `Reader`."""
+        """Return the frames in `data`: see `Reader`."""
         buffer = self.unfinished + data
         messages: list[Message] = []
         form = self._keys.form_at(buffer, 0)

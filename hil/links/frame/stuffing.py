@@ -126,7 +126,7 @@ class StuffedReader(Reader):
         self._longest = stuffer.longest(max(self._by_size))
 
     def feed(self, data: bytes) -> list[Message]:
-        """See `Reader`."""
+        """Return the frames in `data`: see `Reader`."""
         messages: list[Message] = []
         *pieces, rest = (self.unfinished + data).split(self._stuffer.delimiter)
         for piece in pieces:

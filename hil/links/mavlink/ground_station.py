@@ -1,4 +1,4 @@
-"""What a ground station asks of every vehicle, answered by the device's end: it has one parameter and nothing else.
+"""Answers of the device's end to the requests that a ground station sends to every vehicle.
 
 A ground station waits for parameters, missions and files before it shows anything. All are answered at once: one
 parameter, the system id, which cannot be changed; an empty mission; no files (NAK).

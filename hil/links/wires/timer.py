@@ -32,7 +32,7 @@ class Timer:
         self._set_ns = NEVER_NS
 
     def arm(self, at_ns: int) -> None:
-        """Become readable about `at_ns` (monotonic) and stay so until armed for another instant; `NEVER_NS`: never."""
+        """Make the timer readable from about `at_ns` (monotonic) on, until it is armed again; `NEVER_NS`: never."""
         if at_ns == self._wanted_ns:
             return
         self._wanted_ns = at_ns

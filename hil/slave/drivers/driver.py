@@ -229,7 +229,7 @@ def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, rep
 
 
 def stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
-    """Disarm and wait up to 0.1 s until every thruster is neutral; whether it came to that.
+    """Disarm and wait up to 0.1 s until every thruster is neutral; return whether all are.
 
     Where the controller is ours, the STM32 has to say so: it may not be there, and a lost link counts as neutral.
     """

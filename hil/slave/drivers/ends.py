@@ -16,7 +16,7 @@ class DeviceEnd(Protocol):
 
     @property
     def deadline_ns(self) -> int:
-        """When `service` has to be called even if no byte came."""
+        """Time (ns) at which `service` has to be called even if no byte came."""
 
     @property
     def pwm_us(self) -> Sequence[int]:
@@ -24,13 +24,13 @@ class DeviceEnd(Protocol):
 
     @property
     def command_ns(self) -> int:
-        """When (monotonic ns) its outputs last took a command."""
+        """Monotonic time (ns) at which the outputs last took a command."""
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
 
     def service(self, now_ns: int) -> int | None:
-        """Let it read, apply and answer."""
+        """Read commands, apply them, and answer."""
 
     def close(self) -> None:
         """Outputs neutral, wire closed."""
@@ -42,11 +42,11 @@ class Process(Protocol):
     pid: int
 
     def close(self) -> object:
-        """End it."""
+        """End the process."""
 
 
 class Ends(NamedTuple):
-    """What is open of one link.
+    """Open resources of one thruster link.
 
     `port` is the path or address at which another program may command the thrusters, `host` the end that sends
     commands, if that is ours, `device` the STM32's end if that is in this process, `process` another that plays it.
@@ -65,7 +65,7 @@ class Ends(NamedTuple):
 
 
 def end_protocol(link: Link, role: Role, channels: int) -> LinkProtocol:
-    """That end's protocol of the link. Raises ConfigError, MissingExtraError."""
+    """Return the protocol of the link for the end `role`. Raises ConfigError, MissingExtraError."""
     if link.protocol != "frame":
         try:
             return open_protocol(link.protocol, role, channels, **link.options)
@@ -80,7 +80,7 @@ def end_protocol(link: Link, role: Role, channels: int) -> LinkProtocol:
 
 
 def check_line_rate(link: Link, channels: int, rate: float) -> None:
-    """Raises ConfigError if the link's line cannot carry `rate` commands a second. Loads nothing if it has no speed."""
+    """Raise ConfigError if the link's line cannot carry `rate` commands a second. Loads nothing if it has no speed."""
     address = parse_address(link.port)
     if link.faults is None and address.kind not in ("uart", "rs485", "can"):
         return
@@ -93,7 +93,7 @@ def check_line_rate(link: Link, channels: int, rate: float) -> None:
 
 
 def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
-    """`wire` with the faults that the scenario has in mind for the link."""
+    """Return `wire` with the faults that the scenario has for the link."""
     if link.faults is None:
         return wire
     from hil.links.wires.faults import FaultyWire

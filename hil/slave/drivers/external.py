@@ -27,7 +27,7 @@ class _InFolder:
 
 
 class ExternalDriver(ThrusterDriver):
-    """What is at the other end of a wire; a process plays it, unless it is a real one.
+    """Driver of an STM32 at the other end of a wire: a real one, or a process that stands for it.
 
     Silent for longer than its watchdog, it is taken to have gone to neutral, which is what the watchdog
     does. `applied_ns` is an upper bound: it includes the way of the telemetry back.
@@ -45,7 +45,7 @@ class ExternalDriver(ThrusterDriver):
         self._received_ns = now_ns()
 
     def _due_ns(self) -> int:
-        """When (monotonic ns) its timeout ends, or the protocol has something to send."""
+        """Monotonic time (ns) at which the watchdog expires or the protocol has something to send."""
         return min(self._received_ns + self._watchdog_ns, self.host.deadline_ns)
 
     def _exchange(self, now: int) -> list[ThrusterTelemetry]:

@@ -33,7 +33,7 @@ class InProcessDriver(ThrusterDriver):
         self._received_ns = 0
 
     def _due_ns(self) -> int:
-        """Of the firmware, or of what the host's protocol says by itself."""
+        """Time (ns) at which the firmware or the host's protocol next acts by itself."""
         return min(self.device.deadline_ns, self.host.deadline_ns) if self.host else self.device.deadline_ns
 
     def _exchange(self, now: int) -> list[ThrusterTelemetry]:
@@ -72,7 +72,7 @@ def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> Ends:
 
 
 def _in_slave(end: DeviceEnd, wire: Wire, link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """That end and the host's, if that is to be ours."""
+    """Return the open ends of a link whose device end is in this process, with the host's end if `host`."""
     try:
         return Ends(wire.name, _host(link, channels, seed, wire) if host else None, end)
     except HilError:

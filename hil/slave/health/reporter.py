@@ -41,7 +41,7 @@ def own_name() -> str:
 
 
 class RecentLateness:
-    """How late the loop was in the last second: a loop that degrades does not show in figures since its start."""
+    """Lateness of the loop in the last second: figures since its start hide a loop that degrades."""
 
     def __init__(self) -> None:
         self._bins = Histogram().bins

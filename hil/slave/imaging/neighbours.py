@@ -41,7 +41,7 @@ class Neighbours:
         self.states = {member.node: State(_ABSENT) for member in others}
 
     def stand_before(self, sensor: Any) -> None:
-        """Let a sensor see them; one of a user's own may see no solids."""
+        """Add the hulls to a sensor's scene; one of a user's own may see no solids."""
         if hasattr(sensor, "add"):
             for state in self.states.values():
                 sensor.add(self._solid, state)
@@ -57,7 +57,7 @@ class Neighbours:
         return session
 
     def place(self, instant_ns: int) -> None:
-        """Put each where it is at this instant (monotonic ns), by when its words came: no two clocks need agree."""
+        """Place each hull where it is at this instant (monotonic ns), by when its state came: clocks need not agree."""
         for node, state in self.states.items():
             received_ns, sample = self._received.get(node, (0, None))
             if sample is None or abs(instant_ns - received_ns) > MAX_AGE_NS:
@@ -78,7 +78,7 @@ class Neighbours:
 
 
 def _is_somewhere(sample: OdometrySample) -> bool:
-    """False for what no vehicle of this world can say."""
+    """Return False for a place where no vehicle of this world can be."""
     near = all(abs(x) < _FARTHEST for x in (*sample.position, *sample.nu))  # also no nan
     size = sum(x * x for x in sample.orientation)
     return near and isfinite(size) and abs(size - 1.0) < 0.1

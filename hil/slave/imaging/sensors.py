@@ -142,7 +142,7 @@ class Imaging:
             self.took_ns[number] = took_ns or self.took_ns[number]
 
     def _run(self, begin: bytes) -> None:
-        """Keep a process alive until closed."""
+        """Run the process, and start it again when it ends, until closed."""
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # which the process inherits
         pause_s = FIRST_PAUSE_S
         while not self._closing.is_set():
@@ -218,7 +218,7 @@ class _Asking:
 
 
 def _last_line(errors_fd: int, report: Callable[[str], None]) -> str:
-    """Read what it has to say until it ends; the last of it. Notes are passed on."""
+    """Read the process's standard error until it ends; return the last line. Notes are passed on."""
     last = ""
     with open(errors_fd, errors="replace", encoding="utf-8") as errors:
         for line in errors:

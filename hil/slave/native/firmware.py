@@ -20,7 +20,7 @@ class FirmwareEnd:
 
     @property
     def deadline_ns(self) -> int:
-        """When `service` has to be called even if no byte came: watchdog or telemetry."""
+        """Time (ns) at which `service` has to be called even if no byte came: watchdog or telemetry."""
         return self._firmware.deadline_ns
 
     @property
@@ -30,7 +30,7 @@ class FirmwareEnd:
 
     @property
     def command_ns(self) -> int:
-        """When (monotonic ns) the outputs last took a command."""
+        """Monotonic time (ns) at which the outputs last took a command."""
         return self._firmware.obeyed_ns
 
     def fileno(self) -> int:

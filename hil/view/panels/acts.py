@@ -96,7 +96,7 @@ class ActsPanel:
         return change
 
     def _do(self, label: str, act: Callable[[Vehicle], object]) -> None:
-        """Do it in a thread: it may wait for the vehicle's answer."""
+        """Run the action in a thread: it may wait for the vehicle's answer."""
 
         def run() -> None:
             vehicle = self._chosen()

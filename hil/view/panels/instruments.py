@@ -15,7 +15,7 @@ STYLE = "font-family:system-ui,sans-serif;font-size:12px;fill:currentColor"
 
 
 class Reading(NamedTuple):
-    """What the instruments show; SI units and radians, nan for what is not known."""
+    """Values of the instruments; SI units and radians, nan if not known."""
 
     roll: float
     pitch: float

@@ -11,17 +11,17 @@ NOTHING_TO_RECORD = "only vehicles on the network are recorded here: this is a r
 
 
 class CanRecord(Protocol):
-    """What records: hil.view.sources.recording.ViewRecorder."""
+    """Recorder of the view, such as hil.view.sources.recording.ViewRecorder."""
 
     @property
     def state(self) -> str:
-        """How it goes; "" while it does not record."""
+        """Text about the recording; "" while there is none."""
 
     def start(self) -> str:
-        """Begin; where it goes."""
+        """Start recording; return the file or folder."""
 
     def stop(self) -> str:
-        """End; where it is."""
+        """Stop recording; return the file or folder."""
 
 
 class RecordingPanel:

@@ -1,1 +1,1 @@
-"""What is drawn in three dimensions, and the server that draws it (viser)."""
+"""Three-dimensional scene of the live view, and the server that draws it (viser)."""

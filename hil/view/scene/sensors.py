@@ -1,4 +1,4 @@
-"""What the sensors of a vehicle see, in the scene: each from where it sits, as its scenario says."""
+"""Measurements of a vehicle's sensors in the scene, each drawn from where the scenario mounts the sensor."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,7 +23,7 @@ class SensorScene:
         self._seats: dict[str, str] = {}
 
     def mounting(self, sensor: str) -> Mounting:
-        """How a sensor sits in the vehicle."""
+        """Return place and attitude of a sensor in the vehicle."""
         return self._sensors[sensor].mounting if sensor in self._sensors else Mounting()
 
     def draw_scans(self, latest: Mapping[str, Any]) -> None:

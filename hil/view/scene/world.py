@@ -21,7 +21,7 @@ OPACITY = 0.35  # of obstacles
 
 
 class WorldScene:
-    """Everything that does not move. `server` is a viser.ViserServer."""
+    """Scene of all that does not move: seabed, obstacles. `server` is a viser.ViserServer."""
 
     def __init__(self, server: Any, world: World) -> None:
         self._scene = server.scene

@@ -1,1 +1,1 @@
-"""Where the samples come from that a view shows: the network, a recording, a simulation."""
+"""Sources of the samples that a view shows: the network, a recording, a simulation."""

@@ -74,7 +74,7 @@ class LiveSource:
         return sorted(self._known)
 
     def is_present(self, name: str) -> bool:
-        """Whether the vehicle is there."""
+        """Return True if the vehicle is present."""
         return self._known[name].present
 
     def latest(self, name: str) -> Mapping[str, Any]:

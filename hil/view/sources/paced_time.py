@@ -26,7 +26,7 @@ class PacedTime:
 
     @property
     def paused(self) -> bool:
-        """Whether time stands still."""
+        """True while time stands still."""
         return self._paused
 
     @paused.setter

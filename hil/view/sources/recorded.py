@@ -66,7 +66,7 @@ class RecordedSource:
         return sorted(self._columns)
 
     def is_present(self, name: str) -> bool:
-        """Whether the vehicle had begun to send by now."""
+        """Return True if the vehicle's first sample is not later than the shown time."""
         return any(column.times[0] <= self._now_ns for column in self._columns[name].values())
 
     def latest(self, name: str) -> Mapping[str, Any]:
@@ -82,7 +82,7 @@ class RecordedSource:
         return Diagnostics(value[0][3] if value else {})
 
     def vehicle(self, _name: str) -> None:
-        """Nobody commands a recording."""
+        """Return None: nobody commands a recording."""
         return
 
     def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:

@@ -24,21 +24,24 @@ class ViewRecorder:
 
     @property
     def state(self) -> str:
-        """Where the recording goes and how much of it there is, or why it ended; "" without one."""
+        """Folder and size of the recording, or the reason why it ended; "" without one."""
         running = self._running
         if running is None:
             return ""
         return running[1].failure or f"{running[1].written} messages into {running[1].folder}"
 
     def start(self) -> str:
-        """Begin; where it goes. Without effect while it runs. Raises ConfigError, MissingExtraError, NetworkError."""
+        """Start recording and return its folder. Without effect while it runs.
+
+        Raises ConfigError, MissingExtraError, NetworkError.
+        """
         with self._turn:
             if self._running is None:
                 self._running = self._begin()
             return f"recording into {self._running[1].folder}"
 
     def stop(self) -> str:
-        """End it; what was recorded, and where it is. Without effect when none runs."""
+        """Stop recording; return how much there is, and its folder. Without effect when none runs."""
         with self._turn:
             if self._running is None:
                 return "no recording runs"

@@ -73,7 +73,7 @@ class SimulatedSource:
         return
 
     def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
-        """There is no network and no link."""
+        """Return no delays: there is no network and no link."""
         return [], {}
 
     def show_pictures(self, wanted: bool) -> None:

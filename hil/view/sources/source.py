@@ -1,4 +1,4 @@
-"""What the live view shows: the newest samples of each vehicle, wherever they come from."""
+"""Interface of the live view's sources: the newest samples of each vehicle."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
@@ -26,7 +26,7 @@ class Source(Protocol):
         """Names of the vehicles there are, sorted; those that are gone included."""
 
     def is_present(self, name: str) -> bool:
-        """Whether samples of that vehicle come."""
+        """Return True if samples of that vehicle come."""
 
     def latest(self, name: str) -> Mapping[str, Any]:
         """Return the newest message of each topic, as its decoder in hil.ros returns it: NED, FRD, SI units."""

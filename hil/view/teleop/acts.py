@@ -1,4 +1,4 @@
-"""What a person may let a vehicle do beyond steering it: services of the slave, and poses to go to."""
+"""Actions that a person may start from the view: services of the slave, and poses to go to."""
 
 from collections.abc import Mapping, Sequence
 from math import cos, sin

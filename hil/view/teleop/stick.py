@@ -1,4 +1,4 @@
-"""What a person at a stick wants, as commands: a state machine without a clock or I/O."""
+"""Commands from the axes and buttons of a stick: a state machine without a clock or I/O."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -10,7 +10,7 @@ Mode = Literal["velocity", "effort"]
 
 
 class Limits(NamedTuple):
-    """What a full stick means: m/s and rad/s in the mode "velocity", N and N m in the mode "effort"."""
+    """Commands at full deflection: m/s and rad/s in the mode "velocity", N and N m in the mode "effort"."""
 
     speed: float = 0.5
     heave: float = 0.3

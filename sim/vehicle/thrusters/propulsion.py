@@ -43,7 +43,7 @@ class Propulsion(ThrusterSet):
             self._targets[index] = self._thrusters[index].clamp(target)
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
-        """See ThrusterSet.command."""
+        """Set the thrusters' commands: see ThrusterSet.command."""
         super().command(pwm_us)
         self._amperes = [0.0] * len(VOLTS)
         for place, index in enumerate(self._fed):

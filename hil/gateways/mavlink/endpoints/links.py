@@ -1,4 +1,4 @@
-"""Where MAVLink comes from and goes to: UDP, TCP and serial endpoints, each with one or more partners.
+"""UDP, TCP and serial endpoints of MAVLink, each with one or more partners.
 
 None of them waits: what a partner does not take is dropped, as on a radio.
 """

@@ -53,7 +53,7 @@ class MissionFlight:
 
     @property
     def total(self) -> int:
-        """How many items there are."""
+        """Number of items."""
         return len(self._items)
 
     def replace(self, items: Sequence[Item]) -> None:

@@ -21,7 +21,7 @@ class Mode(IntEnum):
 
 
 class ModeText(NamedTuple):
-    """What a ground station shows of a mode: its name and its standard mode (MAV_STANDARD_MODE)."""
+    """Description of a mode for a ground station: its name and its standard mode (MAV_STANDARD_MODE)."""
 
     name: str
     standard: int

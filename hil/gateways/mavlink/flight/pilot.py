@@ -166,7 +166,7 @@ class Pilot:
         return self._holds.heading
 
     def _warn_of_silence(self, now: int) -> None:
-        """Say once that the joystick has fallen silent."""
+        """Warn once that the joystick sends nothing any more."""
         alive = self.joystick.is_alive(now, self.timeout_ns)
         if alive:
             self._stick_warned = False

@@ -29,7 +29,7 @@ class _Upload:
 
 
 class MissionProtocol:
-    """Holds the mission and exchanges it with ground stations, one upload at a time.
+    """The mission, and its exchange with ground stations, one upload at a time.
 
     `on_new` is called with the new items. `keeps_home`: item 0 is home, as ArduPilot has it, `home` returns it.
     Each method returns the messages to send to the partner.
