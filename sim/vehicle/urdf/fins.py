@@ -14,18 +14,18 @@ def left_out(robot: Element, poses: Mapping[str, Pose], given: set[str]) -> Iter
     """A note for each fin or wing of the URDF, but for those of which `given` has the name: where it is, and its area.
 
     uuv_simulator's fins turn about their link's z and point along its x; for the others the plugin gives no more than
-    the link to go by. A fin that two plugins name is told once.
+    the link to go by. A fin that two plugins name is reported once.
     """
-    told = set(given)
+    reported = set(given)
     for plugin in robot.iter("plugin"):
         file = plugin.get("filename", "").lower()
         link = child_text(plugin, "link_name", "linkName")
         if not any(part in file for part in _FILES) or not link:
             continue
         name = plain(link.rsplit("/", 1)[-1])
-        if name in told:
+        if name in reported:
             continue
-        told.add(name)
+        reported.add(name)
         pose = poses.get(link)
         where = ""
         if pose is not None:
