@@ -10,6 +10,7 @@ import ast
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
+from textwrap import wrap
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("hil", "sim", "boards", "firmware_stub")
@@ -23,14 +24,17 @@ FLOORS: list[dict[str, str]] = [
     {"hil.scenario": "the scenario file", "hil.network": "zenoh sessions, certificates"},
     {"hil.recording": "MCAP: write, read, replay", "hil.client": "Python interface to vehicles"},
     {
-        "hil.slave": "the daemon on the board", "hil.master": "the planner process", "hil.gateways": "JSON, MATLAB",
+        "hil.slave": "the daemon on the board", "hil.master": "the planner process",
+        "hil.gateways": "JSON, MATLAB, Foxglove",
         "hil.autopilots": "ArduPilot, PX4",
         "hil.gateways.mavlink": "ground stations",
         "hil.view": "the live view in a browser",
     },
     {
-        "hil.plots": "figures", "hil.charts": "worlds from charts", "hil.bench": "delay, load, start-up",
-        "hil.tuning": "gains", "hil.cases": "experiments", "hil.doctor": "findings", "hil.install": "service",
+        "hil.plots": "figures of runs", "hil.charts": "worlds from charts", "hil.bench": "delay, load, start-up",
+        "hil.tuning": "gains from responses",
+        "hil.cases": "reference experiments",
+        "hil.doctor": "checks of a machine", "hil.install": "the slave as a service",
         "hil.schemas": "JSON Schemas",
     },
     {"hil.commands": "arguments in, text out", "hil.cli": "the command uuv-hil", "hil": "hil.connect, lazily"},
@@ -112,29 +116,44 @@ def _reached(start: str, edges: dict[str, set[str]]) -> set[str]:
     return reached
 
 
-WIDTH, HEIGHT, GAP, MARGIN = 168, 52, 10, 70
+# What each room of a way does, in words that fit its box.
+COMMAND_STEPS = [
+    "planner sets a velocity", "numbers and stamps it", "carries it", "checks age and sender", "wrench, then thrusts",
+    "encodes a frame", "sets pulse widths", "moves the vehicle",
+]  # fmt: skip
+SAMPLE_STEPS = [
+    "measures in NED, FRD", "passes it to a thread", "encodes in ENU, FLU", "carries it", "decodes it",
+    "gives it to the planner",
+]  # fmt: skip
+
+WIDTH, HEIGHT, GAP, MARGIN, COLUMNS = 184, 46, 8, 76, 4
+PAGE = MARGIN + COLUMNS * (WIDTH + GAP) + GAP
+STEP_HEIGHT = 56  # of a box in a way
 
 
 def draw() -> str:
-    """Return the picture as SVG: floors from the ground up, and the two ways through them."""
-    columns = max(map(len, FLOORS))
-    width, height = MARGIN + columns * (WIDTH + GAP), len(FLOORS) * (HEIGHT + 2 * GAP) + 60
-    boxes, corners = [], {}
-    for number, rooms in enumerate(FLOORS):
-        top = height - 60 - (number + 1) * (HEIGHT + 2 * GAP) + GAP
-        boxes.append(f'<text x="8" y="{top + HEIGHT / 2 + 5:g}" class="floor">floor {number}</text>')
-        for column, (name, purpose) in enumerate(rooms.items()):
-            left = MARGIN + column * (WIDTH + GAP)
-            corners[name] = left + WIDTH, top
-            boxes.append(f'<rect x="{left}" y="{top}" width="{WIDTH}" height="{HEIGHT}" rx="5"/>')
-            boxes.append(f'<text x="{left + 8}" y="{top + 22}" class="room">{name}</text>')
-            boxes.append(f'<text x="{left + 8}" y="{top + 40}">{purpose}</text>')
-    badges = [*_badges(COMMAND, corners, "command", 12), *_badges(SAMPLE, corners, "sample", 34)]
-    legend = (
-        f'<text x="{MARGIN}" y="{height - 28}" class="command">a command: {" → ".join(COMMAND)}</text>'
-        f'<text x="{MARGIN}" y="{height - 10}" class="sample">a sample: {" → ".join(SAMPLE)}</text>'
-    )
-    return "\n".join([_head(width, height), *boxes, *badges, legend, "</svg>", ""])
+    """Return the picture as SVG: floors from the ground up, and below them the two ways through the rooms."""
+    title = "Rooms by floor: a room imports from its own floor or from lower ones"
+    elements = [f'<text x="{MARGIN}" y="24" class="title">{title}</text>']
+    corners: dict[str, tuple[float, float]] = {}
+    top = 40
+    for number, rooms in reversed(list(enumerate(FLOORS))):
+        rows = -(-len(rooms) // COLUMNS)
+        height = rows * (HEIGHT + GAP) + GAP
+        elements.append(f'<rect x="8" y="{top}" width="{PAGE - 16}" height="{height}" class="floor"/>')
+        elements.append(f'<text x="18" y="{top + height / 2 + 4:g}" class="floor">floor {number}</text>')
+        for place, (name, purpose) in enumerate(rooms.items()):
+            row, column = divmod(place, COLUMNS)
+            left, upper = MARGIN + column * (WIDTH + GAP), top + GAP + row * (HEIGHT + GAP)
+            corners[name] = left + WIDTH, upper
+            elements.append(f'<rect x="{left}" y="{upper}" width="{WIDTH}" height="{HEIGHT}" rx="4" class="room"/>')
+            elements.append(f'<text x="{left + 8}" y="{upper + 19}" class="room">{name}</text>')
+            elements.append(f'<text x="{left + 8}" y="{upper + 36}">{purpose}</text>')
+        top += height + 4
+    elements += [*_badges(COMMAND, corners, "command", 13), *_badges(SAMPLE, corners, "sample", 35)]
+    elements += _way("The way of a command", COMMAND, COMMAND_STEPS, "command", top + 12)
+    elements += _way("The way of a sample", SAMPLE, SAMPLE_STEPS, "sample", top + 64 + STEP_HEIGHT)
+    return "\n".join([_head(PAGE, top + 2 * (52 + STEP_HEIGHT) + 8), *elements, "</svg>", ""])
 
 
 def _badges(way: list[str], corners: Mapping[str, tuple[float, float]], kind: str, shift: float) -> list[str]:
@@ -142,21 +161,51 @@ def _badges(way: list[str], corners: Mapping[str, tuple[float, float]], kind: st
     elements = []
     for number, name in enumerate(way, 1):
         right, top = corners[name]
-        place = f'x="{right - shift:g}" y="{top + 18:g}"'
-        elements.append(f'<circle cx="{right - shift:g}" cy="{top + 14:g}" r="10" class="{kind}"/>')
-        elements.append(f'<text {place} text-anchor="middle" class="number">{number}</text>')
+        elements += _badge(number, right - shift, top + 14, kind)
     return elements
 
 
-def _head(width: int, height: int) -> str:
+def _badge(number: int, x: float, y: float, kind: str) -> list[str]:
+    return [
+        f'<circle cx="{x:g}" cy="{y:g}" r="10" class="{kind}"/>',
+        f'<text x="{x:g}" y="{y + 4:g}" text-anchor="middle" class="number">{number}</text>',
+    ]
+
+
+def _way(title: str, rooms: list[str], steps: list[str], kind: str, top: float) -> list[str]:
+    """Return one way as a row of boxes joined by arrows: number, room, and what that does."""
+    elements = [f'<text x="16" y="{top + 14:g}" class="title {kind}">{title}</text>']
+    pitch = (PAGE - 16) / len(COMMAND)
+    for number, (name, step) in enumerate(zip(rooms, steps, strict=True), 1):
+        left, upper, width = 10 + (number - 1) * pitch, top + 34, pitch - 16
+        elements.append(
+            f'<rect x="{left:g}" y="{upper:g}" width="{width:g}" height="{STEP_HEIGHT}" rx="4" class="{kind}"/>'
+        )
+        elements += _badge(number, left + 12, upper, kind)
+        middle = f'x="{left + width / 2:g}" text-anchor="middle"'
+        elements.append(f'<text {middle} y="{upper + 21:g}" class="step">{name.removeprefix("hil.")}</text>')
+        for line, words in enumerate(wrap(step, 14)):
+            elements.append(f'<text {middle} y="{upper + 36 + 12 * line:g}" class="small">{words}</text>')
+        if number < len(rooms):
+            x, y = left + width + 3, upper + STEP_HEIGHT / 2
+            elements.append(f'<path d="M{x:g} {y:g} h7 m-4 -5 l5 5 l-5 5" class="{kind}"/>')
+    return elements
+
+
+def _head(width: float, height: float) -> str:
     namespace = "http://www.w3.org/2000/svg"
-    return f"""<svg xmlns="{namespace}" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="11">
+    return f"""<svg xmlns="{namespace}" viewBox="0 0 {width:g} {height:g}" font-family="sans-serif" font-size="11">
 <style>
-rect {{ fill: #f1f5f9; stroke: #64748b }} .room {{ font-weight: bold; font-size: 13px }} .floor {{ fill: #64748b }}
-circle.command {{ fill: #c2410c }} circle.sample {{ fill: #1d4ed8 }} .number {{ fill: white; font-weight: bold }}
+rect.floor {{ fill: #eef2f7 }} rect.room {{ fill: white; stroke: #64748b }} text.floor {{ fill: #475569 }}
+rect.command {{ fill: white; stroke: #c2410c }} rect.sample {{ fill: white; stroke: #1d4ed8 }}
+text.room {{ font-weight: bold; font-size: 13px }} .title {{ font-weight: bold; font-size: 13px }}
+.step {{ font-weight: bold; font-size: 10px }} .small {{ font-size: 10px }}
+.number {{ fill: white; font-weight: bold }}
+circle.command {{ fill: #c2410c }} circle.sample {{ fill: #1d4ed8 }}
 text.command {{ fill: #c2410c }} text.sample {{ fill: #1d4ed8 }}
+path {{ fill: none; stroke-width: 2 }} path.command {{ stroke: #c2410c }} path.sample {{ stroke: #1d4ed8 }}
 </style>
-<rect x="0" y="0" width="{width}" height="{height}" style="fill: white; stroke: none"/>"""
+<rect x="0" y="0" width="{width:g}" height="{height:g}" style="fill: white"/>"""
 
 
 if __name__ == "__main__":
