@@ -8,7 +8,7 @@ from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.gateways.mavlink.camera import CameraInfo
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
-from hil.gateways.mavlink.endpoints.links import Link
+from hil.gateways.mavlink.endpoints.links import MOST_PARTNERS, SILENT_NS, Link
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.logs import LogProtocol
@@ -43,7 +43,7 @@ class Gateway:
         self.core = Core(port, settings, table, origin, clock())
         self.dispatcher = Dispatcher(self.core, self._ftp, LogProtocol(settings.logs), picture)
         self._peers: dict[tuple[int, Hashable], Peer] = {}
-        self._numbers = 0
+        self._numbers = self._complaint_ns = 0
         self._due_ns = self._polled_ns = clock()
 
     def run(self, stop_fd: int) -> None:
@@ -89,6 +89,12 @@ class Gateway:
         present = set()
         for number, link in enumerate(self._links):
             link.tick(now)
+            if link.refused and now >= self._complaint_ns:
+                self._report(
+                    f"{link.name}: {MOST_PARTNERS} ground stations are served; {link.refused} packets and calls of "
+                    f"others were refused; one that is silent for {SILENT_NS // NS_PER_S} s makes room"
+                )
+                link.refused, self._complaint_ns = 0, now + SILENT_NS
             for address in link.partners():
                 present.add((number, address))
                 self._peer(number, link, address)

@@ -67,7 +67,8 @@ class Ground:
         self.wait("HEARTBEAT", lambda beat: beat.custom_mode == mode)
 
     def arm(self) -> None:
-        assert self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
+        """Again while it is refused: on a busy machine the vehicle's samples may be too old for a moment."""
+        assert wait_for(lambda: self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0 or None)
 
     def disarm(self) -> None:
         assert self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0) == 0

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
-from hil.gateways.mavlink.endpoints.links import TcpIn, TcpOut, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.links import MOST_PARTNERS, TcpIn, TcpOut, UdpIn, UdpOut
 from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
 from hil.gateways.mavlink.video import BOUNDARY, VideoServer
 from tests.support.processes import PATIENCE_S, free_port, wait_for
@@ -49,6 +49,29 @@ def test_noise_makes_nobody_a_partner() -> None:
     assert link.partners() == []
     noise.close()
     link.close()
+
+
+def test_those_beyond_the_most_are_refused_and_counted() -> None:
+    """Who is served stays served."""
+    datagrams, stream = UdpIn("127.0.0.1", 0), TcpIn("127.0.0.1", 0)
+    ends = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MOST_PARTNERS + 2)]
+    calls: list[socket.socket] = []
+    try:
+        for end in ends:
+            end.send(end.partners()[0], PACKET, BEAT)
+            assert wait_for(lambda: datagrams.receive(0) or datagrams.refused or None)
+        for _ in range(MOST_PARTNERS + 2):
+            calls.append(socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S))
+            assert wait_for(lambda: stream.receive(0) or len(stream.partners()) + stream.refused == len(calls) or None)
+        assert (len(datagrams.partners()), len(stream.partners())) == (MOST_PARTNERS, MOST_PARTNERS)
+        assert wait_for(lambda: datagrams.receive(0) or (datagrams.refused, stream.refused) == (2, 2) or None)
+    finally:
+        for end in ends:
+            end.close()
+        for call in calls:
+            call.close()
+        datagrams.close()
+        stream.close()
 
 
 def test_a_connection_is_made_again() -> None:

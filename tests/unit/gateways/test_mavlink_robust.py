@@ -6,14 +6,17 @@ import random
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.gateways.mavlink.endpoints.links import SILENT_NS, Address, Link, Received
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
+from hil.gateways.mavlink.gateway import Gateway
 from hil.gateways.mavlink.protocols import newer_messages as newer
 from hil.gateways.mavlink.protocols.ftp import HEADER, FtpServer
 from hil.gateways.mavlink.protocols.parameters import ParameterTable
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream, signing_secret
-from tests.support.mavlink_vehicle import Bench
+from hil.scenario.mavlink_records import Mavlink
+from tests.support.mavlink_vehicle import Bench, PointVehicle
 
 COUNT = int(os.environ.get("UUV_HIL_FUZZ", "8000"))  # frames; 1000000 by hand
 HANDLED = [
@@ -150,3 +153,38 @@ def test_a_signed_packet_counts_once() -> None:
     assert peer.unpack(packet) == []
     late = [wall[0] - 120 * 10**9]
     assert peer.unpack(_sender("secret", late).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))) == []
+
+
+class _Crowded(Link):
+    """An endpoint that refuses one more each turn."""
+
+    name = "udpin:crowd"
+
+    def descriptors(self) -> list[int]:
+        return []
+
+    def receive(self, now: int) -> Received:
+        self.refused += 1
+        return []
+
+    def send(self, address: Address, data: bytes, message: object) -> None: ...
+
+    def partners(self) -> list[Address]:
+        return []
+
+    def is_local(self, address: Address) -> bool:
+        return True
+
+    def close(self) -> None: ...
+
+
+def test_refused_ground_stations_are_reported_now_and_then() -> None:
+    lines = list[str]()
+    times = iter(range(0, 4 * SILENT_NS, SILENT_NS // 10))
+    gateway = Gateway(
+        PointVehicle(), Mavlink(), ParameterTable(""), [_Crowded()], report=lines.append, clock=times.__next__
+    )
+    for _ in range(30):
+        gateway.poll()
+    assert len(lines) == 3
+    assert "udpin:crowd: 16 ground stations are served; 10 packets and calls of others were refused" in lines[1]

@@ -12,8 +12,7 @@ from ipaddress import ip_address
 from typing import Any, cast
 
 from hil.common.clock import NS_PER_S
-from hil.common.errors import DeviceError, NetworkError
-from hil.links.contract import Wire
+from hil.common.errors import NetworkError
 
 READ_SIZE = 65_536
 MOST_DATAGRAMS = 200  # of one turn
@@ -21,17 +20,17 @@ MOST_PARTNERS = 16
 SILENT_NS = 30 * NS_PER_S  # after which a partner that only sent datagrams is forgotten
 RETRY_NS = NS_PER_S
 MARKERS = (0xFD, 0xFE)  # that a MAVLink packet begins with
-TICKS_PER_S = 50
 
 Address = Hashable
 Received = list[tuple[Address, bytes]]
 
 
 class Link(ABC):
-    """One endpoint. `burst` is how many bytes of lists it takes a turn (1/50 s)."""
+    """One endpoint. `burst`: bytes of lists that it takes a turn (1/50 s); `refused`: who came beyond MOST_PARTNERS."""
 
     name: str
     burst = 20_000
+    refused = 0
 
     @abstractmethod
     def descriptors(self) -> list[int]:
@@ -135,8 +134,12 @@ class UdpIn(Link):
                 data, sender = self._socket.recvfrom(READ_SIZE)
             except OSError:
                 break
-            if sender not in self._received_ns and (len(self._received_ns) >= MOST_PARTNERS or data[:1] not in _FIRST):
-                continue
+            if sender not in self._received_ns:
+                if data[:1] not in _FIRST:
+                    continue
+                if len(self._received_ns) >= MOST_PARTNERS:
+                    self.refused += 1
+                    continue
             self._received_ns[sender] = now
             received.append((sender, data))
         return received
@@ -238,6 +241,7 @@ class TcpIn(Link):
             except OSError:
                 break
             if len(self._open()) >= MOST_PARTNERS:
+                self.refused += 1
                 opened.close()
             else:
                 self._streams[caller] = _Stream(opened)
@@ -329,71 +333,9 @@ class TcpOut(Link):
                 opened.close()
 
 
-class SerialLink(Link):
-    """A serial device, opened again when it is back."""
-
-    def __init__(self, device: str, baud: int) -> None:
-        self.name = f"serial:{device}:{baud}"
-        self._device, self._baud = device, baud
-        self.burst = max(300, baud // 10 // TICKS_PER_S // 2)  # half of what it carries
-        self._wire: Wire | None = _open_port(device, baud)
-        self._due_ns = 0
-
-    def descriptors(self) -> list[int]:
-        """Return the device's."""
-        return [self._wire.fileno()] if self._wire else []
-
-    def receive(self, now: int) -> Received:
-        """Return what has come."""
-        data = b""
-        try:
-            data = self._wire.read() if self._wire else b""
-        except DeviceError:
-            self._lose(now)
-        return [(self._device, data)] if data else []
-
-    def send(self, address: Address, data: bytes, message: Any) -> None:
-        """Write a packet; what the device does not take is lost."""
-        try:
-            if self._wire:
-                self._wire.write(data)
-        except DeviceError:
-            self._lose(0)
-
-    def partners(self) -> list[Address]:
-        """Return the device while it is open."""
-        return [self._device] if self._wire else []
-
-    def is_local(self, address: Address) -> bool:
-        """Return true: it is a wire of this machine."""
-        return True
-
-    def tick(self, now: int) -> None:
-        """Open the device again."""
-        if self._wire is None and now >= self._due_ns:
-            self._due_ns = now + RETRY_NS
-            with contextlib.suppress(DeviceError):
-                self._wire = _open_port(self._device, self._baud)
-
-    def close(self) -> None:
-        """Close the device."""
-        if self._wire:
-            self._wire.close()
-
-    def _lose(self, now: int) -> None:
-        self.close()
-        self._wire, self._due_ns = None, now + RETRY_NS
-
-
 def _is_loopback(host: str) -> bool:
     with contextlib.suppress(ValueError):
         address = ip_address(host.partition("%")[0])
         mapped = getattr(address, "ipv4_mapped", None)
         return (mapped or address).is_loopback
     return False
-
-
-def _open_port(device: str, baud: int) -> Wire:
-    from hil.links.wires.terminal import UartWire  # needs a system with terminals; without a serial port none does
-
-    return UartWire(device, baud)

@@ -1,6 +1,7 @@
 """Open the endpoints that a scenario or a command names."""
 
-from hil.gateways.mavlink.endpoints.links import Link, SerialLink, TcpIn, TcpOut, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.links import Link, TcpIn, TcpOut, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.serial_link import SerialLink
 from hil.scenario.mavlink_records import MavlinkEndpoint
 
 
