@@ -1,4 +1,4 @@
-"""Writes the message definitions in hil/network/types, with their hashes.
+"""Writes the message definitions in hil/ros/types, with their hashes.
 
     python tools/ros_types.py
 
@@ -23,10 +23,10 @@ sys.path.insert(0, str(ROOT))
 from hil.ros import types  # noqa: E402 - works from a bare checkout too
 from hil.ros.types import PRIMITIVES, Field, definition  # noqa: E402
 
-FOLDER = ROOT / "hil" / "transport" / "types"
+FOLDER = ROOT / "hil" / "ros" / "types"
 FROM_ROSBAGS = (
     "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rcl_interfaces", "rosgraph_msgs",
-    "sensor_msgs", "service_msgs", "std_msgs", "tf2_msgs", "trajectory_msgs",
+    "sensor_msgs", "service_msgs", "std_msgs", "tf2_msgs", "trajectory_msgs", "visualization_msgs",
 )  # fmt: skip
 DEFAULTS = {("geometry_msgs/msg/Quaternion", "float64 w"): "float64 w 1"}  # which rosbags leaves out
 # type_description_interfaces/msg/FieldType; of an array 48 more, of a bounded sequence 96, of another one 144.

@@ -6,10 +6,10 @@ from typing import Any
 
 from hil.cases.record import Result, Run
 from hil.common.palette import GOAL, HIDDEN_OBSTACLE, NAVIGATION, OBSTACLE, PATH, TRACK
-from hil.master.world_map import map_at
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.plots.run_picture import draw_goal, draw_start
 from hil.scenario.config import load_scenario
+from hil.scenario.world_map import map_at
 from sim.environment.world import World, load_world
 
 COLOURS = {"sil": TRACK, "hil": NAVIGATION}

@@ -27,8 +27,8 @@ from hil.master.mission import STOPPED, Mission
 from hil.master.planner import Planner, topics_of
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
-from hil.master.world_map import map_at
 from hil.scenario.config import Scenario, load_scenario
+from hil.scenario.world_map import map_at
 from sim.environment.world import World
 from sim.sensors.samples import OdometrySample
 from sim.vehicle.vehicle import Vehicle

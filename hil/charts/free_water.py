@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.occupancy import Extent, OccupancyGrid
 from hil.charts.grid import Grid
-from hil.master.world_map import HALF_DIAGONAL, lower
+from hil.scenario.world_map import HALF_DIAGONAL, lower
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 

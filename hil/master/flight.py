@@ -21,9 +21,9 @@ from hil.common.errors import MissionError
 from hil.common.schema import shortened
 from hil.master.follow import Follow
 from hil.master.planner import Done, Planner, PlanRequest, Point, ReceivedSamples, Samples, topics_of
-from hil.master.world_map import known_map
 from hil.ros.topics import ALL
 from hil.scenario.config import Scenario
+from hil.scenario.world_map import known_map
 from sim.environment.world import World, load_world
 from sim.run_events import EventKind, EventLog, RunEvent, RunMonitor, merge_events
 from sim.sensors.samples import OdometrySample

@@ -52,7 +52,7 @@ def serve_last(session: Session, node: str, catch_up: Callable[[], None] = _noth
         with suppress(zenoh.ZError), query:  # who asked may be gone; leaving the query says that this was all
             for publisher in list(session.publishers):
                 name, last = publisher.topic.name, publisher.last
-                if last is None or publisher.background or name.startswith("/"):
+                if last is None or publisher.background or publisher.topic.qos.latched or name.startswith("/"):
                     continue
                 if query.key_expr.includes(last_key(node, name)):
                     query.reply(last_key(node, name), last[0], attachment=last[1])

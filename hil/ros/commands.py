@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from hil.common.vectors import Vector3
 from hil.ros.cdr import HEADER, Layout, MalformedError, Reader, Writer, text, tolerant
-from hil.ros.encoders import Decoder, Encoder, pack_stamped, swap_attitude, swap_world
+from hil.ros.encoders import Decoder, Encoder, pack_stamped, swap_attitude, swap_body, swap_world
 from hil.ros.frames import decode_wrench
 
 MOST_DEPTH = 11_000.0  # m
@@ -20,6 +20,7 @@ WORLD_FRAMES = ("", "map", "odom")  # which are one
 
 _NUMBER = Layout("d")
 _POSE = Layout("i I string 7d")
+_STAMPED = Layout("i I string 6d")
 _LEAST_NORM = 0.5  # of a quaternion that is meant as one
 
 Six = tuple[float, float, float, float, float, float]
@@ -69,6 +70,21 @@ def decode_pose(data: bytes) -> PoseCommand:
 
 
 @tolerant
+def decode_stamped_twist(data: bytes) -> tuple[Vector3, Vector3]:
+    """Linear (m/s) and angular (rad/s) velocity along FRD.
+
+    One of the world's frame is malformed: velocities are along the body's axes. The header's time is left, as the age
+    of each message is known without.
+    """
+    _, _, _, _, frame, x, y, z, p, q, r = _STAMPED.unpack(data)
+    if text(frame).rpartition("/")[2] in ("map", "odom"):
+        raise MalformedError("not in the body's frame")
+    if not all(isfinite(value) for value in (x, y, z, p, q, r)):
+        raise MalformedError("not a velocity")
+    return swap_body((x, y, z)), swap_body((p, q, r))
+
+
+@tolerant
 def decode_wrench_command(data: bytes) -> Six:
     """X Y Z (N) and K M N (N m) along FRD, whatever its frame is called: the body's own."""
     wrench = decode_wrench(data)
@@ -105,6 +121,7 @@ def _bounded(values: Sequence[float], most: float) -> Sequence[float]:
 
 ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
 DECODERS: dict[str, Decoder] = {
+    "cmd_vel_stamped": decode_stamped_twist,
     "cmd_depth": _number_within(MOST_DEPTH),
     "cmd_heading": _number_within(MOST_HEADING),
     "cmd_pose": decode_pose,

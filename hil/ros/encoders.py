@@ -71,7 +71,7 @@ def encode_twist(linear: Sequence[float], angular: Sequence[float]) -> bytes:
 def decode_twist(data: bytes) -> tuple[Vector3, Vector3]:
     """Linear (m/s) and angular (rad/s) velocity along FRD. What is not finite counts as malformed."""
     check_header(data)
-    _, x, y, z, p, q, r = _TWIST.unpack_from(data)
+    _, x, y, z, p, q, r = _TWIST.unpack(data)  # of exactly this size: a TwistStamped would be other numbers
     if not isfinite(abs(x) + abs(y) + abs(z) + abs(p) + abs(q) + abs(r)):
         raise MalformedError("not a velocity")
     return (x, -y, -z), (p, -q, -r)
@@ -305,9 +305,11 @@ _DECODERS: dict[str, Decoder] = {
     "odom": decode_odometry,
     "ground_truth": decode_odometry,
     "diagnostics": decode_diagnostics,
+    "/diagnostics": decode_diagnostics,
 }
 _ELSEWHERE = {
-    **dict.fromkeys(("cmd_depth", "cmd_heading", "cmd_pose", "cmd_wrench", "cmd_thrusters"), "commands"),
+    **dict.fromkeys(("cmd_depth", "cmd_heading", "cmd_pose", "cmd_wrench"), "commands"),
+    **dict.fromkeys(("cmd_thrusters", "cmd_vel_stamped"), "commands"),
     **dict.fromkeys(("dvl", "dvl_twist", "altitude", "dvl_water"), "dvl"),
     **dict.fromkeys(("laser", "profiler", "scanning_sonar", "echosounder"), "scans"),
     **dict.fromkeys(("camera", "forward_sonar", "side_scan"), "images"),  # the sensors, and then their topics
@@ -316,6 +318,7 @@ _ELSEWHERE = {
     "camera/labels": "images",
     **dict.fromkeys(("forward_sonar/image", "side_scan/image"), "images"),
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
+    **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events"), "world"),
     "joint_states": "joints",
     "formation": "formation",
     "plan": "plan",

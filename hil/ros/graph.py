@@ -63,6 +63,11 @@ def token(entity: Entity) -> str:
     return "/".join(parts)
 
 
+def subscriptions(topic: str) -> str:
+    """Return the keys of the tokens of all who subscribe to the topic of that whole name."""
+    return f"@ros2_lv/{dialect.domain()}/*/*/*/MS/*/*/*/{_mangle(topic)}/**"
+
+
 def read_token(key: str) -> Entity | None:
     """Return what `token` or rmw_zenoh made; None for any other key, and for another domain's.
 

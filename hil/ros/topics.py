@@ -36,10 +36,13 @@ class Topic(NamedTuple):
         return self.name if self.name.startswith("/") else f"/{node}/{self.name}"
 
 
+_DESCRIPTION = Qos(latched=True, depth=1)
+
 TOPICS = {
     topic.name: topic
     for topic in (
         Topic("cmd_vel", "geometry_msgs/msg/Twist", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_vel_stamped", "geometry_msgs/msg/TwistStamped", 20, "real_time", express=True, from_master=True),
         Topic("cmd_depth", "std_msgs/msg/Float64", 20, "real_time", express=True, from_master=True),
         Topic("cmd_heading", "std_msgs/msg/Float64", 20, "real_time", express=True, from_master=True),
         Topic("cmd_pose", "geometry_msgs/msg/PoseStamped", 20, "real_time", express=True, from_master=True),
@@ -86,6 +89,11 @@ TOPICS = {
         Topic("modem_rx", "std_msgs/msg/UInt8MultiArray", 3, "data", from_master=True),
         Topic("modem_range", "sensor_msgs/msg/Range", 3, "data", from_master=True),
         Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 1, "background"),
+        Topic("robot_description", "std_msgs/msg/String", 0, "background", qos=_DESCRIPTION),
+        Topic("map", "nav_msgs/msg/OccupancyGrid", 0, "background", qos=_DESCRIPTION),
+        Topic("obstacles", "visualization_msgs/msg/MarkerArray", 0, "background", qos=_DESCRIPTION),
+        Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 1, "background"),
+        Topic("/parameter_events", "rcl_interfaces/msg/ParameterEvent", 0, "background", qos=Qos(depth=1000)),
         Topic("/tf", "tf2_msgs/msg/TFMessage", 20, "data", qos=Qos(depth=100)),
         Topic("/tf_static", "tf2_msgs/msg/TFMessage", 0, "data", qos=Qos(latched=True, depth=1)),
         Topic("/clock", "rosgraph_msgs/msg/Clock", 20, "data", qos=Qos(reliable=False, depth=1)),
@@ -96,6 +104,7 @@ TOPICS = {
 _SAMPLE_TOPICS = {"dvl": ("dvl", "dvl_twist", "altitude"), "odom": ("odom", "/tf")}
 
 ALL = "*"  # the topics of a node, but for pictures
+DESCRIPTIONS = ("robot_description", "map", "obstacles")  # made when somebody subscribes
 COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # what a vehicle obeys
 
 # REP 2016 hashes of the definitions in ROS 2 Jazzy; Humble's are the same but for Range, which had no variance.
@@ -128,6 +137,9 @@ TYPE_HASHES = {
     "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint": (
         "RIHS01_6ada1085b5ee64eaa069b074968e69f0e27c8c5e6f5bb0586dd1c834ef0e32b8"
     ),
+    "std_msgs/msg/String": "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+    "nav_msgs/msg/OccupancyGrid": "RIHS01_8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7",
+    "visualization_msgs/msg/MarkerArray": "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf",
     "rosgraph_msgs/msg/Clock": "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
 }
 

@@ -1,8 +1,9 @@
 """Combine the commands of several topics into one setpoint.
 
-Loaded when the first of them comes; a velocity from before counts when it is repeated. Depth and heading are held
-beside cmd_vel: the one in place of its heave, the other in place of its turn rate, wherever that is zero, and as long
-as they are repeated. Pose, wrench and thrusts stand alone: of these and of velocities the newest counts.
+Loaded when the first of them comes; a velocity from before counts when it is repeated. cmd_vel_stamped is the same as
+cmd_vel. Depth and heading are held beside it: the one in place of its heave, the other in place of its turn rate,
+wherever that is zero, and as long as they are repeated. Pose, wrench and thrusts stand alone: of these and of
+velocities the newest counts.
 """
 
 from typing import Any
@@ -44,7 +45,7 @@ class CommandMux:
             return WrenchSetpoint(value)
         if topic == "cmd_thrusters":
             return ThrustSetpoint(value)
-        self._received[topic] = value, now
+        self._received["cmd_vel" if topic == "cmd_vel_stamped" else topic] = value, now
         velocity: VelocityCommand = self._recent("cmd_vel", now, STANDSTILL)
         depth = None if velocity.heave else self._recent("cmd_depth", now)
         heading = None if velocity.yaw_rate else self._recent("cmd_heading", now)

@@ -19,6 +19,7 @@ from hil.ros import encoders as ros
 from hil.ros.topics import COMMANDS
 
 if TYPE_CHECKING:
+    from hil.common.vectors import Vector3
     from hil.network.clock_offset import ClockOffset
     from hil.slave.command_mux import CommandMux
     from hil.slave.setpoints import Setpoint
@@ -218,7 +219,7 @@ class CommandReceiver:
         self._mux.fault = ""
         value = self._mux.read(topic, payload)
         self.fault = self._mux.fault or self.fault
-        return value
+        return velocity_of(value) if topic == "cmd_vel_stamped" else value
 
     def _is_new(self, topic: str, sequence: int, published_ns: int, sender: bytes, received_ns: int) -> bool:
         known = self._senders.get((sender, topic)) or _Sender()
@@ -299,7 +300,11 @@ class CommandReceiver:
 
 def decode_velocity(payload: bytes) -> VelocityCommand | None:
     """Return what a message on cmd_vel asks for; None if that cannot be meant."""
-    twist = ros.decode_twist(payload)
+    return velocity_of(ros.decode_twist(payload))
+
+
+def velocity_of(twist: "tuple[Vector3, Vector3] | None") -> VelocityCommand | None:
+    """Return the command of linear (m/s) and angular (rad/s) velocity along FRD; None if that cannot be meant."""
     if twist is None:
         return None
     (surge, sway, heave), (p, q, r) = twist

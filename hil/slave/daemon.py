@@ -58,7 +58,7 @@ def run(
             log.write_line(note)
         from hil.slave.contacts import Contacts
         from hil.slave.health.reporter import Health
-        from hil.slave.ros_node import RosNode
+        from hil.slave.ros.node import RosNode
 
         board, session = board or _recognised(), network.session()
         loop.ros = RosNode(session, scenario, loop, log.write_line)

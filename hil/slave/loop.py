@@ -22,7 +22,7 @@ TRACE_WAIT_NS = NS_PER_S // 20  # for a message that a trace can go out with; of
 
 
 class NodeServer(Protocol):
-    """Serve the slave as a ROS 2 node in the loop's thread: hil.slave.ros_node.RosNode."""
+    """Serve the slave as a ROS 2 node in the loop's thread: hil.slave.ros.node.RosNode."""
 
     due_ns: int  # simulation time of the next `tick`
 

@@ -103,6 +103,9 @@ class SamplePublisher:
         """Publish the state of health, here and now; `level` 0 ok, 1 warning, 2 error."""
         now = self.stamps.wall_ns(now_ns())
         self._send("diagnostics", ros.encode_diagnostics(now, [(name, level, message, values)]), now_ns())
+        if self.has_subscribers(("/diagnostics",)):  # where tools of ROS look for those of all nodes
+            status = f"{self._node}: {name}", level, message, values
+            self._send("/diagnostics", ros.encode_diagnostics(now, [status]), now_ns())
 
     def put(self, name: str, payload: bytes) -> None:
         """Publish a message on a topic of `hil.ros.topics`; it is stored if there are no subscribers."""

@@ -161,7 +161,11 @@ def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple
     """Return the arrivals of the topic, and the first of them."""
     name = f"/{options.topic.strip('/')}"
     published = _published(session)
-    arrivals = _Arrivals(session, name, name in published and published[name].qos.latched)
+    latched = name in published and published[name].qos.latched
+    arrivals = _Arrivals(session, name, latched)
+    if name in published:  # in the graph, as what describes a vehicle is made for those who are there
+        listener = Node(session, f"uuv_hil_topic_{os.getpid()}")
+        listener.subscribes(_row(name, published[name].type)._replace(qos=published[name].qos), "")
     came = arrivals.receive(stop_fd, options.wait)
     if not came:
         published = _published(session)  # there may be more by now

@@ -19,6 +19,7 @@ examples:
   uuv-hil vehicle                                     the presets there are
   uuv-hil vehicle bluerov2 --plot bluerov2.png        numbers, and a drawing of them
   uuv-hil vehicle mine.toml --json                    for other programs
+  uuv-hil vehicle mine.toml --urdf > mine.urdf        for tools of ROS, and simulators
   uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF or xacro, FLU there, FRD here
   uuv-hil vehicle --import robot.urdf --add rest.toml -o mine.toml
 """
@@ -39,6 +40,11 @@ def main(arguments: list[str]) -> int:
         print(json_text(presets()) if options.json else listing())
         return 0
     vehicle, _ = load_vehicle(options.vehicle)
+    if options.write_urdf:
+        from sim.vehicle.urdf.writer import urdf_of
+
+        print(urdf_of(vehicle, options.prefix), end="")
+        return 0
     print(json_text(to_json(vehicle, options.density)) if options.json else describe(vehicle, options.density))
     if options.plot:
         from hil.plots.vehicle_picture import draw
@@ -52,6 +58,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("vehicle", metavar="NAME|FILE", nargs="?", help="a preset, or a .toml file")
     add_plot(parser, "draw it from three sides, with its top speeds")
     add_json(parser)
+    parser.add_argument("--urdf", dest="write_urdf", action="store_true", help="print it as URDF, for tools of ROS")
+    parser.add_argument("--prefix", metavar="TEXT", default="", help="with --urdf: before the names of links []")
     parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="density of the water [1000]")
     parser.add_argument("--import", metavar="MODEL.urdf", dest="urdf", help="make a vehicle file of a URDF")
     parser.add_argument("--add", metavar="FILE.toml", help="with --import: keys that the URDF lacks, and [[fins]]")

@@ -1,4 +1,4 @@
-"""Parameters of the slave (hil.slave.parameters) under MAVLink's short names.
+"""Parameters of the slave (hil.slave.ros.parameters) under MAVLink's short names.
 
 gains.surge.p                    G_SURGE_P; likewise _I, _D, _LIM, _FF, _FILT, _SLEW
 gains.roll_rate.p                G_RLLR_P; pitch_rate PITR, yaw_rate YAWR, heading HDG
@@ -103,7 +103,7 @@ def read_failure(text: str) -> tuple[int, float]:
 
 
 def failure_text(kind: int, value: float) -> str:
-    """Return the text of a failure, as hil.slave.parameters reads it; "" for none."""
+    """Return the text of a failure, as hil.slave.ros.parameters reads it; "" for none."""
     word = KINDS[kind]
     if not word:
         return ""

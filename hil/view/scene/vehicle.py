@@ -100,8 +100,9 @@ class VehicleScene:
 
     def _draw_thrusts(self, thrusts: Sequence[float]) -> None:
         vehicle = self._vehicle
-        if vehicle is None or len(thrusts) != len(vehicle.thrusters):
+        if vehicle is None or len(thrusts) < len(vehicle.thrusters):
             return
+        thrusts = thrusts[: len(vehicle.thrusters)]  # behind them are fins
         starts = to_body([thruster.position for thruster in vehicle.thrusters])
         along = to_body([thruster.unit_direction for thruster in vehicle.thrusters])
         segments = arrows(starts, along * np.array(thrusts)[:, None] * THRUST_SCALE).astype(np.float32)

@@ -172,7 +172,7 @@ def _thruster_pose(joint: Element, poses: dict[str, Pose], path: str) -> dict[st
         raise ConfigError(f"{path}: the link {_target(joint, 'child')!r} of a thruster is not there")
     axis = numbers_of(attribute(joint, "axis", "xyz", "1 0 0"), path, 3)
     return {
-        "name": plain(_target(joint, "child").rsplit("/", 1)[-1]),
+        "name": plain(_target(joint, "child").rsplit("/", 1)[-1]).removesuffix("_link"),
         "position": to_frd(pose.position),
         "direction": to_frd(pose.turn(tuple(axis))),
     }

@@ -20,7 +20,7 @@ from hil.network.session import Session
 from hil.recording import check as recording_check
 from hil.recording.events import EVENTS, decode_event
 from hil.recording.reader import read_messages
-from hil.slave.parameters import failures_text, read_failures
+from hil.slave.ros.parameters import failures_text, read_failures
 from sim.vehicle.failures import Failure
 from tests.support.processes import Program, write_scenario
 

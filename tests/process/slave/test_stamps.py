@@ -16,7 +16,7 @@ from hil.ros import encoders as ros
 from hil.ros.frames import decode_clock
 from hil.ros.topics import TOPICS
 from hil.slave.loop import Loop
-from hil.slave.ros_node import RosNode
+from hil.slave.ros.node import RosNode
 from tests.support.processes import Program, wait_for, write_scenario
 
 START_NS = 1_000 * NS_PER_S  # by the monotonic clock

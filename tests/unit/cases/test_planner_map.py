@@ -14,9 +14,9 @@ from hil.cases.simulated import SimulatedVehicle, fly
 from hil.cases.variant import write_toml
 from hil.common.errors import ConfigError
 from hil.master.flight import prepare
-from hil.master.world_map import known_map, map_at
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Master
+from hil.scenario.world_map import known_map, map_at
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.shallows import distance_to_shallows
 from sim.environment.terrain import Terrain

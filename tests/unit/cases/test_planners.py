@@ -16,10 +16,10 @@ from hil.master.flight import HEADING_HOLD, Flight, distance_to_path, held, prep
 from hil.master.follow import Follow
 from hil.master.planner import Done, Planner, PlanRequest, ReceivedSamples, Samples
 from hil.master.tasks import Tasks, hold_position
-from hil.master.world_map import known_map
 from hil.ros import encoders as ros
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Master, Start
+from hil.scenario.world_map import known_map
 from sim.environment.obstacles import Cylinder
 from sim.environment.world import World
 from sim.rotations import from_euler

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.ros import message
-from hil.ros.joints import JointStates, decode_joints, encode_joints
+from hil.ros.joints import JointStates, decode_joints, encode_joints, joint_states
+from sim.vehicle.vehicle import load_vehicle
 
 NAME = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FF), max_size=20)
 
@@ -24,8 +25,15 @@ def test_a_message_is_that_of_the_definition_and_comes_back(joints: list[tuple[s
 def test_cut_and_contradicting_messages_are_malformed() -> None:
     payload = encode_joints(JointStates(1, ("a", "b"), (1.0, 2.0)))
     assert all(decode_joints(payload[:length]) is None for length in range(len(payload)))
-    contradicting = message.encode("sensor_msgs/msg/JointState", {"name": ["a"], "effort": (1.0, 2.0)})
-    assert decode_joints(contradicting) is None
+    for fields in ({"effort": (1.0, 2.0)}, {"effort": (1.0,), "position": (1.0, 2.0)}):
+        assert decode_joints(message.encode("sensor_msgs/msg/JointState", {"name": ["a"], **fields})) is None
+
+
+def test_thrusters_are_first_then_fins_with_their_deflections() -> None:
+    vehicle = load_vehicle("remus100")[0]
+    states = joint_states(7, vehicle, (12.5,), (0.1, -0.2))
+    assert states == JointStates(7, ("propeller", "rudder", "stern planes"), (12.5, 0.0, 0.0), (0.0, 0.1, -0.2))
+    assert decode_joints(encode_joints(states)) == states
 
 
 @given(st.binary(max_size=80))

@@ -14,7 +14,7 @@ from hil.ros import encoders as ros
 from hil.ros import frames as ros_frames
 from hil.ros.frames import Transform
 from hil.scenario.records import Ros
-from hil.slave.ros_node import static_transforms
+from hil.slave.ros.node import static_transforms
 from sim.rotations import from_euler, rotate
 from sim.sensors.suite import read_suite
 

@@ -15,7 +15,7 @@ from hil.ros import encoders as ros
 from hil.ros import images as ros_images
 from hil.ros import types
 from hil.ros.topics import TOPICS
-from hil.slave.ros_node import HEADS
+from hil.slave.ros.node import HEADS
 from sim.rotations import rotate
 from sim.sensors.imaging.samples import CameraSample, Intrinsics, SideScanSample, SonarImageSample
 

@@ -10,15 +10,16 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.common.clock import now_ns
+from hil.common.stamps import Stamps
 from hil.network.services import Answer
 from hil.ros import message as ros_message
 from hil.ros.graph import plain_name
 from hil.scenario.config import load_scenario
-from hil.slave import services
 from hil.slave.command_receiver import CommandReceiver
 from hil.slave.drivers.driver import open_driver
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
+from hil.slave.ros import services
 from sim.environment.world import load_world
 from sim.rotations import from_euler, to_euler
 from sim.simulation import Simulation
@@ -36,9 +37,16 @@ class SilentSamplePublisher:
 
     published = 0
 
+    def __init__(self) -> None:
+        self.stamps = Stamps(0, 0)
+        self.put_payloads: list[tuple[str, bytes]] = []
+
     def sample(self, topic: str, sample: Any) -> bool:
         self.published += 1
         return False
+
+    def put(self, name: str, payload: bytes) -> None:
+        self.put_payloads.append((name, payload))
 
     def wake_publisher(self) -> None:
         """There is nothing to send."""

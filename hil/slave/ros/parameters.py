@@ -17,7 +17,7 @@ may be left out:
 
 A set value replaces the failures before it, at once. A read value is the present failure, whatever set it: a parameter,
 the thruster's service, a scenario. The services are those of rclcpp's nodes; values that cannot be are refused with the
-reason. Not there: the topic /parameter_events.
+reason. What a request has set is published on /parameter_events; what a service or scenario has set is not.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,13 +26,15 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import CascadedController
+from hil.common.clock import now_ns
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest, parse
 from hil.network.services import Answer
-from hil.ros.message import Message
+from hil.ros.message import Message, encode, header
 from hil.slave.loop import Loop
 from sim.vehicle.failures import Failure
 
+EVENTS = "/parameter_events"
 PREFIX = "failures"
 LONGEST = 200  # characters of a value, which is parsed between two steps
 MOST = 32  # parameters that one request is answered for; a vehicle has a thruster for each
@@ -103,10 +105,14 @@ def _finite(row: Any) -> dict[str, float]:
 
 
 class Parameters:
-    """The parameters of a running loop's vehicle; `thrusters` are its thrusters by the last part of their names."""
+    """The parameters of a running loop's vehicle, called `node`.
 
-    def __init__(self, loop: Loop, thrusters: Mapping[str, str], report: Callable[[str], None]) -> None:
+    `thrusters` are its thrusters by the last part of their parameters' names.
+    """
+
+    def __init__(self, loop: Loop, node: str, thrusters: Mapping[str, str], report: Callable[[str], None]) -> None:
         self._loop = loop
+        self._node = node
         self._thrusters = {f"{PREFIX}.{name}": thruster for name, thruster in thrusters.items()}
         self._report = report
         self._gains = _Gains(loop)
@@ -183,7 +189,15 @@ class Parameters:
             self._loop.fail(Failure(self._thrusters[name], "repaired"), *failures)
             now = failures_text(self._loop.simulation.failures(self._thrusters[name]))
             self._report(f"parameter: {name}: {now or 'nothing is wrong'}")
+        self._publish_event([name for name, _ in wanted])
         return {"successful": True}
+
+    def _publish_event(self, names: Sequence[str]) -> None:
+        """Publish rcl_interfaces/ParameterEvent of the parameters that were set, with their present values."""
+        now = self._loop.sample_publisher.stamps.wall_ns(now_ns())
+        changed = [{"name": name, "value": self._value(name)} for name in names]
+        event = {"stamp": header(now)["stamp"], "node": f"/{self._node}", "changed_parameters": changed}
+        self._loop.sample_publisher.put(EVENTS, encode("rcl_interfaces/msg/ParameterEvent", event))
 
     def _read(self, name: str, value: Message) -> list[Failure] | _GainChange:
         gains = self._gains.names()

@@ -15,7 +15,9 @@ from hil.ros.topics import COMMANDS, TOPICS
 from hil.scenario.config import Scenario
 from hil.scenario.records import Ros
 from hil.slave.loop import Loop
-from hil.slave.services import offer_services
+from hil.slave.ros.descriptions import Descriptions
+from hil.slave.ros.parameters import EVENTS
+from hil.slave.ros.services import offer_services
 from sim.sensors.samples import period_ns
 from sim.sensors.suite import SensorSet
 
@@ -50,7 +52,9 @@ class RosNode:
                 loop.sample_publisher.graph.subscribes(TOPICS[name], node)
         self.server = Server(session, loop.sample_publisher.graph)
         if settings.services:
+            loop.sample_publisher.declare((EVENTS,))
             offer_services(self.server, node, loop, scenario.start, report)
+        Descriptions(session, loop.sample_publisher.graph, scenario, report)
         if settings.transforms:
             frames = static_transforms(scenario.sensors, settings, loop.sample_publisher.stamps.epoch_ns)
             loop.sample_publisher.put("/tf_static", encode_transforms(frames))
@@ -77,12 +81,12 @@ class RosNode:
         self.due_ns = min(self._clock.due_ns, self._wrench.due_ns, self._joints.due_ns)
 
     def _publish_joints(self, time_ns: int) -> None:
-        from hil.ros.joints import JointStates, encode_joints  # loaded when somebody listens
+        from hil.ros.joints import encode_joints, joint_states  # loaded when somebody listens
 
         simulation = self._loop.simulation
-        names = tuple([thruster.name for thruster in simulation.vehicle.thrusters])
         stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
-        states = JointStates(stamp_ns, names, tuple(simulation.thrusts))
+        fins = simulation.equipment.fins if simulation.equipment else None
+        states = joint_states(stamp_ns, simulation.vehicle, simulation.thrusts, fins.angles if fins else ())
         self._loop.sample_publisher.put("joint_states", encode_joints(states))
 
     def close(self) -> None:

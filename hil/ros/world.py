@@ -1,0 +1,80 @@
+"""A world as ROS 2 messages: its map and its obstacles, in the frame "map" (ENU).
+
+Of ours nobody reads these messages: they are decoded by their definitions alone.
+"""
+
+from math import cos, sin
+from typing import Any, NamedTuple
+
+from hil.ros.cdr import tolerant
+from hil.ros.encoders import Decoder, Encoder
+from hil.ros.message import Message, encode, header, read
+from hil.ros.topics import TOPICS
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import World
+
+FRAME = "map"
+OBSTACLES = "obstacles"  # the namespace of the markers
+_CUBE, _CYLINDER = 1, 3  # constants of visualization_msgs/Marker
+_COLOUR = {"r": 0.4, "g": 0.45, "b": 0.55, "a": 0.8}
+_LEAST_HEIGHT = 0.01  # m: a marker without height is not drawn
+
+
+class GridMap(NamedTuple):
+    """Square cells of `resolution` m, each free or occupied.
+
+    `cells` are 0 (free) and 1 (occupied), row after row from the south, each from the west. `south` and `west` are
+    where the first begins (m from the world's origin), `columns` the cells in a row.
+    """
+
+    cells: bytes
+    columns: int
+    resolution: float
+    south: float
+    west: float
+
+
+def encode_map(time_ns: int, grid: GridMap) -> bytes:
+    """nav_msgs/OccupancyGrid: 0 free, 100 occupied; x is east, y north."""
+    head = header(time_ns, FRAME)
+    origin = {"position": {"x": grid.west, "y": grid.south}, "orientation": {"w": 1.0}}
+    size = {"width": grid.columns, "height": len(grid.cells) // grid.columns, "resolution": grid.resolution}
+    info = {"map_load_time": head["stamp"], "origin": origin, **size}
+    data = grid.cells.translate(bytes([0, 100, *[100] * 254]))
+    return encode("nav_msgs/msg/OccupancyGrid", {"header": head, "info": info, "data": data})
+
+
+def encode_obstacles(time_ns: int, world: World) -> bytes:
+    """visualization_msgs/MarkerArray: a cylinder or a cube for each obstacle that is not hidden, from top to seabed."""
+    placed: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
+    seen = [obstacle for obstacle in placed if not obstacle.hidden]
+    markers = [_marker(time_ns, number, obstacle, world) for number, obstacle in enumerate(seen)]
+    return encode("visualization_msgs/msg/MarkerArray", {"markers": markers})
+
+
+def _marker(time_ns: int, number: int, obstacle: Cylinder | Box, world: World) -> Message:
+    bottom = world.seabed(obstacle.north, obstacle.east)
+    height = max(bottom - obstacle.top, _LEAST_HEIGHT)
+    if isinstance(obstacle, Cylinder):
+        kind, across, along, yaw = _CYLINDER, 2.0 * obstacle.radius, 2.0 * obstacle.radius, 0.0
+    else:
+        kind, across, along, yaw = _CUBE, obstacle.size_east, obstacle.size_north, -obstacle.heading
+    turn = {"x": 0.0, "y": 0.0, "z": sin(0.5 * yaw), "w": cos(0.5 * yaw)}
+    marker: dict[str, Any] = {
+        "header": header(time_ns, FRAME), "ns": OBSTACLES, "id": number, "type": kind, "color": _COLOUR,
+        "scale": {"x": across, "y": along, "z": height}, "text": obstacle.label,
+        "pose": {
+            "position": {"x": obstacle.east, "y": obstacle.north, "z": 0.5 * height - bottom}, "orientation": turn
+        },
+    }  # fmt: skip
+    return marker
+
+
+def _reader(type_name: str) -> Decoder:
+    return tolerant(lambda data: read(type_name, data))
+
+
+ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
+DECODERS: dict[str, Decoder] = {
+    name: _reader(TOPICS[name].type) for name in ("robot_description", "map", "obstacles", "/parameter_events")
+}

@@ -1,0 +1,80 @@
+"""Publish what describes the vehicle and its world, latched: its URDF, map and obstacles, when somebody subscribes.
+
+The slave itself makes none of them: a process does (`hil.slave.ros.describe`), which ends when it is done, so that they
+cost a run without ROS neither start-up nor memory.
+"""
+
+import os
+import pickle
+import sys
+import threading
+from collections.abc import Callable
+
+from hil.common.clock import now_ns, to_wall_ns
+from hil.network.session import Session
+from hil.ros.graph import Node, subscriptions
+from hil.ros.topics import DESCRIPTIONS, TOPICS
+from hil.scenario.config import Scenario
+
+QUIET = {"OPENBLAS_NUM_THREADS": "1"}  # a map is small
+
+
+class Descriptions:
+    """The descriptions of one node; `report` gets a line where one cannot be made."""
+
+    def __init__(self, session: Session, graph: Node, scenario: Scenario, report: Callable[[str], None]) -> None:
+        self._scenario = scenario
+        self._report = report
+        self._made: set[str] = set()
+        node = scenario.slave.node
+        self._publishers = {name: session.publisher(node, TOPICS[name], wait=True) for name in DESCRIPTIONS}
+        for name in DESCRIPTIONS:
+            graph.publishes(TOPICS[name], node)
+            session.watch_tokens(subscriptions(TOPICS[name].full_name(node)), self._watch(name))
+
+    def _watch(self, name: str) -> Callable[[str, bool], None]:
+        def on_token(_: str, alive: bool) -> None:
+            if alive and name not in self._made:
+                self._made.add(name)
+                threading.Thread(target=self._make, args=(name,), name=name, daemon=True).start()
+
+        return on_token
+
+    def _make(self, name: str) -> None:
+        """Make and publish one; the thread ends with it."""
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # which the process inherits
+        try:
+            payload, problem = _run(name, pickle.dumps(self._scenario))
+        except OSError as error:
+            payload, problem = b"", f"cannot be made: {error.strerror}"
+        if problem:
+            self._report(f"no {name}: {problem}")
+        else:
+            self._publishers[name].put(payload, to_wall_ns(now_ns()))
+
+
+def _run(name: str, setup: bytes) -> tuple[bytes, str]:
+    """Return the message, and what went wrong. Raises OSError."""
+    from hil.common import lifeline
+    from hil.common.children import module_command, open_lifeline
+    from hil.slave.spawn import spawn
+
+    setups, answers, errors = (os.pipe2(os.O_CLOEXEC) for _ in range(3))
+    ends = (setups[0], answers[1], errors[1], open_lifeline())
+    try:
+        environment = {**os.environ, **QUIET, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        environment[lifeline.VARIABLE] = lifeline.describe_end(len(ends) - 1, ends[-1])
+        pid = spawn(module_command("hil.slave.ros.describe", name), environment, ends)
+    except OSError:
+        for end in (setups[1], answers[0], errors[0]):
+            os.close(end)
+        raise
+    finally:
+        for end in ends:
+            os.close(end)
+    with open(setups[1], "wb") as file:
+        file.write(setup)
+    with open(answers[0], "rb") as file, open(errors[0], errors="replace", encoding="utf-8") as complaints:
+        payload, last = file.read(), complaints.read().strip().rpartition("\n")[2]
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    return payload, (last or f"exit code {code}") if code else ""

@@ -1,0 +1,166 @@
+"""Write a vehicle as a URDF: links, joints, shapes and inertia, and the tags of simulators that the importer reads.
+
+The hull is one link, `base_link`, at the body's origin. Each thruster and fin is a link `NAME_link` on a joint NAME
+that turns about its axis. URDF's axes are FLU, ours FRD; see `sim.vehicle.urdf.importer`. Not written, as URDF and the
+tags of simulators have no place for them: curves, lift of the hull, ballast, battery, coefficients of fins.
+"""
+
+from collections.abc import Sequence
+from math import acos, asin, atan2, cos, hypot, sin
+from xml.etree import ElementTree
+
+from sim.matrices import Matrix, square
+from sim.vehicle.fins import Fin
+from sim.vehicle.meshes import Mesh
+from sim.vehicle.thrusters.model import Thruster
+from sim.vehicle.urdf.text import Element, to_frd, to_frd_matrix
+from sim.vehicle.vehicle import Vehicle
+
+to_flu, to_flu_matrix = to_frd, to_frd_matrix  # half a turn about x is its own inverse
+PROPELLER = 0.03, 0.05  # m: the length, and the radius where the file gives no diameter
+LEAST_AREA = 1e-6  # m²
+FIN_THICKNESS = 0.01  # m
+PART_MASS, PART_INERTIA = 0.0, 0.0  # of what turns: the mass of the vehicle's file is that of all of it
+EFFORT, RATE = 10.0, 10.0  # of a fin's servo (N m, rad/s), which a joint with limits has to have
+HULL, THRUSTER, FIN = "0.98 0.80 0.08 1", "0.12 0.16 0.23 1", "0.40 0.45 0.55 1"  # red, green, blue, opacity
+
+
+def urdf_of(vehicle: Vehicle, prefix: str = "") -> str:
+    """Return the URDF of a vehicle; `prefix` stands before the names of its links, as before those of its frames."""
+    robot = Element("robot", name=vehicle.name)
+    base = f"{prefix}base_link"
+    robot.append(_hull(vehicle, base))
+    for thruster in vehicle.thrusters:
+        _add_thruster(robot, thruster, base, prefix)
+    for fin in vehicle.fins:
+        _add_fin(robot, fin, base, prefix)
+    _add_water(robot, vehicle, base)
+    ElementTree.indent(robot)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
+
+
+def _hull(vehicle: Vehicle, name: str) -> Element:
+    link = Element("link", name=name)
+    inertial = _inside(link, "inertial")
+    _inside(inertial, "origin", xyz=_words(to_flu(vehicle.center_of_gravity)), rpy="0 0 0")
+    _inside(inertial, "mass", value=_word(vehicle.mass))
+    turned = square(to_flu_matrix(square(vehicle.inertia, 3)), 3)
+    places = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+    _inside(inertial, "inertia", **{f"i{key}": _word(turned[row][column]) for key, (row, column) in places.items()})
+    for mesh in vehicle.meshes:
+        link.append(_mesh(mesh))
+    if not vehicle.meshes:
+        _shape(link, "visual", "box", HULL, size=_words(vehicle.dimensions))
+    _shape(link, "collision", "box", size=_words(vehicle.dimensions))
+    return link
+
+
+def _mesh(mesh: Mesh) -> Element:
+    """Return a mesh; its orientation is that of its axes in FRD."""
+    roll, pitch, yaw = mesh.orientation
+    cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
+    xx, yx, zx, zy, zz = cy * cp, -sy * cp, sp, -cp * sr, -cp * cr  # the two lower rows with the other sign: in FLU
+    angles = atan2(zy, zz), asin(max(-1.0, min(1.0, -zx))), atan2(yx, xx)
+    visual = Element("visual")
+    _inside(visual, "origin", xyz=_words(to_flu(mesh.position)), rpy=_words(angles))
+    file = mesh.file if "://" in mesh.file else f"file://{mesh.file}"
+    _inside(_inside(visual, "geometry"), "mesh", filename=file, scale=_words(mesh.scale))
+    return visual
+
+
+def _add_thruster(robot: Element, thruster: Thruster, base: str, prefix: str) -> None:
+    """Add a thruster's link, which turns about its own x axis, the direction of its thrust."""
+    axis = to_flu(thruster.unit_direction)
+    link = _part(robot, f"{prefix}{thruster.name}_link")
+    length, radius = PROPELLER[0], 0.5 * thruster.diameter if thruster.diameter else PROPELLER[1]
+    visual = _shape(link, "visual", "cylinder", THRUSTER, radius=_word(radius), length=_word(length))
+    _inside(visual, "origin", xyz="0 0 0", rpy=_words((0.0, acos(0.0), 0.0)))  # a cylinder's axis is z
+    joint = _joint(robot, thruster.name, "continuous", base, link.get("name", ""))
+    turn = 0.0, asin(max(-1.0, min(1.0, -axis[2]))), atan2(axis[1], axis[0])
+    _inside(joint, "origin", xyz=_words(to_flu(thruster.position)), rpy=_words(turn))
+    _inside(joint, "axis", xyz="1 0 0")
+    plugin = _inside(
+        _inside(robot, "gazebo"), "plugin", name="gz::sim::systems::Thruster", filename="gz-sim-thruster-system"
+    )
+    _inside(plugin, "joint_name").text = thruster.name
+    _inside(plugin, "max_thrust_cmd").text = _word(thruster.max_forward)
+    _inside(plugin, "min_thrust_cmd").text = _word(-thruster.max_reverse)
+    if thruster.time_constant:
+        _inside(_inside(plugin, "dynamics"), "timeConstant").text = _word(thruster.time_constant)
+
+
+def _add_fin(robot: Element, fin: Fin, base: str, prefix: str) -> None:
+    """Add a fin's link, which turns about its axis as a positive deflection does; a square plate of its area."""
+    link = _part(robot, f"{prefix}{fin.name}_link")
+    chord, normal = (to_flu(vector) for vector in fin.frame)
+    axis = [component / hypot(*fin.axis) for component in to_flu(fin.axis)]
+    chord_m = max(fin.area, LEAST_AREA) ** 0.5 if not fin.aspect_ratio else (fin.area / fin.aspect_ratio) ** 0.5
+    size = _words((chord_m, fin.area / chord_m, FIN_THICKNESS))
+    visual = _shape(link, "visual", "box", FIN, size=size)
+    _inside(visual, "origin", xyz="0 0 0", rpy=_words(_angles(chord, axis, [-x for x in normal])))
+    joint = _joint(robot, fin.name, "revolute", base, link.get("name", ""))
+    _inside(joint, "origin", xyz=_words(to_flu(fin.position)), rpy="0 0 0")
+    _inside(joint, "axis", xyz=_words(axis))
+    limit = _word(fin.max_deflection)
+    _inside(joint, "limit", lower=f"-{limit}", upper=limit, effort=_word(EFFORT), velocity=_word(fin.rate or RATE))
+
+
+def _add_water(robot: Element, vehicle: Vehicle, base: str) -> None:
+    """Add volume, box, added mass and damping, by the tags of uuv_simulator; damping brakes where it is negative."""
+    plugin = _inside(
+        _inside(robot, "gazebo"), "plugin", name="uuv_plugin", filename="libuuv_underwater_object_ros_plugin.so"
+    )
+    link = _inside(plugin, "link", name=base)
+    _inside(link, "neutrally_buoyant").text = str(int(vehicle.neutrally_buoyant))
+    _inside(link, "volume").text = _word(vehicle.volume)
+    _inside(link, "center_of_buoyancy").text = _words(to_flu(vehicle.center_of_buoyancy))
+    box = _inside(link, "box")
+    for side, size in zip(("length", "width", "height"), vehicle.dimensions, strict=True):
+        _inside(box, side).text = _word(size)
+    model = _inside(link, "hydrodynamic_model")
+    _inside(model, "type").text = "fossen"
+    for key, sign in (("added_mass", 1.0), ("linear_damping", -1.0), ("quadratic_damping", -1.0)):
+        turned = square(to_flu_matrix(square(getattr(vehicle, key), 6)), 6)
+        _inside(model, key).text = _words([sign * x for row in turned for x in row])
+
+
+def _part(robot: Element, name: str) -> Element:
+    """Add a link without mass, which is the hull's."""
+    return _inside(robot, "link", name=name)
+
+
+def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Element:
+    joint = _inside(robot, "joint", name=name, type=kind)
+    _inside(joint, "parent", link=parent)
+    _inside(joint, "child", link=child)
+    return joint
+
+
+def _shape(link: Element, what: str, kind: str, colour: str = "", **sizes: str) -> Element:
+    shape = _inside(link, what)
+    _inside(_inside(shape, "geometry"), kind, **sizes)
+    if colour:
+        _inside(_inside(shape, "material", name=f"colour {colour}"), "color", rgba=colour)
+    return shape
+
+
+def _inside(parent: Element, tag: str, **attributes: str) -> Element:
+    return ElementTree.SubElement(parent, tag, attributes)
+
+
+def _angles(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw of three axes, unit vectors at right angles to each other."""
+    columns: Matrix = [list(x), list(y), list(z)]
+    return (
+        atan2(columns[1][2], columns[2][2]),
+        asin(max(-1.0, min(1.0, -columns[0][2]))),
+        atan2(columns[0][1], columns[0][0]),
+    )
+
+
+def _words(numbers: Sequence[float]) -> str:
+    return " ".join(map(_word, numbers))
+
+
+def _word(number: float) -> str:
+    return repr(float(number) + 0.0)

@@ -1,0 +1,134 @@
+"""What a slave describes itself with, and how it is commanded, by the topics that tools of ROS 2 use."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.client.client import VehicleClient
+from hil.common.clock import now_ns, to_wall_ns
+from hil.network.roles import open_master_session
+from hil.network.services import call
+from hil.network.session import Session
+from hil.ros import message as ros_message
+from hil.ros.graph import Node
+from hil.ros.topics import DESCRIPTIONS, TOPICS, Topic
+from tests.support.processes import Program, wait_for, write_scenario
+
+
+@pytest.fixture(scope="module")
+def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Program, str]]:
+    folder = tmp_path_factory.mktemp("described")
+    scenario, port = write_scenario(folder)
+    with Program(folder, "slave", scenario) as program:
+        program.expect("ready")
+        yield program, f"tcp/127.0.0.1:{port}"
+
+
+class Listener:
+    """A node that subscribes to a topic as rmw_zenoh does: token and advanced subscriber."""
+
+    def __init__(self, session: Session, topic: Topic) -> None:
+        self.received: list[Any] = []
+        name = topic.full_name("uuv1")
+        Node(session, f"listener_{topic.name.strip('/')}").subscribes(topic, "uuv1")
+        session.subscribe_keys(f"0{name}/*/*", self._deliver, 10, topic.qos.latched)
+        self._type = topic.type
+
+    def _deliver(self, _key: str, payload: bytes, _attachment: bytes) -> None:
+        self.received.append(ros_message.decode(self._type, payload))
+
+    def first(self) -> Any:
+        return wait_for(lambda: self.received[0] if self.received else None)
+
+
+@pytest.mark.parametrize("name", DESCRIPTIONS)
+def test_a_description_comes_to_the_first_who_subscribes_and_to_a_late_one(
+    slave: tuple[Program, str], name: str
+) -> None:
+    program, endpoint = slave
+    for _ in range(2):
+        with open_master_session(endpoint) as session:
+            message = Listener(session, TOPICS[name]).first()
+            assert message, program.output
+            if name == "robot_description":
+                assert '<joint name="front_right" type="continuous">' in message["data"]
+            elif name == "map":
+                assert set(message["data"]) <= {0, 100}
+                assert len(message["data"]) == message["info"]["width"] * message["info"]["height"]
+            else:
+                assert message == {"markers": []}  # the pool is empty
+
+
+def test_a_master_that_subscribes_to_all_topics_has_nothing_made(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    with Program(tmp_path, "slave", scenario) as program:
+        program.expect("ready")
+        with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
+            assert wait_for(lambda: client.latest.get("odom"))
+            assert not set(DESCRIPTIONS) & set(client.latest)
+            assert client.malformed == 0
+
+
+def test_diagnostics_come_on_the_topic_where_tools_look(slave: tuple[Program, str]) -> None:
+    with open_master_session(slave[1]) as session:
+        message = Listener(session, TOPICS["/diagnostics"]).first()
+    (status,) = message["status"]
+    assert status["name"] == "uuv1: slave"
+    assert {"loop_rate_hz", "commands_received"} <= {pair["key"] for pair in status["values"]}
+
+
+def test_a_parameter_that_is_set_is_an_event(slave: tuple[Program, str]) -> None:
+    with open_master_session(slave[1]) as session:
+        listener = Listener(session, TOPICS["/parameter_events"])
+        value = {"type": 3, "double_value": 2.5}
+        parameter = {"name": "gains.surge.p", "value": value}
+        answer = call(
+            session, "/uuv1/set_parameters", "rcl_interfaces/srv/SetParameters", {"parameters": [parameter]}, 20.0
+        )
+        assert answer["results"][0]["successful"]
+        event = listener.first()
+    assert event["node"] == "/uuv1"
+    (changed,) = event["changed_parameters"]
+    assert (changed["name"], changed["value"]["double_value"]) == ("gains.surge.p", 2.5)
+    assert not event["new_parameters"]
+    assert not event["deleted_parameters"]
+
+
+def test_a_stamped_velocity_drives_the_vehicle(slave: tuple[Program, str]) -> None:
+    twist = {"linear": {"x": 0.4}, "angular": {}}
+    topic = TOPICS["cmd_vel_stamped"]
+    with open_master_session(slave[1]) as session:
+        truth = Listener(session, TOPICS["ground_truth"])
+        publisher = session.publisher("uuv1", topic)
+        payload = ros_message.encode(topic.type, {"header": {"frame_id": "base_link"}, "twist": twist})
+
+        def speed() -> bool:
+            publisher.put(payload, to_wall_ns(now_ns()))
+            time.sleep(0.04)
+            return bool(truth.received) and truth.received[-1]["twist"]["twist"]["linear"]["x"] > 0.3
+
+        assert wait_for(speed)
+
+
+def test_a_stamped_velocity_on_the_plain_topic_is_malformed(slave: tuple[Program, str]) -> None:
+    """Its first numbers are a time: as velocities they would be nonsense."""
+    topic = TOPICS["cmd_vel_stamped"]._replace(name="cmd_vel")
+    with open_master_session(slave[1]) as session:
+        health = Listener(session, TOPICS["diagnostics"])
+        publisher = session.publisher("uuv1", topic)
+        payload = ros_message.encode(topic.type, {"twist": {"linear": {"x": 0.4}}})
+
+        def malformed() -> bool:
+            publisher.put(payload, to_wall_ns(now_ns()))
+            time.sleep(0.04)
+            pairs = (
+                {pair["key"]: pair["value"] for pair in health.received[-1]["status"][0]["values"]}
+                if health.received
+                else {}
+            )
+            return int(pairs.get("commands_malformed", 0)) > 0
+
+        assert wait_for(malformed)

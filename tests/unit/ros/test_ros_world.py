@@ -1,0 +1,66 @@
+"""A world as map and markers, held against the codec that others wrote, and against the planner's own map."""
+
+import pickle
+from math import pi
+from typing import Any
+
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from hil.ros.topics import DESCRIPTIONS
+from hil.ros.world import GridMap, encode_map, encode_obstacles
+from hil.scenario.config import load_scenario
+from hil.scenario.world_map import known_map
+from hil.slave.ros.describe import MAKERS
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+def theirs(payload: bytes, kind: str) -> Any:
+    return STORE.deserialize_cdr(payload, kind)
+
+
+def test_a_map_is_rows_from_the_south_and_columns_from_the_west() -> None:
+    payload = encode_map(3 * 10**9 + 5, GridMap(bytes([0, 1, 0, 0, 0, 1]), 3, 0.5, south=-2.0, west=7.0))
+    grid = theirs(payload, "nav_msgs/msg/OccupancyGrid")
+    assert (grid.header.frame_id, grid.header.stamp.sec, grid.header.stamp.nanosec) == ("map", 3, 5)
+    assert (grid.info.width, grid.info.height, grid.info.resolution) == (3, 2, 0.5)
+    origin = grid.info.origin
+    assert (origin.position.x, origin.position.y, origin.orientation.w) == (7.0, -2.0, 1.0)
+    assert grid.data.tolist() == [0, 100, 0, 0, 0, 100]
+
+
+def test_obstacles_stand_from_their_top_to_the_seabed_and_hidden_ones_are_left_out() -> None:
+    world = load_world("pool")._replace(
+        cylinder=(Cylinder(2.0, 3.0, 0.5, top=1.0, name="post"), Cylinder(1.0, 1.0, 0.5, hidden=True)),
+        box=(Box(4.0, 5.0, 2.0, 1.0, heading=pi / 2),),
+    )
+    markers = theirs(encode_obstacles(1, world), "visualization_msgs/msg/MarkerArray").markers
+    assert [(marker.type, marker.ns, marker.id, marker.action) for marker in markers] == [
+        (3, "obstacles", 0, 0),
+        (1, "obstacles", 1, 0),
+    ]
+    post, block = markers
+    bottom = world.seabed(2.0, 3.0)
+    assert (post.pose.position.x, post.pose.position.y) == (3.0, 2.0)
+    assert post.pose.position.z == pytest.approx(-0.5 * (bottom + 1.0))
+    assert (post.scale.x, post.scale.z, post.text) == (1.0, pytest.approx(bottom - 1.0), "post")
+    assert (block.scale.x, block.scale.y) == (1.0, 2.0)  # east, north, before it is turned
+    assert block.pose.orientation.z == pytest.approx(-(0.5**0.5))  # a compass heading is clockwise
+    assert post.color.a > 0.0
+
+
+def test_each_description_is_made_of_a_scenario_as_the_process_gets_it() -> None:
+    scenario = pickle.loads(pickle.dumps(load_scenario("paper_field")))
+    assert set(MAKERS) == set(DESCRIPTIONS)
+    text = theirs(MAKERS["robot_description"](scenario), "std_msgs/msg/String").data
+    assert text.startswith("<?xml")
+    assert '<link name="base_link">' in text
+    grid = theirs(MAKERS["map"](scenario), "nav_msgs/msg/OccupancyGrid")
+    planner = known_map(scenario.master, load_vehicle(scenario.vehicle)[0], load_world(scenario.world))
+    assert ((grid.data == 100).reshape(grid.info.height, grid.info.width) == planner.cells).all()
+    assert planner.cells.any()
+    assert theirs(MAKERS["obstacles"](scenario), "visualization_msgs/msg/MarkerArray").markers

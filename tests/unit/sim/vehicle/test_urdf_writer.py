@@ -1,0 +1,86 @@
+"""What is written as URDF is read by others' parsers, and comes back through our own importer."""
+
+import io
+from math import cos, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yourdfpy
+from urdf_parser_py.urdf import URDF
+
+from hil.common.schema import preset_names
+from sim.vehicle.meshes import Mesh
+from sim.vehicle.urdf.importer import read_urdf
+from sim.vehicle.urdf.writer import urdf_of
+from sim.vehicle.vehicle import Vehicle, load_vehicle
+
+PRESETS = preset_names("sim/vehicles")
+SAME = (
+    "mass", "volume", "dimensions", "inertia", "center_of_gravity", "center_of_buoyancy", "added_mass",
+    "linear_damping", "quadratic_damping", "neutrally_buoyant",
+)  # fmt: skip
+
+
+def imported(vehicle: Vehicle, prefix: str = "") -> Vehicle:
+    return read_urdf("written.urdf", {}, urdf_of(vehicle, prefix).encode())[0]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("prefix", ["", "uuv1/"])
+def test_our_importer_finds_the_same_vehicle(name: str, prefix: str) -> None:
+    vehicle, _ = load_vehicle(name)
+    back = imported(vehicle, prefix)
+    assert {key: getattr(back, key) for key in SAME} == {key: getattr(vehicle, key) for key in SAME}
+    for ours, theirs in zip(vehicle.thrusters, back.thrusters, strict=True):
+        assert (theirs.name, theirs.position) == (ours.name, ours.position)
+        assert theirs.unit_direction == pytest.approx(ours.unit_direction, abs=1e-12)
+        limits = ours.max_forward, ours.max_reverse, ours.time_constant
+        assert (theirs.max_forward, theirs.max_reverse, theirs.time_constant) == limits
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_parsers_of_others_read_it(name: str) -> None:
+    vehicle, _ = load_vehicle(name)
+    text = urdf_of(vehicle, "uuv1/").encode()
+    parts = [thruster.name for thruster in vehicle.thrusters] + [fin.name for fin in vehicle.fins]
+    links = {"uuv1/base_link", *[f"uuv1/{part}_link" for part in parts]}
+    theirs = yourdfpy.URDF.load(io.BytesIO(text), load_meshes=False)
+    assert theirs.validate()
+    assert set(theirs.link_map) == links
+    assert set(theirs.joint_map) == set(parts)
+    assert {link.name for link in URDF.from_xml_string(text).links} == links
+
+
+def test_a_thruster_pushes_along_its_x_axis_and_a_fin_turns_as_its_deflection_says() -> None:
+    vehicle, _ = load_vehicle("remus100")
+    theirs = yourdfpy.URDF.load(io.BytesIO(urdf_of(vehicle).encode()), load_meshes=False)
+    propeller = theirs.get_transform("propeller_link", "base_link")
+    assert propeller[:3, 0] == pytest.approx([1.0, 0.0, 0.0])
+    rudder = next(fin for fin in vehicle.fins if fin.name == "rudder")
+    theirs.update_cfg({"rudder": 0.2})
+    chord, normal = (np.array([x, -y, -z]) for x, y, z in rudder.frame)  # to FLU
+    turned = theirs.get_transform("rudder_link", "base_link")[:3, :3] @ chord
+    assert turned == pytest.approx(cos(0.2) * chord + sin(0.2) * normal)
+
+
+def test_inertia_of_all_nine_numbers_turns_its_axes() -> None:
+    vehicle = load_vehicle("paper_six")[0]._replace(inertia=(0.2, 0.01, -0.02, 0.01, 0.3, 0.03, -0.02, 0.03, 0.4))
+    assert imported(vehicle).inertia == vehicle.inertia
+    tensor = URDF.from_xml_string(urdf_of(vehicle).encode()).links[0].inertial.inertia
+    assert (tensor.ixy, tensor.ixz, tensor.iyz) == (-0.01, 0.02, 0.03)  # products with x change their sign
+
+
+def test_a_mesh_keeps_its_place_and_orientation(tmp_path: Path) -> None:
+    mesh = Mesh(str(tmp_path / "hull.stl"), (0.1, 0.2, 0.3), (0.4, -0.5, 2.6), (0.001, 0.001, 0.002))
+    (back,) = imported(load_vehicle("paper_six")[0]._replace(meshes=(mesh,))).meshes
+    assert (back.file, back.position, back.scale) == (mesh.file, mesh.position, mesh.scale)
+    assert back.orientation == pytest.approx(mesh.orientation)
+
+
+def test_names_that_xml_would_take_for_tags_are_escaped() -> None:
+    vehicle = load_vehicle("paper_six")[0]
+    thruster = vehicle.thrusters[0]._replace(name='<a> & "b"', direction=(0.0, 0.0, 2.0))
+    back = imported(vehicle._replace(name="<&>", thrusters=(thruster,)))
+    assert (back.name, back.thrusters[0].name) == ("<&>", '<a> & "b"')
+    assert back.thrusters[0].unit_direction == pytest.approx((0.0, 0.0, 1.0))
