@@ -11,7 +11,6 @@ import select
 import signal
 import subprocess
 import sys
-import time
 from typing import Any
 
 from hil.bench.limits import Confinement, Limits
@@ -27,7 +26,6 @@ from hil.ros.diagnostics import Diagnostics
 from hil.scenario.config import Scenario, load_scenario, load_single
 
 GRACE_S = 10.0  # that a process may take to end
-REFUSED_NS = 3 * NS_PER_S  # that a refusal lasts before it is believed
 READY_S = 60.0  # that a slave may take to start: a small board, emulated
 ONE_VEHICLE = (
     "and a benchmark is of one vehicle: take another scenario; `uuv-hil bench load --vehicles 2` measures several on "
@@ -273,11 +271,7 @@ def await_vehicle(client: VehicleClient, slave: Process | None = None, seconds: 
         if now_ns() > deadline:
             missing = f"no vehicle {client.node!r} answered at {client.endpoint} within {seconds:g} s"
             raise NetworkError(f"{missing}; {f'the slave {slave.ending}' if slave else _why_silent(client)}")
-    refused_until = now_ns() + REFUSED_NS
-    while refusal := client.refusal():  # a busy slave may not have let go of a master that just ended
-        if now_ns() > refused_until:
-            raise NetworkError(refusal)
-        time.sleep(0.05)
+    client.require_acceptance(client.refusal)  # whatever drives its thrusters, armed or not
 
 
 def _why_silent(client: VehicleClient) -> str:

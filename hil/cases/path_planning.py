@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.autonomy.paths.occupancy import Point
 from hil.cases.record import Run
-from hil.cases.single import SingleCase, shortest
+from hil.cases.single import SingleCase, random_start, shortest
 from hil.cases.variant import Table
 from hil.common.errors import ConfigError
 from hil.master.flight import Plan, prepare
@@ -16,8 +16,6 @@ from hil.master.planner import Planner
 from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import World
 
-START_SPREAD_M = 1.0
-HEADING_SPREAD = pi / 3.0  # rad
 PILES = 5  # that no map shows
 PILE_RADIUS_M = (0.3, 0.9)
 GAP_M = 2.2  # left between a pile and whatever else stands there
@@ -43,13 +41,7 @@ class PathPlanning(SingleCase):
         """Return the start, by up to a metre, and the heading, by up to 60 degrees."""
         if seed == 1:
             return {}, {}
-        random = Random(f"path_planning/{seed}")
-        changes = {
-            "start.north": random.uniform(-START_SPREAD_M, START_SPREAD_M),
-            "start.east": random.uniform(-START_SPREAD_M, START_SPREAD_M),
-            "start.heading": pi / 4.0 + random.uniform(-HEADING_SPREAD, HEADING_SPREAD),
-        }
-        return changes, {}
+        return random_start(f"path_planning/{seed}", pi / 4.0, pi / 3.0), {}
 
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
         """Return the shortest path from start to goal past all obstacles, on the map or not."""

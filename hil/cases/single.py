@@ -5,6 +5,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import hypot, nan
+from random import Random
 from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
@@ -33,7 +34,18 @@ from sim.environment.world import World
 from sim.sensors.samples import OdometrySample
 from sim.vehicle.vehicle import Vehicle
 
+START_SPREAD_M = 1.0
 FINE_M = 0.1  # cells of the map that the shortest way is sought on
+
+
+def random_start(seed: str, heading: float, spread: float) -> dict[str, float]:
+    """Return a start up to 1 m north and east of the origin, its heading (rad) within `spread` rad of `heading`."""
+    random = Random(seed)
+    return {
+        "start.north": random.uniform(-START_SPREAD_M, START_SPREAD_M),
+        "start.east": random.uniform(-START_SPREAD_M, START_SPREAD_M),
+        "start.heading": heading + random.uniform(-spread, spread),
+    }
 
 
 class Measured(NamedTuple):

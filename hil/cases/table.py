@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isfinite
 from statistics import fmean, stdev
 from typing import Any
@@ -89,13 +89,17 @@ def markdown(rows: Sequence[Sequence[str]]) -> str:
 
 def write_csv(path: str, results: Sequence[Result]) -> None:
     """A line a flight, extra figures as columns of their own. Raises ConfigError if it cannot be written."""
-    flat = [_flat(result) for result in results]
-    columns = list(dict.fromkeys(key for row in flat for key in row))
+    write_rows(path, [_flat(result) for result in results])
+
+
+def write_rows(path: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows by column as CSV; what a row lacks is left empty. Raises ConfigError if it cannot be written."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
     try:
         with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, columns, restval="")
+            writer = csv.DictWriter(file, columns)
             writer.writeheader()
-            writer.writerows(flat)
+            writer.writerows(rows)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 

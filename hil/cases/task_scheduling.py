@@ -3,21 +3,17 @@
 from collections.abc import Mapping, Sequence
 from itertools import pairwise, permutations
 from math import pi
-from random import Random
 from typing import Any
 
 from hil.autonomy.paths.occupancy import Point
 from hil.autonomy.tasks.scheduler import Mission
 from hil.cases.record import Run
-from hil.cases.single import SingleCase, shortest
+from hil.cases.single import SingleCase, random_start, shortest
 from hil.cases.variant import Table
 from hil.master.flight import Plan
 from hil.master.planner import Planner
 from hil.master.tasks import Tasks
 from hil.scenario.config import Scenario
-
-START_SPREAD_M = 1.0
-HEADING_SPREAD = pi  # rad
 
 
 class TaskScheduling(SingleCase):
@@ -39,13 +35,7 @@ class TaskScheduling(SingleCase):
         """Return the start, by up to a metre, and the heading, any."""
         if seed == 1:
             return {}, {}
-        random = Random(f"task_scheduling/{seed}")
-        changes = {
-            "start.north": random.uniform(-START_SPREAD_M, START_SPREAD_M),
-            "start.east": random.uniform(-START_SPREAD_M, START_SPREAD_M),
-            "start.heading": random.uniform(-HEADING_SPREAD, HEADING_SPREAD),
-        }
-        return changes, {}
+        return random_start(f"task_scheduling/{seed}", 0.0, pi), {}
 
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
         """Return the length (m) of the shortest order of the tasks in which each has what it needs.

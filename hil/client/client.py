@@ -1,6 +1,7 @@
 """Connect a planner to one vehicle: receive its newest samples, send it commands."""
 
 import threading
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -32,6 +33,8 @@ OWN = ("diagnostics", "trace")  # what a client listens to for itself
 CLOCK_WAIT_S = 0.3  # that the last state of a vehicle may wait until its age is known
 URGENT = ("trace",)  # what comes by the link of commands and answers, and says nothing of that of samples
 SOFTWARE_WITHIN_NS = 3 * NS_PER_S  # that software of a vehicle's own may take to drive it as we command
+REFUSED_NS = 3 * NS_PER_S  # that a refusal lasts before it is believed: at least two diagnostics come meanwhile
+POLL_S = 0.02
 HOLDS_ON = 2  # diagnostics in a row that name another master: it is not about to give way
 
 
@@ -251,6 +254,22 @@ class VehicleClient:
         if values.armed is False:
             return f"{self.node} is disarmed: uuv-hil topic call /{self.node}/arm '{{data: true}}'"
         return self.refusal()
+
+    def require_acceptance(
+        self, reason: Callable[[], str] | None = None, pause: Callable[[float], object] = time.sleep
+    ) -> None:
+        """Wait until the vehicle's diagnostics give no `reason` to refuse this client's commands.
+
+        `reason` is `unavailable_reason` by default. Raises NetworkError with its text once that has lasted for 3 s, as
+        the master that the vehicle named may have just left; at once when this client has commanded before. `pause`
+        waits for so many seconds; what it raises ends the wait.
+        """
+        reason = reason or self.unavailable_reason
+        deadline = now_ns() + (0 if self.has_commanded else REFUSED_NS)
+        while (reason() or self.in_doubt or not self.diagnostics()) and now_ns() < deadline:
+            pause(POLL_S)
+        if text := reason():
+            raise NetworkError(text)
 
     def _lack_of_software(self) -> str:
         """Return why no software of a vehicle's own answers here, "" if it may.

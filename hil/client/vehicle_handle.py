@@ -28,8 +28,6 @@ from hil.ros.frames import encode_wrench
 
 PERIOD_S = 0.05  # of repeating what the vehicle has been told; its deadman waits for ten of these
 GIVE_UP_AFTER_S = 10.0  # of a vehicle's silence
-REPORTED_WITHIN_S = 2.3  # that the slave's next two figures of health are sure to come
-POLL_S = 0.02
 MOST_SPEED = 20.0  # m/s and rad/s
 FAR = 1.0  # m: from there on a vehicle goes to a place bow first
 
@@ -183,9 +181,7 @@ class Vehicle(VehicleState):
         if self._part == "observer":
             raise NetworkError(f"{self.name} is only observed here; connect without observe=True to command it")
         self._require_presence()
-        reason = self._lasting_reason()
-        if reason:
-            raise NetworkError(reason)
+        self.client.require_acceptance(pause=self._pause)
         with self._turn:
             self._replace(new)
             self._step()
@@ -193,14 +189,9 @@ class Vehicle(VehicleState):
                 self._repeater.start()
         return new
 
-    def _lasting_reason(self) -> str:
-        """Return why it refuses commands, once that has lasted: the master that it named may have just left."""
-        client = self.client
-        deadline = time.monotonic() + (0.0 if client.has_commanded else REPORTED_WITHIN_S)
-        while (client.refusal() or client.in_doubt or not client.diagnostics()) and time.monotonic() < deadline:
-            self._require_presence()
-            time.sleep(POLL_S)
-        return client.unavailable_reason()
+    def _pause(self, seconds: float) -> None:
+        self._require_presence()
+        time.sleep(seconds)
 
     def _replace(self, new: Action | None) -> None:
         if self._maneuver:

@@ -3,7 +3,7 @@
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
 from hil.autopilots.opening import settings_of
 from hil.common.errors import ConfigError, DeviceError
-from hil.common.options import Number, add_changes, changes_of, new_parser
+from hil.common.options import Number, add_scenario, changes_of, new_parser
 from hil.scenario.config import AUTOPILOTS, Scenario, load_single
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -26,11 +26,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "what", choices=("motors", "link", "parameters"), metavar="ACTION", help="motors, link or parameters; see below"
     )
-    parser.add_argument("scenario", metavar="SCENARIO", help="a .toml file, or the name of an installed scenario")
+    add_scenario(parser, None)
     parser.add_argument(
         "--seconds", type=Number(1.0, 3600.0, "s"), default=10.0, metavar="S", help="simulated time of a link test [10]"
     )
-    add_changes(parser)
     options = parser.parse_args(arguments)
     scenario = load_single(options.scenario, changes_of(options))
     if scenario.controller not in AUTOPILOTS:

@@ -7,7 +7,7 @@ from typing import Any
 from hil.common.children import module_command
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, DeviceError
-from hil.common.options import add_changes, add_json, changes_of, new_parser
+from hil.common.options import add_changes, add_json, add_scenario_name, changes_of, new_parser
 from hil.common.tables import read_bytes
 from hil.install import fleet
 from hil.scenario.config import load_scenario
@@ -29,7 +29,7 @@ def main(arguments: list[str]) -> int:
     """Start, show or stop a fleet; 3 if `status` finds one that does not run. Raises HilError."""
     parser = new_parser("fleet", __doc__, EXAMPLES)
     parser.add_argument("action", choices=("up", "status", "down"), help="start, show or stop the slaves")
-    parser.add_argument("scenario", metavar="SCENARIO", help="the fleet: a .toml file, or an installed scenario")
+    add_scenario_name(parser, of="the fleet: ")
     parser.add_argument("--on", metavar="NODE=HOST", action="append", default=[], help="up: where a member runs [here]")
     parser.add_argument("--ssh", metavar="COMMAND", default=fleet.SSH, help="up: how hosts are reached [%(default)s]")
     parser.add_argument("--program", metavar="PATH", default="uuv-hil", help="up: this command on hosts [%(default)s]")

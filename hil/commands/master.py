@@ -126,8 +126,7 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
     began = now_ns()
     is_reported = False
     while not (client.has_samples and client.diagnostics() and not client.in_doubt):
-        if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
-            raise KeyboardInterrupt
+        _pause(stop_fd, WAIT_STEP_S)
         waited = (now_ns() - began) / NS_PER_S
         if not is_reported and waited > min(ASK_AFTER_S, seconds):
             is_reported = True
@@ -139,12 +138,13 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
                 "`uuv-hil slave` running there, with --listen on an address this machine reaches, and the same "
                 "[slave] node?"
             )
-    began = now_ns()
-    while refusal := client.unavailable_reason():
-        if (now_ns() - began) / NS_PER_S > ASK_AFTER_S:  # what it said last may be from before
-            raise NetworkError(refusal)
-        if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
-            raise KeyboardInterrupt
+    client.require_acceptance(pause=lambda step: _pause(stop_fd, step))
+
+
+def _pause(stop_fd: int, seconds: float) -> None:
+    """Wait. Raises KeyboardInterrupt if `stop_fd` becomes readable."""
+    if select.select((stop_fd,), (), (), seconds)[0]:
+        raise KeyboardInterrupt
 
 
 def _why_silent(client: VehicleClient, scenario: Scenario) -> str:

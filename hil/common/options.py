@@ -146,12 +146,19 @@ def add_scenario(
     parser: argparse.ArgumentParser, default: str | None = "paper_field", *, optional: bool = False
 ) -> None:
     """Add SCENARIO, which the command flies or runs, and --set. Without a default it is required unless `optional`."""
+    add_scenario_name(parser, default, optional=optional)
+    add_changes(parser)
+
+
+def add_scenario_name(
+    parser: argparse.ArgumentParser, default: str | None = None, *, optional: bool = False, of: str = ""
+) -> None:
+    """Add SCENARIO alone; `of` begins its help. Without a default it is required unless `optional`."""
     usual = f" [{default}]" if default else ""
     parser.add_argument(
         "scenario", metavar="SCENARIO", nargs="?" if default or optional else None, default=default,
-        help=f"a .toml file, or the name of an installed scenario{usual}",
+        help=f"{of}a .toml file, or the name of an installed scenario{usual}",
     )  # fmt: skip
-    add_changes(parser)
 
 
 def add_output(parser: argparse.ArgumentParser, metavar: str, about: str, *, required: bool = False) -> None:

@@ -20,6 +20,7 @@ from aiohttp import ClientSession, WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from hil.common.errors import NetworkError
+from hil.common.stop import cancel_tasks
 
 COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
@@ -110,10 +111,7 @@ class Front:
             self._listener.close()
         if self._runner:
             await self._runner.cleanup()
-        rest = asyncio.all_tasks() - {asyncio.current_task()}  # of browsers that were still there
-        for task in rest:
-            task.cancel()
-        await asyncio.gather(*rest, return_exceptions=True)
+        await cancel_tasks()
 
     @web.middleware
     async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -1,6 +1,5 @@
 """`uuv-hil campaign`: run a mission many times in simulated time, with other seeds and parameters, on all cores."""
 
-import csv
 import itertools
 import math
 import statistics
@@ -9,6 +8,7 @@ from collections.abc import Sequence
 from contextlib import closing
 
 from hil.cases.simulated import fly
+from hil.cases.table import write_rows
 from hil.commands.campaign.engines import CLUSTERS, Changes, Row, Task, run_here, run_on_cluster
 from hil.commands.campaign.files import collect
 from hil.common.columns import aligned
@@ -69,7 +69,7 @@ def main(arguments: list[str]) -> int:
         )
     print(json_text(rows) if options.json else summary(rows, sets), flush=True)
     if options.output:
-        write_csv(options.output, rows)
+        write_rows(options.output, rows)
     return 0 if all(row["success"] for row in rows) else 6
 
 
@@ -123,18 +123,6 @@ def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backe
             line.show(f"{len(rows)}/{len(tasks)} runs, {left:.0f} s left")
     line.clear()
     return [rows[place] for place in range(len(tasks))]
-
-
-def write_csv(path: str, rows: list[Row]) -> None:
-    """A row a run. Raises ConfigError if the file cannot be written."""
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    try:
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, columns)
-            writer.writeheader()
-            writer.writerows(rows)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def summary(rows: list[Row], sets: list[Changes]) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import add_json, add_scenario, changes_of, new_parser
+from hil.common.options import add_json, add_scenario, add_scenario_name, changes_of, new_parser
 from hil.common.schema import find_preset, preset_names, shortened
 from hil.common.tables import read_bytes
 from hil.scenario.config import SCENARIOS, Scenario, load_scenario
@@ -45,7 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     listed = actions.add_parser("list", help="list the installed scenarios")
     add_json(listed)
     shown = actions.add_parser("show", help="print the file of one, with its comments")
-    shown.add_argument("scenario", metavar="SCENARIO", help="a .toml file, or the name of an installed scenario")
+    add_scenario_name(shown)
     new = actions.add_parser("new", help="copy an installed one to a file of your own")
     new.add_argument("file", metavar="FILE.toml", help="the new file")
     new.add_argument("--copy", metavar="NAME", default="paper_field", help="installed scenario to copy [%(default)s]")

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from aiohttp import web
 
 from hil.common.errors import NetworkError
+from hil.common.stop import cancel_tasks
 from hil.gateways.access import Access
 from hil.gateways.foxglove.client import Client
 from hil.gateways.foxglove.commanding import Commanding
@@ -117,10 +118,7 @@ class FoxgloveServer:
     async def _stop(self) -> None:
         if self._runner:
             await self._runner.cleanup()
-        rest = asyncio.all_tasks() - {asyncio.current_task()}  # of clients that were still there
-        for task in rest:
-            task.cancel()
-        await asyncio.gather(*rest, return_exceptions=True)
+        await cancel_tasks()
 
     async def _serve(self, request: web.Request) -> web.StreamResponse:
         """Serve one client until it goes."""

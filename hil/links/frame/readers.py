@@ -14,6 +14,7 @@ from hil.common.errors import ConfigError
 from hil.links.contract import Counters, Message
 from hil.links.frame.forms import Form, Seal
 from hil.links.frame.layout import BYTE_ORDERS, TYPES, FrameLayout, type_size
+from hil.links.search import find_frames
 
 MAX_FOREIGN_PAYLOAD = 255  # bytes; a longer frame of an unknown message is taken for noise
 
@@ -79,31 +80,23 @@ class SyncReader(Reader):
 
     def _search(self, buffer: bytes, messages: list[Message]) -> None:
         """Add the messages of the valid frames in `buffer`; store what may be the beginning of another."""
-        counters = self.counters
-        position = 0
-        while (start := self._find_sync(buffer, position)) < len(buffer):
-            form, size = self.frame_at(buffer, start)
-            if start + size > len(buffer):
-                behind = self._find_sound(buffer, start + 1)
-                if behind < 0:
-                    break
-                start = behind
-                form, size = self.frame_at(buffer, start)
-            counters.dropped_bytes += start - position
-            if size and self.seal.is_sound(buffer, start, size):
-                self.read_frame(form, buffer, start, messages)
-                position = start + size
-            else:
-                counters.checksum_errors += size > 0
-                counters.dropped_bytes += 1
-                position = start + 1  # not past it all: a frame may begin inside a damaged one
-        counters.dropped_bytes += start - position
-        self.unfinished = buffer[start:]
+        frames, rest = find_frames(self, buffer, self.counters)
+        for start, _ in frames:
+            self.read_frame(self._keys.form_at(buffer, start), buffer, start, messages)
+        self.unfinished = buffer[rest:]
 
     def frame_at(self, buffer: bytes, start: int) -> tuple[Form | None, int]:
         """Return form and size of the frame that begins at `start`, as far as is known; size 0: none begins there."""
         form = self._keys.form_at(buffer, start)
         return form, form.size if form else self._unknown_size(buffer, start)
+
+    def size_at(self, buffer: bytes, start: int) -> int:
+        """Return the size of the frame that begins at `start`, as far as is known; 0: none begins there."""
+        return self.frame_at(buffer, start)[1]
+
+    def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
+        """Return whether the checksum of the whole frame at `start` is right."""
+        return self.seal.is_sound(buffer, start, size)
 
     def unwrapped(self, data: bytes) -> bytes | None:
         """Return the bytes unchanged: there is no stuffing."""
@@ -113,7 +106,7 @@ class SyncReader(Reader):
         """Return the form by the frame's first bytes."""
         return self._keys.form_at(frame, 0)
 
-    def _find_sync(self, buffer: bytes, position: int) -> int:
+    def find_start(self, buffer: bytes, position: int) -> int:
         """Return where the next frame may begin: at a sync, or at a part of one that ends the buffer."""
         sync = self.sync
         index = buffer.find(sync, position)
@@ -137,15 +130,6 @@ class SyncReader(Reader):
             if 0 <= payload <= MAX_FOREIGN_PAYLOAD:
                 return self._header_end + payload + self.seal.size
         return 0
-
-    def _find_sound(self, buffer: bytes, position: int) -> int:
-        """Return where the first whole valid frame begins, or -1: one behind a cut frame need not wait for its end."""
-        while (start := self._find_sync(buffer, position)) < len(buffer):
-            _, size = self.frame_at(buffer, start)
-            if size and start + size <= len(buffer) and self.seal.is_sound(buffer, start, size):
-                return start
-            position = start + 1
-        return -1
 
 
 class _Keys:

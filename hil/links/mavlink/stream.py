@@ -19,6 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.links.contract import Counters
 from hil.links.mavlink import servos
 from hil.links.mavlink.servos import HEADER_SIZE, MARKER
+from hil.links.search import find_frames
 
 CRC_SIZE = 2
 SIGNED = 0x01  # the one incompatibility flag there is
@@ -131,60 +132,30 @@ class MavlinkStream:
     def _cut(self, data: bytes) -> list[bytes]:
         """Return the packets with a right checksum among the received bytes."""
         buffer = self._rest + data
-        counters = self._counters
-        packets = []
-        position = 0
-        while (start := _find_header(buffer, position)) < len(buffer):
-            size = _packet_size(buffer, start)
-            if start + size > len(buffer):
-                behind = _find_sound(buffer, start + 1)
-                if behind < 0:
-                    break
-                start, size = behind, _packet_size(buffer, behind)
-            counters.dropped_bytes += start - position
-            if _is_sound(buffer, start, size):
-                packets.append(buffer[start : start + size])
-                position = start + size
-            else:
-                counters.checksum_errors += 1
-                counters.dropped_bytes += 1
-                position = start + 1  # not past it all: a packet may begin inside a damaged one
-        counters.dropped_bytes += start - position
-        self._rest = buffer[start:]
-        return packets
+        packets, rest = find_frames(self, buffer, self._counters)
+        self._rest = buffer[rest:]
+        return [buffer[start:end] for start, end in packets]
 
+    def find_start(self, buffer: bytes, position: int) -> int:
+        """Return where the next header may begin, as far as is known; the buffer's length if nowhere."""
+        while (start := buffer.find(MARKER, position)) >= 0:
+            header = buffer[start : start + HEADER_SIZE]
+            flags_fit = len(header) < 3 or header[2] & ~SIGNED == 0
+            if flags_fit and (len(header) < HEADER_SIZE or int.from_bytes(header[7:], "little") in CRC_EXTRA):
+                return start
+            position = start + 1
+        return len(buffer)
 
-def _find_header(buffer: bytes, position: int) -> int:
-    """Return where the next header may begin, as far as is known; the buffer's length if nowhere."""
-    while (start := buffer.find(MARKER, position)) >= 0:
-        header = buffer[start : start + HEADER_SIZE]
-        flags_fit = len(header) < 3 or header[2] & ~SIGNED == 0
-        if flags_fit and (len(header) < HEADER_SIZE or int.from_bytes(header[7:], "little") in CRC_EXTRA):
-            return start
-        position = start + 1
-    return len(buffer)
+    def size_at(self, buffer: bytes, start: int) -> int:
+        """Return the size in bytes of the packet at `start`; of a partial header, a header's size."""
+        if len(buffer) - start < HEADER_SIZE:
+            return HEADER_SIZE
+        signature = SIGNATURE_SIZE if buffer[start + 2] & SIGNED else 0
+        return HEADER_SIZE + buffer[start + 1] + CRC_SIZE + signature
 
-
-def _packet_size(buffer: bytes, start: int) -> int:
-    """Return the size in bytes of the packet whose header begins at `start`; of a partial header, a header's size."""
-    if len(buffer) - start < HEADER_SIZE:
-        return HEADER_SIZE
-    signature = SIGNATURE_SIZE if buffer[start + 2] & SIGNED else 0
-    return HEADER_SIZE + buffer[start + 1] + CRC_SIZE + signature
-
-
-def _is_sound(buffer: bytes, start: int, size: int) -> bool:
-    message_id = int.from_bytes(buffer[start + 7 : start + 10], "little")
-    end = start + HEADER_SIZE + buffer[start + 1]
-    wanted = int.from_bytes(buffer[end : end + CRC_SIZE], "little")
-    return bool(dialect.x25crc(buffer[start + 1 : end] + CRC_EXTRA[message_id]).crc == wanted)
-
-
-def _find_sound(buffer: bytes, position: int) -> int:
-    """Return where the first whole packet with a right checksum begins, or -1; it need not wait for a cut one's end."""
-    while (start := _find_header(buffer, position)) < len(buffer):
-        size = _packet_size(buffer, start)
-        if start + size <= len(buffer) and _is_sound(buffer, start, size):
-            return start
-        position = start + 1
-    return -1
+    def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
+        """Return whether the checksum of the whole packet at `start` is right."""
+        message_id = int.from_bytes(buffer[start + 7 : start + 10], "little")
+        end = start + HEADER_SIZE + buffer[start + 1]
+        wanted = int.from_bytes(buffer[end : end + CRC_SIZE], "little")
+        return bool(dialect.x25crc(buffer[start + 1 : end] + CRC_EXTRA[message_id]).crc == wanted)

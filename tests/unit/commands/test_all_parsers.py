@@ -157,6 +157,16 @@ def test_one_definition_of_one_option() -> None:
     assert {option: where for option, where in places.items() if len(where) > 1} == {}
 
 
+def test_one_definition_of_the_scenario() -> None:
+    """SCENARIO, the argument of most commands, is defined in one place."""
+    found = [
+        path.relative_to(FOLDER.parent).as_posix()
+        for path in sorted(FOLDER.parent.rglob("*.py"))
+        for _ in re.findall(r'add_argument\(\s*"scenario"', path.read_text(encoding="utf-8"))
+    ]
+    assert found == ["common/options.py"]
+
+
 # Lists of values in a benchmark that measures every combination, where another command has one value.
 ALLOWED = {"--baud", "--protocol", "--stm32", "--connect"}
 

@@ -1,0 +1,80 @@
+"""A client waits before it believes that a vehicle refuses its commands, by a clock of the test's own."""
+
+import pytest
+
+from hil.client import client as module
+from hil.client.client import REFUSED_NS, VehicleClient
+from hil.common.clock import NS_PER_S
+from hil.common.errors import NetworkError
+from hil.ros.diagnostics import Diagnostics
+
+
+class Vehicle(VehicleClient):
+    """A client without a session, of a vehicle that refuses commands until `accepts_ns`."""
+
+    def __init__(self, accepts_ns: int, commanded: bool = False) -> None:
+        self.now = 0
+        self.accepts_ns = accepts_ns
+        self.commanded = commanded
+
+    @property
+    def has_commanded(self) -> bool:
+        return self.commanded
+
+    @property
+    def in_doubt(self) -> bool:
+        return False
+
+    def diagnostics(self) -> Diagnostics:
+        return Diagnostics({"armed": "true"})
+
+    def unavailable_reason(self) -> str:
+        return "" if self.now >= self.accepts_ns else "uuv1 obeys another master"
+
+    def pass_time(self, seconds: float) -> None:
+        self.now += round(seconds * NS_PER_S)
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> "type[Vehicle]":
+    vehicles: list[Vehicle] = []
+    monkeypatch.setattr(module, "now_ns", lambda: vehicles[-1].now)
+
+    class Started(Vehicle):
+        def __init__(self, accepts_ns: int, commanded: bool = False) -> None:
+            super().__init__(accepts_ns, commanded)
+            vehicles.append(self)
+
+    return Started
+
+
+def test_a_refusal_that_ends_soon_is_none(started: type[Vehicle]) -> None:
+    vehicle = started(REFUSED_NS - NS_PER_S)
+    vehicle.require_acceptance(pause=vehicle.pass_time)
+    assert REFUSED_NS - NS_PER_S <= vehicle.now < REFUSED_NS
+
+
+def test_a_refusal_that_lasts_is_raised_with_its_reason(started: type[Vehicle]) -> None:
+    vehicle = started(10 * REFUSED_NS)
+    with pytest.raises(NetworkError, match="obeys another master"):
+        vehicle.require_acceptance(pause=vehicle.pass_time)
+    assert REFUSED_NS <= vehicle.now < REFUSED_NS + NS_PER_S
+
+
+def test_a_client_that_has_commanded_is_refused_at_once(started: type[Vehicle]) -> None:
+    vehicle = started(10 * REFUSED_NS, commanded=True)
+    with pytest.raises(NetworkError):
+        vehicle.require_acceptance(pause=vehicle.pass_time)
+    assert vehicle.now == 0
+
+
+def test_another_reason_and_the_end_of_the_wait_by_what_the_pause_raises(started: type[Vehicle]) -> None:
+    vehicle = started(0)
+    with pytest.raises(NetworkError, match="of its own"):
+        vehicle.require_acceptance(lambda: "a reason of its own", vehicle.pass_time)
+
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        started(REFUSED_NS).require_acceptance(pause=interrupt)
