@@ -30,7 +30,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 RECIPE = os.path.join(HERE, "images", "uuv_hil_stm32f405.toml")
 
 CORE = ("board.c", "stream.c", "frame.c", "vesc.c", "firmware.c")
-MAVLINK, NO_MAVLINK = "mavlink.c", "without_mavlink.c"
+MAVLINK, NO_MAVLINK = ("mavlink.c", "mavlink_answers.c"), ("without_mavlink.c",)
 NATIVE = ("native/main.c", "native/pty.c")
 F405 = ("startup.c", "main.c", "clock.c", "parameters.c", "pwm.c", "uart.c", "can.c")
 
@@ -61,7 +61,7 @@ def compile_core(target: str, sources: list[str], compiler: list[str], mavlink: 
 
     Raises DeviceError with the compiler's first error; MissingExtraError if MAVLink is wanted without pymavlink.
     """
-    core = [_source(name) for name in (*CORE, MAVLINK if mavlink else NO_MAVLINK)]
+    core = [_source(name) for name in (*CORE, *(MAVLINK if mavlink else NO_MAVLINK))]
     with ScratchFolder("headers") as headers:
         if mavlink:
             mavlink_headers.make_headers(headers.path)

@@ -11,7 +11,7 @@ from tests.support.c_core import Script, Step, cut, damaged, pulses
 CHANNELS_OF_RC = 18
 DEVICE = (1, 1)
 # What the core knows; pymavlink's dialect knows more, and so finds packets where for the core is noise.
-KNOWN = (0, 1, 36, 70, 76, 77, 111)
+KNOWN = (0, 1, 20, 21, 22, 23, 36, 39, 40, 43, 44, 45, 47, 51, 70, 73, 76, 77, 110, 111)
 ODD_PARAMETERS = (
     0.0,
     1.0,
@@ -85,6 +85,31 @@ def unsupported(chance: random.Random) -> Any:
     return _command(chance, chance.choice((22, 183 + 256, 65535)), 0.0, 0.0)
 
 
+def question(chance: random.Random) -> Any:
+    """What a ground station asks of every vehicle, or says to one that has asked it."""
+    to, kind, seq = _target(chance), chance.randrange(3), chance.randrange(3)
+    name = chance.choice((b"SYSID_THISMAV", b"SYSID_THISMAV2", b"SYSID_THISMAV_AND", b"", b"OTHER"))
+    numbers = [float(chance.randrange(5)) for _ in range(7)]
+    return chance.choice((
+        lambda: dialect.MAVLink_param_request_list_message(*to),
+        lambda: dialect.MAVLink_param_request_read_message(*to, name, chance.choice((-1, 0, 1))),
+        lambda: dialect.MAVLink_param_set_message(*to, name, 9.0, 9),
+        lambda: dialect.MAVLink_mission_request_list_message(*to, kind),
+        lambda: dialect.MAVLink_mission_request_message(*to, seq, kind),
+        lambda: dialect.MAVLink_mission_request_int_message(*to, seq, kind),
+        lambda: dialect.MAVLink_mission_count_message(*to, chance.choice((0, 3)), kind),
+        lambda: dialect.MAVLink_mission_clear_all_message(*to, kind),
+        lambda: dialect.MAVLink_mission_item_message(*to, seq, 3, 16, 0, 1, *numbers, kind),
+        lambda: dialect.MAVLink_mission_item_int_message(*to, seq, 3, 16, 0, 1, *numbers[:4], 1, 2, 3.0, kind),
+        lambda: dialect.MAVLink_file_transfer_protocol_message(0, *to, _file_request(chance)),
+    ))()  # fmt: skip
+
+
+def _file_request(chance: random.Random) -> list[int]:
+    head = [*chance.choice(((5, 0), (255, 0), (255, 255))), chance.randrange(3), chance.choice((0, 1, 4, 15, 128, 129))]
+    return list(bytes((*head, *chance.randbytes(chance.choice((0, 8, 247))))).ljust(251, b"\0"))
+
+
 def _mostly(chance: random.Random, ordinary: float, odd: tuple[float, ...]) -> float:
     return ordinary if chance.random() < 0.6 else chance.choice(odd)
 
@@ -99,6 +124,7 @@ def _command(chance: random.Random, command: int, first: float, second: float) -
 
 SPOKEN: tuple[Callable[[random.Random], Any], ...] = (
     *[servo_output_raw] * 6, *[rc_channels_override] * 2, *[arm_disarm] * 3, *[set_servo] * 3, timesync, unsupported,
+    *[question] * 3,
 )  # fmt: skip
 
 

@@ -1,0 +1,197 @@
+/* What a ground station asks of every vehicle: a part of hil/links/mavlink/ground_station.py. */
+
+#include "mavlink_messages.h"
+
+#define PARAMETER "SYSID_THISMAV"
+#define FTP_REQUEST_CODE 3 /* places in the payload of FILE_TRANSFER_PROTOCOL */
+#define FTP_OFFSET 8
+#define FTP_DATA 12
+#define FTP_ACK 128
+#define FTP_NAK 129
+#define FTP_UNKNOWN_COMMAND 7
+
+/* What was received is decoded as a whole: bytes that a packet leaves out at its end are zeros only there. */
+typedef struct {
+    const mavlink_message_t *packet;
+    mavlink_status_t *numbered;
+    mavlink_message_t *answer;
+} Question;
+
+static bool send_parameter(const Question *question)
+{
+    mavlink_param_value_t value = {
+        .param_value = (float)UUV_HIL_MAVLINK_SYSTEM,
+        .param_type = MAV_PARAM_TYPE_INT16,
+        .param_count = 1,
+    };
+    memcpy(value.param_id, PARAMETER, sizeof PARAMETER);
+    mavlink_msg_param_value_encode_status(UUV_HIL_MAVLINK_SYSTEM, UUV_HIL_MAVLINK_COMPONENT, question->numbered,
+                                          question->answer, &value);
+    return true;
+}
+
+/* The rest of the field behind a name is zeros. */
+static bool is_parameter(const char *name)
+{
+    for (size_t i = 0; i < sizeof PARAMETER; i++)
+        if (name[i] != PARAMETER[i])
+            return false;
+    return true;
+}
+
+static bool list_parameters(const Question *question)
+{
+    mavlink_param_request_list_t asked;
+    mavlink_msg_param_request_list_decode(question->packet, &asked);
+    return uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component) && send_parameter(question);
+}
+
+static bool read_parameter(const Question *question)
+{
+    mavlink_param_request_read_t asked;
+    mavlink_msg_param_request_read_decode(question->packet, &asked);
+    return uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component)
+           && (asked.param_index == 0 || is_parameter(asked.param_id)) && send_parameter(question);
+}
+
+/* It cannot be changed: the answer says what it is. */
+static bool set_parameter(const Question *question)
+{
+    mavlink_param_set_t asked;
+    mavlink_msg_param_set_decode(question->packet, &asked);
+    return uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component) && is_parameter(asked.param_id)
+           && send_parameter(question);
+}
+
+static bool list_mission(const Question *question)
+{
+    mavlink_mission_request_list_t asked;
+    mavlink_msg_mission_request_list_decode(question->packet, &asked);
+    if (!uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component))
+        return false;
+    const mavlink_mission_count_t count = {
+        .target_system = question->packet->sysid,
+        .target_component = question->packet->compid,
+        .mission_type = asked.mission_type,
+    };
+    mavlink_msg_mission_count_encode_status(UUV_HIL_MAVLINK_SYSTEM, UUV_HIL_MAVLINK_COMPONENT, question->numbered,
+                                            question->answer, &count);
+    return true;
+}
+
+static bool acknowledge(const Question *question, uint8_t system, uint8_t component, uint8_t mission_type,
+                        uint8_t result)
+{
+    if (!uuv_hil_mavlink_is_for_us(system, component))
+        return false;
+    const mavlink_mission_ack_t ack = {
+        .target_system = question->packet->sysid,
+        .target_component = question->packet->compid,
+        .type = result,
+        .mission_type = mission_type,
+    };
+    mavlink_msg_mission_ack_encode_status(UUV_HIL_MAVLINK_SYSTEM, UUV_HIL_MAVLINK_COMPONENT, question->numbered,
+                                          question->answer, &ack);
+    return true;
+}
+
+static bool refuse_mission(const Question *question)
+{
+    mavlink_mission_count_t asked;
+    mavlink_msg_mission_count_decode(question->packet, &asked);
+    uint8_t result = asked.count != 0 ? MAV_MISSION_NO_SPACE : MAV_MISSION_ACCEPTED;
+    return acknowledge(question, asked.target_system, asked.target_component, asked.mission_type, result);
+}
+
+static bool clear_mission(const Question *question)
+{
+    mavlink_mission_clear_all_t asked;
+    mavlink_msg_mission_clear_all_decode(question->packet, &asked);
+    return acknowledge(question, asked.target_system, asked.target_component, asked.mission_type,
+                       MAV_MISSION_ACCEPTED);
+}
+
+static bool refuse_item(const Question *question, uint8_t system, uint8_t component, uint8_t mission_type)
+{
+    return acknowledge(question, system, component, mission_type, MAV_MISSION_INVALID_SEQUENCE);
+}
+
+static bool refuse_request(const Question *question)
+{
+    mavlink_mission_request_t asked;
+    mavlink_msg_mission_request_decode(question->packet, &asked);
+    return refuse_item(question, asked.target_system, asked.target_component, asked.mission_type);
+}
+
+static bool refuse_request_int(const Question *question)
+{
+    mavlink_mission_request_int_t asked;
+    mavlink_msg_mission_request_int_decode(question->packet, &asked);
+    return refuse_item(question, asked.target_system, asked.target_component, asked.mission_type);
+}
+
+static bool refuse_sent_item(const Question *question)
+{
+    mavlink_mission_item_t asked;
+    mavlink_msg_mission_item_decode(question->packet, &asked);
+    return refuse_item(question, asked.target_system, asked.target_component, asked.mission_type);
+}
+
+static bool refuse_sent_item_int(const Question *question)
+{
+    mavlink_mission_item_int_t asked;
+    mavlink_msg_mission_item_int_decode(question->packet, &asked);
+    return refuse_item(question, asked.target_system, asked.target_component, asked.mission_type);
+}
+
+static bool refuse_file(const Question *question)
+{
+    mavlink_file_transfer_protocol_t asked;
+    mavlink_msg_file_transfer_protocol_decode(question->packet, &asked);
+    uint8_t code = asked.payload[FTP_REQUEST_CODE];
+    if (!uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component) || code == 0 || code == FTP_ACK
+        || code == FTP_NAK)
+        return false; /* an answer, or nothing */
+    uint16_t number = (uint16_t)((asked.payload[0] | asked.payload[1] << 8) + 1);
+    mavlink_file_transfer_protocol_t refusal = {
+        .target_system = question->packet->sysid,
+        .target_component = question->packet->compid,
+        .payload = {(uint8_t)number, (uint8_t)(number >> 8), asked.payload[2], FTP_NAK, 1, code},
+    };
+    memcpy(refusal.payload + FTP_OFFSET, asked.payload + FTP_OFFSET, FTP_DATA - FTP_OFFSET);
+    refusal.payload[FTP_DATA] = FTP_UNKNOWN_COMMAND;
+    mavlink_msg_file_transfer_protocol_encode_status(UUV_HIL_MAVLINK_SYSTEM, UUV_HIL_MAVLINK_COMPONENT,
+                                                     question->numbered, question->answer, &refusal);
+    return true;
+}
+
+bool uuv_hil_mavlink_answer(const mavlink_message_t *packet, mavlink_status_t *numbered, mavlink_message_t *answer)
+{
+    const Question question = {packet, numbered, answer};
+    switch (packet->msgid) {
+    case MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
+        return list_parameters(&question);
+    case MAVLINK_MSG_ID_PARAM_REQUEST_READ:
+        return read_parameter(&question);
+    case MAVLINK_MSG_ID_PARAM_SET:
+        return set_parameter(&question);
+    case MAVLINK_MSG_ID_MISSION_REQUEST_LIST:
+        return list_mission(&question);
+    case MAVLINK_MSG_ID_MISSION_COUNT:
+        return refuse_mission(&question);
+    case MAVLINK_MSG_ID_MISSION_CLEAR_ALL:
+        return clear_mission(&question);
+    case MAVLINK_MSG_ID_MISSION_REQUEST:
+        return refuse_request(&question);
+    case MAVLINK_MSG_ID_MISSION_REQUEST_INT:
+        return refuse_request_int(&question);
+    case MAVLINK_MSG_ID_MISSION_ITEM:
+        return refuse_sent_item(&question);
+    case MAVLINK_MSG_ID_MISSION_ITEM_INT:
+        return refuse_sent_item_int(&question);
+    case MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL:
+        return refuse_file(&question);
+    default:
+        return false;
+    }
+}
