@@ -118,25 +118,32 @@ def test_the_keys_of_blueos() -> None:
             router.declare_subscriber(keys, zenoh.handlers.FifoChannel(1000))
             for keys in ("mavlink/**", "mavlink_raw/out")
         ]
-        publisher = router.declare_publisher("mavlink_raw/in")
+        publisher, text_publisher = (router.declare_publisher(key) for key in ("mavlink_raw/in", "mavlink/in"))
         link = ZenohLink(f"tcp/127.0.0.1:{port}")
 
         def exchange() -> Any:
             link.send(link.partners()[0], PACKET, BEAT)
             publisher.put(PACKET)
+            text_publisher.put(samples.get("mavlink/1/1/HEARTBEAT", b"{}"))
             time.sleep(0.05)
             for reader in readers:
                 while (sample := reader.try_recv()) is not None:
                     samples[str(sample.key_expr)] = sample.payload.to_bytes()
             received = link.receive(0)
-            return received if received and "mavlink/1/1/HEARTBEAT/mavtype" in samples else None
+            return received if len(received) > 1 and "mavlink/1/1/HEARTBEAT/mavtype" in samples else None
 
-        assert (wait_for(exchange) or [])[0][1] == PACKET
+        packets = [packet for _, packet in wait_for(exchange) or []]
+        assert packets
+        assert set(packets) == {PACKET}, "the JSON of a message makes the same packet"
         link.close()
     assert samples["mavlink_raw/out"] == PACKET
     message = json.loads(samples["mavlink/1/1/HEARTBEAT"])
-    assert message["header"] == {"system_id": 1, "component_id": 1, "sequence": 0}
-    assert (message["message"]["type"], message["message"]["custom_mode"]) == ("HEARTBEAT", 19)
+    assert message["header"] == {"system_id": 1, "component_id": 1, "sequence": 0, "message_id": 0}
+    assert message["message"] == {
+        "type": "HEARTBEAT", "mavtype": {"type": "MAV_TYPE_SUBMARINE"}, "base_mode": {"bits": 0}, "custom_mode": 19,
+        "autopilot": {"type": "MAV_AUTOPILOT_ARDUPILOTMEGA"}, "system_status": {"type": "MAV_STATE_STANDBY"},
+        "mavlink_version": 3,
+    }  # fmt: skip
     assert not link.is_local("zenoh")
 
 

@@ -1,15 +1,15 @@
-"""BlueOS' zenoh keys: raw packets on mavlink_raw/in and /out, messages as JSON on mavlink/out and by message.
+"""BlueOS' zenoh keys: raw packets on mavlink_raw/in and /out, messages as JSON on mavlink/in and /out and by message.
 
-`mavlink/SYSTEM/COMPONENT/MESSAGE` has the newest of each message, and below it each field. The JSON is that of
-mavlink2rest and BlueOS' mavlink-server (src/lib/drivers/zenoh): a header, and a message with its type.
+`mavlink/SYSTEM/COMPONENT/MESSAGE` has the newest of each message, and below it each field. Source:
+bluerobotics/mavlink-server, src/lib/drivers/zenoh. The JSON: see json_messages.py.
 """
 
 import json
-import math
 from collections import deque
 from typing import Any
 
 from hil.common.stop import Wakeup
+from hil.gateways.mavlink.endpoints.json_messages import decode_message, encode_message, plain_fields
 from hil.gateways.mavlink.endpoints.links import Link, Received
 from hil.network.opening import open_session
 from hil.network.session import Session
@@ -31,6 +31,7 @@ class ZenohLink(Link):
         self._session = session or open_session("dial", endpoint, text)
         self._senders: dict[str, Any] = {}
         self._session.receive(f"{RAW}/in", self._on_packet, WAITING)
+        self._session.receive(f"{TEXT}/in", self._on_text, WAITING)
 
     def descriptors(self) -> list[int]:
         """Return what is readable while packets wait."""
@@ -45,8 +46,7 @@ class ZenohLink(Link):
         """Publish a packet, and its message as JSON."""
         self._put(f"{RAW}/out", data)
         fields = plain_fields(message)
-        header = {"system_id": data[5], "component_id": data[6], "sequence": data[4]}
-        text = json.dumps({"header": header, "message": {"type": message.get_type(), **fields}}).encode()
+        text = encode_message((data[5], data[6], data[4]), fields, message)
         self._put(f"{TEXT}/out", text)
         key = f"{TEXT}/{data[5]}/{data[6]}/{message.get_type()}"
         self._put(key, text)
@@ -72,23 +72,11 @@ class ZenohLink(Link):
             send = self._senders[key] = self._session.sender(key)
         send(payload)
 
+    def _on_text(self, payload: bytes) -> None:
+        packet = decode_message(payload)
+        if packet is not None:
+            self._on_packet(packet)
+
     def _on_packet(self, payload: bytes) -> None:
         self._received.append(payload)
         self._event.set()
-
-
-def plain_fields(message: Any) -> dict[str, Any]:
-    """Return the fields of a message as JSON has them: no NaN, texts without their padding.
-
-    A field called "type" is "mavtype", as in mavlink2rest: "type" is that of the message.
-    """
-    names = [name for name in message.get_fieldnames() if hasattr(message, name)]
-    return {"mavtype" if name == "type" else name: _plain(getattr(message, name)) for name in names}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, (bytes, bytearray)):
-        return bytes(value).rstrip(b"\0").decode("utf-8", "replace")
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
