@@ -7,6 +7,7 @@ time. Who flies the vehicle is a ground station, or a program of the user, conne
 import select
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from typing import Any
 
 from hil.autopilots.contract import CHECK_NS, Report
 from hil.autopilots.opening import open_autopilot, start_program
@@ -26,13 +27,15 @@ Watch = Callable[["AutopilotRun"], None]
 class AutopilotRun:
     """The vehicle of a scenario and its autopilot, at time 0. Use as a context. Raises ConfigError, DeviceError.
 
-    `pwm_us` are the pulse widths of the last step, `log` what went wrong beside the simulation's own events.
+    `pwm_us` are the pulse widths of the last step, `samples` the newest of each sensor by topic, `log` what went wrong
+    beside the simulation's own events.
     """
 
     def __init__(self, scenario: Scenario, report: Report) -> None:
         vehicle, _ = load_vehicle(scenario.vehicle)
         world = load_world(scenario.world)
         self.simulation: Simulation = build_simulation(scenario, vehicle, world)
+        self.samples: dict[str, Any] = {}
         self.log = EventLog()
         self._monitor = RunMonitor(self.log, vehicle.capsize_tilt, 0.5 * vehicle.dimensions[2])
         self._monitor_ns = 0
@@ -69,6 +72,7 @@ class AutopilotRun:
         simulation, autopilot = self.simulation, self.autopilot
         for topic, sample in simulation.step(self.pwm_us):
             autopilot.update_sensor(topic, sample)
+            self.samples[topic] = sample
         states = autopilot.figures.states
         autopilot.advance(simulation.time_ns, simulation.truth())
         if autopilot.figures.states != states:

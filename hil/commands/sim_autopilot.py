@@ -4,6 +4,7 @@ import json
 import sys
 import time
 from argparse import Namespace
+from contextlib import ExitStack
 from typing import Any
 
 from hil.autopilots.run import AutopilotRun
@@ -24,9 +25,15 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
         line.clear()
         print(text, file=sys.stderr, flush=True)
 
-    with AutopilotRun(scenario, report) as run:
+    with ExitStack() as opened:
+        run = opened.enter_context(AutopilotRun(scenario, report))
         watches = [_showing(line)]
-        if not options.fast:
+        if options.view:
+            from hil.commands.view.flights import FlightViewer
+
+            viewer = FlightViewer().show_simulated(scenario, {scenario.slave.node: run})
+            watches.append(opened.enter_context(viewer))  # its time is that of the view
+        elif not options.fast:
             watches.append(_pacing(seconds_ns(scenario.slave.step)))
         flight = None
         if options.output or options.plot:

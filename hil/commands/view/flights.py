@@ -3,33 +3,37 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hil.cases.simulated import SimulatedVehicle
 from hil.cases.viewer import Viewer
-from hil.commands.view.opening import new_token, open_view, shown_of, view_process
+from hil.commands.view.opening import ANY_PLACE, new_token, open_view, shown_of, view_process
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import endpoints_of
+
+if TYPE_CHECKING:
+    from hil.view.sources.simulated import SimulatedVehicle
 
 
 class FlightViewer(Viewer):
     """Shows each flight in a view of its own, and prints where to watch it.
 
-    A page of one simulated flight goes on with the next: they have one token.
+    A page of one simulated flight goes on with the next: they have one address and one token.
     """
 
     def __init__(self) -> None:
         self._token = new_token()
+        self._place = ANY_PLACE
 
     @contextmanager
     def show_simulated(
-        self, scenario: Scenario, vehicles: Mapping[str, SimulatedVehicle]
+        self, scenario: Scenario, vehicles: "Mapping[str, SimulatedVehicle]"
     ) -> Iterator[Callable[[Any], None]]:
         """Show a flight whose time is that of the view: it can be paused, stepped and sped up."""
         from hil.view.sources.simulated import SimulatedSource
 
         source = SimulatedSource(vehicles)
-        with open_view(source, shown_of(scenario), token=self._token) as view:
+        with open_view(source, shown_of(scenario), self._place, token=self._token) as view:
+            self._place = self._place[0], view.port
             yield source.pace(view.update, time.sleep)
 
     @contextmanager

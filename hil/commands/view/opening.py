@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hil.view.scene.fleet import Hunt
     from hil.view.sources.source import Source
 
-DEFAULT_PLACE = "127.0.0.1", 7480
+ANY_PLACE = "127.0.0.1", 0  # of a view that another command shows: several run beside each other
 UNENCRYPTED = (
     "the view listens beyond this machine without encryption: who reads this network gets the token, and "
     "with it the vehicle; give --cert and --key, or a scenario with [security]"
@@ -36,7 +36,7 @@ def new_token() -> str:
 def open_view(
     source: "Source",
     shown: "Shown",
-    place: tuple[str, int] = DEFAULT_PLACE,
+    place: tuple[str, int] = ANY_PLACE,
     browser: bool = True,
     token: str = "",
     tls: "SSLContext | None" = None,

@@ -17,7 +17,7 @@ UPDATE_NS = NS_PER_S // 20
 
 
 class SimulatedVehicle(Protocol):
-    """A vehicle in simulated time: hil.cases.simulated.SimulatedVehicle."""
+    """A vehicle in simulated time: hil.cases.simulated.SimulatedVehicle, hil.autopilots.run.AutopilotRun."""
 
     simulation: Simulation
     samples: dict[str, Any]

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,63 +11,16 @@ import pytest
 
 from hil.client.client import VehicleClient
 from hil.common.ports import free_ports
-from tests.support.ardupilot_peer import ArdupilotPeer
+from hil.view.sources.recorded import RecordedSource
+from tests.support.autopilot_flyer import AHEAD, SCENARIO, Flyer
 from tests.support.processes import Program, children_of, free_port, wait_for
-
-SCENARIO = """
-vehicle = "bluerov2"
-world = "open_water"
-controller = "ardupilot"
-stm32 = "{stm32}"
-master = {{}}
-[start]
-north = 20
-east = 20
-depth = 5
-[slave]
-listen = "tcp/127.0.0.1:{port}"
-[autopilot]
-address = "udp://127.0.0.1:{udp}"
-[sensors.imu]
-rate = 400
-"""
-AHEAD = (1400, 1400, 1600, 1600, 1500, 1500)
-
-
-class Flyer:
-    """The autopilot in a thread: sends `motors` whenever it is answered, until it is paused."""
-
-    def __init__(self, port: int) -> None:
-        self.peer = ArdupilotPeer(port)
-        self.peer.socket.settimeout(0.3)
-        self.motors = AHEAD
-        self.running = True
-        self.going = threading.Event()
-        self.going.set()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        while self.running:
-            self.going.wait(0.1)
-            if not self.going.is_set():
-                continue
-            try:
-                self.peer.step(*self.motors)
-            except TimeoutError:  # the same packet again
-                continue
-
-    def close(self) -> None:
-        self.running = False
-        self._thread.join(10)
-        self.peer.close()
 
 
 @contextmanager
-def flown(folder: Path, stm32: str) -> Iterator[tuple[Program, Flyer, VehicleClient]]:
+def flown(folder: Path, stm32: str, more: str = "") -> Iterator[tuple[Program, Flyer, VehicleClient]]:
     port, udp = free_port(), free_ports(1)[0]
     path = folder / "flown.toml"
-    path.write_text(SCENARIO.format(stm32=stm32, port=port, udp=udp))
+    path.write_text(SCENARIO.format(stm32=stm32, port=port, udp=udp) + more)
     with Program(folder, "slave", path) as slave:
         slave.expect("waiting for ArduPilot on udp")
         flyer = Flyer(udp)
@@ -102,6 +54,21 @@ def test_its_outputs_reach_the_stm32(tmp_path: Path, stm32: str) -> None:
         slave.expect("no outputs for 0.2 s: thrusters neutral")
         flyer.going.set()
         reported(client, lambda found: found.pwm_us == AHEAD)
+
+
+def test_a_flight_is_recorded(tmp_path: Path) -> None:
+    with flown(tmp_path, "python", '[recording]\nslave = true\nfolder = "{}"\n'.format(tmp_path / "runs")) as (
+        _,
+        _,
+        client,
+    ):
+        reported(client, lambda found: found.pwm_us == AHEAD)
+        wait_for(lambda: client.latest.get("odom") and client.latest["odom"].value.nu[0] > 0.1)
+    source = RecordedSource(str(next(tmp_path.rglob("*.mcap"))))
+    source.playback.seek(source.playback.duration)
+    assert source.names == ["uuv1"]
+    assert source.latest("uuv1")["odom"].nu[0] > 0.1, "it goes ahead"
+    assert source.diagnostics("uuv1").autopilot_outputs[:6] == AHEAD
 
 
 def test_an_stm32_that_is_killed_comes_back_under_the_autopilot(tmp_path: Path) -> None:

@@ -1,0 +1,37 @@
+"""`uuv-hil sim --view` of a vehicle that an autopilot flies."""
+
+from pathlib import Path
+
+import aiohttp
+import pytest
+
+from hil.common.ports import free_ports
+from tests.support.autopilot_flyer import SCENARIO, Flyer
+from tests.support.processes import Program, free_port
+from tests.support.view_client import ADDRESS, offered, scene_bytes, with_session
+
+pytest.importorskip("viser", reason="the live view needs the extra view")
+
+
+def test_a_simulated_flight_is_watched_in_a_browser(tmp_path: Path) -> None:
+    udp, path = free_ports(1)[0], tmp_path / "watched.toml"
+    text = SCENARIO.format(stm32="python", port=free_port(), udp=udp)
+    path.write_text(text.replace("master = {}", "master = { time_limit = 5 }"))
+    with Program(tmp_path, "sim", path, "--view") as sim:
+        found = sim.expect(ADDRESS)
+        flyer = Flyer(udp)
+        try:
+            seen = with_session(lambda client: watch(client, found[1], found[2]))
+            assert sim.wait() == 0, sim.output
+        finally:
+            flyer.close()
+    assert seen == ["uuv1"]
+    assert "5.0 s simulated" in sim.output
+
+
+async def watch(client: aiohttp.ClientSession, address: str, token: str) -> list[str]:
+    """Return the vehicles that the page offers, once its scene has come."""
+    async with client.get(f"{address}?token={token}") as page:
+        assert page.status == 200
+    assert await scene_bytes(client, address) > 1000
+    return await offered(client, address)
