@@ -129,6 +129,7 @@ class Stm32End:
     def __init__(self, stm32: Stm32, link: ThrusterLink) -> None:
         self.stm32 = stm32
         self.link = link
+        self.wire = link.wire
         self.command_ns = 0  # when (monotonic, whatever the caller's clock is) the outputs last took a command
 
     @property

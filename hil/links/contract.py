@@ -124,6 +124,10 @@ class Wire(ABC):
         """Discard the bytes that `unsent` counts, where that is possible; a message that is being sent is cut."""
         return
 
+    def fault_counts(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Return how often each injected fault struck what was sent and what was received; empty without faults."""
+        return {}, {}
+
     @abstractmethod
     def close(self) -> None:
         """Close the device. Closing twice is harmless."""

@@ -120,6 +120,12 @@ def _by_sensor(unit: str, form: str, meaning: str, is_counter: bool = False) -> 
     return Figure("sensor=number", unit, meaning, encode, decode, is_counter)
 
 
+def _by_fault(meaning: str) -> Figure[dict[str, float]]:
+    by_name = _by_sensor("", ".0f", meaning)
+    by_name.kind = "fault=number"
+    return by_name
+
+
 def or_nan(value: float | None) -> float:
     """Return a figure as a number; nan if it was not reported."""
     return float("nan") if value is None else float(value)
@@ -240,6 +246,8 @@ class Diagnostics:
     link_malformed = _counter("frames with a correct checksum and impossible contents")
     link_replaced = _counter("commands replaced by a younger one before the wire took them")
     link_dropped_bytes = _counter("bytes between frames, or refused by a full wire", "byte")
+    link_faults_sent = _by_fault("faults of [link.faults] outwards, since the link was opened: chunks, or bytes")
+    link_faults_received = _by_fault("the same inwards")
     stm32_silent = _flag("whether the STM32 does not answer although its link is there")
     pwm_us = _integers("us", "pulse widths in effect, one for each channel")
     # The autopilot; with our own controller none of these
@@ -248,6 +256,8 @@ class Diagnostics:
     autopilot_frame = _text("the frame by which its motors are the vehicle's thrusters")
     autopilot_outputs = _integers("us", "its output channels as it sent them, motors and others; 0 is no output")
     autopilot_packets = _counter("outputs that were taken")
+    autopilot_duplicates = _counter("outputs that came once more, as after a stall")
+    autopilot_malformed = _counter("packets that are none of its interface, and were dropped")
     autopilot_lost = _counter("outputs that are missing between two that came")
     autopilot_resets = _counter("times that it restarted")
     autopilot_stalls = _counter("times that it stopped answering")
@@ -263,6 +273,10 @@ class Diagnostics:
     masters = _texts("masters that are there")
     observers = _integer("", "observers that are there")
     masters_lost = _counter("masters that have left")
+    services_answered = _counter("calls of ROS services that were answered")
+    services_malformed = _counter("calls whose request could not be decoded")
+    services_oversized = _counter("calls that were refused unread, as the request was too large")
+    services_dropped = _counter("calls that were dropped, as too many waited")
     pings_dropped = _counter("clock comparisons that were not answered, as there were too many")
     clock_offset_ms = _number("ms", 4, "clock of the master that is obeyed, minus that of the slave")
     clock_uncertainty_ms = _number("ms", 4, "uncertainty of that")

@@ -116,6 +116,8 @@ class AutopilotPort:
         figures.autopilot_frame = self.motors.map.frame
         figures.autopilot_outputs = self.motors.outputs
         figures.autopilot_packets = counters.outputs
+        figures.autopilot_duplicates = counters.duplicates
+        figures.autopilot_malformed = counters.malformed
         figures.autopilot_lost = counters.lost
         figures.autopilot_resets = counters.resets
         figures.autopilot_stalls = counters.stalls

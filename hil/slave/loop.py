@@ -14,6 +14,7 @@ from hil.slave.sample_publisher import SamplePublisher
 from sim.simulation import Simulation
 
 if TYPE_CHECKING:
+    from hil.ros.diagnostics import Diagnostics
     from hil.slave.autopilot_port import AutopilotPort
     from sim.vehicle.failures import Failure
 
@@ -34,6 +35,9 @@ class NodeServer(Protocol):
 
     def tick(self, time_ns: int) -> None:
         """Publish what is due at this simulation time."""
+
+    def add_figures(self, figures: "Diagnostics") -> None:
+        """Add the counters of the services."""
 
     def close(self) -> None:
         """Close the descriptor."""

@@ -122,6 +122,13 @@ class FaultyWire(Wire):
         self._inward.faults = faults if faults.direction != "sent" else CLEAR
         self._settle(now_ns())
 
+    def fault_counts(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the counters of `sent` and of `received` by name."""
+        sent, received = (
+            {name: float(getattr(tally, name)) for name in Tally.__slots__} for tally in (self.sent, self.received)
+        )
+        return sent, received
+
     def fileno(self) -> int:
         """Return the descriptor that wakes for bytes beneath and for bytes that are due; -1 once closed."""
         return -1 if self._epoll.closed else self._epoll.fileno()

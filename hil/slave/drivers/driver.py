@@ -17,7 +17,7 @@ from importlib import import_module
 
 from hil.common.clock import NS_PER_S, now_ns, seconds_ns
 from hil.common.errors import DeviceError, HilError
-from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetry
+from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetry, Wire
 from hil.scenario.records import Link
 from hil.slave.drivers.ends import Ends
 
@@ -123,6 +123,12 @@ class ThrusterDriver(ABC):
         self._lost_ns = self._check_ns = 0
         self._requested_ns = 0  # when the first command was sent that has had no answer yet; 0 if there is none
         self._attach(open_ends())
+
+    @property
+    def wire(self) -> Wire | None:
+        """Our end of the link's wire, with its faults: the host's, else the device's; None if neither is ours."""
+        end = self.host or self._ends.device
+        return end.wire if end else None
 
     @property
     def deadline_ns(self) -> int:

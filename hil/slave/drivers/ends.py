@@ -14,6 +14,8 @@ from hil.scenario.records import Link
 class DeviceEnd(Protocol):
     """The STM32's end of a link: firmware_stub's Stm32End, UnicornEnd; hil.slave.native's FirmwareEnd."""
 
+    wire: Wire
+
     @property
     def deadline_ns(self) -> int:
         """Time (ns) at which `service` has to be called even if no byte came."""

@@ -176,6 +176,8 @@ class Health:
             loop.autopilot.add_figures(figures)
         elif loop.pilot is None:
             figures.thrusters_driven = now_ns() - loop.driver.command_ns < DRIVEN_NS
+        if loop.ros:
+            loop.ros.add_figures(figures)
         figures.armed = loop.armed
         figures.thrusters = command_receiver.thrusters
         figures.commands_unanswered = loop.unanswered
@@ -193,6 +195,10 @@ class Health:
             counters = driver.host.counters
             for name in counters.__slots__:
                 figures[f"link_{name}"] = getattr(counters, name)
+        if wire := driver.wire:
+            sent, received = wire.fault_counts()
+            if sent:
+                figures.link_faults_sent, figures.link_faults_received = sent, received
 
     def _publish(self) -> None:
         self._loop.sample_publisher.diagnostics("slave", *self._state(), self.values().raw)

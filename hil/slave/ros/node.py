@@ -10,6 +10,7 @@ from hil.common.clock import NEVER_NS
 from hil.network.services import Server
 from hil.network.session import Session
 from hil.ros import encoders as ros
+from hil.ros.diagnostics import Diagnostics
 from hil.ros.frames import Transform, encode_clock, encode_transforms, encode_wrench, mounted
 from hil.ros.topics import COMMANDS, TOPICS
 from hil.scenario.config import Scenario
@@ -88,6 +89,13 @@ class RosNode:
         fins = simulation.equipment.fins if simulation.equipment else None
         states = joint_states(stamp_ns, simulation.vehicle, simulation.thrusts, fins.angles if fins else ())
         self._loop.sample_publisher.put("joint_states", encode_joints(states))
+
+    def add_figures(self, figures: Diagnostics) -> None:
+        """Add the counters of the services."""
+        figures.services_answered = self.server.calls
+        figures.services_malformed = self.server.malformed
+        figures.services_oversized = self.server.oversized
+        figures.services_dropped = self.server.dropped
 
     def close(self) -> None:
         """Close the descriptor."""

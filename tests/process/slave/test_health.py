@@ -18,6 +18,7 @@ from hil.bench.harness import Bench, await_vehicle
 from hil.bench.machine import describe
 from hil.client.health_watch import HealthWatch
 from hil.common.clock import NS_PER_MS, NS_PER_S, Histogram
+from hil.network import services
 from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics, or_nan
 from hil.slave.health.reporter import SKIPPED_PERIOD_NS, RecentLateness, SkippedSteps, own_name
@@ -163,3 +164,25 @@ def test_a_silent_stm32_is_an_error() -> None:
         for descriptor in (ours, theirs):
             with suppress(OSError):
                 os.close(descriptor)
+
+
+def test_injected_faults_and_called_services_are_counted_in_the_diagnostics() -> None:
+    """Each of a quarter of the messages doubled, on the host's end of the link; and one service, called once."""
+    changes = {"slave.realtime": False, "link.faults.duplicate": 0.25}
+    with Bench("paper_field", changes) as bench:
+        slave = bench.start_slave()
+        with bench.client() as client:
+            await_vehicle(client, slave)
+            assert client.diagnostics().services_answered == 0
+            services.call(client.session, f"/{client.node}/arm", "std_srvs/srv/SetBool", {"data": True})
+
+            def counted() -> bool:
+                client.command(VelocityCommand(surge=0.3))
+                figures = client.diagnostics()
+                faults = figures.link_faults_sent or {}
+                return bool(faults.get("duplicated") and figures.services_answered == 1)
+
+            assert wait_for(counted), client.diagnostics().raw
+            faults = client.diagnostics().link_faults_received or {}
+            assert 0 < faults["duplicated"] < faults["chunks"]
+            assert faults["dropped"] == 0

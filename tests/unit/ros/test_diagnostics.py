@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from hil.autopilots.contract import Figures
 from hil.links.address import wire_kind
 from hil.links.contract import Counters
 from hil.ros import encoders as ros
@@ -19,6 +20,7 @@ SAMPLES: dict[str, Any] = {
     "number": 2.0, "integer": 7, "counter": 3, "flag": True, "text": "a b; c", "integers": (1500, 1600),
     'texts, separated by " "': ("one", "two"), 'texts, separated by "; "': ("emulated: a test", "two"),
     "sensor=number": {"camera": 3.0, "forward_sonar": 9.0},
+    "fault=number": {"dropped": 2.0, "stalls": 0.0},
     "events": (RunEvent("collision", 5, 7, (1.0, 2.5, -3.125), "the pile"), RunEvent("capsize", 9, 0, (0.0, 0.0, 4.0))),
 }  # fmt: skip
 
@@ -59,6 +61,12 @@ def test_what_was_not_reported_or_is_none_of_its_type_is_none() -> None:
 def test_each_counter_of_a_link_has_its_figure() -> None:
     for name in Counters.__slots__:
         assert Diagnostics.FIGURES[f"link_{name}"].is_counter
+
+
+def test_each_counter_of_an_autopilot_has_its_figure() -> None:
+    names = {"outputs": "packets"}  # and `states`, which the slave counts as its steps
+    for name in set(Figures.__slots__) - {"states"}:
+        assert Diagnostics.FIGURES[f"autopilot_{names.get(name, name)}"].is_counter
 
 
 @pytest.mark.parametrize(
