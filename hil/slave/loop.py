@@ -63,8 +63,8 @@ class Trace(NamedTuple):
 class Loop:
     """Run one vehicle. All parts are given; nothing is opened or closed here.
 
-    While it is not `armed` no command is taken. `ros` is given when the vehicle is ready, and
-    `autopilot` where one flies it in place of the pilot.
+    While it is not `armed` no command is taken; while it is `paused` the simulation is not stepped. `ros` is given when
+    the vehicle is ready, and `autopilot` where one flies it in place of the pilot.
     """
 
     def __init__(
@@ -84,6 +84,7 @@ class Loop:
         self.command_receiver = command_receiver
         self.sample_publisher = sample_publisher
         self.armed = True
+        self.paused = False
         self.ros: NodeServer | None = None
         self.autopilot: AutopilotPort | None = None
         self._control_period_ns = control_period_ns
@@ -151,6 +152,10 @@ class Loop:
         """Advance by the steps that are due by `now`, so that stamps tell when they were, not when they came about."""
         schedule, stamps = self.schedule, self.sample_publisher.stamps
         steps = schedule.due(now)
+        if self.paused:
+            self._stamped = -1  # what it is stamped with when it goes on begins anew
+            self.sample_publisher.wake_publisher()
+            return
         if schedule.skipped != self._stamped or stamps.found_ns != stamps.offset_ns:
             self._stamped, stamps.offset_ns = schedule.skipped, stamps.found_ns
             self._stamp_from(schedule.deadline_ns - (steps + 1) * schedule.period_ns)

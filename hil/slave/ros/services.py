@@ -1,4 +1,4 @@
-"""ROS 2 services of the vehicle: arm, reset, set_pose, and failures of thrusters.
+"""ROS 2 services of the vehicle: arm, reset, set_pose, failures of thrusters, and those of hil.slave.ros.simulation.
 
 Each is a ROS 2 service below the node's name and a small function here, or in hil.slave.ros.parameters; it runs in the
 loop's thread between two steps. What is asked for and cannot be done is refused with a reason, in the response.
@@ -17,6 +17,7 @@ from hil.ros.message import Message
 from hil.scenario.records import Start
 from hil.slave.loop import Loop
 from hil.slave.ros.parameters import Parameters
+from hil.slave.ros.simulation import SimulationServices
 from sim.environment.collision import starts_inside
 from sim.rotations import from_euler, rotate_inverse
 from sim.vehicle.failures import Failure
@@ -44,6 +45,8 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
     thrusters = {plain_name(thruster.name): thruster.name for thruster in loop.simulation.vehicle.thrusters}
     for plain, name in thrusters.items():
         offered[f"thrusters/{plain}/fail"] = (SET_BOOL, _failing(loop, name, report))
+    offered["set_entity_state"] = offered["set_pose"]  # as the standard calls it
+    offered |= SimulationServices(loop, node, lambda: reset(loop, start), report).services()
     offered |= Parameters(loop, node, thrusters, report).services()
     for name, (type_name, answer) in offered.items():
         server.offer(f"/{node}/{name}", type_name, answer)

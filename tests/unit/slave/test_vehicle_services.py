@@ -127,6 +127,17 @@ def test_all_that_is_offered(vehicle: Vehicle) -> None:
     thrusters = [thruster.name for thruster in vehicle.simulation.vehicle.thrusters]
     expected = {"/uuv1/arm": "std_srvs/srv/SetBool", "/uuv1/reset": "std_srvs/srv/Trigger"}
     expected["/uuv1/set_pose"] = "simulation_interfaces/srv/SetEntityState"
+    expected["/uuv1/set_entity_state"] = "simulation_interfaces/srv/SetEntityState"
+    expected |= {
+        f"/uuv1/{name}": f"simulation_interfaces/srv/{kind}"
+        for name, kind in (
+            ("get_simulator_features", "GetSimulatorFeatures"), ("reset_simulation", "ResetSimulation"),
+            ("get_entities", "GetEntities"), ("get_entities_states", "GetEntitiesStates"),
+            ("get_entity_info", "GetEntityInfo"), ("get_entity_state", "GetEntityState"),
+            ("get_simulation_state", "GetSimulationState"), ("set_simulation_state", "SetSimulationState"),
+            ("step_simulation", "StepSimulation"),
+        )
+    }  # fmt: skip
     expected |= {f"/uuv1/thrusters/{name}/fail": "std_srvs/srv/SetBool" for name in thrusters}
     expected |= {
         f"/uuv1/{name}": f"rcl_interfaces/srv/{name.title().replace('_', '')}"

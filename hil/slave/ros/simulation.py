@@ -1,0 +1,193 @@
+"""The services of the standard simulation_interfaces (ros-simulation, 1.x) for the vehicle's own simulation.
+
+Entities are the vehicle, by the name of its node, and the obstacles of the world. Not modelled, and said so in
+`get_simulator_features`: spawning, tags, bounds, loading of worlds, resetting time. While paused neither vehicle nor
+simulation time move; link, STM32 and controller go on, so that commands between two steps act.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from hil.common.vectors import Vector3
+from hil.network.services import Answer
+from hil.ros.encoders import swap_attitude, swap_world
+from hil.ros.message import Message, header
+from hil.ros.world import FRAME
+from hil.slave.loop import Loop
+from sim.environment.obstacles import Box, Cylinder
+from sim.rotations import from_euler, rotate
+
+PACKAGE = "simulation_interfaces/srv/"
+# Constants of simulation_interfaces: of Result, SimulationState, EntityCategory, ResetSimulation, SimulatorFeatures.
+UNSUPPORTED, OK, NOT_FOUND, FAILED, ALREADY_THERE = 0, 1, 2, 4, 101
+PLAYING, PAUSED = 1, 2
+STATES = {0: "stopped", PLAYING: "playing", PAUSED: "paused", 3: "quitting"}
+ROBOT, STATIC_OBJECT = 1, 5
+DEFAULT_SCOPE, STATE_SCOPE = 0, 2
+FEATURES = {
+    "ENTITY_CATEGORIES": 8, "ENTITY_STATE_GETTING": 10, "ENTITY_STATE_SETTING": 11, "ENTITY_INFO_GETTING": 12,
+    "SIMULATION_RESET": 20, "SIMULATION_RESET_STATE": 22, "SIMULATION_STATE_GETTING": 24,
+}  # fmt: skip
+# Where our own loop steps the simulation, and no autopilot.
+PAUSE_FEATURES = {
+    "SIMULATION_STATE_SETTING": 25, "SIMULATION_STATE_PAUSE": 26, "STEP_SIMULATION_SINGLE": 31,
+    "STEP_SIMULATION_MULTIPLE": 32,
+}  # fmt: skip
+MOST_STEPS = 200  # of one call, which hold up the loop: 0.5 s of simulation time by default
+LONGEST_FILTER = 200  # characters
+
+Result = dict[str, Any]
+
+
+class SimulationServices:
+    """Services for a running `loop` whose vehicle is called `node`; `reset` brings it back to its start."""
+
+    def __init__(self, loop: Loop, node: str, reset: Callable[[], str], report: Callable[[str], None]) -> None:
+        self._loop = loop
+        self._node = node
+        self._reset = reset
+        self._report = report
+        world = loop.simulation.world
+        placed: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
+        self._obstacles = {each.name or f"obstacle_{number}": each for number, each in enumerate(placed)}
+
+    def services(self) -> dict[str, tuple[str, Answer]]:
+        """Type and answer of each service, by its name below the node's."""
+        answers: dict[str, tuple[str, Answer]] = {
+            "get_simulator_features": ("GetSimulatorFeatures", self._features),
+            "reset_simulation": ("ResetSimulation", self._reset_simulation),
+            "get_entities": ("GetEntities", self._entities),
+            "get_entities_states": ("GetEntitiesStates", self._states),
+            "get_entity_info": ("GetEntityInfo", self._info),
+            "get_entity_state": ("GetEntityState", self._state),
+            "get_simulation_state": ("GetSimulationState", self._simulation_state),
+            "set_simulation_state": ("SetSimulationState", self._set_simulation_state),
+            "step_simulation": ("StepSimulation", self._step),
+        }
+        return {name: (f"{PACKAGE}{kind}", answer) for name, (kind, answer) in answers.items()}
+
+    def _features(self, _: Message) -> Result:
+        numbers = [*FEATURES.values(), *([] if self._loop.autopilot else PAUSE_FEATURES.values())]
+        about = f"uuv-hil: the simulation of {self._node} alone; at most {MOST_STEPS} steps a call"
+        return {"features": {"features": sorted(numbers), "custom_info": about}}
+
+    def _reset_simulation(self, request: Message) -> Result:
+        if request["scope"] not in (DEFAULT_SCOPE, STATE_SCOPE):
+            return result(UNSUPPORTED, f"only the state can be reset (scope {STATE_SCOPE}): time goes on")
+        done = self._reset()
+        self._report(f"reset_simulation: {done}")
+        return result(OK, "the state was reset; time goes on")
+
+    def _entities(self, request: Message) -> Result:
+        names, problem = self._filtered(request["filters"])
+        return problem or {**result(OK), "entities": names}
+
+    def _states(self, request: Message) -> Result:
+        names, problem = self._filtered(request["filters"])
+        return problem or {**result(OK), "entities": names, "states": [self._state_of(name) for name in names]}
+
+    def _info(self, request: Message) -> Result:
+        name = request["entity"]
+        if name == self._node:
+            about = {"category": {"category": ROBOT}, "description": self._loop.simulation.vehicle.name}
+        elif name in self._obstacles:
+            about = {"category": {"category": STATIC_OBJECT}, "description": self._obstacles[name].label}
+        else:
+            return self._not_found(name)
+        return {**result(OK), "info": about}
+
+    def _state(self, request: Message) -> Result:
+        name = request["entity"]
+        if name != self._node and name not in self._obstacles:
+            return self._not_found(name)
+        return {**result(OK), "state": self._state_of(name)}
+
+    def _simulation_state(self, _: Message) -> Result:
+        return {**result(OK), "state": {"state": PAUSED if self._loop.paused else PLAYING}}
+
+    def _set_simulation_state(self, request: Message) -> Result:
+        wanted, paused = request["state"]["state"], self._loop.paused
+        if wanted not in (PLAYING, PAUSED) or self._loop.autopilot:
+            why = "an autopilot flies it, in step with it" if self._loop.autopilot else "it plays, or is paused"
+            return result(UNSUPPORTED, f"{STATES.get(wanted, wanted)}: {why}; to end it, end uuv-hil slave")
+        if (wanted == PAUSED) == paused:
+            return result(ALREADY_THERE, f"it is {STATES[wanted]} already")
+        self._loop.paused = wanted == PAUSED
+        self._report(f"set_simulation_state: {STATES[wanted]}")
+        return result(OK)
+
+    def _step(self, request: Message) -> Result:
+        steps = request["steps"]
+        if not self._loop.paused:
+            return result(FAILED, "the simulation is not paused; set_simulation_state pauses it")
+        if not 1 <= steps <= MOST_STEPS:
+            return result(FAILED, f"{steps} steps: 1 to {MOST_STEPS} at once")
+        self._loop.advance(steps)
+        return result(OK)
+
+    def _not_found(self, name: str) -> Result:
+        there = ", ".join([self._node, *self._obstacles])
+        return result(NOT_FOUND, f"no entity {name[:LONGEST_FILTER]!r}; there are: {there[:LONGEST_FILTER]}")
+
+    def _filtered(self, filters: Message) -> tuple[list[str], Result]:
+        """Return the names that pass, and what is wrong with the filters."""
+        pattern, categories = filters["filter"], {each["category"] for each in filters["categories"]}
+        if filters["bounds"]["type"]:
+            return [], result(UNSUPPORTED, "entities cannot be chosen by bounds")
+        if len(pattern) > LONGEST_FILTER or set(pattern.replace(".*", "")) & set("\\^$*+?{}[]|()"):
+            return [], result(FAILED, "filter: a name, or parts of one with .* between them; no other expression")
+        if filters["tags"]["tags"]:
+            return [], result(OK)  # nothing has tags
+        names = [name for name in self._names(categories) if not pattern or _matches(pattern, name)]
+        return names, {}
+
+    def _names(self, categories: set[int]) -> Iterator[str]:
+        if not categories or ROBOT in categories:
+            yield self._node
+        if not categories or STATIC_OBJECT in categories:
+            yield from self._obstacles
+
+    def _state_of(self, name: str) -> Result:
+        """Return an EntityState in the world ENU; acceleration is not told."""
+        publisher, simulation = self._loop.sample_publisher, self._loop.simulation
+        head = header(publisher.stamps.stamp(simulation.time_ns), FRAME)
+        if name == self._node:
+            state = simulation.state
+            north, east, down = state.position
+            w, x, y, z = state.quaternion
+            attitude, nu = (w, x, y, z), state.nu
+            motion = [_xyz(swap_world(_three(rotate(attitude, part)))) for part in (nu[:3], nu[3:])]
+        else:
+            obstacle = self._obstacles[name]
+            bottom = simulation.world.seabed(obstacle.north, obstacle.east)
+            north, east, down = obstacle.north, obstacle.east, 0.5 * (bottom + obstacle.top)
+            w, x, y, z = from_euler(0.0, 0.0, getattr(obstacle, "heading", 0.0))
+            motion = [_xyz((0.0, 0.0, 0.0)), _xyz((0.0, 0.0, 0.0))]
+        orientation = dict(zip("wxyz", swap_attitude((w, x, y, z)), strict=True))
+        pose = {"position": _xyz(swap_world((north, east, down))), "orientation": orientation}
+        return {"header": head, "pose": pose, "twist": dict(zip(("linear", "angular"), motion, strict=True))}
+
+
+def result(code: int, message: str = "") -> Result:
+    """Return the response's Result."""
+    return {"result": {"result": code, "error_message": message}}
+
+
+def _matches(pattern: str, name: str) -> bool:
+    """Return whether the parts of a pattern between .* are in the name, one after the other."""
+    at = 0
+    for part in pattern.split(".*"):
+        found = name.find(part, at)
+        if found < 0:
+            return False
+        at = found + len(part)
+    return True
+
+
+def _xyz(vector: Vector3) -> Mapping[str, float]:
+    return dict(zip("xyz", vector, strict=True))
+
+
+def _three(vector: Any) -> Vector3:
+    x, y, z = vector
+    return x, y, z

@@ -1,0 +1,149 @@
+"""The services of simulation_interfaces, each by what the simulation does then."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.common.clock import NS_PER_S, now_ns
+from hil.slave.ros.simulation import FEATURES, MOST_STEPS, PAUSE_FEATURES
+from tests.unit.slave.test_vehicle_services import Vehicle, pose
+
+OK, UNSUPPORTED, NOT_FOUND, FAILED, ALREADY = 1, 0, 2, 4, 101
+
+
+@pytest.fixture
+def vehicle() -> Iterator[Vehicle]:
+    made = Vehicle()
+    yield made
+    made.close()
+
+
+def call(vehicle: Vehicle, name: str, **request: Any) -> Any:
+    return vehicle.server.call(f"/uuv1/{name}", request)
+
+
+def code(answer: Any) -> int:
+    return int(answer["result"]["result"])
+
+
+def set_state(vehicle: Vehicle, state: int) -> int:
+    return code(call(vehicle, "set_simulation_state", state={"state": state}))
+
+
+def test_features_are_what_is_offered(vehicle: Vehicle) -> None:
+    features = call(vehicle, "get_simulator_features")["features"]
+    assert list(features["features"]) == sorted([*FEATURES.values(), *PAUSE_FEATURES.values()])
+
+
+def test_a_pose_that_was_set_is_the_one_that_is_read(vehicle: Vehicle) -> None:
+    twist = {"linear": {"x": 0.3, "y": -0.2, "z": 0.1}, "angular": {"z": 0.05}}
+    assert (
+        code(vehicle.server.call("/uuv1/set_entity_state", {"entity": "uuv1", **pose(3, 4, -6, 0.7, twist=twist)}))
+        == OK
+    )
+    state = call(vehicle, "get_entity_state", entity="uuv1")["state"]
+    assert state["header"]["frame_id"] == "map"
+    assert list(state["pose"]["position"].values()) == pytest.approx([3, 4, -6])
+    orientation = state["pose"]["orientation"]
+    assert abs(orientation["w"]) == pytest.approx(math.cos(0.35))
+    assert list(state["twist"]["linear"].values()) == pytest.approx([0.3, -0.2, 0.1])
+    assert state["twist"]["angular"]["z"] == pytest.approx(0.05)
+
+
+def test_entities_are_the_vehicle_and_what_stands_in_the_world(vehicle: Vehicle) -> None:
+    names = call(vehicle, "get_entities")["entities"]
+    world = vehicle.simulation.world
+    assert len(names) == 1 + len(world.cylinder) + len(world.box) > 1
+    assert names[0] == "uuv1"
+    robots = call(vehicle, "get_entities", filters={"categories": [{"category": 1}]})
+    assert robots["entities"] == ["uuv1"]
+    states = call(vehicle, "get_entities_states", filters={"filter": "obst.*"})
+    assert states["entities"] == names[1:]
+    first = world.cylinder[0]
+    assert states["states"][0]["pose"]["position"]["x"] == pytest.approx(first.east)
+    assert states["states"][0]["pose"]["position"]["y"] == pytest.approx(first.north)
+    assert call(vehicle, "get_entity_info", entity=names[1])["info"]["category"]["category"] == 5
+    assert code(call(vehicle, "get_entity_state", entity="nobody")) == NOT_FOUND
+    assert code(call(vehicle, "get_entity_info", entity="nobody")) == NOT_FOUND
+
+
+@pytest.mark.parametrize("filters", [{"filter": "(a+)+b"}, {"filter": "a" * 300}])
+def test_an_expression_that_could_take_long_is_refused(vehicle: Vehicle, filters: dict[str, Any]) -> None:
+    assert code(call(vehicle, "get_entities", filters=filters)) == FAILED
+    assert code(call(vehicle, "get_entities", filters={"bounds": {"type": 1}})) == UNSUPPORTED
+    assert call(vehicle, "get_entities", filters={"tags": {"tags": ["x"]}})["entities"] == []
+
+
+def test_reset_brings_it_to_its_start(vehicle: Vehicle) -> None:
+    assert code(call(vehicle, "reset_simulation")) == OK
+    start = vehicle.start
+    assert list(vehicle.simulation.state.position) == [start.north, start.east, start.depth]
+    assert code(call(vehicle, "reset_simulation", scope=1)) == UNSUPPORTED
+    assert code(call(vehicle, "reset_simulation", scope=255)) == UNSUPPORTED
+
+
+def test_a_paused_simulation_stands_still_and_steps_when_told(vehicle: Vehicle) -> None:
+    loop, simulation = vehicle.loop, vehicle.simulation
+    assert call(vehicle, "get_simulation_state")["state"]["state"] == 1
+    assert code(call(vehicle, "step_simulation", steps=1)) == FAILED
+    assert set_state(vehicle, 2) == OK
+    assert set_state(vehicle, 2) == ALREADY
+    assert call(vehicle, "get_simulation_state")["state"]["state"] == 2
+    before = simulation.time_ns
+    loop.advance_to(now_ns() + NS_PER_S)
+    assert simulation.time_ns == before
+    assert code(call(vehicle, "step_simulation", steps=4)) == OK
+    assert simulation.time_ns - before == 4 * loop.schedule.period_ns
+    assert code(call(vehicle, "step_simulation", steps=MOST_STEPS + 1)) == FAILED
+    assert code(call(vehicle, "step_simulation", steps=2**64 - 1)) == FAILED
+    assert set_state(vehicle, 1) == OK
+    loop.advance_to(now_ns() + 2 * NS_PER_S)
+    assert simulation.time_ns > before + 4 * loop.schedule.period_ns
+
+
+def test_after_a_pause_stamps_are_those_of_the_clock(vehicle: Vehicle) -> None:
+    loop, stamps = vehicle.loop, vehicle.loop.sample_publisher.stamps
+    now = now_ns()
+    loop.advance_to(now)
+    set_state(vehicle, 2)
+    loop.advance_to(now + 5 * NS_PER_S)
+    set_state(vehicle, 1)
+    then = now + 6 * NS_PER_S
+    loop.advance_to(then)
+    assert abs(stamps.stamp(vehicle.simulation.time_ns) - then) < 2 * loop.schedule.period_ns
+
+
+def test_states_that_are_not_there_are_refused(vehicle: Vehicle) -> None:
+    assert [set_state(vehicle, state) for state in (0, 3, 77)] == [UNSUPPORTED] * 3
+    vehicle.loop.autopilot = object()  # type: ignore[assignment]  # any: it is only looked whether there is one
+    try:
+        assert set_state(vehicle, 2) == UNSUPPORTED
+        features = call(vehicle, "get_simulator_features")["features"]["features"]
+        assert not set(features) & set(PAUSE_FEATURES.values())
+    finally:
+        vehicle.loop.autopilot = None
+
+
+@settings(max_examples=200)
+@given(st.text(max_size=40), st.integers(0, 255), st.integers(0, 2**64 - 1))
+def test_noise_is_answered(shared: Vehicle, text: str, number: int, steps: int) -> None:
+    requests: dict[str, dict[str, Any]] = {
+        "get_entities": {"filters": {"filter": text, "categories": [{"category": number}], "bounds": {"type": number}}},
+        "get_entity_state": {"entity": text},
+        "get_entity_info": {"entity": text},
+        "reset_simulation": {"scope": number},
+        "step_simulation": {"steps": steps},
+    }
+    for name, request in requests.items():
+        assert code(call(shared, name, **request)) in (OK, UNSUPPORTED, NOT_FOUND, FAILED)
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Vehicle]:
+    made = Vehicle()
+    yield made
+    made.close()
