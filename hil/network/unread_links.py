@@ -12,9 +12,9 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from struct import unpack_from
+from typing import Protocol
 
 from hil.common.clock import NS_PER_S, now_ns
-from hil.network.session import Session
 from hil.network.sockets import cut, network_sockets
 
 LEASES = 2
@@ -25,6 +25,13 @@ LONGEST_PATIENCE_NS = 60 * NS_PER_S  # with a peer that has one link of two
 _TCP, _TCP_INFO, _TCP_INFO_SIZE, _BYTES_RECEIVED = 6, 11, 136, 128  # linux/tcp.h
 
 Pair = tuple[int, int]  # the ports of a link, ours and theirs
+
+
+class HasLinks(Protocol):
+    """A session of the library, or what holds one."""
+
+    def links(self) -> list[tuple[str, str, str]]:
+        """Return of each link the identity of the peer and both addresses, ours and the peer's."""
 
 
 class UnreadLinks:
@@ -45,7 +52,7 @@ class UnreadLinks:
         self._halves: dict[str, int] = {}  # those of them that have one, and for how long
         self._cuts = 0  # of such, since a peer had two
 
-    def mend(self, session: Session) -> bool:
+    def mend(self, session: HasLinks) -> bool:
         """Cut the links of a session with each peer of which one is not read or lost; whether there was one."""
         now = now_ns()
         if now - self._checked_ns < CHECK_NS:

@@ -17,6 +17,7 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.network.settings import Network, settings
 from hil.network.sockets import free_sockets
+from hil.network.unread_links import UnreadLinks
 from hil.recording.mcap_file import Message
 from hil.ros import dialect
 from hil.ros import encoders as ros
@@ -53,11 +54,12 @@ class _Publisher:
 
 
 class _Line:
-    """The session with one endpoint: `receivers` give the next message of a subscription, or None; `links` its news."""
+    """The session with one endpoint: `receivers` give the next message of a subscription, or None; `news` of links."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, lease: float) -> None:
         self.session = session
-        self.links = session.info.declare_link_events_listener(zenoh.handlers.RingChannel(LINKS), history=True)
+        self.unread = UnreadLinks(lease)
+        self.news = session.info.declare_link_events_listener(zenoh.handlers.RingChannel(LINKS), history=True)
         history = HistoryConfig(detect_late_publishers=True)
         latched = [topic.full_name("*") for topic in TOPICS.values() if topic.qos.latched]
         self._subscribers: list[Any] = [  # their type does not say that `try_recv` is theirs
@@ -70,6 +72,10 @@ class _Line:
         ]
         self.receivers = [subscriber.try_recv for subscriber in self._subscribers]
         self._known: dict[str, Any] = {}  # a key is known as long as someone holds what declaring it gave
+
+    def links(self) -> list[tuple[str, str, str]]:
+        """Return of each link the identity of the peer and both addresses, ours and the peer's."""
+        return [(str(link.zid), link.src, link.dst) for link in self.session.info.links()]
 
     def learn(self, key: str) -> None:
         """Make messages with this key cheaper, on the wire and here.
@@ -97,14 +103,16 @@ class Tap:
     """Subscribe to all topics at `endpoints`, with the last messages of latched topics. Use as a context.
 
     An endpoint that is not there yet, or goes away, is waited for. `missed` counts what was sent and did not come,
-    by the gaps in the numbers of each publisher. Raises NetworkError when an endpoint cannot be meant.
+    by the gaps in the numbers of each publisher, and `reconnections` links that were cut because the library did not
+    read them (`hil.network.unread_links`). Raises NetworkError when an endpoint cannot be meant.
     """
 
     def __init__(self, endpoints: list[str], network: Network = Network(), security: "Security | None" = None) -> None:
         texts = [settings("client", (), (endpoint,), network, security) for endpoint in endpoints]
         self._settings = dict(zip(endpoints, texts, strict=True))
         self.connected: set[str] = set()
-        self.missed = 0
+        self.missed = self.reconnections = self._reported = 0
+        self._lease = network.lease
         # By who publishes, and the key: all commands of a master have one gid, and each topic numbers of its own.
         self._publishers: dict[tuple[bytes, str], _Publisher | None] = {}
         self._topics: dict[str, tuple[str, str] | None] = {}
@@ -128,8 +136,9 @@ class Tap:
         """Return what has come since the last call, in the order it came."""
         messages = []
         for line in tuple(self._lines):
-            if line.links.try_recv() is not None:  # a new link; see hil.network.sockets
+            if line.news.try_recv() is not None:  # a new link; see hil.network.sockets
                 free_sockets()
+            self.reconnections += line.unread.mend(line)
             for receive in line.receivers:
                 while (sample := receive()) is not None:
                     if message := self._message(line, sample):
@@ -138,7 +147,10 @@ class Tap:
         return messages
 
     def complaint(self) -> str:
-        """Return which endpoints have not answered yet, if a report is due; else empty."""
+        """Return which endpoints have not answered yet, or that a link was cut, if a report is due; else empty."""
+        if self.reconnections > self._reported:
+            self._reported = self.reconnections
+            return "a link was open and not read; connecting again"
         missing = [endpoint for endpoint in self._settings if endpoint not in self.connected]
         if not missing or now_ns() < self._complaint_ns:
             return ""
@@ -160,7 +172,7 @@ class Tap:
         config.insert_json5("timestamping/enabled", "true")  # of what comes, with the time when it came
         while not self._closing.is_set():
             with suppress(zenoh.ZError):
-                self._lines.append(_Line(zenoh.open(config)))
+                self._lines.append(_Line(zenoh.open(config), self._lease))
                 self.connected.add(endpoint)
                 return
             self._closing.wait(RETRY_S)

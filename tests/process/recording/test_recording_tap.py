@@ -102,6 +102,38 @@ def test_one_topic_of_two_vehicles() -> None:
     assert tap.missed == 0
 
 
+def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
+    """It never reads one if its time limit for opening it ends while it tells a listener who is slow."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    opened: list[str] = []
+
+    def be_slow(event: zenoh.LinkEvent) -> None:
+        if event.kind == zenoh.SampleKind.PUT:
+            opened.append(event.link.dst)
+            if len(opened) == 1:
+                time.sleep(0.7)  # the limit is 0.3 s
+
+    with Tap([endpoint]) as tap:
+        with listen(endpoint):
+            assert wait_for(lambda: tap._lines and tap._lines[0].links())
+            slow = zenoh.handlers.Callback(be_slow, indirect=False)
+            listener = tap._lines[0].session.info.declare_link_events_listener(slow)
+            assert not tap.complaint()
+        with listen(endpoint) as slave:
+            publisher = slave.publisher("uuv1", TOPICS["imu"])
+            heard = []
+
+            def poll() -> bool:
+                publisher.put(b"imu", 7)
+                heard.extend(tap.receive())
+                return bool(tap.reconnections and heard)
+
+            assert wait_for(poll)
+        assert tap.complaint() == "a link was open and not read; connecting again"
+        assert not tap.complaint()
+        listener.undeclare()  # type: ignore[no-untyped-call]
+
+
 def test_topics_of_one_publisher_are_distinguished() -> None:
     """All commands of a master have one gid; each topic counts its own."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
