@@ -40,7 +40,7 @@ MOST_BYTES = 3_000_000
 
 def fly(chart: str, folder: str) -> tuple[Scenario, list[Observation]]:
     """Fly one dive over `chart`; the scenario, and what was seen once a second. Raises HilError."""
-    path = prepare_dive(chart, Wish(), folder)
+    path = prepare_dive(chart, Wish(), folder).path
     scenario = load_scenario(path)
     with DiveWatch(scenario) as watch:
         demo = start_child(

@@ -60,7 +60,7 @@ def fly_and_take(scenario: str, speed: float, scheme: Scheme, seconds: float) ->
     """Fly the scenario once with a view, and take one picture of it."""
     with tempfile.TemporaryDirectory() as folder:
         if scenario.endswith(".000"):
-            scenario = prepare_dive(scenario, Wish(), folder)
+            scenario = prepare_dive(scenario, Wish(), folder).path
         command = [sys.executable, "-m", "hil.cli", "demo", scenario, "--view", "--output", folder]
         command += ["--set", f"master.speed={speed}", "--listen", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
         with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as demo:

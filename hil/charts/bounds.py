@@ -10,10 +10,14 @@ from hil.charts.polygons import Mask, contains, fill
 from hil.charts.sources.survey import Sheet, Survey
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 LAND_RISE = 2.0  # m above the water at a shore; the chart's beach where that is higher
 LAND_SLOPE = 0.15  # the shape of land is not on a chart: it rises so, up to
 LAND_TOP = 30.0  # m
+BORDER = 2.0  # how far, in what a chart resolves, a border of depth areas may be off
+SPREAD = 0.98
+PASSES = 24
 
 
 class Bounds(NamedTuple):
@@ -74,9 +78,49 @@ def limits_at(survey: Survey, points: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def clamp(depths: Array, bounds: Bounds, allowance: Array) -> Array:
-    """Return `depths` within the limits: never above the shoal limit, at most `allowance` m below the deep limit."""
-    return np.maximum(np.minimum(depths, bounds.high + allowance), bounds.low)
+def relaxed(low: Array, detail: float, resolution: float) -> Array:
+    """Return shoal limits that begin a little inside their areas: the least as near as a chart's lines are drawn.
+
+    `low`: (rows, columns) m, inf where there is no water. Where a deep area borders on a shoal one, as a dredged
+    channel does, the bed may rise to the border: a limit that ended at a node would make a cliff as jagged as the grid.
+
+    """
+    from scipy.ndimage import minimum_filter
+
+    reach = int(BORDER * detail / resolution + 0.5)
+    soft = minimum_filter(low, 2 * reach + 1, mode="nearest") if reach else low
+    return np.where(np.isinf(low), low, soft)
+
+
+def settle(grid: Grid, low: Array, high: Array, soundings: Array) -> Depths:
+    """Return the depths of `grid` within their limits (rows, columns), without a cliff where one begins.
+
+    How far a node has to go is spread to its neighbours, fading by SPREAD per cell, as far as their limits let them.
+    Not so around a sounding, where the bed is known.
+    """
+    bed = grid.depths
+    low, high = low.astype(np.float32), high.astype(np.float32)
+    need = np.nan_to_num(np.clip(bed, low, high) - bed)
+    if need.any():
+        known, here = _around_soundings(soundings, grid), need.copy()
+        for _ in range(PASSES):
+            edge = np.pad(need, 1, mode="edge")
+            mean = np.float32(0.25 * SPREAD) * (edge[:-2, 1:-1] + edge[2:, 1:-1] + edge[1:-1, :-2] + edge[1:-1, 2:])
+            need = np.nan_to_num(np.clip(bed + mean, low, high) - bed)
+            need[known] = here[known]
+    return np.asarray(np.clip(bed + need, low, high), np.float32)
+
+
+def _around_soundings(soundings: Array, grid: Grid) -> Mask:
+    """Return which nodes are a corner of a cell with a sounding in it."""
+    around = np.zeros(grid.depths.shape, bool)
+    last: Indices = np.array(around.shape, np.intp) - 1
+    scaled = (soundings[:, :2] - (grid.north_min, grid.east_min)) / grid.resolution
+    scaled = scaled[((scaled >= 0.0) & (scaled <= last)).all(axis=1)]
+    rows, columns = np.minimum(np.floor(scaled).astype(np.intp), last - 1).T
+    for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        around[rows + row, columns + column] = True
+    return around
 
 
 def allowance(soundings: Array, limits: Array, north: Array, east: Array, reach: float) -> Array:

@@ -1,5 +1,6 @@
 """Combine charts on one plane: where they overlap, the larger scale is used."""
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -9,14 +10,17 @@ from hil.charts.hazards import hazards_of
 from hil.charts.polygons import Edges, contains
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.s57 import Cell, Feature
-from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, resample
+from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, first_in_cell, resample
 from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
+Codes = NDArray[np.int64]
 
-# Contours are sampled as finely as the grid resolves and the chart draws: 2 mm on paper.
-STEP_NODES = 2.5
-STEP_PAPER = 0.002
+DRAWN = 0.0005  # m on paper: a line is drawn no finer (IHO S-4), and a grid of a chart's bed says no more
+# Places on contours and coasts are so far apart, in the distance from a sounding to the next: nearer ones outweigh it.
+GUIDES_APART = 0.35
+PAPER_APART = 0.002  # m on paper instead, of a chart that has fewer than two soundings
+MOST_BEACH = 1.0  # m that a coast counts as dry: how steep a beach is says little of the bed before it
 
 
 class Box(NamedTuple):
@@ -42,8 +46,8 @@ def covered(cells: list[Cell]) -> Box:
     return Box(*corners.min(axis=0)[::-1].tolist(), *corners.max(axis=0)[::-1].tolist())
 
 
-def survey_charts(cells: list[Cell], plane: LocalPlane, resolution: float) -> Survey:
-    """Return what `cells` say, on `plane`; contours sampled for a grid of `resolution` m. Raises ConfigError."""
+def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
+    """Return what `cells` say, on `plane`. Raises ConfigError."""
     layers = [_Layer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.scale)]
     finer: list[list[Edges]] = [[other.coverage for other in layers[i + 1 :]] for i in range(len(layers))]
     pairs = list(zip(layers, finer, strict=True))
@@ -55,7 +59,9 @@ def survey_charts(cells: list[Cell], plane: LocalPlane, resolution: float) -> Su
         source="; ".join(_label(cell) for cell in cells),
         origin=(plane.latitude, plane.longitude),
         soundings=soundings,
-        guides=np.concatenate([_outside(layer.guides(resolution), covers) for layer, covers in pairs]),
+        guides=np.concatenate([_outside(layer.guides(), covers) for layer, covers in pairs]),
+        strikes=np.concatenate([_outside(layer.strikes(), covers) for layer, covers in pairs]),
+        detail=DRAWN * min(cell.scale for cell in cells),
         sheets=tuple(layer.sheet() for layer in layers),
         hazards=tuple(hazard for layer, covers in pairs for hazard in layer.hazards() if _is_free(hazard, covers)),
         contours=tuple(
@@ -67,6 +73,12 @@ def survey_charts(cells: list[Cell], plane: LocalPlane, resolution: float) -> Su
         shore=_cut_all(pairs, "COALNE", "SLCONS"),
         bridges=_cut_all(pairs, "BRIDGE"),
     )
+
+
+def _codes(corners: Array) -> Codes:
+    """Return one number for each corner (n, 2), the same for those of one place: charts share them exactly."""
+    centimetres = np.round(100.0 * corners).astype(np.int64)
+    return np.asarray(centimetres[:, 0] * (1 << 32) + centimetres[:, 1])
 
 
 def _label(cell: Cell) -> str:
@@ -119,11 +131,57 @@ class _Layer:
         known = [(feature, feature.number("VALDCO")) for feature in self._cell.select("DEPCNT")]
         return [(edge, depth) for feature, depth in known if depth is not None for edge in self._edges(feature)]
 
-    def guides(self, resolution: float) -> Array:
-        step = max(STEP_NODES * resolution, STEP_PAPER * self._cell.scale)
-        lines = [(resample(line, step), depth) for line, depth in self.contours()]
-        points = [np.column_stack([line, np.full(len(line), depth)]) for line, depth in lines]
-        return np.concatenate([np.empty((0, 3)), *points])
+    def guides(self) -> Array:
+        """Return places on contours, and on coasts, which are as deep as the area before them begins: (n, 3)."""
+        points = [
+            np.column_stack([resample(line, self._apart), np.full(len(resample(line, self._apart)), depth)])
+            for line, depth in self.contours()
+        ]
+        places = np.concatenate([np.empty((0, 3)), *points, *map(self._shallows, self.lines("COALNE"))])
+        return np.asarray(places[first_in_cell(places, 0.5 * self._apart)])
+
+    def strikes(self) -> Array:
+        """Return the pieces of contours and coasts: their middles and vectors, (n, 4)."""
+        lines = [*(line for line, _ in self.contours()), *self.lines("COALNE")]
+        places = [resample(line, self._apart) for line in lines]
+        pieces = [np.hstack([0.5 * (p[1:] + p[:-1]), np.diff(p, axis=0)]) for p in places]
+        return np.concatenate([np.empty((0, 4)), *pieces])
+
+    @cached_property
+    def _apart(self) -> float:
+        """How far guides are from each other, m."""
+        from scipy.spatial import cKDTree
+
+        soundings = self.soundings()[:, :2]
+        if len(soundings) < 2:
+            return PAPER_APART * self._cell.scale
+        nearest = cKDTree(soundings).query(soundings, 2)[0][:, 1]
+        return max(GUIDES_APART * float(np.median(nearest)), DRAWN * self._cell.scale)
+
+    def _shallows(self, coast: Array) -> Array:
+        """Return places along a coast where a depth area borders on it, with the area's lesser limit: (n, 3)."""
+        codes, depths = self._borders
+        if not len(codes):
+            return np.empty((0, 3))
+        wanted = _codes(coast)
+        at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
+        depth = np.where(codes[at] == wanted, np.maximum(depths[at], -MOST_BEACH), np.nan)
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coast, axis=0).T))])
+        places = resample(coast, self._apart)
+        found = np.interp(np.linspace(0.0, along[-1], len(places)), along, depth)
+        return np.asarray(np.column_stack([places, found])[np.isfinite(found)])
+
+    @cached_property
+    def _borders(self) -> tuple[Codes, Array]:
+        """Return the corners of all depth areas, sorted by their codes, and the least limit at each."""
+        areas = [(np.concatenate(area.edges), area.low) for area in self._areas() if np.isfinite(area.low)]
+        if not areas:
+            return np.empty(0, np.int64), np.empty(0)
+        codes = np.concatenate([_codes(corners) for corners, _ in areas])
+        lows = np.concatenate([np.full(len(corners), low) for corners, low in areas])
+        order = np.lexsort((lows, codes))
+        codes, first = np.unique(codes[order], return_index=True)
+        return codes, lows[order][first]
 
     def sheet(self) -> Sheet:
         return Sheet(

@@ -1,9 +1,12 @@
 """Interpolate scattered depths by a smooth surface: radial basis functions on overlapping patches.
 
-On each patch two surfaces go exactly through the points, and their mean is taken: a thin-plate spline, which is
-smooth, and the linear kernel, which does not overshoot (Wendland, Scattered Data Approximation, 2005, chapters 8
-and 15). Blending with weights that have no jump in slope or curvature (partition of unity, the same, 15.4) leaves
-no creases, which switching from one set of neighbours to the next would, and which a sonar would see.
+On each patch a surface goes exactly through the points: a sum of r^1.5 (a conditionally positive kernel of order one;
+Wendland, Scattered Data Approximation, 2005, chapter 8), smoother than the linear kernel and stiffer than a thin plate.
+Distances are stretched along the contours: a bed changes less along its slopes' strike than across, and how much less
+shows in how well the contours of a patch agree in direction (geometric anisotropy, as geostatistics has it: Chiles and
+Delfiner, Geostatistics, 2012, 2.5.2). Blending with weights that have no jump in slope or curvature (partition of
+unity, Wendland 15.4) leaves no creases, which switching from one set of neighbours to the next would, and which a sonar
+would see.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,10 +22,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Progress = Callable[[float], None]  # takes the share that is done, 0 to 1
 
-LEAF = 80  # points in a patch before it is widened
-OVERLAP = 0.35  # how far a patch is widened to each side, in its own size
+LEAF = 40  # points in a patch before it is widened
+OVERLAP = 0.6  # how far a patch is widened to each side, in its own size
 LEAST = 12  # points that a widened patch must have: it grows until then
-FLAT = 1e-3  # points this near to one line, in their spread, have no thin plate
+MOST_STRETCH = 3.0  # along contours, of a patch
+FEWEST_PIECES = 4  # of contours, below which a patch has no direction
 CHUNK = 2000  # nodes evaluated at once: the matrices in between stay in the processor's cache
 
 
@@ -37,14 +41,15 @@ class Patch(NamedTuple):
 class Surface:
     """Depth as a function of place, exact in every data point.
 
-    `points`: (n, 2) north, east in m, no two of them alike; `depths`: (n,) in m. Raises ConfigError for fewer
-    than three points.
+    `points`: (n, 2) north, east in m, no two of them alike; `depths`: (n,) in m; `strikes`: (k, 4) pieces of contours,
+    their middles and their vectors, north and east in m. Raises ConfigError for fewer than three points.
     """
 
-    def __init__(self, points: Array, depths: Array) -> None:
+    def __init__(self, points: Array, depths: Array, strikes: Array | None = None) -> None:
         if len(points) < 3:
             raise ConfigError(f"gridding: a surface needs three depths or more, and there are {len(points)}")
         self._points, self._depths = points, depths
+        self._strikes = np.empty((0, 4)) if strikes is None else strikes
         self._low, self._high = points.min(axis=0), points.max(axis=0)
         boxes = _split(points, np.arange(len(points)), self._low, self._high)
         self._patches = [_widen(points, *box) for box in boxes]
@@ -69,6 +74,17 @@ class Surface:
         report(1.0)
         return np.where(weights > 0.0, total / np.where(weights > 0.0, weights, 1.0), np.nan)
 
+    def at(self, places: Array) -> Array:
+        """Depths at `places` (n, 2)."""
+        total, weights = np.zeros(len(places)), np.zeros(len(places))
+        for patch in self._patches:
+            weight = self._weight(places, patch)
+            near = np.flatnonzero(weight)
+            if len(near):
+                total[near] += weight[near] * self._fit(patch).at(places[near])
+                weights[near] += weight[near]
+        return np.asarray(total / weights)
+
     def held_out(self, folds: Indices) -> Array:
         """Return the surface at each data point fitted without the points of its fold; nan where the fold is < 0.
 
@@ -77,13 +93,16 @@ class Surface:
         """
         total, weights = np.zeros(len(self._points)), np.zeros(len(self._points))
         for patch in self._patches:
+            if not (folds[patch.inside] >= 0).any():
+                continue
             weight = self._weight(self._points[patch.inside], patch)
             total[patch.inside] += weight * self._fit(patch).without(folds[patch.inside])
             weights[patch.inside] += weight
-        return np.where(folds < 0, np.nan, total / weights)
+        held = folds >= 0
+        return np.where(held, total / np.where(held, weights, 1.0), np.nan)
 
     def _fit(self, patch: Patch) -> "_Fit":
-        return _Fit(self._points[patch.inside], self._depths[patch.inside], patch)
+        return _Fit(self._points[patch.inside], self._depths[patch.inside], patch, _stretch(self._strikes, patch))
 
     def _reached(self, axis: Array, k: int, patch: Patch) -> slice:
         """Return which of the nodes along one axis `patch` has a say in; beyond the data its border stretches on."""
@@ -121,74 +140,61 @@ def _widen(points: Array, low: Array, high: Array) -> Patch:
     return Patch(centre, half, inside)
 
 
-class _Fit:
-    """Both surfaces through the points of one patch."""
+def _stretch(strikes: Array, patch: Patch) -> Array:
+    """Return the matrix (2, 2) to multiply offsets from the patch's centre with: no unit, nearer along the contours.
 
-    def __init__(self, points: Array, depths: Array, patch: Patch) -> None:
-        self._centre, self._scale = patch.centre, float(patch.half.max())
+    The contours' length is what a gradient's size is (the coarea formula), so the sum of the squares of their normals
+    is the structure tensor of the bed. No depth is in it: to hold out a sounding leaves it as it is.
+    """
+    scale: Array = np.eye(2) / patch.half.max()
+    pieces = strikes[(np.abs(strikes[:, :2] - patch.centre) < patch.half).all(axis=1)]
+    if len(pieces) < FEWEST_PIECES:
+        return scale
+    normals = np.column_stack([-pieces[:, 3], pieces[:, 2]])
+    lengths = np.maximum(np.hypot(*normals.T), 1e-9)
+    sizes, directions = np.linalg.eigh((normals / lengths[:, None]).T @ normals)
+    stretch = min(MOST_STRETCH, float(np.sqrt(sizes[1] / max(sizes[0], 1e-9 * sizes[1]))))
+    stretched: Array = scale @ directions @ np.diag([stretch**-0.5, stretch**0.5])
+    return stretched
+
+
+class _Fit:
+    """The surface through the points of one patch."""
+
+    def __init__(self, points: Array, depths: Array, patch: Patch, stretch: Array) -> None:
+        self._centre, self._stretch = patch.centre, stretch
         self._points, self._depths = self._scaled(points), depths
-        spread = np.linalg.svd(self._points - self._points.mean(axis=0), compute_uv=False)
-        kernels: list[_Kernel] = [_linear] if spread[1] < FLAT * spread[0] else [_linear, _thin_plate]
-        self._kernels = kernels
+        size = len(points) + 1
+        self._system = np.ones((size, size))
+        self._system[:-1, :-1] = _kernel(self._points, self._points)
+        self._system[-1, -1] = 0.0
+        self._right = np.append(depths, 0.0)
 
     def at(self, nodes: Array) -> Array:
-        """Return the mean of the surfaces at `nodes` (n, 2)."""
-        solved = [np.linalg.solve(self._system(kernel), self._right(kernel)) for kernel in self._kernels]
-        parts = []
-        for start in range(0, len(nodes), CHUNK):
-            chunk = self._scaled(nodes[start : start + CHUNK])
-            squares = _squares(chunk, self._points)
-            surfaces = [
-                kernel(squares) @ solution[: len(self._points)] + _tail(kernel, chunk) @ solution[len(self._points) :]
-                for kernel, solution in zip(self._kernels, solved, strict=True)
-            ]
-            parts.append(np.mean(surfaces, axis=0))
-        return np.concatenate(parts)
+        """Return the surface at `nodes` (n, 2)."""
+        solution = np.linalg.solve(self._system, self._right)
+        return np.concatenate([
+            _kernel(self._scaled(nodes[start : start + CHUNK]), self._points) @ solution[:-1] + solution[-1]
+            for start in range(0, len(nodes), CHUNK)
+        ])  # fmt: skip
 
     def without(self, folds: Indices) -> Array:
-        """Return the mean of the surfaces at each point, had the points of its fold not been there."""
-        return np.asarray(self._depths - np.mean([self._errors(kernel, folds) for kernel in self._kernels], axis=0))
-
-    def _errors(self, kernel: "_Kernel", folds: Indices) -> Array:
-        inverse = np.linalg.inv(self._system(kernel))
-        solution = inverse @ self._right(kernel)
+        """Return the surface at each point, had the points of its fold not been there."""
+        inverse = np.linalg.inv(self._system)
+        solution = inverse @ self._right
         errors = np.zeros(len(self._points))
         for fold in np.unique(folds[folds >= 0]):
             left_out = np.flatnonzero(folds == fold)
             errors[left_out] = np.linalg.solve(inverse[np.ix_(left_out, left_out)], solution[left_out])
-        return errors
-
-    def _system(self, kernel: "_Kernel") -> Array:
-        tail = _tail(kernel, self._points)
-        corner = np.zeros((tail.shape[1], tail.shape[1]))
-        return np.block([[kernel(_squares(self._points, self._points)), tail], [tail.T, corner]])
-
-    def _right(self, kernel: "_Kernel") -> Array:
-        return np.concatenate([self._depths, np.zeros(_tail(kernel, self._points).shape[1])])
+        return np.asarray(self._depths - errors)
 
     def _scaled(self, points: Array) -> Array:
-        return (points - self._centre) / self._scale
+        return np.asarray((points - self._centre) @ self._stretch)
 
 
-_Kernel = Callable[[Array], Array]  # of squared distances
-
-
-def _linear(squares: Array) -> Array:
-    return -np.sqrt(squares)
-
-
-def _thin_plate(squares: Array) -> Array:
-    return np.asarray(squares * np.log(np.maximum(squares, 1e-300)))
-
-
-def _tail(kernel: _Kernel, points: Array) -> Array:
-    """Return the polynomial a kernel comes with: a constant, for the thin plate a plane."""
-    one = np.ones((len(points), 1))
-    return one if kernel is _linear else np.hstack([one, points])
-
-
-def _squares(a: Array, b: Array) -> Array:
-    """Squared distances, (len(a), len(b))."""
+def _kernel(a: Array, b: Array) -> Array:
+    """Minus the distances to the power 1.5, (len(a), len(b))."""
     from scipy.spatial.distance import cdist
 
-    return np.asarray(cdist(a, b, "sqeuclidean"))
+    distances = cdist(a, b)
+    return np.asarray(np.multiply(distances, -np.sqrt(distances), out=distances))

@@ -9,10 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.charts.bounds import limits_at
 from hil.charts.grid import Grid
+from hil.charts.gridding import Surface
 from hil.charts.polygons import Edges, fill
 from hil.charts.sources.s57 import Feature
-from hil.charts.sources.survey import Hazard
+from hil.charts.sources.survey import Hazard, Survey, first_in_cell
 from sim.environment.obstacles import Box, Cylinder
 
 Array = NDArray[np.float64]
@@ -77,6 +79,30 @@ def place(hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array) -> Placed
         else:
             boxes += _boxes(hazard, grid, limit)
     return Placed(grid, tuple(cylinders), tuple(boxes))
+
+
+def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
+    """Return a bed, (n, 3) north, east, depth, for each hazard of known depth that `surface` would bury.
+
+    Whatever stands there has its foot below its top. A sounding as near as the chart is drawn is the bed instead.
+    """
+    from scipy.spatial.distance import cdist
+
+    known = [
+        (*hazard.line.mean(axis=0), hazard.top)
+        for hazard in survey.hazards
+        if hazard.top is not None and hazard.top > 0.0 and (len(hazard.line) == 1 or hazard.edges)
+    ]
+    if not known:
+        return np.empty((0, 3))
+    tops = np.array(known)
+    tops = tops[np.argsort(-tops[:, 2], kind="stable")]  # of two in one place the deeper
+    tops = tops[first_in_cell(tops, max(survey.detail, BURIED))]
+    sounded = cdist(tops[:, :2], soundings[:, :2]).min(axis=1) < survey.detail
+    low, _ = limits_at(survey, tops[:, :2])
+    bed = np.maximum(surface.at(tops[:, :2]), low)
+    buried = tops[~sounded & (bed < tops[:, 2] + BURIED)]
+    return np.asarray(buried + np.array([0.0, 0.0, LEAST_HEIGHT]))
 
 
 def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:

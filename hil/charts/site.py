@@ -11,6 +11,7 @@ from hil.charts.grid import Grid
 from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 Point = tuple[float, float]  # north, east in m
 
 COURSES = 8  # half a turn of them; a way is as good in either direction
@@ -22,6 +23,7 @@ MOST_ALTITUDE = 8.0  # m, unless another depth is asked for: the bed is still se
 MOST_DEPTH = 12.0  # m, unless another is asked for: daylight comes so far
 MOST_RELIEF = 3.0  # m of standard deviation, beyond which more is no better
 TRIES = 20
+MOST_MIDDLES = 20_000  # looked at: of a large chart the steeper half of them, and others spread over all of it
 APART = 100.0  # m between two sites
 
 
@@ -41,6 +43,8 @@ def sites(grid: Grid, length: float, depth: float | None = None) -> Iterator[Sit
     """
     deepest = MOST_DEPTH + MOST_ALTITUDE if depth is None else np.inf
     rows, columns = np.nonzero((grid.depths > LEAST_DEPTH + LEAST_ALTITUDE) & (grid.depths < deepest))
+    chosen_nodes = _promising(grid, rows, columns)
+    rows, columns = rows[chosen_nodes], columns[chosen_nodes]
     middles = np.column_stack([grid.north[rows], grid.east[columns]])
     judged = [_judge(grid, middles, pi * i / COURSES, length, depth) for i in range(COURSES)]
     scores, depths = (np.concatenate(each) for each in zip(*judged, strict=True))
@@ -67,6 +71,19 @@ def depth_between(grid: Grid, start: Point, goal: Point) -> float:
     if not least > LEAST_DEPTH + LEAST_ALTITUDE:
         raise ConfigError("too little water, or none that is known, on the straight way from --start to --goal")
     return _rounded(least - LEAST_ALTITUDE)
+
+
+def _promising(grid: Grid, rows: Indices, columns: Indices) -> Indices:
+    """Return which of the nodes to look at, no more than MOST_MIDDLES."""
+    if len(rows) <= MOST_MIDDLES:
+        return np.arange(len(rows))
+    slopes = np.zeros(len(rows))
+    for row, column in ((0, 1), (1, 0)):
+        far = np.minimum(rows + row, grid.depths.shape[0] - 1), np.minimum(columns + column, grid.depths.shape[1] - 1)
+        slopes += np.abs(np.nan_to_num(grid.depths[far] - grid.depths[rows, columns]))
+    half = MOST_MIDDLES // 2
+    spread = np.linspace(0, len(rows) - 1, half).astype(np.intp)
+    return np.union1d(np.argpartition(-slopes, half)[:half], spread)
 
 
 def _judge(grid: Grid, middles: Array, course: float, length: float, depth: float | None) -> tuple[Array, Array]:

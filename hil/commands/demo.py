@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 
+from hil.commands.gridding import RESOLUTION, show_progress
 from hil.commands.listening import is_routed
 from hil.commands.view.opening import view_process
 from hil.common.children import module_command, package_environment, start_child
@@ -67,6 +68,7 @@ def main(arguments: list[str]) -> int:
     over.add_argument(
         "--length", metavar="M", type=LENGTH, default=70.0, help="length of the path without --goal [%(default)g]"
     )
+    over.add_argument("--resolution", metavar="M", type=RESOLUTION, help="of a chart's grid [what its data resolve]")
     options = parser.parse_args(arguments)
     if options.world:
         if options.set:
@@ -89,6 +91,7 @@ def main(arguments: list[str]) -> int:
 def _dive(options: argparse.Namespace) -> int:
     """Make a world and a way, fly there, and report what was seen."""
     _require_extras()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the systems solved are small: its threads would only wait
     from hil.charts.dive.dive import Wish, prepare_dive
     from hil.charts.dive.watch import DiveWatch
 
@@ -96,15 +99,20 @@ def _dive(options: argparse.Namespace) -> int:
     require_free(endpoint)  # now: to find a place takes long
     folder = make_folder(options.output) if options.output else new_folder(options.world)
     print(f"looking for a place to dive in {options.world}", flush=True)
-    wish = Wish(options.start, options.goal, options.depth, options.length, endpoint)
-    path = prepare_dive(options.world, wish, folder)
+    wish = Wish(options.start, options.goal, options.depth, options.length, endpoint, options.resolution)
+    try:
+        path, bed = prepare_dive(options.world, wish, folder, show_progress)
+    finally:
+        show_progress(1.0)
+    if bed:
+        print(f"its bed: {bed[0][1]} (--resolution for another)", flush=True)
     scenario = load_scenario(path)
     require_free(endpoint)
     with view_process([path], [endpoint], options.view), DiveWatch(scenario) as watch:
         code = _run([path], endpoint, folder, watch.observe)
     from hil.charts.dive.report import write_report
 
-    files = write_report(folder, scenario, watch.observations, watch.figures())
+    files = write_report(folder, scenario, watch.observations, watch.figures(), bed)
     print(f"what it saw: {files[-1]}")
     return code
 

@@ -2,10 +2,10 @@
 
 import argparse
 import os
-import sys
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from hil.commands.gridding import RESOLUTION, show_progress
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.options import Number, add_json, add_output, add_plot, new_parser, place
@@ -13,10 +13,6 @@ from hil.common.schema import preset_names, shortened
 from hil.common.tables import output_file
 from hil.common.text import json_text
 from sim.environment.world import World, load_world
-
-if TYPE_CHECKING:
-    from hil.charts.build import Built
-    from hil.charts.sources.survey import Survey
 
 EXAMPLES = """\
 examples:
@@ -29,12 +25,9 @@ examples:
   uuv-hil world list
 A scenario flies in a world with `world = "worlds/homer.toml"`. Not for navigation.
 """
-RESOLUTION = Number(0.05, 10_000.0, "m")
 REACH = Number(0.05, 1e6, "m")
 DEPTH = Number(0.0, 11_000.0, "m")
 NOTE = "Made with `uuv-hil world build`. Not for navigation. Depths count from the chart's datum (mostly low water)."
-
-BRIDGES = "; bridges are drawn, but their decks are above the water"
 
 
 def main(arguments: list[str]) -> int:
@@ -54,7 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     build = actions.add_parser("build", help="make a world of charts and soundings")
     build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
     add_output(build, "WORLD", "writes WORLD.toml and WORLD.f32; makes their folder", required=True)
-    build.add_argument("--resolution", metavar="M", type=RESOLUTION, default=5.0, help="of the grid [%(default)g]")
+    build.add_argument("--resolution", metavar="M", type=RESOLUTION, help="of the grid [what the data resolve]")
     build.add_argument(
         "--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all that is known]"
     )
@@ -97,6 +90,7 @@ def _add_world(parser: argparse.ArgumentParser) -> None:
 def _build(options: argparse.Namespace) -> int:
     from hil.charts.build import build
     from hil.charts.chart_survey import Box
+    from hil.charts.describe import describe
     from hil.charts.sources.choose import read_sources
     from hil.charts.world_file import write_world
 
@@ -112,10 +106,11 @@ def _build(options: argparse.Namespace) -> int:
         options.reach,
     )
     try:
-        built = build(survey, extent, options.resolution, _progress)
+        built = build(survey, extent, options.resolution, show_progress)
     finally:
-        _progress(1.0)  # the line goes, also on Ctrl-C
-    head = (NOTE, *(line.strip() for line in describe(survey, built)))
+        show_progress(1.0)  # the line goes, also on Ctrl-C
+    lines = aligned([(f"  {name}", text) for name, text in describe(survey, built)])
+    head = (NOTE, *(line.strip() for line in lines))
     write_world(path, built.placed, survey.source, survey.origin, head)
     if options.plot:
         from hil.charts.picture import Marks, draw
@@ -127,41 +122,8 @@ def _build(options: argparse.Namespace) -> int:
     if options.json:
         print(json_text({"world": path, **built.report._asdict()}))
     else:
-        print("\n".join([f"{path}: gridded in {built.report.seconds:.1f} s", *describe(survey, built)]))
+        print("\n".join([f"{path}: gridded in {built.report.seconds:.1f} s", *lines]))
     return 0
-
-
-def _progress(share: float) -> None:
-    """A line on a terminal that renews itself, and goes when all is done."""
-    if sys.stderr.isatty():
-        print(
-            f"\r\033[Kgridding {100.0 * share:.0f} %" if share < 1.0 else "\r\033[K",
-            end="",
-            file=sys.stderr,
-            flush=True,
-        )
-
-
-def describe(survey: "Survey", built: "Built") -> list[str]:
-    """Return what a world was made of and how good it is, for a person."""
-    report, grid = built.report, built.placed.grid
-    rows, columns = grid.depths.shape
-    standing = len(built.placed.cylinders) + len(built.placed.boxes)
-    return aligned([
-        ("  source", survey.source),
-        ("  grid", f"{rows} x {columns} nodes of {grid.resolution:g} m, deepest {grid.deepest:.1f} m"),
-        ("  data", f"{report.soundings} soundings, {report.guides} places on contours"),
-        ("  area", f"{_percent(report.water)} water, {_percent(report.land)} land, {_percent(report.unknown)} unknown"),
-        ("  held out", f"error {report.rmse:.3g} m RMS of {report.held_out} soundings, "
-                       f"{report.linear_rmse:.3g} m by linear interpolation between soundings"),
-        ("  limits", f"{_percent(report.clamped)} of the water held by depth areas; "
-                     f"{report.off_limits} soundings deeper than theirs"),
-        ("  obstacles", f"{standing} standing on the bed" + (BRIDGES if survey.bridges else "")),
-    ])  # fmt: skip
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.1f} %"
 
 
 def _show(options: argparse.Namespace) -> int:
@@ -193,23 +155,24 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
 
     grid = grid_of(world, resolution)
     if depth is not None:
-        from hil.charts.free_water import free_water
+        from hil.charts.describe import percent
+        from hil.charts.exports.free_water import free_water
 
         cells = free_water(world, grid_of(world), depth, grid.resolution)
         cells.write_pgm(path)
         return (
-            f"{_percent(1.0 - float(cells.cells.mean()))} of it free {depth:g} m down; {os.path.splitext(path)[0]}.yaml"
+            f"{percent(1.0 - float(cells.cells.mean()))} of it free {depth:g} m down; {os.path.splitext(path)[0]}.yaml"
         )
     if ending in (".tif", ".tiff"):
-        from hil.charts.geotiff import write_geotiff
+        from hil.charts.exports.geotiff import write_geotiff
 
         write_geotiff(grid, world.origin, path)
         return "heights in m" + ("" if world.origin else ", without a place on the earth: the world has no origin")
     if ending == ".sdf":
-        from hil.charts.gazebo import write_gazebo
+        from hil.charts.exports.gazebo import write_gazebo
 
         return f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm"
-    from hil.charts.mesh import write_glb, write_stl
+    from hil.charts.exports.mesh import write_glb, write_stl
 
     (write_stl if ending == ".stl" else write_glb)(grid, path)
     return f"{os.path.getsize(path) / 1e6:.1f} MB; the bed alone"

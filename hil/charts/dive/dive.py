@@ -7,20 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil.charts.build import build
-from hil.charts.grid import Grid, grid_of, write_file
+from hil.charts.describe import Facts, facts
+from hil.charts.grid import Extent, Grid, grid_of, write_file
+from hil.charts.gridding import Progress
 from hil.charts.projection import LocalPlane
 from hil.charts.site import Point, Site, depth_between, sites
-from hil.charts.sources.choose import read_sources
-from hil.charts.sources.survey import Survey
+from hil.charts.whole import Whole, cut, whole_bed
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError, MissionError
 from hil.master.flight import prepare
 from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import load_world
 
-COARSE = 20.0  # m, of the grid on which the way is looked for
-FINE = 2.0  # m, of that which is dived over
 AROUND = 150.0  # m beyond the way that the world has
 SPEED = 0.7  # m/s, of 0.85 m/s that this vehicle can
 
@@ -72,21 +70,29 @@ time_limit = {limit:.0f}
 
 
 class Wish(NamedTuple):
-    """Request of a dive: places (latitude and longitude in degrees), depth and length in m."""
+    """Request of a dive: places (latitude and longitude in degrees), depth, length and a chart's `resolution` in m."""
 
     start: Point | None = None
     goal: Point | None = None
     depth: float | None = None
     length: float = 70.0
     listen: str = "tcp/127.0.0.1:7447"
+    resolution: float | None = None
 
     def validate(self) -> str | None:
         """Return which options contradict each other, or None."""
         return "--start and --goal go together" if (self.start is None) != (self.goal is None) else None
 
 
-def prepare_dive(world: str, wish: Wish, folder: str) -> str:
-    """Write a scenario into `folder`; return its path.
+class Prepared(NamedTuple):
+    """The path of a dive's scenario, and what is known of a chart's bed, for a report."""
+
+    path: str
+    facts: Facts = ()
+
+
+def prepare_dive(world: str, wish: Wish, folder: str, progress: Progress = lambda share: None) -> Prepared:
+    """Write a scenario into `folder`.
 
     `world` is a chart (.000), any other file that `uuv-hil world build` takes, a world's .toml, or a world's name.
     Raises ConfigError, MissingExtraError, and MissionError when no way is found.
@@ -94,18 +100,19 @@ def prepare_dive(world: str, wish: Wish, folder: str) -> str:
     if problem := wish.validate():
         raise ConfigError(problem)
     if world.endswith(".toml") or not os.path.splitext(world)[1]:
-        return _over_world(world, wish, folder)
-    return _over_chart(world, wish, folder)
+        if wish.resolution:
+            raise ConfigError("--resolution is for charts and soundings: a world has its grid already")
+        return Prepared(_over_world(world, wish, folder))
+    whole = whole_bed(world, wish.resolution, progress)
+    name = os.path.splitext(os.path.basename(world))[0]
+    return Prepared(_over_chart(whole, name, wish, folder), facts(whole.placed.grid, whole.report))
 
 
-def _over_chart(chart: str, wish: Wish, folder: str) -> str:
-    survey, extent = read_sources([chart], None, COARSE)
-    coarse = build(survey, extent, COARSE).placed.grid
-    name = os.path.splitext(os.path.basename(chart))[0]
+def _over_chart(whole: Whole, name: str, wish: Wish, folder: str) -> str:
     failure: MissionError | None = None
-    for site in _wished(coarse, survey.origin, wish):
+    for site in _wished(whole.placed.grid, whole.origin, wish):
         path = os.path.join(folder, f"{name}_world.toml")
-        _write_around(site, survey, path)
+        write_world(path, cut(whole.placed, _around(site)), whole.source, whole.origin, ("A part, around a dive.",))
         try:
             return _checked(_write_scenario(site, f"{name}_world.toml", name, wish, folder))
         except MissionError as error:
@@ -145,12 +152,9 @@ def _local(plane: LocalPlane, place: Point) -> Point:
     return float(north), float(east)
 
 
-def _write_around(site: Site, survey: Survey, path: str) -> None:
-    """The world around a way, finer than the way was looked for."""
+def _around(site: Site) -> Extent:
     (south, north), (west, east) = (sorted(pair) for pair in zip(site.start, site.goal, strict=True))
-    extent = south - AROUND, north + AROUND, west - AROUND, east + AROUND
-    built = build(survey, extent, FINE)
-    write_world(path, built.placed, survey.source, survey.origin, ("The part of a chart around a dive.",))
+    return south - AROUND, north + AROUND, west - AROUND, east + AROUND
 
 
 def _write_scenario(site: Site, world: str, name: str, wish: Wish, folder: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.charts.describe import Facts
 from hil.charts.dive.watch import Observation
 from hil.charts.grid import grid_of, write_file
 from hil.charts.picture import LAND, hillshade
@@ -27,9 +28,9 @@ AROUND = 40.0  # m of the map around the track
 
 
 def write_report(
-    folder: str, scenario: Scenario, observations: Sequence[Observation], health: Diagnostics
+    folder: str, scenario: Scenario, observations: Sequence[Observation], health: Diagnostics, bed: Facts = ()
 ) -> list[str]:
-    """Draw the pictures and write report.md and report.html into `folder`; all files.
+    """Draw the pictures and write report.md and report.html into `folder`, with what is known of the `bed`; all files.
 
     Raises MissionError when nothing was seen, ConfigError, MissingExtraError.
     """
@@ -56,7 +57,7 @@ def write_report(
     files = []
     for name, (figure, _) in figures.items():
         files.append(save_figure(figure, os.path.join(folder, f"{name}.png")))
-    rows = _figures(world, scenario, observations, health)
+    rows = [*_figures(world, scenario, observations, health), *((f"bed: {name}", text) for name, text in bed)]
     captions = [(f"{name}.png", caption) for name, (_, caption) in figures.items()]
     for ending, text in ((".md", _markdown), (".html", _html)):
         files.append(os.path.join(folder, f"report{ending}"))

@@ -16,18 +16,19 @@ from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 
+POINTS_DETAIL = 0.5  # of what soundings are apart in the mean: a grid of them
 RASTER_REACH = 1.5  # pixels around a raster's known ones that are still known
 POINTS_REACH = 4.0  # the same around soundings, in what they are apart in the mean
 
 
 def read_sources(
-    paths: list[str], area: Box | None, resolution: float, updates: bool = True, positive: Positive = "auto",
-    reach: float | None = None,
+    paths: list[str], area: Box | None, resolution: float | None = None, updates: bool = True,
+    positive: Positive = "auto", reach: float | None = None,
 ) -> tuple[Survey, Extent]:  # fmt: skip
     """Return what the files say of `area` (all they cover if None), and where that is on the plane, m.
 
-    `resolution` (m) of the grid that is wanted; `updates` and `positive` as in the readers; `reach` (m): how far
-    from loose soundings the seabed is known. Raises ConfigError, MissingExtraError.
+    `resolution` (m) of the grid that is wanted, what the data resolve if None; `updates` and `positive` as in the
+    readers; `reach` (m): how far from loose soundings the seabed is known. Raises ConfigError, MissingExtraError.
     """
     cells: list[Cell] = []
     loose: list[Points] = []
@@ -40,7 +41,7 @@ def read_sources(
         return _on_a_plane(loose, cells, area, resolution, reach)
     area = area or _around([*([covered(cells)] if cells else []), *map(_box, loose)])
     plane = LocalPlane(*area.centre)
-    parts = [survey_charts(cells, plane, resolution)] if cells else []
+    parts = [survey_charts(cells, plane)] if cells else []
     parts += [_survey(points, _local(points, plane), resolution, reach) for points in loose]
     return _together(parts, area.centre), _extent(area, plane)
 
@@ -59,7 +60,7 @@ def _read_loose(path: str, area: Box | None, positive: Positive) -> Points:
 
 
 def _on_a_plane(
-    loose: list[Points], cells: list[Cell], area: Box | None, resolution: float, reach: float | None
+    loose: list[Points], cells: list[Cell], area: Box | None, resolution: float | None, reach: float | None
 ) -> tuple[Survey, Extent]:
     """Soundings in metres from an origin that nobody knows on the earth."""
     if cells or area or any(points.geographic for points in loose):
@@ -84,14 +85,19 @@ def _local(points: Points, plane: LocalPlane) -> Array:
     return np.column_stack(plane.to_local(points.places[:, 0], points.places[:, 1]))
 
 
-def _survey(points: Points, places: Array, resolution: float, reach: float | None) -> Survey:
+def _survey(points: Points, places: Array, resolution: float | None, reach: float | None) -> Survey:
     """Return single soundings, or their mean where several are nearer to each other than the grid's nodes."""
-    soundings = block_means(np.column_stack([places, points.depths]), resolution)
+    detail = points.spacing or max(0.01, POINTS_DETAIL * _apart(places))
+    soundings = block_means(np.column_stack([places, points.depths]), resolution or detail)
     if reach is None:
-        size = np.ptp(soundings[:, :2], axis=0)
-        apart = float(np.sqrt(size.prod() / len(soundings)))
-        reach = RASTER_REACH * max(points.spacing, resolution) if points.spacing else POINTS_REACH * apart
-    return Survey(points.name, None, soundings, reach=reach)
+        spaced = RASTER_REACH * max(points.spacing, resolution or detail)
+        reach = spaced if points.spacing else POINTS_REACH * _apart(soundings)
+    return Survey(points.name, None, soundings, detail=detail, reach=reach)
+
+
+def _apart(places: Array) -> float:
+    """Return the side of the square, m, that each of `places` (n, 2 or more) has for itself in the mean."""
+    return float(np.sqrt(np.ptp(places[:, :2], axis=0).prod() / len(places)))
 
 
 def _together(parts: list[Survey], origin: tuple[float, float] | None) -> Survey:
@@ -100,6 +106,7 @@ def _together(parts: list[Survey], origin: tuple[float, float] | None) -> Survey
         source="; ".join(part.source for part in parts),
         origin=origin,
         soundings=np.concatenate([part.soundings for part in parts]),
+        detail=min(part.detail for part in parts),
         reach=max(part.reach for part in parts),
     )
 

@@ -46,7 +46,9 @@ class Hazard(NamedTuple):
 class Survey(NamedTuple):
     """Soundings, contours, shore lines, areas and hazards of a survey.
 
-    `soundings`: (n, 3) north, east, depth in m. `guides`: the same for places on contours, `shore` lines to draw.
+    `soundings`: (n, 3) north, east, depth in m. `guides`: the same for places on contours and coasts, `shore` lines to
+    draw. `strikes`: (k, 4) pieces of contours and coasts, their middles and vectors. `detail` (m): what the data
+    resolve, and so a grid of them.
     `sheets` go from the coarsest to the finest. `reach`: how far in m the bed is known around soundings where no
     sheet says so; 0 nowhere. `origin`: latitude and longitude in degrees of (0, 0), None where there is none.
     `notes`: what a person should know of how the files were read.
@@ -55,7 +57,9 @@ class Survey(NamedTuple):
     source: str
     origin: tuple[float, float] | None
     soundings: Array
+    detail: float = 5.0
     guides: Array = np.empty((0, 3))
+    strikes: Array = np.empty((0, 4))
     sheets: tuple[Sheet, ...] = ()
     hazards: tuple[Hazard, ...] = ()
     contours: tuple[tuple[Array, float], ...] = ()

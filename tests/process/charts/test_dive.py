@@ -19,6 +19,11 @@ from tests.support.processes import free_port
 from tests.support.small_cell import bay
 
 
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
 def slope_with_a_wall() -> Grid:
     """6 m deep in the south, 16 m in the north; a wall that rises out of the water along north = 100 m."""
     north = np.arange(-200.0, 201.0, 4.0)
@@ -54,7 +59,7 @@ def test_a_depth_that_is_asked_for() -> None:
 def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
     """Start and goal are where they were asked for on the earth."""
     chart = bay().write(tmp_path / "BAY.000")
-    path = prepare_dive(chart, Wish((54.0015, 10.002), (54.0015, 10.0025)), str(tmp_path))
+    path = prepare_dive(chart, Wish((54.0015, 10.002), (54.0015, 10.0025)), str(tmp_path)).path
     scenario = load_scenario(path)
     assert {"laser", "camera", "forward_sonar", "altimeter"} <= set(scenario.sensors)
     assert scenario.start.north == pytest.approx((54.0015 - 54.005) * 111_260.0, abs=2.0)
@@ -67,7 +72,7 @@ def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
 
 
 def test_a_world_of_another_kind(tmp_path: Path) -> None:
-    path = prepare_dive("ridge", Wish(depth=6.0, length=20.0), str(tmp_path))
+    path = prepare_dive("ridge", Wish(depth=6.0, length=20.0), str(tmp_path)).path
     assert load_scenario(path).master.depth == 6.0
     with pytest.raises(ConfigError, match="it has no origin"):
         prepare_dive("ridge", Wish((1.0, 2.0), (1.0, 2.001)), str(tmp_path))

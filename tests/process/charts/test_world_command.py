@@ -27,7 +27,7 @@ def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys
     )
     said = " ".join(capsys.readouterr().out.split())
     assert f"{out}.toml: gridded in" in said
-    assert "by linear interpolation between soundings" in said
+    assert "by linear interpolation between the same soundings and contours" in said
     assert (tmp_path / "b.png").stat().st_size > 20_000
     world = load_world(f"{out}.toml")
     assert world.name == "bay"

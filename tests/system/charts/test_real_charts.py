@@ -22,7 +22,7 @@ def cell_path(name: str) -> str:
     return os.path.join(CHARTS, name, f"{name}.000")
 
 
-def built(*names: str, resolution: float = 20.0) -> tuple[Survey, Built]:
+def built(*names: str, resolution: float | None = None) -> tuple[Survey, Built]:
     survey, extent = read_sources([cell_path(name) for name in names], None, resolution)
     return survey, build(survey, extent, resolution)
 
@@ -52,18 +52,27 @@ def test_a_missing_update_is_named(tmp_path: Path) -> None:
         read_cell(str(tmp_path / "US5WA22M.000"))
 
 
-@pytest.mark.parametrize(("name", "ours", "linear"), [("US5AK5SI", 4.0, 6.46), ("US5WA22M", 5.6, 6.80)])
-def test_soundings_that_were_held_out(name: str, ours: float, linear: float) -> None:
-    """Better than the limits, and than the linear interpolation, which comes out as it is known to."""
+# RMSE in m of ours, of linear interpolation, and of the better of scipy's two radial bases (50 neighbours, linear or
+# thin plate), all three with the same contours and limits.
+ERRORS = [
+    ("US5AK5SI", 2.984, 5.595, 3.734), ("US5AK5SJ", 7.190, 8.849, 7.443), ("US5WA22M", 4.822, 7.779, 5.516),
+    ("US4AK4PH", 9.093, 12.41, 9.179), ("US4MD81M", 1.318, 1.812, 1.501),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "ours", "linear", "radial"), ERRORS)
+def test_soundings_that_were_held_out(name: str, ours: float, linear: float, radial: float) -> None:
+    """As the page says, better than the others; nowhere deeper than a sounding, nor too deep in the mean."""
     survey, found = built(name)
     report = found.report
-    assert report.rmse < ours
-    assert report.rmse_all < ours
-    assert report.linear_rmse == pytest.approx(linear, rel=0.03)
+    assert report.rmse == pytest.approx(ours, rel=0.02)
+    assert report.linear_rmse == pytest.approx(linear, rel=0.02)
+    assert report.rmse < min(0.83 * report.linear_rmse, radial)
+    assert report.rmse_all < 1.02 * report.rmse
+    assert report.bias < 0.0
     grid = found.placed.grid
     depths = grid.at(survey.soundings[:, :2]) - survey.soundings[:, 2]
-    assert np.nanmax(depths) < 0.2, "nowhere deeper than a sounding"
-    assert np.sqrt(np.nanmean(depths**2)) < 0.5
+    assert np.nanmax(depths) < 0.2
 
 
 def test_two_charts_of_other_scales_side_by_side() -> None:
@@ -73,5 +82,7 @@ def test_two_charts_of_other_scales_side_by_side() -> None:
     assert found.report.unknown < 0.01
 
 
-def test_a_short_flight_over_homer_harbour(tmp_path: Path) -> None:
-    check_dive(tmp_path, cell_path("US5AK5SI"))
+@pytest.mark.parametrize("name", [name for name, *_ in ERRORS])
+def test_a_short_flight_over_each(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    check_dive(tmp_path, cell_path(name))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.charts.bounds import LAND_RISE, Bounds, allowance, clamp, keep_shoals, limits_at, paint, raise_land
+from hil.charts.bounds import LAND_RISE, allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
 from hil.charts.build import build
 from hil.charts.grid import Grid
 from hil.charts.hazards import LEAST_HEIGHT, OUT_OF_WATER, place
@@ -72,14 +72,53 @@ def test_the_finer_sheet_paints_over_the_coarser() -> None:
 
 def test_the_shoal_limit_is_hard_and_the_deep_one_yields_to_soundings() -> None:
     axis = np.arange(0.0, 100.0, 5.0)
-    shape = (20, 20)
-    bounds = Bounds(np.full(shape, 5.0), np.full(shape, 10.0), np.zeros(shape, bool), np.ones(shape, bool))
+    low, high = np.full((20, 20), 5.0), np.full((20, 20), 10.0)
     deep = np.array([[50.0, 50.0, 13.0]])
     extra = allowance(deep, np.array([10.0]), axis, axis, 10.0)
-    held = clamp(np.full(shape, 20.0), bounds, extra)
+
+    def settled(depth: float) -> Array:
+        return settle(Grid(np.full((20, 20), depth, np.float32), 0.0, 0.0, 5.0), low, high + extra, deep).astype(float)
+
+    held = settled(20.0)
     assert held[10, 10] == 13.0
     assert held[0, 0] == 10.0
-    assert (clamp(np.full(shape, 2.0), bounds, extra) == 5.0).all()
+    assert (settled(2.0) == 5.0).all()
+
+
+def jagged(depths: Array) -> float:
+    """Return the greatest step between two nodes beside each other, m."""
+    return float(max(np.abs(np.diff(depths, axis=axis)).max() for axis in (0, 1)))
+
+
+def test_limits_make_no_cliff_along_their_border() -> None:
+    """A level bed of 6 m, and an oblique border beyond which it is 10 m or more: a ramp before it, not a stair."""
+    north, east = np.meshgrid(np.arange(60.0), np.arange(60.0), indexing="ij")
+    beyond = north + 0.6 * east > 48.0
+    low = np.where(beyond, 10.0, 0.0)
+    bed = Grid(np.full((60, 60), 6.0, np.float32), 0.0, 0.0, 1.0)
+    sounding = np.array([[5.5, 5.5, 6.0]])
+    settled = settle(bed, low, np.full((60, 60), 50.0), sounding).astype(float)
+    assert (settled[beyond] >= 10.0).all()
+    assert settled[5:7, 5:7] == pytest.approx(np.full((2, 2), 6.0))
+    assert jagged(np.clip(bed.depths.astype(float), low, 50.0)) == 4.0
+    assert jagged(settled) < 2.0
+
+
+def test_a_dredged_channel_has_sides() -> None:
+    """Flats of at most 2 m around a channel of at least 9 m: within what the chart is drawn to, the sides slope."""
+    low = np.full((40, 40), 0.0)
+    low[:, 15:25] = 9.0
+    low[:, 0] = np.inf  # land
+    high = np.where(low == 9.0, 12.0, 2.0)
+    soft = relaxed(low, 1.0, 1.0)
+    assert (soft[:, 17:23] == 9.0).all()
+    assert (soft[:, 15:17] == 0.0).all()
+    assert np.isinf(soft[:, 0]).all()
+    assert (relaxed(low, 0.1, 1.0) == low).all()
+    east = np.abs(np.arange(40) - 19.5)
+    bed = Grid(np.tile(np.clip(11.0 - 0.9 * east, 1.0, 11.0), (40, 1)).astype(np.float32), 0.0, 0.0, 1.0)
+    found = settle(bed, soft, high, np.empty((0, 3))).astype(float)[:, 1:]
+    assert jagged(found) < 0.75 * jagged(np.clip(bed.depths.astype(float), low, high)[:, 1:])
 
 
 def test_between_the_nodes_no_sounding_is_shoaler_than_the_grid() -> None:

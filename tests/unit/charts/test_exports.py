@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from hil.autonomy.paths.occupancy import OccupancyGrid
-from hil.charts.free_water import free_water
-from hil.charts.gazebo import height_map, write_gazebo
-from hil.charts.geotiff import write_geotiff
+from hil.charts.exports.free_water import free_water
+from hil.charts.exports.gazebo import height_map, write_gazebo
+from hil.charts.exports.geotiff import write_geotiff
+from hil.charts.exports.mesh import triangulate, write_glb, write_stl
+from hil.charts.exports.png import write_png
 from hil.charts.grid import Grid, grid_of
-from hil.charts.mesh import triangulate, write_glb, write_stl
-from hil.charts.png import write_png
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.plots.stl import read_stl
 from sim.environment.obstacles import Box, Cylinder

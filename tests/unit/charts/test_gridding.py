@@ -107,5 +107,5 @@ def test_a_known_bed_is_found_better_than_by_triangles() -> None:
     errors = [rms((found - bed)[inside]) for found in (linear, plain, built.placed.grid.depths.astype(float))]
     assert errors[1] < 0.97 * errors[0]
     assert errors[2] < 0.7 * errors[0]
-    assert built.report.rmse < 0.8 * built.report.linear_rmse
-    assert built.report.linear_rmse == pytest.approx(errors[0], rel=0.3), "held out as good as the truth tells"
+    assert built.report.rmse < 0.97 * built.report.linear_rmse, "which has the contours too"
+    assert built.report.rmse == pytest.approx(errors[2], rel=0.2), "held out as good as the truth tells"

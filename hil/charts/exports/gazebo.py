@@ -7,8 +7,8 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.charts.exports.png import write_png
 from hil.charts.grid import Grid, write_file
-from hil.charts.png import write_png
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 

@@ -1,0 +1,40 @@
+"""Say in words what a gridded bed was made of and how good it is."""
+
+from hil.charts.build import Built, Report
+from hil.charts.grid import Grid
+from hil.charts.sources.survey import Survey
+
+Facts = tuple[tuple[str, str], ...]  # name, text
+
+BRIDGES = "; bridges are drawn, but their decks are above the water"
+
+
+def describe(survey: Survey, built: Built) -> Facts:
+    """Return what a world was made of and how good it is."""
+    report, standing = built.report, len(built.placed.cylinders) + len(built.placed.boxes)
+    return (
+        ("source", survey.source),
+        *facts(built.placed.grid, report),
+        ("area", f"{percent(report.water)} water, {percent(report.land)} land, {percent(report.unknown)} unknown"),
+        ("limits", f"{percent(report.clamped)} of the water held by depth areas; "
+                   f"{report.off_limits} soundings deeper than theirs"),
+        ("obstacles", f"{standing} standing on the bed, {report.beds_under} of which the bed was lowered for"
+                      + (BRIDGES if survey.bridges else "")),
+    )  # fmt: skip
+
+
+def facts(grid: Grid, report: Report) -> Facts:
+    """Return what is known of a bed: its grid, its data, and the error of soundings that were held out."""
+    rows, columns = grid.depths.shape
+    return (
+        ("grid", f"{rows} x {columns} nodes of {grid.resolution:g} m, deepest {grid.deepest:.1f} m"),
+        ("data", f"{report.soundings} soundings, {report.guides} places on contours and coasts"),
+        ("held out", f"error {report.rmse:.3g} m RMS of {report.held_out} soundings, {report.linear_rmse:.3g} m by "
+                     "linear interpolation between the same soundings and contours within the same limits; "
+                     f"{abs(report.bias):.2g} m too {'deep' if report.bias > 0.0 else 'shoal'} in the mean"),
+    )  # fmt: skip
+
+
+def percent(share: float) -> str:
+    """Return a share of 1 in percent."""
+    return f"{100.0 * share:.1f} %"

@@ -1,0 +1,128 @@
+"""A seabed gridded once, whole, and kept in the user's cache folder; what is flown over is cut from it.
+
+So every part has the bed that the whole has, and the second dive over a chart waits for nothing. Kept are a world's
+file, its depths and the report, in a folder named after the files that went in, their times and sizes. The depths are
+mapped, not read.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+
+from hil.charts.build import Report, build
+from hil.charts.grid import Extent, grid_of, write_file
+from hil.charts.gridding import Progress
+from hil.charts.hazards import Placed
+from hil.charts.sources.choose import read_sources
+from hil.charts.world_file import write_world
+from hil.common.errors import ConfigError
+from hil.common.scratch import ScratchFolder
+from hil.common.tables import cache_path
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import load_world
+
+MOST_KEPT_BYTES = 1 << 30  # beyond it those go that were not used for longest
+METHOD = 1  # to be counted up when the same files are gridded in another way
+
+
+class Whole(NamedTuple):
+    """All of a seabed: grid and obstacles, where on the earth (0, 0) is, what it was made of and how good it is."""
+
+    placed: Placed
+    source: str
+    origin: tuple[float, float] | None
+    report: Report
+    was_kept: bool
+
+
+def whole_bed(path: str, resolution: float | None = None, progress: Progress = lambda share: None) -> Whole:
+    """Return the seabed in the file at `path`, gridded at `resolution` (m), at what its data resolve if None.
+
+    From the cache if it was gridded before. Raises ConfigError, MissingExtraError.
+    """
+    folder = os.path.join(os.path.dirname(cache_path(path)), "charts", _key(path, resolution))
+    kept = _load(folder)
+    if kept is not None:
+        return kept
+    survey, extent = read_sources([path], None, resolution)
+    built = build(survey, extent, resolution, progress)
+    whole = Whole(built.placed, survey.source, survey.origin, built.report, False)
+    with suppress(OSError, ConfigError):  # a full disk, or a folder we may not write: it is made again next time
+        _store(whole, folder)
+        return (_load(folder) or whole)._replace(was_kept=False)
+    return whole
+
+
+def cut(placed: Placed, extent: Extent) -> Placed:
+    """Return the nodes of `placed` around `extent` (m), the same ones, and what stands between them."""
+    grid, parts = placed.grid, []
+    for axis, (low, high) in ((grid.north, extent[:2]), (grid.east, extent[2:])):
+        first = max(0, min(int(np.searchsorted(axis, low, "right")) - 1, len(axis) - 2))
+        last = max(first + 1, min(int(np.searchsorted(axis, high)), len(axis) - 1))
+        parts.append(slice(first, last + 1))
+    part = grid._replace(
+        depths=np.array(grid.depths[parts[0], parts[1]]),
+        north_min=float(grid.north[parts[0].start]),
+        east_min=float(grid.east[parts[1].start]),
+    )
+    south, north, west, east = part.extent
+
+    def within(thing: Cylinder | Box) -> bool:
+        return south <= thing.north <= north and west <= thing.east <= east
+
+    return Placed(part, tuple(filter(within, placed.cylinders)), tuple(filter(within, placed.boxes)))
+
+
+def _key(path: str, resolution: float | None) -> str:
+    """Return a name for the file with what may lie beside it, as updates do, at this resolution."""
+    folder, stem = os.path.split(os.path.splitext(os.path.abspath(path))[0])
+    stamps: list[tuple[str, int, int]] = []
+    with suppress(OSError), os.scandir(folder) as entries:  # what is missing is said by who reads it
+        files = [entry for entry in entries if entry.is_file() and os.path.splitext(entry.name)[0] == stem]
+        stamps = sorted((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
+    text = json.dumps([METHOD, os.path.abspath(path), resolution, stamps])
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _load(folder: str) -> Whole | None:
+    """Return what is kept there, None if nothing is that can be used."""
+    try:
+        if os.stat(folder).st_uid != os.getuid():  # never trust what another user left there
+            return None
+        with open(os.path.join(folder, "report.json"), encoding="utf-8") as file:
+            report = Report(**json.load(file))
+        world = load_world(os.path.join(folder, "chart.toml"))
+        os.utime(folder)
+    except (OSError, ValueError, TypeError, ConfigError):  # none, or damaged
+        return None
+    return Whole(Placed(grid_of(world), world.cylinder, world.box), world.source, world.origin, report, True)
+
+
+def _store(whole: Whole, folder: str) -> None:
+    """Write it into a new folder, which takes its name when all is in it. Raises OSError, ConfigError."""
+    charts = os.path.dirname(folder)
+    os.makedirs(charts, mode=0o700, exist_ok=True)
+    with ScratchFolder("chart", charts) as scratch:
+        write_world(scratch.file("chart.toml"), whole.placed, whole.source, whole.origin, ("Kept by uuv-hil.",))
+        write_file(scratch.file("report.json"), json.dumps(whole.report._asdict()).encode())
+        with suppress(OSError):
+            shutil.rmtree(folder)  # a damaged one
+        os.rename(scratch.path, folder)
+    _prune(charts, folder)
+
+
+def _prune(charts: str, fresh: str) -> None:
+    """Remove those that were not used for longest, never the `fresh` one, until the rest fits. Raises OSError."""
+    with os.scandir(charts) as entries:
+        folders = sorted((e for e in entries if e.is_dir()), key=lambda entry: -entry.stat().st_mtime_ns)
+    size = 0
+    for entry in folders:
+        with os.scandir(entry.path) as files:
+            size += sum(file.stat().st_size for file in files)
+        if size > MOST_KEPT_BYTES and entry.path != fresh:
+            shutil.rmtree(entry.path, ignore_errors=True)

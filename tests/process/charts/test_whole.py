@@ -1,0 +1,166 @@
+"""A chart is gridded once, whole; what is flown over is cut from it."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.charts import whole as module
+from hil.charts.build import MOST_OWN_NODES, build, own_resolution
+from hil.charts.chart_survey import DRAWN, Box
+from hil.charts.dive.dive import Wish, prepare_dive
+from hil.charts.grid import Grid, grid_of
+from hil.charts.hazards import LEAST_HEIGHT, Placed
+from hil.charts.site import MOST_MIDDLES, sites
+from hil.charts.sources.choose import read_sources
+from hil.charts.whole import cut, whole_bed
+from hil.common.errors import ConfigError
+from hil.scenario.config import load_scenario
+from sim.environment.obstacles import Cylinder
+from sim.environment.world import load_world
+from tests.support.s57_encoder import Encoder, square
+from tests.support.small_cell import bay
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "uuv-hil" / "charts"
+
+
+def test_it_is_gridded_once(tmp_path: Path, cache: Path) -> None:
+    path = bay().write(tmp_path / "BAY.000")
+    first, second = whole_bed(path), whole_bed(path)
+    assert (first.was_kept, second.was_kept) == (False, True)
+    assert first.placed.grid.resolution == pytest.approx(DRAWN * 10_000)
+    assert second.report == first.report
+    assert second.placed.cylinders == first.placed.cylinders
+    np.testing.assert_array_equal(second.placed.grid.depths, first.placed.grid.depths)
+    assert not second.placed.grid.depths.flags.owndata, "mapped, not read"
+    assert whole_bed(path, 20.0).placed.grid.resolution == 20.0
+    assert len(os.listdir(cache)) == 2
+    os.utime(path, (1.0, 1.0))
+    assert not whole_bed(path).was_kept, "the file has changed"
+
+
+def test_the_cache_is_pruned_and_may_be_missing_or_damaged(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = bay().write(tmp_path / "BAY.000")
+    whole_bed(path, 20.0)
+    (folder,) = cache.iterdir()
+    (folder / "report.json").write_text("{")
+    assert not whole_bed(path, 20.0).was_kept
+    assert whole_bed(path, 20.0).was_kept
+    monkeypatch.setattr(module, "MOST_KEPT_BYTES", 1)
+    whole_bed(path, 25.0)
+    assert len(os.listdir(cache)) == 1
+    assert whole_bed(path, 25.0).was_kept
+    shutil.rmtree(cache)
+    cache.write_text("in the way")
+    assert whole_bed(path, 25.0).report.soundings > 40
+
+
+def test_a_part_has_the_same_nodes(tmp_path: Path) -> None:
+    """Also when only that part is built: all the chart's data shape it."""
+    path = bay().write(tmp_path / "BAY.000")
+    placed = whole_bed(path, 10.0).placed
+    part = cut(placed, (-123.0, 88.0, -201.0, 64.0))
+    assert part.grid.extent == pytest.approx((-130.0, 90.0, -210.0, 70.0))
+    nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(part.grid.north, part.grid.east, indexing="ij")])
+    np.testing.assert_allclose(placed.grid.at(nodes), part.grid.depths.ravel(), atol=1e-5)
+    survey, _ = read_sources([path], None)
+    alone = build(survey, part.grid.extent, 10.0).placed.grid
+    np.testing.assert_allclose(alone.depths, part.grid.depths, atol=0.02)
+    things = (Cylinder(0.0, 0.0, 1.0, 2.0), Cylinder(0.0, 300.0, 1.0, 2.0))
+    assert cut(Placed(placed.grid, things, ()), part.grid.extent).cylinders == things[:1]
+
+
+def test_a_dive_is_over_the_whole_charts_bed(tmp_path: Path) -> None:
+    path = bay().write(tmp_path / "BAY.000")
+    path, facts = prepare_dive(path, Wish(length=10.0, resolution=10.0), str(tmp_path))
+    flown = grid_of(load_world(load_scenario(path).world))
+    known = whole_bed(str(tmp_path / "BAY.000"), 10.0).placed.grid
+    nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(flown.north, flown.east, indexing="ij")])
+    np.testing.assert_allclose(known.at(nodes), flown.depths.ravel(), atol=1e-5)
+    assert "linear interpolation between the same soundings and contours" in dict(facts)["held out"]
+    with pytest.raises(ConfigError, match="--resolution is for charts"):
+        prepare_dive("ridge", Wish(length=10.0, resolution=10.0), str(tmp_path))
+
+
+def test_a_chart_of_a_small_scale_with_soundings_in_one_corner(tmp_path: Path) -> None:
+    """Most of it has none; a dive finds a way all the same, and what is too fine is told with what would do."""
+    cell = Encoder(scale=80_000)
+    cell.area(302, square(54.0, 10.0, 54.2, 10.3), CATCOV=1)
+    cell.area(42, square(54.0, 10.0, 54.2, 10.3), DRVAL1=5, DRVAL2=20)
+    cell.soundings([(54.01 + 0.003 * i, 10.01 + 0.004 * j, 6.0 + i + 0.5 * j) for i in range(5) for j in range(5)])
+    path = cell.write(tmp_path / "COARSE.000")
+    assert whole_bed(path).placed.grid.resolution == 40.0
+    assert load_scenario(prepare_dive(path, Wish(length=10.0), str(tmp_path)).path).master.depth >= 2.0
+    with pytest.raises(ConfigError, match=r"take ([\d.]+) m or a coarser one") as caught:
+        whole_bed(path, 1.0)
+    fits = float(str(caught.value).partition("take ")[2].split()[0])
+    assert 2.0 < fits < 4.0
+    with pytest.raises(ConfigError, match=r"take a finer one, [\d.]+ m"):
+        whole_bed(path, 25_000.0)
+
+
+def test_the_resolution_follows_from_the_data_until_there_are_too_many_nodes(tmp_path: Path) -> None:
+    survey, extent = read_sources([bay(12_345).write(tmp_path / "BAY.000")], None)
+    assert own_resolution(survey, extent) == 6.2, "half a millimetre on paper, and two digits"
+    wide = own_resolution(survey, (0.0, 60_000.0, 0.0, 60_000.0))
+    assert 60_000.0**2 / wide**2 <= MOST_OWN_NODES
+    assert wide == 30.0
+
+
+def test_a_coast_is_a_guide(tmp_path: Path) -> None:
+    """No contour, soundings far out: the bed comes up to the coast, and none of the water is exactly 0 m deep."""
+    cell = Encoder(scale=10_000)
+    cell.area(302, square(54.0, 10.0, 54.01, 10.016), CATCOV=1)
+    cell.area(42, square(54.0, 10.0, 54.008, 10.016), DRVAL1=0, DRVAL2=25)
+    cell.area(71, square(54.008, 10.0, 54.01, 10.016))
+    shore = [(54.008, 10.0), (54.008, 10.016)]
+    cell.soundings([(54.0005 + 0.0008 * i, 10.001 + 0.0015 * j, 20.0 - 3.2 * i) for i in range(6) for j in range(10)])
+    bare = whole_bed(cell.write(tmp_path / "BARE.000"), 10.0).placed.grid
+    cell.line(30, shore)
+    guided = whole_bed(cell.write(tmp_path / "COAST.000"), 10.0).placed.grid
+    before = guided.north < (54.0079 - 54.005) * 111_260.0
+    assert (bare.depths[before] == 0.0).mean() > 0.05
+    assert (guided.depths[before] == 0.0).mean() < 0.01
+    assert guided.at(np.array([[(54.0078 - 54.005) * 111_260.0, 0.0]]))[0] < 1.5
+
+
+def test_a_wreck_bounds_the_bed(tmp_path: Path) -> None:
+    """A wreck whose top is deeper than the bed between the soundings stands on a bed below it, and does not vanish."""
+    cell = Encoder(scale=10_000)
+    cell.area(302, square(54.0, 10.0, 54.01, 10.016), CATCOV=1)
+    cell.area(42, square(54.0, 10.0, 54.01, 10.016), DRVAL1=5, DRVAL2=30)
+    cell.soundings([(54.0005 + 0.001 * i, 10.001 + 0.0015 * j, 10.0) for i in range(10) for j in range(10)])
+    cell.point(159, (54.00495, 10.00775), VALSOU=13, WATLEV=3)
+    whole = whole_bed(cell.write(tmp_path / "WRECK.000"), 5.0)
+    (wreck,) = whole.placed.cylinders
+    assert wreck.top == 13.0
+    bed = whole.placed.grid.at(np.array([[wreck.north, wreck.east]]))[0]
+    assert bed == pytest.approx(13.0 + LEAST_HEIGHT, abs=0.3)
+    assert whole.report.beds_under == 1
+    assert whole.report.held_out > 50, "the bed under a wreck is no sounding"
+
+
+def test_sites_of_a_large_grid_are_looked_for_where_it_is_steep() -> None:
+    side = 400
+    assert side * side > 3 * MOST_MIDDLES
+    depths = np.full((side, side), 10.0, np.float32)
+    depths[40:60, 40:60] += np.random.default_rng(1).uniform(-2.0, 2.0, (20, 20)).astype(np.float32)
+    best = next(sites(Grid(depths, 0.0, 0.0, 10.0), 50.0))
+    assert all(380.0 <= axis <= 610.0 for axis in best.start)
+
+
+def test_an_area_keeps_what_lies_beside_it(tmp_path: Path) -> None:
+    """An area without a sounding of its own has the bed that the soundings beside it make."""
+    path = bay().write(tmp_path / "BAY.000")
+    survey, extent = read_sources([path], Box(54.0041, 10.0081, 54.0046, 10.0089), 5.0)
+    built = build(survey, extent, 5.0)
+    assert built.report.soundings < 3
+    assert np.isfinite(built.placed.grid.depths).all()
