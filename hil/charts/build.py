@@ -56,7 +56,7 @@ class Built(NamedTuple):
 
 
 class _Data(NamedTuple):
-    """What a surface goes through: `points` (n, 3) are soundings first, then beds below hazards, then guides.
+    """Data that a surface goes through: `points` (n, 3) are soundings first, then beds below hazards, then guides.
 
     The first `soundings` of them are soundings, the first `measured` are those with the beds. `low` and `high`: the
     limits at what is measured.

@@ -149,7 +149,7 @@ class _Layer:
 
     @cached_property
     def _apart(self) -> float:
-        """How far guides are from each other, m."""
+        """Distance of guides from each other, m."""
         from scipy.spatial import cKDTree
 
         soundings = self.soundings()[:, :2]

@@ -1,4 +1,4 @@
-"""What commands that grid a seabed have in common: the option --resolution, and the progress on a terminal."""
+"""Common parts of commands that grid a seabed: the option --resolution, and the progress on a terminal."""
 
 import sys
 
