@@ -35,7 +35,7 @@ errors in 10 s of bluerov2_heavy_vonbenzon2022, beside semi-implicit Euler, the 
       steps of 2.5 ms: position (m)    1.2e-3          2.6e-6    2.2e-11
                        quaternion      1.5e-3          1.2e-6    1.5e-11
       steps of 10 ms: position (m)     4.7e-3          3.7e-5    5.5e-9
-    time of a step in C, of semi-implicit Euler's (tools/step_cost.py)
+    time of a step in C, of semi-implicit Euler's (tools/costs/step_cost.py)
                                        1.0             1.1       1.9
 
 Only + - * / and sqrt, in an order that the C twin (sim/native/kernel.h) repeats to the bit. Of the forces in sim.forces

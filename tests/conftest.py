@@ -11,12 +11,12 @@ from hil.ros import dialect, topics
 from tests.support.examples import register_profiles
 
 register_profiles()
-pytest_plugins = ["tests.support.firmware_fixtures"]
+pytest_plugins = ["tests.support.firmware.firmware_fixtures"]
 pytest.register_assert_rewrite(
-    "tests.support.link_contract",
-    "tests.support.mavlink_peer",
+    "tests.support.links.link_contract",
+    "tests.support.links.mavlink_peer",
     "tests.support.processes",
-    "tests.support.stm32_contract",
+    "tests.support.firmware.stm32_contract",
 )
 
 
@@ -68,8 +68,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="session")
 def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The C twins, compiled once: for `tests.support.twins.taken_from`. Skips where there is no compiler."""
-    from tests.support.twins import compiled
+    """The C twins, compiled once: for `tests.support.flights.twins.taken_from`. Skips where there is no compiler."""
+    from tests.support.flights.twins import compiled
 
     folder = tmp_path_factory.mktemp("native")
     compiled(folder)

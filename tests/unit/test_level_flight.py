@@ -4,7 +4,7 @@ import pytest
 
 from hil.common.schema import preset_names
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.level_flight import FIELD, OPEN, fly_level, top_speed
+from tests.support.flights.level_flight import FIELD, OPEN, fly_level, top_speed
 
 NAMES = preset_names("sim/vehicles")
 LIMITS = {name: load_vehicle(name)[0].attitude_limit_speed for name in NAMES}

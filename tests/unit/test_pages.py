@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md"))]
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
-GENERATED = re.compile(r"(?i:made by) `python|^`python tools/\w+\.py` makes this page", re.MULTILINE)
+GENERATED = re.compile(r"(?i:made by) `python|^`python tools/[\w/]+\.py` makes this page", re.MULTILINE)
 WIDTH = 120
 # A page says what is, and not what was before it: a reader of today cannot check the rest.
 HISTORY = re.compile(r"\b(was once|were once|no longer has|has been fixed|until recently|since then)\b")

@@ -4,7 +4,7 @@ import ast
 import re
 from collections.abc import Iterator
 
-from tools.rooms import ROOT
+from tools.pages.rooms import ROOT
 
 METAPHORS = {
     "anew", "befell", "berth", "breath", "crowd", "errand", "errands", "inbox", "misfit", "outbox", "reckon",

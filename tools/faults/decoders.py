@@ -26,7 +26,7 @@ from hil.links.protocols import PROTOCOLS, Role, open_protocol
 from hil.ros.topics import TOPICS
 from hil.scenario.records import Link
 from hil.slave.drivers.ends import end_protocol
-from tools.fuzz_links import fuzz
+from tools.stress.fuzz_links import fuzz
 
 SANITIZERS = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 PULSES = (1100, 1900, 1600, 1400, 1700, 1650)

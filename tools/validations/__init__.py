@@ -1,1 +1,1 @@
-"""The pictures of the page validation.md, a module for each part of the simulator. `tools/validation.py` draws them."""
+"""Pictures of validation.md, a module for each part of the simulator; `tools/pages/validation.py` draws them."""

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 
 from hil.common.schema import preset_names
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.level_flight import FIELD, OPEN, LevelFlight, fly_level, top_speed
+from tests.support.flights.level_flight import FIELD, OPEN, LevelFlight, fly_level, top_speed
 from tests.unit.test_level_flight import MOST_TILT
 from tools.validations.sheet import Finding, Sheet, label
 

@@ -27,7 +27,7 @@ class CameraModel(NamedTuple):
     water, noise, or vignetting, and labels are given. `renderer` "rays" casts a ray a pixel; "opengl" (extra `opengl`)
     rasterises what they would meet, to 1 part in 10 000 but for a few pixels at outlines, through a lens that does not
     distort. In software that pays while there are five pixels or more to each cell of the terrain within `max_range`
-    ahead; `python tools/ray_cost.py --pictures` measures it.
+    ahead; `python tools/costs/ray_cost.py --pictures` measures it.
 
     All numbers are our choice, near those of small industrial cameras.
     """

@@ -14,7 +14,7 @@ from hil.autopilots.run import AutopilotRun
 from hil.common.errors import DeviceError
 from hil.common.ports import free_ports
 from hil.scenario.config import load_scenario
-from tests.support.ardupilot_peer import ArdupilotPeer
+from tests.support.autopilots.ardupilot_peer import ArdupilotPeer
 from tests.support.processes import wait_for
 
 SCENARIO = """

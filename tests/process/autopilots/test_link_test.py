@@ -7,7 +7,7 @@ from hil.autopilots.link_test import line_rate, measure_link
 from hil.common.ports import free_ports
 from hil.scenario.config import load_scenario
 from tests.process.autopilots.test_ardupilot import SCENARIO
-from tests.support.ardupilot_peer import ArdupilotPeer
+from tests.support.autopilots.ardupilot_peer import ArdupilotPeer
 
 
 def test_it_counts_what_goes_and_comes(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from hil.common.ports import free_ports
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
 from hil.scenario.config import load_scenario
-from tests.support.px4_peer import Px4Peer
+from tests.support.autopilots.px4_peer import Px4Peer
 
 SCENARIO = """
 vehicle = "bluerov2_heavy"

@@ -12,7 +12,7 @@ import pytest
 from hil.client.client import VehicleClient
 from hil.common.ports import free_ports
 from hil.view.sources.recorded import RecordedSource
-from tests.support.autopilot_flyer import AHEAD, SCENARIO, Flyer
+from tests.support.autopilots.autopilot_flyer import AHEAD, SCENARIO, Flyer
 from tests.support.processes import Program, children_of, free_port, wait_for
 
 

@@ -18,7 +18,7 @@ from hil.common.ports import free_ports
 from hil.common.scratch import lock_unused
 from hil.common.tables import read_table
 from hil.scenario.config import load_scenario
-from tests.support import recorded
+from tests.support.boards import recorded
 
 ONE = min(os.sched_getaffinity(0))
 

@@ -15,7 +15,7 @@ from hil.links.wires.faults import Faults
 from hil.links.wires.terminal import PtyWire
 from hil.scenario.records import Link
 from tests.support.busy import retried_when_busy
-from tests.support.link_contract import nothing_leaks, wait_readable
+from tests.support.links.link_contract import nothing_leaks, wait_readable
 from tests.support.processes import Program
 
 

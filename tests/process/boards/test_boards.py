@@ -12,7 +12,7 @@ from boards.tree import Tree, architecture
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_names
 from hil.scenario.records import Slave
-from tests.support import recorded
+from tests.support.boards import recorded
 
 NAMES = preset_names("boards")
 REAL = [name for name in NAMES if not name.startswith("generic")]

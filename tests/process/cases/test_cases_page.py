@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.support.cases_page import check_page
+from tests.support.flights.cases_page import check_page
 
 
 @pytest.mark.parametrize("name", ["path_planning", "path_planning_unknown"])

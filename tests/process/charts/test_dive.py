@@ -14,9 +14,9 @@ from hil.commands import demo
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
-from tests.support.dive import check_dive
+from tests.support.charts.dive import check_dive
+from tests.support.charts.small_cell import bay
 from tests.support.processes import free_port
-from tests.support.small_cell import bay
 
 
 @pytest.fixture(autouse=True)

@@ -13,9 +13,9 @@ import shapely
 from hil.charts.sources import s57, s57_process
 from hil.charts.sources.s57 import Cell, read_cell
 from hil.common.errors import ConfigError, MissingExtraError
+from tests.support.charts.s57_encoder import Encoder, name, square
+from tests.support.charts.small_cell import bay, bed
 from tests.support.processes import ROOT
-from tests.support.s57_encoder import Encoder, name, square
-from tests.support.small_cell import bay, bed
 
 
 def enclosed(cell: Cell, kind: str) -> float:
@@ -237,8 +237,8 @@ def test_areas_need_no_order(tmp_path: Path) -> None:
 
 
 def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
-    """30 of what `tools/fuzz_charts.py` makes by ten thousands: no hang, no traceback, and no end but by one line."""
-    command = [sys.executable, str(ROOT / "tools" / "fuzz_charts.py"), "--count", "30", "--seed", "7"]
+    """30 inputs of `tools/stress/fuzz_charts.py`: no hang, no traceback, and no end but by one line."""
+    command = [sys.executable, str(ROOT / "tools" / "stress" / "fuzz_charts.py"), "--count", "30", "--seed", "7"]
     done = subprocess.run([*command, "--keep", str(tmp_path)], capture_output=True, text=True, timeout=250)
     assert done.returncode == 0, done.stdout + done.stderr
     found = re.fullmatch(r"(\d+) read, (\d+) refused of 30; slowest .* s, most memory (\d+) MiB\n", done.stdout)

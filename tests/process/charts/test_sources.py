@@ -19,8 +19,8 @@ from hil.charts.sources.choose import read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import read_raster
 from hil.common.errors import ConfigError
-from tests.support.s57_encoder import Encoder, square
-from tests.support.small_cell import EAST, NORTH, SHORE, SOUTH, WEST, bay, bed
+from tests.support.charts.s57_encoder import Encoder, square
+from tests.support.charts.small_cell import EAST, NORTH, SHORE, SOUTH, WEST, bay, bed
 
 
 def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:

@@ -12,7 +12,7 @@ from hil.commands import world as command
 from hil.common.errors import ConfigError, MissingExtraError
 from sim.environment.geomagnetism import field_at
 from sim.environment.world import load_world
-from tests.support.small_cell import bay, bed
+from tests.support.charts.small_cell import bay, bed
 
 
 def chart(folder: Path) -> str:

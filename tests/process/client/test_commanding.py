@@ -14,8 +14,8 @@ from hil.client.client import VehicleClient
 from hil.common.errors import NetworkError
 from hil.ros.commands import encode_thrusts
 from tests.support.busy import retried_when_busy
+from tests.support.network.python_api import endpoint, fleet, own_slave, vehicle
 from tests.support.processes import ROOT, Program, wait_for, write_scenario
-from tests.support.python_api import endpoint, fleet, own_slave, vehicle
 
 __all__ = ["endpoint", "fleet", "own_slave", "vehicle"]  # the fixtures
 

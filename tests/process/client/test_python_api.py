@@ -24,8 +24,8 @@ from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import ConfigError, MissionError, NetworkError
 from hil.recording.reader import read_messages
 from hil.ros.topics import COMMANDS, Topic
+from tests.support.network.python_api import endpoint, fleet, own_slave, vehicle
 from tests.support.processes import ROOT, Program, free_port, slave_with, wait_for, write_scenario
-from tests.support.python_api import endpoint, fleet, own_slave, vehicle
 
 __all__ = ["endpoint", "fleet", "own_slave", "vehicle"]  # the fixtures
 

@@ -14,8 +14,8 @@ from hil.common.clock import LOOP_PRIORITY
 from hil.install import units as board_install
 from hil.install.changes import MANIFEST
 from hil.install.units import CAN_UNIT, LIMITS, RULES, UNIT
-from tests.support.installed_service import CAN, KNOWN, SERIAL, files, install, root, scenario, settings
-from tests.support.recorded import build, plant
+from tests.support.boards.installed_service import CAN, KNOWN, SERIAL, files, install, root, scenario, settings
+from tests.support.boards.recorded import build, plant
 
 __all__ = ["root", "scenario"]  # the fixtures
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from hil.install.units import FIREWALL, FIREWALL_UNIT
-from tests.support.installed_service import files, install, root, scenario, uninstall, values
-from tests.support.recorded import plant
+from tests.support.boards.installed_service import files, install, root, scenario, uninstall, values
+from tests.support.boards.recorded import plant
 
 __all__ = ["root", "scenario"]  # the fixtures
 

@@ -28,8 +28,8 @@ from hil.recording.recorder import Recorder
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS
 from hil.scenario.records import Recording
+from tests.support.network.recorded_dive import command_for, own_recording, recorded_slave
 from tests.support.processes import Program, free_port, run_here, wait_for, write_scenario
-from tests.support.recorded_dive import command_for, own_recording, recorded_slave
 
 FORCE = """
 class Force:

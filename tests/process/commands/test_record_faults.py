@@ -15,8 +15,8 @@ from hil.recording.mcap_file import Message
 from hil.recording.reader import read_messages
 from hil.recording.recorder import Recorder
 from hil.scenario.records import Recording
+from tests.support.network.recorded_dive import command_for, own_recording, recorded_slave
 from tests.support.processes import ROOT, Program, free_port, run_here, wait_for
-from tests.support.recorded_dive import command_for, own_recording, recorded_slave
 
 
 def test_a_kill_of_the_command_leaves_a_bag(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from hil.commands import doctor
-from tests.support.doctor_board import PASSWD, SERIAL, board, examine
-from tests.support.recorded import link, plant
+from tests.support.boards.doctor_board import PASSWD, SERIAL, board, examine
+from tests.support.boards.recorded import link, plant
 
 __all__ = ["board"]  # the fixtures
 

@@ -16,8 +16,8 @@ from hil.doctor import links as doctor_links
 from hil.doctor import network as doctor_network
 from hil.doctor.findings import Case, User, may_open
 from hil.scenario.config import load_scenario
-from tests.support.doctor_board import SERIAL, board, examine
-from tests.support.recorded import build, plant
+from tests.support.boards.doctor_board import SERIAL, board, examine
+from tests.support.boards.recorded import build, plant
 
 __all__ = ["board"]  # the fixtures
 

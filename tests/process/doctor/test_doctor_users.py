@@ -20,7 +20,7 @@ from hil.doctor.findings import Account, Case, User, accounts
 from hil.install.units import LIMITS as SHELLS
 from hil.install.units import UNIT
 from hil.scenario.config import Scenario, load_scenario
-from tests.support.recorded import plant
+from tests.support.boards.recorded import plant
 
 NOBODY = pwd.getpwnam("nobody")
 LIMITS = """\

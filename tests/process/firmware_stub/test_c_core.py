@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from tests.support.c_core import Clock, Script, Step, first_difference, frame_script, run_c, run_python
-from tests.support.link_contract import uuv_hil
+from tests.support.firmware.c_core import Clock, Script, Step, first_difference, frame_script, run_c, run_python
+from tests.support.links.link_contract import uuv_hil
 
 GOLDEN: dict[str, Any] = json.loads((Path(__file__).parents[2] / "vectors" / "uuv_hil_frames.json").read_text())
 

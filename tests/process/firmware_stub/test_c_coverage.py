@@ -6,10 +6,10 @@ import subprocess
 
 from firmware_stub import build
 from hil.links.contract import ThrusterTelemetry
-from tests.support.c_core import Script, Step, frame_script, run_c
-from tests.support.c_mavlink import mavlink_script
-from tests.support.c_vesc import vesc_script
-from tests.support.link_contract import uuv_hil
+from tests.support.firmware.c_core import Script, Step, frame_script, run_c
+from tests.support.firmware.c_mavlink import mavlink_script
+from tests.support.firmware.c_vesc import vesc_script
+from tests.support.links.link_contract import uuv_hil
 
 PORTABLE = {
     "board.c",

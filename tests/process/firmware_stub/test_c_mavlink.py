@@ -6,15 +6,15 @@ import pytest
 
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import open_protocol
-from tests.support.c_core import Clock, Script, Step, first_difference, run_c, run_python
-from tests.support.link_contract import uuv_hil
+from tests.support.firmware.c_core import Clock, Script, Step, first_difference, run_c, run_python
+from tests.support.links.link_contract import uuv_hil
 
 pytest.importorskip("pymavlink")
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.links.mavlink import stream as mavlink_stream
-from tests.support.c_mavlink import KNOWN, mavlink_script
+from tests.support.firmware.c_mavlink import KNOWN, mavlink_script
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import open_protocol
 from hil.links.vesc.end import STATUS
 from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
-from tests.support.c_core import Clock, Done, Script, run_c
-from tests.support.c_vesc import vesc_script
-from tests.support.link_contract import uuv_hil
+from tests.support.firmware.c_core import Clock, Done, Script, run_c
+from tests.support.firmware.c_vesc import vesc_script
+from tests.support.links.link_contract import uuv_hil
 
 FULL = (1900, 1100, 1600, 1400, 1501, 1499)
 

@@ -17,7 +17,7 @@ from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, Thruster
 from hil.links.protocols import open_protocol
 from hil.links.wires.terminal import PtyHostWire
 from tests.support.busy import retry_when_busy
-from tests.support.link_contract import nothing_leaks, uuv_hil, wait_readable
+from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_readable
 
 FULL = (1900, 1100, 1600, 1400, 1500, 1501)
 NEUTRAL = (1500,) * 6

@@ -19,7 +19,7 @@ from hil.common.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from tests.support.busy import retried_when_busy, retry_when_busy
-from tests.support.link_contract import nothing_leaks, read_messages, uuv_hil
+from tests.support.links.link_contract import nothing_leaks, read_messages, uuv_hil
 
 ROOT = Path(__file__).parents[3]
 PATIENCE_S = 60.0

@@ -12,7 +12,7 @@ from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import NetworkError
 from hil.gateways.json_connection import LONGEST_LINE, SOCKET_OPTIONS, Connection
 from hil.gateways.json_server import MAX_CONNECTIONS, JsonGateway
-from tests.support.json_client import Client, client, fleet, gateway, own_state
+from tests.support.clients.json_client import Client, client, fleet, gateway, own_state
 from tests.support.processes import wait_for
 
 __all__ = ["client", "fleet", "gateway", "own_state"]  # the fixtures

@@ -17,7 +17,7 @@ from hil.common.errors import NetworkError
 from hil.gateways.access import Access, token_path
 from hil.gateways.json_requests import COMMANDS
 from hil.gateways.json_server import JsonGateway
-from tests.support.json_client import Client, client, fleet, gateway, own_state
+from tests.support.clients.json_client import Client, client, fleet, gateway, own_state
 from tests.support.processes import ROOT, Program, free_port, wait_for
 
 __all__ = ["client", "fleet", "gateway", "own_state"]  # the fixtures

@@ -20,7 +20,7 @@ from hil.install import check as board_check
 from hil.install import units as board_install
 from hil.install.units import CAN_UNIT, MANAGER, MODULE_UNIT, RULES, UNIT, Service
 from hil.scenario.config import load_scenario
-from tests.support.installed_service import (
+from tests.support.boards.installed_service import (
     CAN,
     KNOWN,
     PASSWD,
@@ -34,7 +34,7 @@ from tests.support.installed_service import (
     uninstall,
     values,
 )
-from tests.support.recorded import build, link, plant
+from tests.support.boards.recorded import build, link, plant
 
 __all__ = ["ran", "root", "scenario"]  # the fixtures
 

@@ -10,8 +10,8 @@ import pytest
 
 from hil.install.changes import MANIFEST
 from hil.install.units import LIMITS, RULES, UNIT
-from tests.support.installed_service import CAN, SERIAL, files, install, ran, root, scenario, uninstall
-from tests.support.recorded import link, plant
+from tests.support.boards.installed_service import CAN, SERIAL, files, install, ran, root, scenario, uninstall
+from tests.support.boards.recorded import link, plant
 
 __all__ = ["ran", "root", "scenario"]  # the fixtures
 

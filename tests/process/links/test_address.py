@@ -11,7 +11,7 @@ from hil.links.wires.can_bus import SlcanWire
 from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
 from hil.links.wires.python_can_bus import PythonCanWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
-from tests.support.link_contract import nothing_leaks, read_bytes, wait_readable
+from tests.support.links.link_contract import nothing_leaks, read_bytes, wait_readable
 
 
 @pytest.fixture(autouse=True)

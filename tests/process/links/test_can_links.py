@@ -5,8 +5,8 @@ from typing import ClassVar
 from hil.links.contract import Wire
 from hil.links.wires.can_frame import RECORD_SIZE
 from hil.links.wires.faults import FaultyWire
-from tests.support.can_pairs import multicast_pair, slcan_pair, socket_pair, virtual_pair
-from tests.support.link_contract import CanLinkContract, WireContract
+from tests.support.links.can_pairs import multicast_pair, slcan_pair, socket_pair, virtual_pair
+from tests.support.links.link_contract import CanLinkContract, WireContract
 
 
 def faultless_pair() -> tuple[Wire, Wire]:

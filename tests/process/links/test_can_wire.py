@@ -21,9 +21,9 @@ from hil.links.wires.faults import FaultyWire
 from hil.links.wires.python_can_bus import PythonCanWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from tests.support.busy import retry_when_busy
-from tests.support.can_pairs import GROUP, socket_pair, until, virtual_pair
-from tests.support.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, records, wait_readable
-from tests.support.slcan_adapter import SlcanBus
+from tests.support.links.can_pairs import GROUP, socket_pair, until, virtual_pair
+from tests.support.links.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, records, wait_readable
+from tests.support.links.slcan_adapter import SlcanBus
 
 STANDARD = CanFrame(0x7FF, b"\x01\x02\x03", extended=False)
 EXTENDED = CanFrame(0x1FFF_FFFF, bytes(range(8)))

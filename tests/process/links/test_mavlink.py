@@ -15,7 +15,7 @@ from hil.links.contract import MAX_THRUSTERS, ThrusterCommand, ThrusterTelemetry
 from hil.links.mavlink.link import open_mavlink
 from hil.links.mavlink.settings import EscReading
 from hil.links.protocols import open_protocol
-from tests.support.mavlink_peer import MS, Board, Clock, Peer, device_end, host_end
+from tests.support.links.mavlink_peer import MS, Board, Clock, Peer, device_end, host_end
 
 COMMANDS = ("servo_output_raw", "hil_actuator_controls", "rc_channels_override")
 PULSES = (1100, 1499, 1501, 1900)

@@ -2,7 +2,7 @@
 
 from hil.links.contract import Wire
 from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
-from tests.support.link_contract import LinkContract, wait_readable
+from tests.support.links.link_contract import LinkContract, wait_readable
 
 
 def tcp_pair() -> tuple[Wire, Wire]:

@@ -8,7 +8,7 @@ import pytest
 from hil.common.errors import DeviceError
 from hil.links.wires import net
 from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
-from tests.support.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, wait_readable
+from tests.support.links.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, wait_readable
 from tests.support.processes import free_port
 
 HERE = "127.0.0.1"

@@ -22,7 +22,7 @@ from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
 from sim.sensors.samples import OdometrySample
-from tests.support.small_recording import SMALL, by_mcap, by_rosbags, imu
+from tests.support.network.small_recording import SMALL, by_mcap, by_rosbags, imu
 
 
 class Slow(int):

@@ -19,8 +19,8 @@ from hil.recording.mcap_file import RecordingFile
 from hil.recording.reader import read_messages
 from hil.recording.recorder import Recorder, new_folder
 from tests.support.busy import retried_when_busy
+from tests.support.network.small_recording import SMALL, by_mcap, by_rosbags, imu
 from tests.support.processes import ROOT, wait_for
-from tests.support.small_recording import SMALL, by_mcap, by_rosbags, imu
 
 
 def test_a_torn_file_gives_what_is_before_the_tear(tmp_path: Path) -> None:
@@ -50,7 +50,7 @@ RECORD = """
 import sys, time
 from hil.scenario.records import Recording
 from hil.recording.recorder import Recorder
-from tests.support.small_recording import imu
+from tests.support.network.small_recording import imu
 recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"})
 began, number = time.monotonic(), 0
 while True:
@@ -96,7 +96,7 @@ FILL = """
 import resource, sys, time
 from hil.scenario.records import Recording
 from hil.recording.recorder import Recorder
-from tests.support.small_recording import imu
+from tests.support.network.small_recording import imu
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 told = []
 recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"}, report=told.append)

@@ -14,8 +14,8 @@ from hil.network.tokens import Presence
 from hil.ros import encoders as ros
 from hil.ros.graph import Node
 from hil.ros.topics import TOPICS, hash_of
+from tests.support.network.rmw import RELEASES, Context, Release, open_router, router_settings
 from tests.support.processes import free_port, wait_for
-from tests.support.rmw import RELEASES, Context, Release, open_router, router_settings
 
 DEADLINE_S = 30.0  # generous: ROS tries again after up to 4 s
 TWIST = TOPICS["cmd_vel"]

@@ -15,8 +15,8 @@ from sim.native import NativeDynamics
 from sim.rotations import Rotation
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.flights.twins import taken_from
 from tests.support.processes import Program, write_scenario
-from tests.support.twins import taken_from
 
 SIX, _ = load_vehicle("paper_six")
 POOL = load_world("pool")

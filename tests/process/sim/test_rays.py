@@ -21,7 +21,7 @@ from sim.rays.scene import NOTHING, SEABED, Engine, RayScene
 from sim.rays.solids import Solid
 from sim.rotations import from_euler, matrix, rotate
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.twins import taken_from
+from tests.support.flights.twins import taken_from
 
 EXTENT = (-20.0, 20.0, -25.0, 25.0)
 DEEP = World("deep", "test", EXTENT, 1000.0)

@@ -17,7 +17,7 @@ from hil.ros.topics import COMMANDS
 from hil.slave.command_mux import CommandMux
 from hil.slave.setpoints import PoseSetpoint
 from sim.sensors.samples import OdometrySample
-from tests.support.flying import GID, VEHICLE, Bench, twist
+from tests.support.flights.flying import GID, VEHICLE, Bench, twist
 
 OTHER = b"b" * 16
 

@@ -1,4 +1,4 @@
-"""docs/reference/sensors.md is what tools/sensor_gallery.py makes, and its code runs."""
+"""docs/reference/sensors.md is what tools/pages/sensor_gallery.py makes, and its code runs."""
 
 import re
 import subprocess
@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from sim.sensors.suite import SENSORS
-from tools import sensor_gallery
+from tools.pages import sensor_gallery
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "reference" / "sensors.md").read_text()
 
 
 def test_the_page_is_up_to_date() -> None:
-    """Its texts and numbers are those of the sensors' source. If not: python -m tools.sensor_gallery."""
+    """Its texts and numbers are those of the sensors' source. If not: python -m tools.pages.sensor_gallery."""
     assert sensor_gallery.page(sensor_gallery.ENTRIES, "sensors") == PAGE
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from hil.commands.view.flights import FlightViewer
 from hil.scenario.config import load_scenario
+from tests.support.clients.view_client import ADDRESS, offered, with_session
 from tests.support.processes import Program, write_scenario
-from tests.support.view_client import ADDRESS, offered, with_session
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
 

@@ -7,8 +7,8 @@ import aiohttp
 import pytest
 
 from hil.commands.keys import add_machine, init
+from tests.support.clients.view_client import ADDRESS, offered, with_session
 from tests.support.processes import Program, free_port, run_here, write_scenario
-from tests.support.view_client import ADDRESS, offered, with_session
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
 

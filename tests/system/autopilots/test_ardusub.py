@@ -15,8 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autopilots.run import AutopilotRun
 from hil.scenario.config import load_scenario
 from sim.vehicle.failures import Failure
-from tests.support.autopilot_dive import ARM, SET_MODE, WORLD, command
-from tests.support.ground_station import GroundStation, Mission, fly
+from tests.support.autopilots.autopilot_dive import ARM, SET_MODE, WORLD, command
+from tests.support.clients.ground_station import GroundStation, Mission, fly
 
 PROGRAM = os.environ.get("UUV_HIL_ARDUSUB", "")
 pytestmark = [

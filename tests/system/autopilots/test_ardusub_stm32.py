@@ -13,8 +13,8 @@ import pytest
 from firmware_stub.build import native_compiler
 from hil.client.client import VehicleClient
 from hil.common.ports import free_ports
-from tests.support.autopilot_dive import ARM, SET_MODE, WORLD, command
-from tests.support.ground_station import GroundStation, Mission, fly_live
+from tests.support.autopilots.autopilot_dive import ARM, SET_MODE, WORLD, command
+from tests.support.clients.ground_station import GroundStation, Mission, fly_live
 from tests.support.processes import Program, children_of
 
 PROGRAM = os.environ.get("UUV_HIL_ARDUSUB", "")

@@ -6,9 +6,9 @@ import aiohttp
 import pytest
 
 from hil.common.ports import free_ports
-from tests.support.autopilot_flyer import SCENARIO, Flyer
+from tests.support.autopilots.autopilot_flyer import SCENARIO, Flyer
+from tests.support.clients.view_client import ADDRESS, offered, scene_bytes, with_session
 from tests.support.processes import Program, free_port
-from tests.support.view_client import ADDRESS, offered, scene_bytes, with_session
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from hil.common.children import ROOT
-from tests.support.emulated import built_board
+from tests.support.boards.emulated import built_board
 from tools.virtual_board.board import WHEELS
 from tools.virtual_board.commands import TO_BOOT, missing
 from tools.virtual_board.system import Booted

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.boards.emulated import built_board
 from tests.support.documents import blocks
-from tests.support.emulated import built_board
 from tests.support.processes import ROOT, free_port, wait_for
 from tools.virtual_board.board import VirtualBoard
 from tools.virtual_board.commands import TO_BUILD, missing

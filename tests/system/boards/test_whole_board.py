@@ -9,7 +9,7 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
-from tests.support.emulated import built_board
+from tests.support.boards.emulated import built_board
 from tests.support.processes import free_port, wait_for
 from tools.virtual_board.commands import TO_BOOT, missing
 from tools.virtual_board.system import Booted

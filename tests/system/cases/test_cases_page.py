@@ -3,7 +3,7 @@
 import pytest
 
 from hil.cases.case import CASES
-from tests.support.cases_page import check_page
+from tests.support.flights.cases_page import check_page
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if not name.startswith("path_planning")])

@@ -12,7 +12,7 @@ from hil.charts.sources.choose import read_sources
 from hil.charts.sources.s57 import read_cell
 from hil.charts.sources.survey import Survey
 from hil.common.errors import ConfigError
-from tests.support.dive import check_dive
+from tests.support.charts.dive import check_dive
 
 CHARTS = os.environ.get("UUV_HIL_CHARTS", "")
 pytestmark = pytest.mark.skipif(not CHARTS, reason="UUV_HIL_CHARTS names no folder with NOAA's cells")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.browser import open_page
+from tests.support.clients.browser import open_page
 from tests.support.processes import ROOT
 
 pytestmark = pytest.mark.timeout(600)

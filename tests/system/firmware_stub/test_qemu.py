@@ -17,7 +17,7 @@ from hil.common.errors import DeviceError
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.protocols import open_protocol
 from tests.support.busy import retry_when_busy
-from tests.support.link_contract import nothing_leaks, uuv_hil, wait_readable
+from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_readable
 
 PATIENCE_S = 60.0
 NEUTRAL = (1500,) * 8

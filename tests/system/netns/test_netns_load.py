@@ -37,7 +37,7 @@ def test_pictures_do_not_delay_commands(tmp_path: Path) -> None:
 def asked_and_answered(folder: Path, camera: tuple[str, ...]) -> dict[str, float]:
     """Times of commands and their answers between two machines, ms."""
     folder.mkdir(exist_ok=True)
-    tool = "tools/network_cost.py"
+    tool = "tools/costs/network_cost.py"
     with Network("slave", "master") as network, closing(Lines(folder / "asked.txt")) as asked:
         for machine in ("slave", "master"):
             network.slow(machine, 20)

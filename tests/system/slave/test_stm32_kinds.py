@@ -6,7 +6,7 @@ import pytest
 
 from firmware_stub.build import native_compiler
 from hil.scenario.records import Link
-from tests.support.stm32_contract import WATCHDOG_S, Stm32Contract
+from tests.support.firmware.stm32_contract import WATCHDOG_S, Stm32Contract
 
 needs_cc = pytest.mark.skipif(not native_compiler(), reason="no C compiler: sudo apt install gcc")
 needs_qemu = pytest.mark.skipif(not shutil.which("qemu-system-arm"), reason="no qemu-system-arm")

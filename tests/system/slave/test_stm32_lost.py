@@ -27,8 +27,8 @@ from hil.slave.drivers import in_process as stm32_inside
 from hil.slave.drivers.driver import open_driver, stop_thrusters
 from hil.slave.drivers.ends import Ends
 from hil.slave.drivers.external import ExternalDriver
-from tests.support.bench_link import BenchLink
-from tests.support.link_contract import nothing_leaks
+from tests.support.links.bench_link import BenchLink
+from tests.support.links.link_contract import nothing_leaks
 from tests.support.processes import children_of, wait_for
 
 COMMAND = ThrusterCommand(1, True, (1600,) * 6)

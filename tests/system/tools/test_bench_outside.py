@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from tools import bench_outside
+from tools.costs import bench_outside
 
 SECONDS = 2.0
 

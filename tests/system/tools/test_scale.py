@@ -1,8 +1,8 @@
-"""What many slaves take of a machine and of its routers: rows of `tools/scale.py`, by real processes."""
+"""What many slaves take of a machine and of its routers: rows of `tools/costs/scale.py`, by real processes."""
 
 import pytest
 
-from tools.scale import HEADER, measure
+from tools.costs.scale import HEADER, measure
 
 
 @pytest.mark.parametrize("sessions", ["one", "each"])

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from tools import view_cost
+from tools.costs import view_cost
 
 
 def test_all_rounds_are_measured(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

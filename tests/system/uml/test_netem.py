@@ -19,7 +19,7 @@ from hil.links.address import open_address
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.protocols import open_protocol
 from tests.support.busy import retried_when_busy, retry_when_busy
-from tests.support.link_contract import wait_readable
+from tests.support.links.link_contract import wait_readable
 from tests.support.processes import Program, wait_for, write_scenario
 from tests.system.uml.network import interface, ip, namespace, shaped, within
 

@@ -18,8 +18,8 @@ from hil.links.contract import Wire
 from hil.links.wires.can_bus import SlcanWire, SocketCanWire, open_socketcan
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 from hil.links.wires.terminal import DescriptorWire
-from tests.support.can_pairs import until
-from tests.support.link_contract import nothing_leaks, read_bytes, wait_readable
+from tests.support.links.can_pairs import until
+from tests.support.links.link_contract import nothing_leaks, read_bytes, wait_readable
 from tests.system.uml.network import ip
 from tests.unit.links.test_vesc import Vesc
 

@@ -15,9 +15,9 @@ from hil.links.wires.can_bus import open_socketcan
 from hil.links.wires.can_frame import ERROR, RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 from hil.links.wires.python_can_bus import PythonCanWire
 from tests.support.busy import retried_when_busy
-from tests.support.link_contract import WireContract, nothing_leaks, read_bytes, wait_readable
+from tests.support.links.link_contract import WireContract, nothing_leaks, read_bytes, wait_readable
 from tests.system.uml.network import interface, ip, shaped
-from tests.unit.links.test_dronecan_link import DroneCan
+from tests.unit.links.dronecan.test_dronecan_link import DroneCan
 from tests.unit.links.test_vesc import Vesc
 
 pytestmark = pytest.mark.usefixtures("guest")

@@ -9,8 +9,8 @@ from typing import Any
 import aiohttp
 import pytest
 
+from tests.support.clients.view_client import ADDRESS, scene_bytes, stick, with_session
 from tests.support.processes import Program, run_here, write_scenario
-from tests.support.view_client import ADDRESS, scene_bytes, stick, with_session
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
 

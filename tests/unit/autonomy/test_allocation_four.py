@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hil.autonomy.control.allocation import Allocator
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.four_vectored import four_vectored
+from tests.support.flights.four_vectored import four_vectored
 
 FORCES = st.floats(-500.0, 500.0)
 

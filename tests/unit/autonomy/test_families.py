@@ -29,7 +29,7 @@ from hil.tuning.rig import Rig
 from sim.dynamics import Dynamics, State
 from sim.rotations import from_euler, matrix
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.controller_contract import AT_REST, DT, ControllerContract
+from tests.support.flights.controller_contract import AT_REST, DT, ControllerContract
 
 INERTIA: Wrench = (19.9, 20.6, 32.2, 0.45, 0.37, 0.59)
 HEAVY = Plant(

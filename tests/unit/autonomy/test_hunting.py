@@ -10,7 +10,7 @@ from hil.autonomy.fleets.formation import FieldSettings, Vector, separation
 from hil.autonomy.fleets.hunting import Criteria, Hunter, HuntPlan, Judgement, Referee, Report
 from hil.autonomy.fleets.localisation_noise import LocalisationNoise
 from hil.common.errors import MissionError
-from tests.support.paper_hunt import FORMATIONS, TARGET
+from tests.support.flights.paper_hunt import FORMATIONS, TARGET
 
 FIELDS = FieldSettings()
 RING = 1.5

@@ -11,7 +11,7 @@ from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import OdometrySample
-from tests.support.captured import needs_captures, rows
+from tests.support.autopilots.captured import needs_captures, rows
 
 
 def test_hil_sensor_has_gauss_and_hectopascal() -> None:

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.autopilots.json_packets import JsonState, ServoPacket, decode_servos, encode_state
-from tests.support.ardupilot_peer import MAGICS, encode_servos
-from tests.support.captured import needs_captures, rows
+from tests.support.autopilots.ardupilot_peer import MAGICS, encode_servos
+from tests.support.autopilots.captured import needs_captures, rows
 
 REST = JsonState(1.5, (0.1, -0.2, 0.3), (0.0, 0.0, -9.80665), (1.0, 2.0, 3.0), (0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
 

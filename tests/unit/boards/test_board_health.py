@@ -7,7 +7,7 @@ import pytest
 import boards
 from boards.health import FIRMWARE, Throttling, governors, recognise, temperature, temperatures, throttling
 from boards.tree import Tree
-from tests.support import recorded
+from tests.support.boards import recorded
 
 REAL = [name for name in recorded.NAMES if not recorded.expected_board(name).startswith("generic")]
 

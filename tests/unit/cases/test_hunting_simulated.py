@@ -15,7 +15,7 @@ from hil.ros.formation import decode_formation
 from hil.scenario.config import load_scenario
 from hil.scenario.fleet import hunt_plan
 from sim.sensors.samples import ODOMETRY, OdometrySample
-from tests.support.paper_hunt import FORMATIONS, TARGET
+from tests.support.flights.paper_hunt import FORMATIONS, TARGET
 
 SCENARIOS = {"line": "target_hunting", "diamond": "target_hunting_diamond"}
 

@@ -13,8 +13,8 @@ from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from sim.sensors.error import ErrorModel, ErrorProcess
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.four_vectored import four_vectored
-from tests.support.paper_hunt import FORMATIONS, TARGET
+from tests.support.flights.four_vectored import four_vectored
+from tests.support.flights.paper_hunt import FORMATIONS, TARGET
 
 PAGE = Path(__file__).parents[3] / "docs/explanation/reference_platform.md"
 STATIONS = {"charging": (5.0, 5.0), "acquisition": (53.0, 13.0), "transmission": (15.0, 46.0)}

@@ -6,7 +6,7 @@ from hil.charts.build import build
 from hil.charts.gridding import LEAF, Surface
 from hil.charts.sources.survey import Survey
 from hil.common.errors import ConfigError
-from tests.support.known_bed import SIDE, STEP, contoured, known_bed, sounded
+from tests.support.charts.known_bed import SIDE, STEP, contoured, known_bed, sounded
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from hil.client.client import VehicleClient
 from hil.client.samples import State
 from hil.common.errors import MissionError, NetworkError
 from hil.ros.commands import PoseCommand, encode_thrusts
-from tests.support.flying import Bench
+from tests.support.flights.flying import Bench
 
 LIMITS = Limits(acceleration=0.3)
 

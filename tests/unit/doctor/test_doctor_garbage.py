@@ -14,8 +14,8 @@ from boards.tree import Tree
 from hil.commands import doctor
 from hil.doctor.findings import Case, Finding, User
 from hil.scenario.config import Scenario, load_scenario
+from tests.support.boards.recorded import build, plant
 from tests.support.examples import examples
-from tests.support.recorded import build, plant
 
 IP = "commands/ip_-details_-json_link_show_can0"
 FLAGS = "sys/class/net/can0/flags"

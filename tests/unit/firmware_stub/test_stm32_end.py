@@ -9,7 +9,7 @@ from hil.common.clock import now_ns
 from hil.common.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.wires.terminal import PtyHostWire, PtyWire
-from tests.support.link_contract import nothing_leaks, read_messages, uuv_hil, wait_readable
+from tests.support.links.link_contract import nothing_leaks, read_messages, uuv_hil, wait_readable
 
 MS = 1_000_000
 FULL = (1900, 1100)

@@ -13,7 +13,7 @@ from hil.common.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import open_protocol
 from hil.links.wires.can_frame import pack_frame, unpack_frames
-from tests.support.link_contract import uuv_hil
+from tests.support.links.link_contract import uuv_hil
 
 MS = 1_000_000
 FULL = (1900, 1100, 1600, 1400, 1501, 1499)

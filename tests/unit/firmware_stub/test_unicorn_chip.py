@@ -6,7 +6,7 @@ from firmware_stub.emulation.chip import Chip
 from firmware_stub.emulation.nvic import FIRST_INTERRUPT, SYSTICK
 from firmware_stub.emulation.rcc import WATCHDOG_RESET
 from hil.common.errors import DeviceError
-from tests.support.unicorn_program import (
+from tests.support.firmware.unicorn_program import (
     GPIOA,
     IWDG,
     MS,

@@ -15,7 +15,7 @@ from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.vesc.end import SET_DUTY
 from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
 from hil.links.wires.terminal import DescriptorWire, PtyHostWire, PtyWire
-from tests.support.link_contract import nothing_leaks, read_messages, uuv_hil, wait_readable
+from tests.support.links.link_contract import nothing_leaks, read_messages, uuv_hil, wait_readable
 
 MS = 1_000_000
 FULL = (1900, 1100, 1600, 1400, 1501, 1499)

@@ -3,7 +3,7 @@
 import pytest
 
 from hil.links.wires.can_frame import CanFrame
-from tests.support.unicorn_program import (
+from tests.support.firmware.unicorn_program import (
     CAN1,
     CAN1_RX0_IRQ,
     CAN1_RX1_IRQ,

@@ -8,8 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.gateways.mavlink.flight.mission_flight import COMPLETE
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.scenario.mavlink_records import Mavlink
-from tests.support.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, upload_mission
-from tests.support.mavlink_vehicle import Bench
+from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, upload_mission
+from tests.support.clients.mavlink_vehicle import Bench
 
 LOCAL = dialect.MAV_FRAME_LOCAL_NED
 

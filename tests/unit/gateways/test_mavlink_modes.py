@@ -9,7 +9,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.gateways.mavlink.flight.modes import MODES, Mode
 from hil.gateways.mavlink.flight.targets import TargetError, local_target
 from hil.gateways.mavlink.snapshot import NEUTRAL
-from tests.support.mavlink_vehicle import Bench, PointVehicle
+from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
 
 ACCEPTED, FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
 ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM

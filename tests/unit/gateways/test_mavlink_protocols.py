@@ -11,8 +11,8 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.protocols import ftp
 from hil.gateways.mavlink.protocols.parameters import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
-from tests.support.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
-from tests.support.mavlink_vehicle import Bench
+from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
+from tests.support.clients.mavlink_vehicle import Bench
 
 
 def test_every_command_is_acknowledged() -> None:

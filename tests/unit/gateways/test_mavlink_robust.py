@@ -16,7 +16,7 @@ from hil.gateways.mavlink.protocols.parameters import ParameterTable
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream, signing_secret
 from hil.scenario.mavlink_records import Mavlink
-from tests.support.mavlink_vehicle import Bench, PointVehicle
+from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
 
 COUNT = int(os.environ.get("UUV_HIL_FUZZ", "8000"))  # frames; 1000000 by hand
 HANDLED = [

@@ -5,8 +5,8 @@ from contextlib import ExitStack
 
 import pytest
 
-from tests.support.faulty_wires import Clock
-from tests.support.link_contract import nothing_leaks
+from tests.support.links.faulty_wires import Clock
+from tests.support.links.link_contract import nothing_leaks
 
 
 @pytest.fixture

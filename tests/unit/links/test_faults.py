@@ -12,8 +12,8 @@ from hil.links.contract import Wire
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 from hil.links.wires.faults import Faults, FaultyWire, Tally
 from hil.links.wires.timer import Timer
-from tests.support.faulty_wires import Clock, can_pair, cross, instant_pair
-from tests.support.link_contract import EVERY_BYTE, records, wait_readable
+from tests.support.links.faulty_wires import Clock, can_pair, cross, instant_pair
+from tests.support.links.link_contract import EVERY_BYTE, records, wait_readable
 
 CHUNKS = [number.to_bytes(2, "big") * 8 for number in range(2000)]
 Open = Callable[..., tuple[Wire, FaultyWire]]

@@ -11,8 +11,8 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.links.wires.faults import BACKLOG, PIECE, Faults
 from hil.links.wires.timer import Timer
 from tests.support.busy import retried_when_busy
-from tests.support.faulty_wires import Clock, cross, instant_pair, pty_pair
-from tests.support.link_contract import EVERY_BYTE, wait_readable
+from tests.support.links.faulty_wires import Clock, cross, instant_pair, pty_pair
+from tests.support.links.link_contract import EVERY_BYTE, wait_readable
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from hil.links.contract import Wire
 from hil.links.wires.faults import FaultyWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire
-from tests.support.link_contract import LinkContract
+from tests.support.links.link_contract import LinkContract
 
 
 def faultless_pair() -> tuple[Wire, Wire]:

@@ -2,7 +2,7 @@
 
 from hil.links.contract import Wire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
-from tests.support.link_contract import LinkContract
+from tests.support.links.link_contract import LinkContract
 
 
 def lean_pair() -> tuple[Wire, Wire]:

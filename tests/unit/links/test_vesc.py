@@ -15,9 +15,9 @@ from hil.links.vesc.device import VescDevice
 from hil.links.vesc.host import VescHost
 from hil.links.vesc.link import open_vesc
 from hil.links.wires.can_frame import CanFrame
-from tests.support.can_bench import MemoryBus, VirtualCanContract, exchange, frames, noise, records
-from tests.support.can_pairs import socket_pair
-from tests.support.link_contract import CanLinkContract
+from tests.support.links.can_bench import MemoryBus, VirtualCanContract, exchange, frames, noise, records
+from tests.support.links.can_pairs import socket_pair
+from tests.support.links.link_contract import CanLinkContract
 
 # Computed by hand after documentation/comm_can.md of github.com/vedderb/bldc.
 GOLDEN: dict[str, Any] = json.loads((Path(__file__).parents[2] / "vectors" / "vesc.json").read_text())

@@ -18,7 +18,7 @@ import serial
 from hil.common.errors import DeviceError
 from hil.links.contract import Wire
 from hil.links.wires.terminal import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire, queued_bytes
-from tests.support.link_contract import PATIENCE_S, nothing_leaks, read_bytes
+from tests.support.links.link_contract import PATIENCE_S, nothing_leaks, read_bytes
 
 
 @pytest.fixture(autouse=True)

@@ -8,7 +8,7 @@ from hil.common.clock import now_ns
 from hil.links.contract import ThrusterCommand
 from hil.scenario.config import load_scenario
 from hil.slave.drivers.driver import open_driver
-from tests.support.link_contract import await_answer, nothing_leaks
+from tests.support.links.link_contract import await_answer, nothing_leaks
 
 
 @pytest.mark.parametrize("kind", ["python", "unicorn"])

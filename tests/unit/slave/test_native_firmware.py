@@ -17,8 +17,8 @@ from hil.scenario.config import load_scenario
 from hil.slave.drivers.driver import open_driver
 from hil.slave.drivers.in_process import open_python
 from hil.slave.native.firmware import FirmwareEnd
-from tests.support.link_contract import await_answer, nothing_leaks
-from tests.support.twins import EACH, taken_from
+from tests.support.flights.twins import EACH, taken_from
+from tests.support.links.link_contract import await_answer, nothing_leaks
 
 CHANNELS = 3
 WATCHDOG_NS = 200 * NS_PER_MS

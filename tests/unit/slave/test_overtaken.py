@@ -12,7 +12,7 @@ from hil.slave.loop import Loop
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.bench_link import says_in_turn
+from tests.support.links.bench_link import says_in_turn
 
 NEUTRAL, PUSHING, OTHER = (1500,) * 6, (1600,) * 6, (1700,) * 6
 STARTED = ThrusterTelemetry(0, False, False, NEUTRAL, 0, 0, 0, 0)

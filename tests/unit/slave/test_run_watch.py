@@ -10,7 +10,7 @@ from hil.slave.run_watch import RunWatch
 from hil.slave.setpoints import PoseSetpoint
 from sim.run_events import PERIOD_NS
 from sim.simulation import Simulation
-from tests.support.flying import VEHICLE, WORLD, Bench
+from tests.support.flights.flying import VEHICLE, WORLD, Bench
 
 STILL = (1500,) * 6
 

@@ -22,7 +22,7 @@ from hil.slave.pilot import build_pilot
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.bench_link import BenchLink
+from tests.support.links.bench_link import BenchLink
 from tests.support.processes import wait_for
 
 NEUTRAL = (1500,) * 6

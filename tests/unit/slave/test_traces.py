@@ -17,7 +17,7 @@ from hil.slave.pilot import build_pilot
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.link_contract import PATIENCE_S
+from tests.support.links.link_contract import PATIENCE_S
 
 STEP_NS = 2_500_000
 

@@ -24,7 +24,7 @@ from sim.environment.world import load_world
 from sim.rotations import from_euler, to_euler
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.link_contract import PATIENCE_S
+from tests.support.links.link_contract import PATIENCE_S
 from tests.support.processes import ROOT
 
 STEP_NS = 2_500_000

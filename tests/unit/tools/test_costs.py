@@ -8,7 +8,7 @@ import pytest
 
 from hil.common.schema import preset_names
 from sim.native import SWITCH
-from tools import sim_cost, step_cost
+from tools.costs import sim_cost, step_cost
 
 TOOLS = Path(__file__).parents[3] / "tools"
 VEHICLES = preset_names("sim/vehicles")

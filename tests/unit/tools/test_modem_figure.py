@@ -7,7 +7,7 @@ import pytest
 
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
-from tools import modem_figure, modem_hunts
+from tools.pages import modem_figure, modem_hunts
 
 SIGMA = 0.025  # of a share of 400 messages at its widest
 

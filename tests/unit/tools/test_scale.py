@@ -3,7 +3,7 @@
 from hil.client.client import Stamped
 from hil.common.clock import NS_PER_MS
 from sim.sensors.samples import OdometrySample
-from tools.scale import PERIOD_NS, Received
+from tools.costs.scale import PERIOD_NS, Received
 
 
 def sample(number: int, age_ns: int = 0) -> Stamped:

@@ -13,7 +13,7 @@ from PIL import Image
 from hil.autonomy.control.allocation import pseudo_inverse
 from tests.unit.autonomy import test_allocation as sharing
 from tests.unit.sim.test_von_benzon import HEAVY
-from tools import validation
+from tools.pages import validation
 from tools.validations.allocation import clip
 from tools.validations.bluerov2 import LINEAR, errors_by_step
 from tools.validations.sheet import Finding, Sheet, above, below, near
@@ -39,7 +39,7 @@ def test_what_is_found_is_within_its_bound(name: str, tmp_path: Path) -> None:
         assert len(picture.convert("RGB").getcolors(1 << 20) or []) > 8  # not empty
     assert path.stat().st_size < 60_000
     text = (DOCS / "validation.md").read_text(encoding="utf-8")
-    assert all(finding.what in text for finding in findings), "run python tools/validation.py"
+    assert all(finding.what in text for finding in findings), "run python tools/pages/validation.py"
 
 
 def test_the_page_shows_all_pictures_and_no_other() -> None:
@@ -51,7 +51,7 @@ def test_the_page_shows_all_pictures_and_no_other() -> None:
     assert sum(file.stat().st_size for file in files) < 1_500_000
     for sheet in SHEETS.values():
         assert f"\n## {sheet.title}\n" in text
-        assert " ".join((sheet.draw.__doc__ or "").split()) in text, "run python tools/validation.py"
+        assert " ".join((sheet.draw.__doc__ or "").split()) in text, "run python tools/pages/validation.py"
 
 
 def test_every_figure_names_a_test_that_exists() -> None:

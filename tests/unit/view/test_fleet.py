@@ -10,7 +10,7 @@ from hil.ros.formation import FormationSample
 from hil.view.scene.fleet import FleetScene, Hunt
 from hil.view.scene.world import WorldScene
 from sim.environment.world import World
-from tests.support.paper_hunt import FORMATIONS, TARGET
+from tests.support.flights.paper_hunt import FORMATIONS, TARGET
 from tests.unit.view.scene_recorder import Recorder
 
 NODES = ("a", "b", "c", "d")

@@ -33,7 +33,7 @@ from sim.vehicle.body_lift import (
 from sim.vehicle.failures import Failure
 from sim.vehicle.fins import FinSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.twins import taken_from
+from tests.support.flights.twins import taken_from
 
 REMUS, TETHYS, BLUEROV = (load_vehicle(name)[0] for name in ("remus100", "tethys", "bluerov2"))
 EXTENT = (-500.0, 500.0, -500.0, 500.0)

@@ -26,7 +26,7 @@ from sim.sensors.error import ErrorBank, ErrorModel
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.twins import taken_from
+from tests.support.flights.twins import taken_from
 
 ROOT = Path(__file__).parents[4]
 BINARY = "sim.native._native"

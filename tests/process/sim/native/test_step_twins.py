@@ -25,7 +25,7 @@ from sim.sensors.suite import SensorSet, SensorSpec, fit
 from sim.simulation import Simulation
 from sim.vehicle.failures import Failure
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.twins import taken_from
+from tests.support.flights.twins import taken_from
 
 VEHICLE, _ = load_vehicle("bluerov2_heavy")
 EXTENT = (-6.0, 6.0, -6.0, 6.0)

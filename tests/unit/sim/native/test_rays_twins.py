@@ -20,7 +20,7 @@ from sim.environment.world import World
 from sim.rays import solids
 from sim.rays.scene import Engine, RayScene
 from sim.rotations import matrix, normalise
-from tests.support.twins import taken_from
+from tests.support.flights.twins import taken_from
 
 EXTENT = (-20.0, 20.0, -25.0, 30.0)
 UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

@@ -24,7 +24,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.suite import read_suite
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.twins import taken_from
+from tests.support.flights.twins import taken_from
 
 EXTENT = (-60.0, 60.0, -60.0, 60.0)
 VEHICLE, _ = load_vehicle("bluerov2_heavy")

@@ -1,0 +1,227 @@
+"""The core in C under sanitizers, driven by scripts; and its twin in Python, driven by the same."""
+
+import io
+import random
+import struct
+import subprocess
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from firmware_stub.stub import Stm32, Stm32End
+from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.wires.can_frame import CanFrame
+from tests.support.links.link_contract import uuv_hil
+
+MAX_CHANNELS = 16
+STOP, CAN = 65535, 65534  # in place of a size
+SYNC = b"\xa5\x5a"
+US = 1000  # ns
+# Around every period there is, and far beyond the age that a report can tell.
+STEPS_US = (0, 0, 1, 137, 1000, 5000, 10_000, 19_999, 20_000, 20_001, 50_000, 199_999, 200_000, 200_001, 1_000_000)
+RARE_STEPS_US = (3_000_000, 5_000_000_000)
+PULSES_US = (0, 799, 800, 1100, 1500, 1900, 2200, 2201, 0x5AA5, 0xFFFF)
+
+
+class Step(NamedTuple):
+    """An instant, and the bytes that have come by then, or a frame off the CAN bus."""
+
+    now_us: int
+    data: bytes = b""
+    can: CanFrame | None = None
+
+    def record(self) -> bytes:
+        """What core_main.c reads."""
+        if self.can is None:
+            return struct.pack("<QH", self.now_us, len(self.data)) + self.data
+        return struct.pack("<QHIB8s", self.now_us, CAN, self.can.id, len(self.can.data), self.can.data)
+
+
+class Done(NamedTuple):
+    """What the firmware did at a step."""
+
+    sent: bytes
+    pwm_us: tuple[int, ...]
+    deadline_us: int
+    can: tuple[CanFrame, ...] = ()
+
+
+class Script(NamedTuple):
+    """A life of a firmware."""
+
+    channels: int
+    watchdog_us: int
+    steps: list[Step]
+
+
+def run_c(program: str, script: Script, stop: bool = False) -> list[Done]:
+    """What the core does, step by step; with `stop` one step more, its end."""
+    chunks = [struct.pack("<BI", script.channels, script.watchdog_us)]
+    chunks += [step.record() for step in script.steps]
+    if stop:
+        chunks.append(struct.pack("<QH", script.steps[-1].now_us, STOP))
+    done = subprocess.run([program, "run"], input=b"".join(chunks), capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()[-4000:]
+    results = list(_results(done.stdout, script.channels))
+    assert len(results) == len(script.steps) + stop
+    return results
+
+
+def _results(output: bytes, channels: int) -> Iterator[Done]:
+    file, steps = io.BytesIO(output), 0
+
+    def take(code: str) -> tuple[Any, ...]:
+        return struct.unpack(code, file.read(struct.calcsize(code)))
+
+    while file.tell() < len(output):
+        sent = file.read(*take("<H"))
+        said = [take("<IB8s") for _ in range(*take("<H"))]
+        *pulses, kicks, deadline_us = take("<16HIQ")
+        steps += 1
+        assert kicks <= steps, "the watchdog is kicked once in each service"
+        can = tuple(CanFrame(number, data[:size]) for number, size, data in said)
+        yield Done(sent, tuple(pulses[:channels]), deadline_us, can)
+
+
+class _Line(Wire):
+    """A wire in memory; `piece` bytes at most in each read."""
+
+    def __init__(self, piece: int) -> None:
+        self.name = "memory"
+        self.incoming = self.outgoing = b""
+        self._piece = piece
+
+    def fileno(self) -> int:
+        return -1
+
+    def read(self) -> bytes:
+        data, self.incoming = self.incoming[: self._piece], self.incoming[self._piece :]
+        return data
+
+    def write(self, data: bytes) -> int:
+        self.outgoing += data
+        return len(data)
+
+    def close(self) -> None:
+        pass
+
+
+class Clock:
+    """Whose time both twins live in, ns."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+
+def run_python(script: Script, protocol: Protocol, clock: Clock, piece: int = 1) -> list[Done]:
+    """What the specification does; it gets the bytes as a UART does, one by one, or in bigger pieces."""
+    wire = _Line(piece)
+    stm32 = Stm32(script.channels, script.watchdog_us * US)
+    end = Stm32End(stm32, ThrusterLink(wire, protocol))
+    results = []
+    for step in script.steps:
+        clock.now_ns = step.now_us * US
+        wire.incoming += step.data
+        _service(end, wire, clock.now_ns)
+        results.append(Done(wire.outgoing, tuple(stm32.pwm_us), end.deadline_ns // US))
+        wire.outgoing = b""
+    return results
+
+
+def _service(end: Stm32End, wire: _Line, now_ns: int) -> None:
+    """`Stm32End.service` for bytes that came one after another before anyone looked at the clock."""
+    while wire.incoming:
+        for message in end.link.receive():
+            if end._apply(message, now_ns):
+                end._report(now_ns)
+    end.service(now_ns)
+
+
+def first_difference(script: Script, c: list[Done], python: list[Done]) -> tuple[Step, Done, Done] | None:
+    """The first step at which the two part."""
+    return next((rows for rows in zip(script.steps, c, python, strict=True) if rows[1] != rows[2]), None)
+
+
+def instants(chance: random.Random) -> Iterator[int]:
+    """Instants of a script, us."""
+    now_us = 0
+    while True:
+        yield now_us
+        now_us += chance.choice(RARE_STEPS_US if chance.random() < 0.01 else STEPS_US)
+
+
+def cut(chance: random.Random, pieces: Iterator[bytes], count: int) -> list[Step]:
+    """`count` steps; most pieces come whole, some in two parts."""
+    steps, rest = [], b""
+    for now_us, _ in zip(instants(chance), range(count), strict=False):
+        data = rest + b"".join(next(pieces) for _ in range(chance.choice((0, 0, 1, 1, 1, 2, 4))))
+        at = chance.randrange(len(data) + 1) if chance.random() < 0.2 else len(data)
+        steps.append(Step(now_us, data[:at]))
+        rest = data[at:]
+    return steps
+
+
+def pulses(chance: random.Random, channels: int) -> tuple[int, ...]:
+    """Pulse widths, us; most are ordinary ones."""
+    return tuple(
+        chance.choice(PULSES_US) if chance.random() < 0.2 else chance.randint(1100, 1900) for _ in range(channels)
+    )
+
+
+def damaged(chance: random.Random, packet: bytes) -> bytes:
+    """A packet after a bad line: a byte wrong, missing or doubled, or the end cut off."""
+    at = chance.randrange(len(packet))
+    kinds = (
+        packet[:at] + bytes([packet[at] ^ chance.randint(1, 255)]) + packet[at + 1 :],
+        packet[:at] + packet[at + 1 :],
+        packet[: at + 1] + packet[at:],
+        packet[:at],
+    )
+    return chance.choice(kinds)
+
+
+def frame_pieces(chance: random.Random, channels: int, noisy: bool) -> Iterator[bytes]:
+    """Frames from a host: mostly commands with the next number; with `noisy` whatever else a line can carry."""
+    encode = uuv_hil().encode
+    sequence = 0
+    while True:
+        sequence = sequence + chance.choice((1, 1, 1, 1, 0, -1, -5, -32, -33, -40, 300, 32768)) & 0xFFFF
+        count = channels if chance.random() < 0.9 else chance.randint(1, MAX_CHANNELS)
+        command = encode(ThrusterCommand(sequence, chance.random() < 0.8, pulses(chance, count)))
+        if not noisy or chance.random() < 0.6:
+            yield command
+        else:
+            yield _noise(chance, command)
+
+
+def _noise(chance: random.Random, command: bytes) -> bytes:
+    report = ThrusterTelemetry(1, True, False, (1500,), 0, 0, 0, 0)
+    kinds = (
+        damaged(chance, command),
+        chance.randbytes(chance.randrange(60)),
+        SYNC + chance.randbytes(chance.randrange(4)),
+        SYNC * chance.randrange(9) + SYNC[:1],
+        uuv_hil().encode(report),
+        sealed(SYNC + bytes([chance.randrange(256), 1]), chance),  # a length that no command has
+        sealed(SYNC + bytes([20, chance.randrange(256)]), chance),  # a message that nobody knows
+        sealed(command[:7] + bytes([chance.randrange(256)]), chance),  # contradicts itself about its channels
+    )
+    return chance.choice(kinds)
+
+
+def sealed(beginning: bytes, chance: random.Random) -> bytes:
+    """A frame that begins so, as long as it says, and sound."""
+    import binascii
+
+    body = (beginning + chance.randbytes(256))[: 4 + beginning[2]]
+    return body + binascii.crc_hqx(body[2:], 0xFFFF).to_bytes(2, "little")
+
+
+def frame_script(seed: int, steps: int, noisy: bool) -> Script:
+    """A life on a line that carries our frame."""
+    chance = random.Random(seed)
+    channels = chance.randint(1, MAX_CHANNELS)
+    watchdog_us = chance.choice((200_000, 200_000, 10_000, 1_000_000))
+    return Script(channels, watchdog_us, cut(chance, frame_pieces(chance, channels, noisy), steps))

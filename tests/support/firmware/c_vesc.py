@@ -1,0 +1,47 @@
+"""Scripts for the core in C in which the host speaks to VESCs on CAN."""
+
+import random
+import struct
+from collections.abc import Iterator
+
+from hil.links.vesc.end import SET_CURRENT, SET_CURRENT_REL, SET_DUTY
+from hil.links.wires.can_frame import CanFrame
+from tests.support.firmware.c_core import Script, Step, instants
+
+PER_US = 250  # of 100 000, for 400 us
+
+
+def vesc_frames(chance: random.Random, channels: int) -> Iterator[CanFrame]:
+    """Rounds of commands, now and then with one left out, said again, or that is none."""
+    while True:
+        for controller in range(1, channels + 1):
+            if chance.random() < 0.97:
+                yield _command(chance, controller)
+        if chance.random() < 0.3:
+            yield _command(chance, chance.choice((0, 1, 1, channels, channels + 1, 200)))
+
+
+def _command(chance: random.Random, controller: int) -> CanFrame:
+    argument = chance.randint(-500, 500) * PER_US + chance.randint(-100, 100)
+    data = struct.pack(">i", chance.choice((argument, argument, 2**31 - 1, -(2**31))))
+    odd = (
+        CanFrame(SET_CURRENT << 8 | controller, bytes(4)),
+        CanFrame(SET_CURRENT << 8 | controller, data),
+        CanFrame(SET_CURRENT_REL << 8 | controller, data + bytes(4)),
+        CanFrame(99 << 8 | controller, data),
+        CanFrame(SET_DUTY << 8 | controller, data[:3]),
+    )
+    return CanFrame(SET_DUTY << 8 | controller, data) if chance.random() < 0.9 else chance.choice(odd)
+
+
+def vesc_script(seed: int, steps: int) -> Script:
+    """A life on a bus: time passes between frames, sometimes; and the firmware is served after each."""
+    chance = random.Random(seed)
+    channels = chance.randint(1, 8)
+    frames, now = vesc_frames(chance, channels), instants(chance)
+    now_us, made = next(now), [Step(0)]
+    for _ in range(steps):
+        if chance.random() < 0.2:
+            now_us = next(now)
+        made += [Step(now_us, can=next(frames)), Step(now_us)]
+    return Script(channels, 200_000, made)

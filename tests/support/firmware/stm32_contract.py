@@ -1,0 +1,126 @@
+"""What every STM32 must do, whoever plays it and whatever it speaks. A kind subclasses `Stm32Contract`."""
+
+import select
+import time
+from collections.abc import Iterator
+from typing import ClassVar
+
+import pytest
+
+from hil.common.clock import NS_PER_S, now_ns
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from hil.scenario.records import Link
+from hil.slave.drivers.driver import ThrusterDriver, open_driver, stop_thrusters
+from tests.support.busy import retry_when_busy
+from tests.support.links.link_contract import nothing_leaks
+
+NEUTRAL = (1500,) * 6
+PATIENCE_NS = 30 * NS_PER_S
+WATCHDOG_S = 0.2
+
+
+class Stm32Contract:
+    """Subclass as `Test...`, say which `kind` it is and over which `link`."""
+
+    kind: ClassVar[str]
+    link: ClassVar[Link] = Link(watchdog=WATCHDOG_S)
+    tells_time_out: ClassVar[bool] = True  # VESC's status has no word for it
+    slack_s: ClassVar[float] = (
+        0.15  # of processes that take turns, and of QEMU's clock, which runs behind when it is busy
+    )
+
+    stall_ns = 0  # the longest that `listen` neither slept as it meant to nor had the processor
+
+    @pytest.fixture
+    def driver(self) -> Iterator[ThrusterDriver]:
+        """A fresh one that has said something."""
+        reports: list[str] = []
+        with nothing_leaks():
+            driver = open_driver(self.kind, self.link, 6, True, 1, reports.append)
+            self.sequence = 0
+            try:
+                self.command(driver, False, NEUTRAL)
+                yield driver
+            finally:
+                driver.close()
+        late = ("has not answered for", "the STM32 answers, after")  # a process that got no turn
+        assert [report for report in reports if not any(words in report for words in late)] == []
+
+    def command(self, driver: ThrusterDriver, armed: bool, pulses: tuple[int, ...]) -> ThrusterTelemetry:
+        """Send it until an answer shows it: of the first bytes after power-up some may be lost."""
+        deadline = now_ns() + PATIENCE_NS
+        wanted, wait_s = pulses if armed else NEUTRAL, 0.05
+        while now_ns() < deadline:
+            self.sequence += 1
+            driver.send(ThrusterCommand(self.sequence, armed, pulses))
+            wait_s *= 1.2  # it may answer late, where others use the machine too
+            for telemetry in self.listen(driver, wait_s):
+                if telemetry.pwm_us == wanted and telemetry.armed == armed and telemetry.sequence == self.sequence:
+                    return telemetry
+        pytest.fail(f"no answer that shows {wanted}; the thrusters have {driver.pwm_us}")
+
+    def listen(self, driver: ThrusterDriver, seconds: float) -> Iterator[ThrusterTelemetry]:
+        """What it says in the next `seconds`, without a command."""
+        end = now_ns() + round(seconds * NS_PER_S)
+        while (now := now_ns()) < end:
+            wait_ns = max(0, min(end, driver.deadline_ns) - now)
+            worked_ns = time.thread_time_ns()
+            select.select(driver.descriptors, (), (), wait_ns / NS_PER_S)
+            slept_ns = min(now_ns() - now, wait_ns)
+            heard = driver.service(now_ns())
+            worked_ns = time.thread_time_ns() - worked_ns
+            self.stall_ns = max(self.stall_ns, now_ns() - now - slept_ns - worked_ns)
+            yield from heard
+
+    def test_it_follows_commands(self, driver: ThrusterDriver) -> None:
+        for pulses in ((1600, 1400, 1500, 1555, 1445, 1501), (1100, 1900, 1500, 1500, 1500, 1500)):
+            telemetry = self.command(driver, True, pulses)
+            assert telemetry.pwm_us == pulses
+            assert tuple(driver.pwm_us) == pulses
+            assert not telemetry.timed_out
+        before = now_ns()
+        assert before - NS_PER_S < driver.applied_ns(telemetry, before) <= before
+
+    def test_disarmed_is_neutral(self, driver: ThrusterDriver) -> None:
+        self.command(driver, True, (1700,) * 6)
+        self.command(driver, False, (1700,) * 6)
+        assert tuple(driver.pwm_us) == NEUTRAL
+
+    def test_silence_is_neutral_within_the_watchdogs_time(self, driver: ThrusterDriver) -> None:
+        def falls_silent() -> None:
+            self.command(driver, True, (1700,) * 6)
+            silent, self.stall_ns = now_ns(), 0
+            neutral = next(t for t in self.listen(driver, PATIENCE_NS / NS_PER_S) if t.pwm_us == NEUTRAL)
+            took_s = (now_ns() - silent - self.stall_ns) / NS_PER_S
+            assert tuple(driver.pwm_us) == NEUTRAL
+            assert neutral.timed_out or not self.tells_time_out
+            self.command(driver, True, (1650,) * 6)  # and the next command ends it
+            assert tuple(driver.pwm_us) == (1650,) * 6
+            assert took_s < WATCHDOG_S + self.slack_s
+
+        retry_when_busy(falls_silent, "it runs in another process or thread", attempts=10)
+
+    def test_noise_moves_nothing(self, driver: ThrusterDriver) -> None:
+        """Between two commands; what it counts of it is the link's affair."""
+        assert driver.host is not None
+        self.command(driver, True, (1612,) * 6)
+        noise = bytes(range(256))
+        if self.link.protocol in ("dronecan", "vesc"):  # a bus: frames of others
+            noise = b"".join((0x700 + i).to_bytes(4, "little") + bytes([8, 0, 0, 0]) + bytes(8) for i in range(8))
+        driver.host.wire.write(noise)
+        for telemetry in self.listen(driver, 0.1):
+            assert telemetry.pwm_us in ((1612,) * 6, NEUTRAL)
+        self.command(driver, True, (1613,) * 6)
+
+    def test_it_reports_by_itself(self, driver: ThrusterDriver) -> None:
+        """At least ten times a second, whoever asks."""
+
+        def reports() -> None:
+            assert len(list(self.listen(driver, 0.5))) >= 5
+
+        retry_when_busy(reports, "it runs in another process or thread")
+
+    def test_it_is_left_with_its_thrusters_neutral(self, driver: ThrusterDriver) -> None:
+        self.command(driver, True, (1700,) * 6)
+        assert stop_thrusters(driver, self.sequence + 1)
+        assert tuple(driver.pwm_us) == NEUTRAL

@@ -1,0 +1,60 @@
+"""Both ends of each kind of CAN wire that needs no hardware."""
+
+import itertools
+import socket
+import time
+from collections.abc import Callable
+
+from hil.links.contract import Wire
+from hil.links.wires.can_bus import SlcanWire, SocketCanWire
+from hil.links.wires.python_can_bus import PythonCanWire
+from hil.links.wires.terminal import UartWire
+from tests.support.links.link_contract import read_bytes
+from tests.support.links.slcan_adapter import SlcanBus
+
+GROUP = "239.74.163.77"
+_names = (f"bus{number}" for number in itertools.count())
+
+
+def socket_pair() -> tuple[Wire, Wire]:
+    """Sockets that keep records apart, in place of the kernel's CAN sockets."""
+    device, host = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for end in (device, host):
+        end.setblocking(False)
+    return SocketCanWire(device.detach(), "can:socketcan:can0"), SocketCanWire(host.detach(), "can:socketcan:can0")
+
+
+def virtual_pair() -> tuple[Wire, Wire]:
+    name = next(_names)
+    return PythonCanWire("virtual", name), PythonCanWire("virtual", name)
+
+
+def multicast_pair() -> tuple[Wire, Wire]:
+    return PythonCanWire("udp_multicast", GROUP), PythonCanWire("udp_multicast", GROUP)
+
+
+def slcan_pair() -> tuple[Wire, Wire]:
+    """Two adapters on one bus, which ends when both are closed."""
+    bus = SlcanBus(2)
+    device, host = (_AdapterWire(UartWire(path)) for path in bus.paths)
+    until(lambda: all(said[-1:] == [b"O"] for said in bus.said))
+    for wire in (device, host):
+        wire.bus = bus
+        read_bytes(wire, 1, 0.01)  # their acknowledgements
+    return device, host
+
+
+class _AdapterWire(SlcanWire):
+    bus: SlcanBus
+
+    def close(self) -> None:
+        super().close()
+        self.bus.leave()
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait until it is so."""
+    end = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)

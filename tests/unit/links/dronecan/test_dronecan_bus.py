@@ -1,0 +1,200 @@
+"""DroneCAN on a bus with others: node numbers, foreign controllers, noise."""
+
+from typing import cast
+
+import pytest
+
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from hil.links.dronecan import types
+from hil.links.dronecan.allocation import (
+    FOLLOWUP_DELAY_NS,
+    FOLLOWUP_TIMEOUT_NS,
+    MAX_DYNAMIC_ID,
+    REQUEST_PERIOD_NS,
+    Allocatee,
+    Allocator,
+)
+from hil.links.dronecan.device import DroneCanDevice
+from hil.links.dronecan.host import DroneCanHost
+from hil.links.dronecan.node import STATUS_PERIOD_NS
+from hil.links.dronecan.types import (
+    Allocation,
+    BatteryInfo,
+)
+from hil.links.wires.can_frame import CanFrame, unpack_frames
+from tests.support.links.can_bench import exchange, frames, noise, records
+from tests.support.links.dronecan_ends import MS, NEUTRAL, PULSES, Board, device, host, report, transfers
+
+
+def test_others_controllers_are_let_be() -> None:
+    end, master = device(6), host(2)
+    assert exchange(end, report(), master) == [report(PULSES[:2])]
+
+
+def test_a_foreign_controller_is_believed_as_far_as_it_goes() -> None:
+    end, master = device(), host(own_device=False)
+    exchange(master, ThrusterCommand(7, True, PULSES), end)
+    assert exchange(end, report(armed=False), master) == [report(PULSES, sequence=7, frames=1)]
+    (off,) = exchange(end, report(tuple(p + 1 for p in PULSES)), master)
+    assert isinstance(off, ThrusterTelemetry)
+    assert (off.sequence, off.pwm_us) == (7, tuple(p + 1 for p in PULSES))
+
+
+def test_the_stm32_on_the_bus() -> None:
+    board = Board()
+    board.run(0.1)
+    assert board.received
+    assert not any(t.armed or t.timed_out for t in board.received)
+    for sequence in range(1, 21):
+        board.host.send(ThrusterCommand(sequence, True, (1500 + sequence,) * 6))
+        board.run(0.02)
+        last = board.received[-1]
+        assert last == ThrusterTelemetry(sequence, True, False, (1500 + sequence,) * 6, 0, sequence, 0, 0)
+    board.run(0.3)
+    assert board.received[-1] == last._replace(armed=False, timed_out=True, pwm_us=NEUTRAL, watchdog_trips=1)
+    assert board.stm32.watchdog_trips == 1
+    board.host.send(ThrusterCommand(21, True, PULSES))
+    board.run(0.02)
+    assert board.received[-1] == ThrusterTelemetry(21, True, False, PULSES, 0, 21, 0, 1)
+    board.host.send(ThrusterCommand(22, False, PULSES))
+    board.run(0.02)
+    assert (board.received[-1].armed, board.received[-1].pwm_us) == (False, NEUTRAL)
+    for link in (board.host, board.end.link):
+        assert (link.counters.malformed, link.counters.checksum_errors, link.counters.dropped_bytes) == (0, 0, 0)
+
+
+def test_battery_info() -> None:
+    board = Board(battery={"voltage_v": 14.75, "state_of_charge_pct": 42}, battery_period=0.5)
+    output: list[bytes] = []
+    board.bus.taps.append(output.append)
+    board.run(2.0)
+    assert len(transfers(b"".join(output), types.BATTERY_INFO)) == 4
+    assert cast("DroneCanHost", board.host.protocol).battery == BatteryInfo(voltage_v=14.75, state_of_charge_pct=42)
+    measured = iter(range(15, 99))
+    board = Board(battery_values=lambda: BatteryInfo(voltage_v=next(measured)))
+    board.run(2.9)
+    assert cast("DroneCanHost", board.host.protocol).battery == BatteryInfo(voltage_v=17)
+
+
+@pytest.mark.parametrize("preferred", [0, 33])
+def test_our_allocator_gives_our_device_a_number(preferred: int) -> None:
+    board = Board(node_id=0, preferred_node_id=preferred, host_settings={"allocate": True})
+    anonymous = cast("DroneCanDevice", board.end.link.protocol)
+    assert anonymous.encode(report()) == b""
+    board.run(4.0)
+    assert anonymous.node_id == (preferred or MAX_DYNAMIC_ID)
+    board.host.send(ThrusterCommand(9, True, PULSES))
+    board.run(0.03)
+    assert board.received[-1] == ThrusterTelemetry(9, True, False, PULSES, 0, 1, 0, 0)
+
+
+def test_the_allocatee_keeps_the_rules() -> None:
+    unique_id = bytes(range(16))
+    drawn = [0.0]
+    asking = Allocatee(unique_id, 5, lambda: drawn[0])
+
+    def next_request(now_ns: int) -> tuple[int, Allocation]:
+        request = asking.request(now_ns)
+        assert request is None, "the delay is drawn first"
+        assert asking.request(asking.due_ns - 1) is None
+        at_ns = asking.due_ns
+        request = asking.request(at_ns)
+        assert request is not None
+        return at_ns, request
+
+    assert next_request(0) == (REQUEST_PERIOD_NS[0], Allocation(5, True, unique_id[:6]))
+    drawn[0] = 0.5
+    asking.on_allocation(0, Allocation(0, True, b"other!"))  # rule C
+    assert next_request(1000) == (1000 + sum(REQUEST_PERIOD_NS) // 2, Allocation(5, True, unique_id[:6]))
+    asking.on_allocation(99, Allocation(0, False, unique_id[:6]))  # rule D
+    assert next_request(2000) == (2000 + sum(FOLLOWUP_DELAY_NS) // 2, Allocation(5, False, unique_id[6:12]))
+    asking.on_allocation(99, Allocation(0, False, b"\xff" + unique_id[1:6]))
+    assert next_request(3000)[1].first_part, "the answer was another's"
+    asking.on_allocation(99, Allocation(0, False, unique_id[:12]))
+    assert next_request(4000)[1] == Allocation(5, False, unique_id[12:])
+    asking.on_allocation(99, Allocation(0, False, unique_id))
+    assert asking.node_id == 0
+    asking.on_allocation(0, Allocation(9, False, unique_id))
+    assert asking.node_id == 0, "who is anonymous gives no numbers"
+    asking.on_allocation(99, Allocation(7, False, unique_id))
+    assert asking.node_id == 7  # rule E
+
+
+def ask(allocator: Allocator, unique_id: bytes, preferred: int = 0) -> int:
+    parts = [unique_id[:6], unique_id[6:12], unique_id[12:]]
+    answers = [allocator.answer(Allocation(preferred, not i, part)) for i, part in enumerate(parts)]
+    *first, last = answers
+    assert first == [Allocation(0, False, unique_id[:6]), Allocation(0, False, unique_id[:12])]
+    if last is None:
+        return 0
+    assert last.unique_id == unique_id
+    return last.node_id
+
+
+def test_the_allocator_gives_each_its_own() -> None:
+    allocator = Allocator()
+    allocator.see(125)
+    allocator.see(50)
+    uids = [bytes([number]) * 16 for number in range(1, 130)]
+    assert ask(allocator, uids[0]) == 124
+    assert ask(allocator, uids[1], 50) == 51
+    assert ask(allocator, uids[2], 124) == 123
+    assert ask(allocator, uids[0], 99) == 124, "the same node again"
+    rest = [ask(allocator, uid, 1) for uid in uids[3:]]
+    assert sorted(filter(None, rest)) == sorted(set(range(1, 126)) - {125, 50, 124, 51, 123})
+    assert rest[-1] == 0
+
+
+def test_the_allocator_forgets_half_an_exchange() -> None:
+    allocator = Allocator()
+    assert allocator.answer(Allocation(0, False, b"6bytes")) is None
+    assert allocator.answer(Allocation(0, True, b"short")) is None
+    assert allocator.answer(Allocation(0, True, b"abcdef"))
+    allocator.expire(1000)
+    assert allocator.due_ns == 1000 + FOLLOWUP_TIMEOUT_NS
+    allocator.expire(allocator.due_ns)
+    assert allocator.answer(Allocation(0, False, b"ghijkl")) is None
+
+
+def test_a_hundred_thousand_bad_records() -> None:
+    end, master = device(node_id=0), host(allocate=True)
+    talker = device(battery={})
+    sound = frames(host().encode(ThrusterCommand(1, True, PULSES)) + host().tick(0))
+    sound += frames(talker.encode(report()) + talker.tick(0) + end.tick(0) + end.tick(10**10))
+    sound += [CanFrame(0x1E018A0A, b"\xc0")]  # GetNodeInfo of node 10
+    now_ns, received = 0, 0
+    for record in noise(100_000, sound):
+        received += len(end.feed(record)) + len(master.feed(record))
+        master.replies()
+        end.replies()
+        now_ns += MS
+        for node in (end, master):
+            if now_ns >= node.deadline_ns:
+                node.tick(now_ns)
+    assert received > 100
+    for node in (end, master):
+        assert node.counters.malformed > 100
+        assert len(node._receiver._sessions) <= 128 * len(node._receiver.kinds)
+    assert len(master._codes) <= 127
+    assert len(master._rounds._pulses) <= 6
+    master.feed(b"\0" * 5)
+    assert master.counters.dropped_bytes == 5
+
+
+def test_11_bit_frames_are_others() -> None:
+    output = host().encode(ThrusterCommand(1, True, PULSES))
+    short = records(frame._replace(extended=False, id=frame.id & 0x7FF) for frame in unpack_frames(output))
+    assert device().feed(short) == []
+
+
+def test_what_each_second_of_six_thrusters_takes_of_a_bus() -> None:
+    """At 50 Hz, in frames: 2 a command, 3 a status, and little besides."""
+    board = Board()
+    output: list[bytes] = []
+    board.bus.taps.append(output.append)
+    for sequence in range(50):
+        board.host.send(ThrusterCommand(sequence, True, (1500 + sequence,) * 6))
+        board.run(0.02, 20 * MS)
+    count = sum(len(frames(data)) for data in output)
+    assert count <= 50 * (2 + 18) + 40
+    assert STATUS_PERIOD_NS == 10**9

@@ -1,0 +1,286 @@
+"""Our DroneCAN against the reference implementation in Python, the package `dronecan`, on a bus in memory."""
+
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any, cast
+
+import pytest
+
+from firmware_stub.stub import Stm32, Stm32End
+from hil import __version__
+from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.dronecan.host import DroneCanHost
+from hil.links.dronecan.link import open_dronecan
+from hil.links.wires.can_frame import CanFrame
+from tests.support.calls import count_calls
+from tests.support.links.can_bench import MemoryBus, MemoryWire, frames, records
+
+dronecan: Any = import_module("dronecan")
+uavcan = dronecan.uavcan
+dynamic_node_id: Any = import_module("dronecan.app.dynamic_node_id")
+node_monitor: Any = import_module("dronecan.app.node_monitor")
+
+PULSES = (1100, 1499, 1500, 1501, 1777, 1900)
+RAW = [-8191, -20, 0, 20, 5672, 8191]
+MS = 1_000_000
+
+
+class Driver(dronecan.driver.common.AbstractDriver):  # type: ignore[misc]  # the package has no types
+    """A wire of ours as the package wants it. It never waits."""
+
+    def __init__(self, wire: MemoryWire) -> None:
+        super().__init__()
+        self._wire = wire
+        self._heard: list[CanFrame] = []
+
+    def receive(self, _timeout: float | None = None) -> Any:
+        self._heard += frames(self._wire.read())
+        if not self._heard:
+            return None
+        frame = self._heard.pop(0)
+        return dronecan.driver.common.CANFrame(frame.id, frame.data, frame.extended)
+
+    def send_frame(self, frame: Any) -> None:
+        self._wire.write(records([CanFrame(frame.id, bytes(frame.data), frame.extended)]))
+
+    def close(self) -> None:
+        pass
+
+
+class Bench:
+    """A bus with nodes of the package and ends of ours; ours live by a clock that need not wait."""
+
+    def __init__(self) -> None:
+        self.bus = MemoryBus()
+        self.nodes: list[Any] = []
+        self.ends: list[Any] = []
+        self.now_ns = 0
+
+    def node(self, node_id: int) -> Any:
+        operational = uavcan.protocol.NodeStatus().MODE_OPERATIONAL
+        made = dronecan.node.Node(
+            Driver(self.bus.wire()), node_id=node_id, mode=operational, catch_handler_exceptions=False
+        )
+        self.nodes.append(made)
+        return made
+
+    def device(self, channels: int = 6, **settings: Any) -> Stm32End:
+        link = ThrusterLink(self.bus.wire(), open_dronecan("device", channels, **settings))
+        end = Stm32End(Stm32(channels), link)
+        self.ends.append(end)
+        return end
+
+    def host(self, channels: int = 6, **settings: Any) -> ThrusterLink:
+        return ThrusterLink(self.bus.wire(), open_dronecan("host", channels, **settings))
+
+    def run(self, seconds: float = 0.005) -> None:
+        for _ in range(round(seconds * 200)):
+            self.now_ns += 5 * MS
+            for _ in range(2):  # there and back
+                for end in self.ends:
+                    end.service(self.now_ns)
+                for node in self.nodes:
+                    node.spin(0)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench()
+    yield made
+    for node in made.nodes:
+        node.close()
+
+
+def listen(node: Any, kind: Any) -> list[Any]:
+    received: list[Any] = []
+    node.add_handler(kind, received.append)
+    return received
+
+
+def arm(node: Any, status: int = 255) -> None:
+    node.broadcast(uavcan.equipment.safety.ArmingStatus(status=status))
+
+
+def test_a_node_commands_our_stm32(bench: Bench) -> None:
+    end, node = bench.device(), bench.node(99)
+    status, nodes = listen(node, uavcan.equipment.esc.Status), listen(node, uavcan.protocol.NodeStatus)
+    bench.run()
+    assert {event.message.esc_index for event in status} == set(range(6))
+    node.broadcast(uavcan.equipment.esc.RawCommand(cmd=RAW))
+    bench.run()
+    assert end.stm32.pwm_us == [1500] * 6, "nothing armed it"
+    arm(node)
+    node.broadcast(uavcan.equipment.esc.RawCommand(cmd=RAW))
+    status.clear()
+    bench.run()
+    assert end.stm32.pwm_us == list(PULSES)
+    assert end.stm32.armed
+    latest = {event.message.esc_index: event.message for event in status}
+    assert [latest[i].rpm for i in range(6)] == [round((pulse - 1500) * 8.75) for pulse in PULSES]
+    assert [latest[i].power_rating_pct for i in (0, 2, 5)] == [100, 0, 100]
+    assert latest[5].current == 24.0
+    assert latest[2].voltage == 16.0
+    assert latest[2].temperature == 288.0
+    assert {event.transfer.source_node_id for event in status} == {20}
+    assert nodes[-1].message.vendor_specific_status_code == 1, "armed"
+    arm(node, 0)
+    bench.run()
+    assert end.stm32.pwm_us == [1500] * 6
+    assert nodes[-1].message.vendor_specific_status_code == 0
+    assert end.link.counters.malformed == end.link.counters.checksum_errors == 0
+
+
+def test_a_node_that_falls_silent(bench: Bench) -> None:
+    end, node = bench.device(), bench.node(99)
+    nodes = listen(node, uavcan.protocol.NodeStatus)
+    arm(node)
+    node.broadcast(uavcan.equipment.esc.RawCommand(cmd=RAW))
+    bench.run(0.25)
+    assert end.stm32.timed_out
+    last = nodes[-1].message
+    assert (last.vendor_specific_status_code, last.health) == (2 | 1 << 2, last.HEALTH_WARNING)
+
+
+def test_many_commands_none_lost(bench: Bench) -> None:
+    end, node = bench.device(), bench.node(99)
+    status = listen(node, uavcan.equipment.esc.Status)
+    arm(node)
+    for count in range(100):
+        node.broadcast(uavcan.equipment.esc.RawCommand(cmd=[80 * count + i for i in range(6)]))
+        bench.run()
+        assert end.stm32.pwm_us == [1500 + round((80 * count + i) * 400 / 8191) for i in range(6)]
+        assert {event.message.rpm for event in status[-6:]} == {round((us - 1500) * 8.75) for us in end.stm32.pwm_us}
+    assert end.stm32.frames == 100
+
+
+def test_get_node_info(bench: Bench) -> None:
+    bench.device(unique_id="00112233445566778899aabbccddeeff")
+    host, node = bench.host(), bench.node(99)
+    answers: list[Any] = []
+    bench.run(0.5)
+    for number in (20, 10):
+        node.request(uavcan.protocol.GetNodeInfo.Request(), number, answers.append)
+    bench.run()
+    host.tick(bench.now_ns)
+    host.receive()
+    bench.run()
+    stm32, master = (event.response for event in answers)
+    assert bytes(stm32.name).decode() == "org.uuv-hil.stm32"
+    assert bytes(master.name).decode() == "org.uuv-hil.host"
+    assert stm32.hardware_version.unique_id.to_bytes().hex() == "00112233445566778899aabbccddeeff"
+    assert stm32.status.mode == stm32.status.MODE_OPERATIONAL
+    version = tuple(map(int, __version__.split(".")[:2]))
+    assert (stm32.software_version.major, stm32.software_version.minor) == version
+
+
+def test_battery_info(bench: Bench) -> None:
+    bench.device(battery={"voltage_v": 15.25, "model_name": "Li-Ion 4S6P", "state_of_charge_pct": 66})
+    node = bench.node(99)
+    received = listen(node, uavcan.equipment.power.BatteryInfo)
+    bench.run(1.2)
+    assert len(received) == 2
+    battery = received[0].message
+    assert (battery.voltage, battery.state_of_charge_pct, str(battery.model_name.decode())) == (
+        15.25,
+        66,
+        "Li-Ion 4S6P",
+    )
+
+
+def test_their_battery_reaches_our_host(bench: Bench) -> None:
+    host, node = bench.host(), bench.node(99)
+    node.broadcast(uavcan.equipment.power.BatteryInfo(voltage=12.5, model_name="x", state_of_charge_pct=9))
+    host.receive()
+    battery = cast("DroneCanHost", host.protocol).battery
+    assert battery is not None
+    assert (battery.voltage_v, battery.model_name, battery.state_of_charge_pct) == (12.5, "x", 9)
+
+
+def test_our_host_commands_their_controllers(bench: Bench) -> None:
+    """Two nodes of three controllers each, as DroneCAN motor controllers behave."""
+    host = bench.host(own_device=False)
+    armings = []
+    for number in range(2):
+        node = bench.node(50 + number)
+        armings.append(listen(node, uavcan.equipment.safety.ArmingStatus))
+
+        def answer(event: Any, first: int = 3 * number) -> None:
+            for index in range(first, first + 3):
+                rpm = round(event.message.cmd[index] * 3500 / 8191)
+                event.node.broadcast(uavcan.equipment.esc.Status(esc_index=index, rpm=rpm, error_count=first))
+
+        node.add_handler(uavcan.equipment.esc.RawCommand, answer)
+    for sequence in range(1, 21):
+        pulses = tuple(pulse if pulse == 1500 else 1100 + (pulse + 31 * sequence) % 800 for pulse in PULSES)
+        host.send(ThrusterCommand(sequence, True, pulses))
+        bench.run()
+        assert host.receive() == [ThrusterTelemetry(sequence, True, False, pulses, 0, sequence, 3, 0)]
+    assert [[event.message.status for event in received] for received in armings] == [[255]] * 2
+    host.send(ThrusterCommand(21, False, PULSES))
+    bench.run()
+    (answer_to_disarm,) = host.receive()
+    assert answer_to_disarm.pwm_us == (1500,) * 6
+    assert armings[0][-1].message.status == 0
+    assert host.counters.malformed == host.counters.checksum_errors == 0
+
+
+@pytest.mark.parametrize("preferred", [0, 42])
+def test_their_allocator_gives_our_device_a_number(bench: Bench, preferred: int) -> None:
+    end, node = bench.device(node_id=0, preferred_node_id=preferred), bench.node(99)
+    server = dynamic_node_id.CentralizedServer(node, node_monitor.NodeMonitor(node))
+    nodes = listen(node, uavcan.protocol.NodeStatus)
+    bench.run(3.0)
+    number = preferred or 125
+    given = dict(server.get_allocation_table())
+    assert given[bytes.fromhex("7575762d68696c2073746d3332000001")] == number
+    assert nodes[-1].transfer.source_node_id == number
+    arm(node)
+    node.broadcast(uavcan.equipment.esc.RawCommand(cmd=RAW))
+    bench.run()
+    assert end.stm32.pwm_us == list(PULSES)
+    server.close()
+
+
+def test_our_allocator_gives_their_request_a_number(bench: Bench) -> None:
+    """Their frames of a request, as the package has no asking node."""
+    host, unique_id = bench.host(allocate=True), list(range(1, 17))
+    wire, received = bench.bus.wire(), listen(bench.node(99), uavcan.protocol.dynamic_node_id.Allocation)
+    host.receive()
+    for stage, part in enumerate((unique_id[:6], unique_id[6:12], unique_id[12:])):
+        asked = uavcan.protocol.dynamic_node_id.Allocation(first_part_of_unique_id=stage == 0, unique_id=part)
+        transfer = dronecan.transport.Transfer(payload=asked, transfer_id=stage, discriminator=77)
+        cut = [CanFrame(frame.message_id, bytes(frame.bytes)) for frame in transfer.to_frames()]
+        wire.write(records(cut))
+        host.receive()
+        bench.run()
+    granted = [event.message for event in received if event.transfer.source_node_id == 10]
+    assert [len(message.unique_id) for message in granted] == [6, 12, 16]
+    assert granted[-1].node_id == 125
+    assert list(granted[-1].unique_id) == unique_id
+
+
+def test_an_exchange_costs_a_fraction_of_the_packages() -> None:
+    """Six thrusters: a command and its reports, both ways, in functions called. Printed with -s."""
+    master, end = open_dronecan("host", 6), open_dronecan("device", 6)
+    command = ThrusterCommand(1, True, PULSES)
+    report = ThrusterTelemetry(0, True, False, PULSES, 0, 0, 0, 0)
+    master.encode(command)
+
+    def ours() -> None:
+        end.feed(master.encode(command))
+        master.feed(end.encode(report))
+
+    def transfer(payload: Any) -> list[Any]:
+        return list(dronecan.transport.Transfer(payload=payload, source_node_id=9, transfer_priority=8).to_frames())
+
+    def theirs() -> None:
+        dronecan.transport.Transfer().from_frames(transfer(uavcan.equipment.esc.RawCommand(cmd=RAW)))
+        for index in range(6):
+            status = uavcan.equipment.esc.Status(esc_index=index, rpm=100, voltage=16.0, current=1.0, temperature=290.0)
+            dronecan.transport.Transfer().from_frames(transfer(status))
+
+    ours()
+    theirs()  # what is made once
+    own, package = count_calls(ours), count_calls(theirs)
+    print(f"\nexchange of 6: ours {own} calls, package {package}")
+    assert 0 < own < package / 5

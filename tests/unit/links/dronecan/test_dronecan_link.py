@@ -1,0 +1,215 @@
+"""Thrusters on DroneCAN: our host and our device, record to record."""
+
+from typing import Any, cast
+
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.links.can_thrusters import MotorValues
+from hil.links.contract import MAX_THRUSTERS, Protocol, ThrusterCommand, ThrusterTelemetry
+from hil.links.dronecan import types
+from hil.links.dronecan.link import open_dronecan
+from hil.links.dronecan.types import (
+    EscStatus,
+    NodeStatus,
+    unpack_esc_status,
+    unpack_node_status,
+)
+from hil.links.protocols import Role
+from tests.support.links.can_bench import VirtualCanContract, exchange, frames, records
+from tests.support.links.can_pairs import socket_pair
+from tests.support.links.dronecan_ends import NEUTRAL, PULSES, Board, device, host, report, transfers
+from tests.support.links.link_contract import CanLinkContract
+
+
+@pytest.mark.parametrize("channels", range(1, MAX_THRUSTERS + 1))
+def test_a_command_crosses_exactly(channels: int) -> None:
+    sender, receiver = host(channels), device(channels)
+    for sequence in range(801):
+        pulses = tuple(1100 + (sequence + 7 * i) % 801 for i in range(channels))
+        received = exchange(sender, ThrusterCommand(sequence, True, pulses), receiver)
+        assert received == [ThrusterCommand(0, True, pulses)]
+    assert receiver.counters.malformed == receiver.counters.checksum_errors == 0
+
+
+@pytest.mark.parametrize("full_rpm", [800, 3500, 74_000])
+def test_a_report_crosses_exactly(full_rpm: float) -> None:
+    sender, receiver = device(3, full_rpm=full_rpm), host(3, full_rpm=full_rpm)
+    for pulse in range(800, 2201):
+        pulses = (pulse, 3000 - pulse, 1500)
+        received = exchange(sender, report(pulses, errors=70_000, watchdog_trips=9), receiver)
+        assert received == [report(pulses, errors=70_000 & 0xFFFF, watchdog_trips=9)]
+
+
+def test_what_cannot_be_said_is_the_nearest() -> None:
+    (received,) = exchange(host(), ThrusterCommand(1, True, (0, 800, 2200, 1901, 65535, 1099)), device())
+    assert received == ThrusterCommand(0, True, (1500, 1100, 1900, 1900, 1500, 1100))
+
+
+def test_sequence_and_frames_are_inferred() -> None:
+    end, master = device(), host()
+    for sequence in (65_534, 65_535, 0, 1):
+        pulses = (1600 + sequence % 100, *PULSES[1:])
+        (command,) = exchange(master, ThrusterCommand(sequence, True, pulses), end)
+        assert isinstance(command, ThrusterCommand)
+        (answer,) = exchange(end, report(command.pwm_us), master)
+        assert isinstance(answer, ThrusterTelemetry)
+        assert (answer.sequence, answer.pwm_us) == (sequence, pulses)
+        assert answer.frames == (sequence + 3) & 0xFFFF
+    (again,) = exchange(end, report(command.pwm_us), master)
+    assert again == answer, "the same report answers no new command"
+
+
+def test_clamped_commands_are_answered_too() -> None:
+    end, master = device(1), host(1)
+    for sequence, pulse in enumerate((0, 1000, 2100, 1700), 5):
+        (command,) = exchange(master, ThrusterCommand(sequence, True, (pulse,)), end)
+        (answer,) = exchange(end, report(command.pwm_us), master)
+        assert isinstance(answer, ThrusterTelemetry)
+        assert answer.sequence == sequence
+
+
+def test_arming() -> None:
+    end, master = device(), host()
+    armed, disarmed = ThrusterCommand(1, True, PULSES), ThrusterCommand(2, False, PULSES)
+    assert exchange(master, disarmed, end) == [ThrusterCommand(0, False, NEUTRAL)]
+    assert not transfers(master.encode(disarmed), types.ARMING_STATUS), "only changes are said at once"
+    assert exchange(master, armed, end) == [ThrusterCommand(0, True, PULSES)]
+    ended = exchange(master, disarmed, end)
+    assert ended == [ThrusterCommand(0, False, NEUTRAL)] * 2, "one from ArmingStatus, one from RawCommand"
+
+
+def test_a_host_that_knows_no_arming() -> None:
+    """As AM32 with REQUIRE_ARMING 1 and 0."""
+    master = host()
+    raw_only = records(f for f in frames(master.encode(ThrusterCommand(1, True, PULSES))) if f.id >> 8 & 0xFFFF == 1030)
+    assert device().feed(raw_only) == [ThrusterCommand(0, False, PULSES)]
+    assert device(require_arming=False).feed(raw_only) == [ThrusterCommand(0, True, PULSES)]
+    obeying_nobody = device(require_arming=False)
+    assert obeying_nobody.feed(master._arming()) == []
+
+
+def test_arming_status_is_repeated() -> None:
+    board = Board()
+    board.host.send(ThrusterCommand(1, True, PULSES))
+    output: list[bytes] = []
+    board.bus.taps.append(output.append)
+    board.run(3.0)
+    repeated = transfers(b"".join(output), types.ARMING_STATUS)
+    assert [transfer.payload for transfer in repeated] == [b"\xff"] * 6
+    assert {transfer.source for transfer in repeated} == {10}
+
+
+def test_short_and_long_commands() -> None:
+    master = host(8)
+    arming_and_raw = master.encode(ThrusterCommand(1, True, (*range(1200, 1900, 100), 1234)))
+    assert device(3).feed(arming_and_raw) == [ThrusterCommand(0, True, (1200, 1300, 1400))]
+    (command,) = device(10).feed(arming_and_raw)
+    assert command.pwm_us == (1200, 1300, 1400, 1500, 1600, 1700, 1800, 1234, 1500, 1500)
+
+
+def test_node_status_is_sent_at_once_when_arming_changes() -> None:
+    end = device()
+    assert not transfers(end.encode(report(armed=False)), types.NODE_STATUS)
+    (transfer,) = transfers(end.encode(report()), types.NODE_STATUS)
+    assert unpack_node_status(transfer.payload) == NodeStatus(0, types.HEALTH_OK, 0, 1)
+    assert not transfers(end.encode(report()), types.NODE_STATUS)
+    (transfer,) = transfers(end.encode(report(armed=False, timed_out=True, watchdog_trips=3)), types.NODE_STATUS)
+    assert unpack_node_status(transfer.payload) == NodeStatus(0, types.HEALTH_WARNING, 0, 2 | 3 << 2)
+
+
+def test_nodes_say_once_a_second_that_they_live() -> None:
+    board = Board()
+    output: list[bytes] = []
+    board.bus.taps.append(output.append)
+    board.run(5.0)
+    status = transfers(b"".join(output), types.NODE_STATUS)
+    for source in (10, 20):
+        uptimes = [s.uptime_s for t in status if t.source == source and (s := unpack_node_status(t.payload))]
+        assert uptimes == [0, 1, 2, 3, 4]
+
+
+def test_esc_status_is_filled() -> None:
+    def values(thruster: int, pulse_us: int) -> MotorValues:
+        return MotorValues(12.5, thruster + pulse_us / 1000, 280.0 + thruster)
+
+    output = device(2, motor_values=values, full_rpm=4000).encode(report((1500, 1700), errors=3))
+    status = [unpack_esc_status(transfer.payload) for transfer in transfers(output, types.ESC_STATUS)]
+    assert status[0] == EscStatus(3, 12.5, 1.5, 280.0, 0, 0, 0)
+    assert status[1] is not None
+    assert status[1]._replace(current_a=0) == EscStatus(3, 12.5, 0, 281.0, 2000, 12, 1)
+    assert status[1].current_a == pytest.approx(2.7, rel=1e-3)
+    own = [unpack_esc_status(t.payload) for t in transfers(device(2).encode(report((1100, 1900))), types.ESC_STATUS)]
+    assert [(s.rpm, s.current_a, s.power_pct) for s in own if s] == [(-3500, 24.0, 100), (3500, 24.0, 100)]
+
+
+@pytest.mark.parametrize("lost", range(18))
+def test_a_lost_frame_never_mixes_two_reports(lost: int) -> None:
+    end, master = device(), host()
+    end.encode(report())
+    reported: list[tuple[int, ...]] = []
+    for count in range(6):
+        cut = frames(end.encode(report((1600 + count,) * 6)))
+        assert len(cut) == 18
+        if count == 2:
+            del cut[lost]
+        reported += [message.pwm_us for message in master.feed(records(cut))]
+    assert reported == [(1600 + count,) * 6 for count in (0, 1, 3, 4, 5)]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (2, 1, 0), (1, 0, 2)])
+@pytest.mark.parametrize("rare", [None, 0, 1, 2])
+def test_controllers_in_any_order_and_at_different_rates(order: tuple[int, ...], rare: int | None) -> None:
+    master = host(3, own_device=False)
+    single = [device(1, node_id=30 + index) for index in range(3)]
+    reported = []
+    for count in range(40):
+        for index in order:
+            if index != rare or count % 4 == 0:
+                status = single[index]._esc_status(index, 1500 + 100 * index + count, 0)
+                output = single[index]._broadcast(types.ESC_STATUS, 16, types.pack_esc_status(status))
+                reported += [cast("ThrusterTelemetry", message).pwm_us for message in master.feed(output)]
+    assert len(reported) >= 9
+    for pulses in reported:
+        ages = [pulse - 100 * index for index, pulse in enumerate(pulses)]
+        assert max(ages) - min(ages) <= 4, "of about the same time"
+    assert reported[-1][0] >= 1535
+
+
+@pytest.mark.parametrize(
+    ("role", "channels", "settings", "words"),
+    [
+        ("host", 17, {}, "1 to 16 thrusters"),
+        ("device", 0, {}, "1 to 16 thrusters"),
+        ("host", 6, {"node_id": 0}, "node_id"),
+        ("host", 6, {"nodeid": 3}, "node_id"),
+        ("device", 6, {"node_id": 128}, "node_id"),
+        ("device", 6, {"full_rpm": 100}, "full_rpm"),
+        ("device", 6, {"unique_id": "00" * 16}, "unique_id"),
+        ("device", 6, {"unique_id": "xyz"}, "unique_id"),
+        ("device", 6, {"unique_id": "00 " * 16}, "unique_id"),
+        ("device", 6, {"battery": {"volts": 3}}, "volts"),
+    ],
+)
+def test_wrong_settings_are_named(role: Any, channels: int, settings: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        open_dronecan(role, channels, **settings)
+
+
+class DroneCan(CanLinkContract):
+    """What crosses on DroneCAN."""
+
+    commands_carry = ("armed", "pwm_us")
+    reports_carry = ("sequence", "armed", "timed_out", "pwm_us", "frames", "errors", "watchdog_trips")
+
+    def protocol_of(self, role: Role, channels: int) -> Protocol:
+        return open_dronecan(role, channels)
+
+
+class TestDroneCanOnSocketCan(DroneCan):
+    open_wires = staticmethod(socket_pair)
+    host_sees_hangup = True
+
+
+class TestDroneCanOnVirtualCan(VirtualCanContract, DroneCan):
+    pass

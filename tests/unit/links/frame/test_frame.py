@@ -1,0 +1,180 @@
+"""The binary frame: golden bytes, round trips, and whatever a bad line can do to it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.common.schema import find_preset
+from hil.links.contract import Counters, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.frame.protocol import FrameProtocol
+from tests.support.examples import examples
+from tests.support.links.link_contract import command
+
+GOLDEN: dict[str, Any] = json.loads((Path(__file__).parents[3] / "vectors" / "uuv_hil_frames.json").read_text())
+SYNC = b"\xa5\x5a"
+MAX_FRAME = 4 + 255 + 2  # header, the longest payload of a foreign message, checksum
+
+
+def uuv_hil() -> FrameProtocol:
+    return FrameProtocol(find_preset("firmware_stub/frames", "uuv_hil"))
+
+
+u16 = st.integers(0, 65535)
+pulses = st.lists(u16, min_size=1, max_size=16).map(tuple)
+commands = st.builds(ThrusterCommand, u16, st.booleans(), pulses)
+reports = st.builds(
+    ThrusterTelemetry, u16, st.booleans(), st.booleans(), pulses, st.integers(0, 2**32 - 1), u16, u16, u16
+)
+messages = st.one_of(commands, reports)
+# Noise that knows the frame: beginnings of frames are in it far more often than in random bytes.
+noise = st.lists(
+    st.one_of(st.binary(max_size=20), st.sampled_from([SYNC, SYNC[:1], SYNC + b"\x10\x01", SYNC + b"\xff\x07"])),
+    max_size=8,
+).map(b"".join)
+
+
+def message_of(vector: dict[str, Any]) -> Message:
+    fields = {**vector["fields"], "pwm_us": tuple(vector["fields"]["pwm_us"])}
+    return ThrusterCommand(**fields) if vector["message"] == "command" else ThrusterTelemetry(**fields)
+
+
+def crc_bit_by_bit(data: bytes) -> int:
+    """CRC-16/CCITT-FALSE from its definition."""
+    register = 0xFFFF
+    for byte in data:
+        for bit in range(7, -1, -1):
+            out = register >> 15 ^ byte >> bit & 1
+            register = register << 1 & 0xFFFF ^ (0x1021 if out else 0)
+    return register
+
+
+def counts(counters: Counters) -> dict[str, int]:
+    return {name: getattr(counters, name) for name in ("checksum_errors", "malformed", "dropped_bytes")}
+
+
+@pytest.mark.parametrize("vector", GOLDEN["sound"], ids=lambda vector: vector["name"])
+def test_golden_bytes(vector: dict[str, Any]) -> None:
+    protocol, data = uuv_hil(), bytes.fromhex(vector["hex"])
+    assert protocol.encode(message_of(vector)).hex(" ") == vector["hex"]
+    assert protocol.feed(data) == [message_of(vector)]
+    assert not any(counts(protocol.counters).values())
+    assert crc_bit_by_bit(data[2:-2]) == int(vector["crc"], 16) == int.from_bytes(data[-2:], "little")
+
+
+@pytest.mark.parametrize("vector", GOLDEN["refused"], ids=lambda vector: vector["name"])
+def test_refused_bytes(vector: dict[str, Any]) -> None:
+    protocol = uuv_hil()
+    assert protocol.feed(bytes.fromhex(vector["hex"])) == []
+    assert getattr(protocol.counters, vector["counter"]) == 1
+    assert protocol.counters.checksum_errors + protocol.counters.malformed == 1
+    assert protocol.feed(protocol.encode(command(1))) == [command(1)]
+
+
+def test_the_check_value_of_the_checksum() -> None:
+    check = GOLDEN["crc_check"]
+    assert crc_bit_by_bit(check["ascii"].encode()) == int(check["crc"], 16) == 0x29B1
+
+
+@given(messages)
+def test_round_trip(message: Message) -> None:
+    sender, receiver = uuv_hil(), uuv_hil()
+    data = sender.encode(message)
+    assert receiver.feed(data) == [message]
+    assert int.from_bytes(data[-2:], "little") == crc_bit_by_bit(data[2:-2])
+
+
+def test_numbers_too_big_for_their_field() -> None:
+    """Counters wrap; pulse widths and ages stop at the limit."""
+    protocol = uuv_hil()
+    report = ThrusterTelemetry(65536, True, True, (-5, 70_000), 2**32 + 9, 65_537, -1, 2**20 + 3)
+    (received,) = protocol.feed(protocol.encode(report))
+    assert received == ThrusterTelemetry(0, True, True, (0, 65535), 2**32 - 1, 1, 65535, 3)
+
+
+@pytest.mark.parametrize("channels", [0, 17])
+def test_no_frame_for_so_many_channels(channels: int) -> None:
+    with pytest.raises(ValueError, match=f"not {channels}"):
+        uuv_hil().encode(ThrusterCommand(0, True, (1500,) * channels))
+
+
+@examples(200)
+@given(st.lists(st.one_of(st.binary(max_size=600), noise), max_size=12))
+def test_whatever_comes_in_is_counted_and_never_raises(chunks: list[bytes]) -> None:
+    protocol = uuv_hil()
+    understood = 0
+    for chunk in chunks:
+        for message in protocol.feed(chunk):
+            understood += len(protocol.encode(message))
+        assert len(protocol.reader.unfinished) < MAX_FRAME
+    counters = protocol.counters
+    if not counters.malformed:  # these are sound frames of a size we do not know here
+        assert understood + counters.dropped_bytes + len(protocol.reader.unfinished) == sum(map(len, chunks))
+
+
+@settings(max_examples=200, derandomize=True)  # one noise in 65536 has the right checksum by chance
+@given(st.lists(st.tuples(noise, commands), min_size=1, max_size=5), st.integers(1, 40))
+def test_a_sound_frame_is_never_held_back(stream: list[tuple[bytes, ThrusterCommand]], chunk: int) -> None:
+    """It is there with its last byte, whatever came before and however the bytes were cut up."""
+    protocol, sender = uuv_hil(), uuv_hil()
+    for before, message in stream:
+        data = before + sender.encode(message)
+        received = [m for i in range(0, len(data), chunk) for m in protocol.feed(data[i : i + chunk])]
+        assert received == [message]
+    noise_size = sum(len(before) for before, _ in stream)
+    assert protocol.counters.dropped_bytes == noise_size
+    assert protocol.reader.unfinished == b""
+
+
+@pytest.mark.parametrize("vector", GOLDEN["sound"], ids=lambda vector: vector["name"])
+def test_one_wrong_byte_never_passes(vector: dict[str, Any]) -> None:
+    """Every byte of a frame, replaced by every other value; and the frame behind it always arrives at once."""
+    data, good = bytes.fromhex(vector["hex"]), command(77)
+    behind = uuv_hil().encode(good)
+    protocol = uuv_hil()
+    for place in range(len(data)):
+        for value in set(range(256)) - {data[place]}:
+            damaged = data[:place] + bytes([value]) + data[place + 1 :]
+            assert protocol.feed(damaged) == [], (place, value)
+            assert protocol.feed(behind) == [good], (place, value)
+    assert protocol.counters.checksum_errors > 0
+
+
+def test_a_cut_frame_costs_only_itself() -> None:
+    protocol = uuv_hil()
+    data = protocol.encode(command(1))
+    for size in range(1, len(data)):
+        assert protocol.feed(data[:size]) == []
+        assert protocol.feed(data) == [command(1)]
+    # From the fourth byte on the beginning says how long it is, so it is known to be damaged, not noise.
+    wanted = {"checksum_errors": len(data) - 3, "malformed": 0, "dropped_bytes": sum(range(1, len(data)))}
+    assert counts(protocol.counters) == wanted
+
+
+def test_a_doubled_and_a_lost_byte() -> None:
+    protocol = uuv_hil()
+    data = protocol.encode(command(1))
+    for place in range(len(data)):
+        lost, doubled = data[:place] + data[place + 1 :], data[: place + 1] + data[place:]
+        assert protocol.feed(lost + data) == [command(1)], place
+        assert command(1) in protocol.feed(doubled + data), place
+
+
+def test_a_frame_that_lies_inside_a_damaged_one_is_found() -> None:
+    protocol = uuv_hil()
+    inner = protocol.encode(command(5, 1))
+    outer = SYNC + bytes([len(inner), 0x09]) + inner + b"\0\0"
+    assert protocol.feed(outer) == [command(5, 1)]
+    assert protocol.counters.checksum_errors == 1
+    assert protocol.counters.dropped_bytes == 6
+
+
+def test_two_ends_share_nothing() -> None:
+    one, other = uuv_hil(), uuv_hil()
+    one.feed(SYNC)
+    assert other.feed(b"\x10\x01") == []
+    assert one.counters is not other.counters
+    assert (one.counters.dropped_bytes, other.counters.dropped_bytes) == (0, 2)

@@ -1,0 +1,39 @@
+"""Random and mutated bytes into the decoder of every frame: nothing raises, hangs or grows.
+
+`python tools/stress/fuzz_links.py frame --set frame=NAME` does the same a million times.
+"""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.common.schema import preset_names
+from hil.links.contract import ThrusterCommand
+from hil.links.frame.protocol import open_frame
+from hil.links.protocols import Role
+from tests.support.examples import examples
+from tools.stress.fuzz_links import fuzz
+
+NAMES = preset_names("firmware_stub/frames")
+
+
+@pytest.mark.parametrize("role", ["host", "device"])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_thousand_strings(name: str, role: Role) -> None:
+    result = fuzz("frame", role, 1000, settings={"frame": name})
+    assert result.faults == ()
+    assert result.messages > 300, "most of the strings carry sound frames"
+
+
+@pytest.mark.parametrize("name", NAMES)
+@examples(30)
+@given(st.lists(st.binary(min_size=1, max_size=64), max_size=20), st.integers(0, 200))
+def test_one_byte_repeated_and_long_pieces(name: str, pieces: list[bytes], times: int) -> None:
+    """What costs a careless decoder quadratic time or memory; and the frame behind it is heard."""
+    protocol = open_frame("device", 3, name)
+    command = ThrusterCommand(1, True, (1200, 1500, 1801))
+    for piece in pieces:
+        protocol.feed(piece * times)
+        assert len(protocol.reader.unfinished) < 300
+    received = [message for _ in range(12) for message in protocol.feed(protocol.encode(command))]
+    assert command.pwm_us in [message.pwm_us for message in received]

@@ -1,0 +1,344 @@
+"""What our MAVLink device does for a ground station: commands, acknowledgements, motor tests, manual control."""
+
+import math
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil import __version__
+from hil.links.contract import ThrusterCommand
+from tests.support.links.mavlink_peer import MS, Board, Peer, host_end
+
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, LONG_ONLY = 0, 1, 2, 3, 7
+NEUTRAL = [1500] * 4
+# ArduSub's VECTORED frame in part: two horizontal thrusters, one vertical, one for the other way
+MIX = [[-1.0, 1.0, 0.0, 1.0], [1.0, -1.0, 0.0, 1.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
+
+
+class Ground(Peer):
+    """A ground station before a board."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__()
+        self.board = Board(**settings)
+
+    def say(self, data: bytes) -> list[Any]:
+        return self.parse(self.board.take(data))
+
+    def ask(self, command: int, *params: float) -> int:
+        """Send COMMAND_LONG; the result of the one acknowledgement, which must be addressed to us."""
+        answers = self.say(self.long(command, *params))
+        acks = [m for m in answers if m.get_type() == "COMMAND_ACK"]
+        assert [(m.command, m.target_system, m.target_component) for m in acks] == [(command, 255, 190)]
+        assert all(m.get_type() != "BAD_DATA" for m in answers)
+        return int(acks[0].result)
+
+    def set_servo(self, channel: float, width: float) -> int:
+        return self.ask(dialect.MAV_CMD_DO_SET_SERVO, channel, width)
+
+    def motor_test(self, *params: float) -> int:
+        return self.ask(dialect.MAV_CMD_DO_MOTOR_TEST, *params)
+
+    def manual(self, x: int, y: int, z: int, r: int) -> None:
+        self.say(self.pack(dialect.MAVLink_manual_control_message(1, x, y, z, r, 0)))
+
+
+@pytest.fixture
+def ground() -> Ground:
+    return Ground()
+
+
+@pytest.fixture
+def armed(ground: Ground) -> Ground:
+    assert ground.ask(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == ACCEPTED
+    return ground
+
+
+def test_arming_shows_at_once_and_moves_nothing(ground: Ground) -> None:
+    answers = ground.say(ground.arm())
+    assert [m.get_type() for m in answers] == ["COMMAND_ACK", "HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
+    assert answers[1].base_mode == dialect.MAV_MODE_FLAG_SAFETY_ARMED
+    assert (ground.board.stm32.armed, ground.board.pwm_us) == (True, NEUTRAL)
+
+
+def test_arming_again_disturbs_nothing_and_disarming_forgets_the_pulses(armed: Ground) -> None:
+    armed.say(Peer(1, 191).servos([1700] * 4))
+    assert [m.get_type() for m in armed.say(armed.arm())] == ["COMMAND_ACK"]
+    assert armed.board.pwm_us == [1700] * 4
+    armed.say(armed.arm(False))
+    assert (armed.board.stm32.armed, armed.board.pwm_us) == (False, NEUTRAL)
+    armed.say(armed.arm())
+    assert (armed.board.stm32.armed, armed.board.pwm_us) == (True, NEUTRAL)
+
+
+def test_pulses_sent_while_disarmed_do_not_wait_for_the_arming(ground: Ground) -> None:
+    ground.say(Peer(1, 191).servos([1700] * 4) + ground.arm())
+    assert (ground.board.stm32.armed, ground.board.pwm_us) == (True, NEUTRAL)
+
+
+@pytest.mark.parametrize("value", [2.0, -1.0, 0.5, math.nan, math.inf, 1e30])
+def test_half_armed_is_denied(ground: Ground, value: float) -> None:
+    assert ground.ask(dialect.MAV_CMD_COMPONENT_ARM_DISARM, value) == DENIED
+    assert not ground.board.stm32.armed
+
+
+def test_a_servo_is_set_and_the_others_hold(armed: Ground) -> None:
+    assert armed.set_servo(2, 1650) == ACCEPTED
+    assert armed.set_servo(4, 1200) == ACCEPTED
+    assert armed.board.pwm_us == [1500, 1650, 1500, 1200]
+    assert armed.set_servo(2, 0) == ACCEPTED
+    assert armed.board.pwm_us == [1500, 0, 1500, 1200]
+
+
+@pytest.mark.parametrize(
+    ("channel", "width"),
+    [
+        (0, 1600),
+        (5, 1600),
+        (1.5, 1600),
+        (math.nan, 1600),
+        (math.inf, 1600),
+        (1, 799),
+        (1, 2201),
+        (1, -1),
+        (1, math.nan),
+    ],
+)
+def test_a_servo_that_does_not_exist_or_cannot_be_is_denied(armed: Ground, channel: float, width: float) -> None:
+    assert armed.set_servo(channel, width) == DENIED
+    assert armed.board.pwm_us == NEUTRAL
+
+
+def test_a_servo_is_not_set_while_disarmed(ground: Ground) -> None:
+    assert ground.set_servo(1, 1600) == REJECTED
+    assert ground.ask(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == ACCEPTED
+    assert ground.board.pwm_us == NEUTRAL, "and not kept for later either"
+
+
+def test_two_commands_in_one_read_add_up(armed: Ground) -> None:
+    set_servo = dialect.MAV_CMD_DO_SET_SERVO
+    armed.say(armed.long(set_servo, 1, 1600) + armed.long(set_servo, 2, 1700))
+    assert armed.board.pwm_us == [1600, 1700, 1500, 1500]
+
+
+def test_the_watchdog_disarms_a_ground_station_that_fell_silent(armed: Ground) -> None:
+    armed.set_servo(1, 1800)
+    received = armed.parse(armed.board.wait(250))
+    assert armed.board.pwm_us == NEUTRAL
+    assert [m.system_status for m in received if m.get_type() == "HEARTBEAT"][-1] == dialect.MAV_STATE_CRITICAL
+    assert armed.set_servo(1, 1800) == REJECTED
+
+
+def test_every_command_is_acknowledged(ground: Ground) -> None:
+    obeyed = {400, 183, 209, 512, 520}
+    for command in (*range(700), 31_010, 42_700, 65_535):
+        result = ground.ask(command, math.nan, math.nan, math.nan)
+        assert (result == UNSUPPORTED) == (command not in obeyed)
+
+
+def test_command_int_is_acknowledged_too(ground: Ground) -> None:
+    message = dialect.MAVLink_command_int_message(1, 1, 0, 400, 0, 0, 1.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
+    (ack,) = ground.say(ground.pack(message))
+    assert (ack.get_type(), ack.command, ack.result) == ("COMMAND_ACK", 400, LONG_ONLY)
+
+
+def test_a_command_to_everyone_is_for_us_too(ground: Ground) -> None:
+    answers = ground.say(ground.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, system=0, component=0))
+    assert answers[0].result == ACCEPTED
+    assert ground.board.stm32.armed
+
+
+@pytest.mark.parametrize("request_version", [(512, 148.0), (520, 1.0)])
+def test_the_version_is_reported(ground: Ground, request_version: tuple[int, float]) -> None:
+    answers = ground.say(ground.long(*request_version))
+    (version,) = [m for m in answers if m.get_type() == "AUTOPILOT_VERSION"]
+    assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    reported = version.flight_sw_version.to_bytes(4, "big")[:3]
+    assert ".".join(map(str, reported)) == ".".join(__version__.split(".")[:3])
+    assert ground.ask(dialect.MAV_CMD_REQUEST_MESSAGE, 30.0) == DENIED
+
+
+def test_radio_channels_override_what_they_mean_and_give_back() -> None:
+    ground = Ground(channels=10)
+    ground.say(ground.arm())
+    override = dialect.MAVLink_rc_channels_override_message
+    ground.say(ground.pack(override(1, 1, *range(1601, 1609), 1609, 1610)))
+    assert ground.board.pwm_us == list(range(1601, 1611))
+    ground.say(ground.pack(override(1, 1, 65535, 0, *[65535] * 6, 0, 65534)))
+    assert ground.board.pwm_us == [1601, 1500, *range(1603, 1609), 1609, 1500]
+    ground.say(ground.pack(override(1, 0, 1700, *[65535] * 7)))
+    assert ground.board.pwm_us[0] == 1700
+
+
+@pytest.mark.parametrize(
+    ("axes", "pulses"),
+    [
+        ((0, 0, 500, 0), [1500, 1500, 1500, 1500]),
+        ((1000, 0, 500, 0), [1100, 1900, 1500, 1500]),
+        ((0, 500, 500, 0), [1700, 1300, 1500, 1500]),
+        ((0, 0, 1000, 0), [1500, 1500, 1100, 1900]),
+        ((0, 0, 0, 0), [1500, 1500, 1900, 1100]),
+        ((0, 0, 500, -250), [1400, 1400, 1500, 1500]),
+        ((1000, 0, 500, 1000), [1500, 1900, 1500, 1500]),  # mixed beyond full: full
+        ((0x7FFF, 0x7FFF, 0x7FFF, 0x7FFF), [1500, 1500, 1500, 1500]),
+        ((0, 0, -1000, 0), [1500, 1500, 1900, 1100]),
+    ],
+)
+def test_manual_control_is_mixed(axes: tuple[int, int, int, int], pulses: list[int]) -> None:
+    ground = Ground(mix=MIX)
+    ground.say(ground.arm())
+    ground.manual(*axes)
+    assert ground.board.pwm_us == pulses
+    ground.say(ground.arm(False))
+    ground.manual(*axes)
+    assert ground.board.pwm_us == NEUTRAL
+
+
+def test_manual_control_without_a_mix_is_malformed(armed: Ground) -> None:
+    armed.manual(1000, 0, 500, 0)
+    assert armed.board.pwm_us == NEUTRAL
+    assert armed.board.end.counters.malformed == 1
+
+
+def test_actuator_controls_that_are_no_numbers_are_no_pulse() -> None:
+    board, host = Board(), Peer(1, 191)
+    controls = [math.nan, math.inf, -7.0, 0.25] + [0.0] * 12
+    board.take(host.pack(dialect.MAVLink_hil_actuator_controls_message(0, controls, 128, 0)))
+    assert board.pwm_us == [0, 0, 1100, 1600]
+    board.take(host.pack(dialect.MAVLink_hil_actuator_controls_message(0, controls, 0, 0)))
+    assert (board.stm32.armed, board.pwm_us) == (False, NEUTRAL)
+
+
+@pytest.mark.parametrize(
+    ("kind", "throttle", "pulse"), [(0, 0, 1100), (0, 50, 1500), (0, 75, 1700), (0, 100, 1900), (1, 1623, 1623)]
+)
+def test_a_motor_test_ends_by_itself(ground: Ground, kind: int, throttle: float, pulse: int) -> None:
+    assert ground.motor_test(3, kind, throttle, 2.0) == ACCEPTED
+    assert ground.board.pwm_us == [1500, 1500, pulse, 1500]
+    assert ground.board.end.deadline_ns == ground.board.clock.now + 50 * MS
+    ground.board.wait(1990)
+    assert ground.board.pwm_us == [1500, 1500, pulse, 1500], "ten times as long as the watchdog waits"
+    ground.board.wait(10)
+    assert (ground.board.pwm_us, ground.board.stm32.armed) == (NEUTRAL, False)
+    ground.board.wait(500)
+    assert ground.board.stm32.refused == 0
+
+
+def test_a_motor_test_does_not_keep_alive_what_a_host_ordered_that_fell_silent(armed: Ground) -> None:
+    armed.say(Peer(1, 191).servos([1700, 1750, 1800, 1650]))
+    armed.board.wait(100)
+    assert armed.motor_test(2, 1, 1600, 2.0) == ACCEPTED
+    assert armed.board.pwm_us == [1500, 1600, 1500, 1500]
+    armed.board.wait(1990)
+    assert armed.board.pwm_us == [1500, 1600, 1500, 1500], "ten times as long as the watchdog waits"
+    armed.board.wait(10)
+    assert (armed.board.pwm_us, armed.board.stm32.armed) == (NEUTRAL, False)
+    assert armed.set_servo(1, 1600) == REJECTED, "who commands it again arms it again"
+
+
+def test_a_host_of_ours_goes_on_after_a_motor_test(ground: Ground) -> None:
+    host, board = host_end(clock=ground.board.clock), ground.board
+    for sequence in range(9):
+        if sequence == 4:
+            assert board.pwm_us == [1700] * 4
+            ground.motor_test(2, 1, 1600, 2.0)
+            host.feed(board.take())
+        host.feed(board.take(host.encode(ThrusterCommand(sequence, True, (1700,) * 4))))
+        board.wait(20)
+    assert (board.pwm_us, board.stm32.armed) == ([1700] * 4, True)
+
+
+def test_a_motor_test_without_a_time_lasts_half_a_second_and_can_be_repeated(ground: Ground) -> None:
+    for _ in range(5):
+        assert ground.motor_test(1, 1, 1600) == ACCEPTED
+        ground.board.wait(400)
+        assert ground.board.pwm_us[0] == 1600
+    ground.board.wait(100)
+    assert ground.board.pwm_us == NEUTRAL
+
+
+def test_any_other_command_ends_a_motor_test(ground: Ground) -> None:
+    ground.motor_test(1, 1, 1600, 5.0)
+    assert ground.set_servo(2, 1700) == REJECTED, "a test does not arm"
+    assert ground.board.pwm_us[0] == 1600, "and what is rejected is no command"
+    ground.say(Peer(1, 191).servos([1700] * 4))
+    assert (ground.board.pwm_us, ground.board.stm32.armed) == (NEUTRAL, False)
+    ground.motor_test(1, 1, 1600, 5.0)
+    ground.say(ground.arm(False))
+    assert ground.board.pwm_us == NEUTRAL
+    ground.board.wait(5000)
+    assert ground.board.pwm_us == NEUTRAL
+
+
+def test_a_second_motor_test_takes_the_place_of_the_first(ground: Ground) -> None:
+    ground.motor_test(1, 1, 1600, 5.0)
+    ground.motor_test(2, 1, 1700, 0.25)
+    assert ground.board.pwm_us == [1500, 1700, 1500, 1500]
+    ground.board.wait(250)
+    assert ground.board.pwm_us == NEUTRAL
+
+
+def test_a_motor_test_that_nobody_wakes_is_ended_by_the_watchdog(ground: Ground) -> None:
+    ground.motor_test(1, 1, 1600, 5.0)
+    for _ in range(4):
+        ground.board.clock.now += 60 * MS
+        ground.board.end.tick(ground.board.clock.now)  # woken, but not fed
+        assert ground.board.end.deadline_ns > ground.board.clock.now, "or the loop would spin"
+    ground.board.end.encode(ground.board.stm32.telemetry(ground.board.clock.now))
+    ground.board.stm32.tick(ground.board.clock.now)
+    ground.board.end.encode(ground.board.stm32.telemetry(ground.board.clock.now))
+    assert ground.board.pwm_us == NEUTRAL
+    ground.board.wait(500)
+    assert ground.board.pwm_us == NEUTRAL, "and it does not come back"
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        (0, 1, 1600, 1), (5, 1, 1600, 1), (1, 2, 1600, 1), (1, 3, 1600, 1), (1, 0, 101, 1), (1, 0, -1, 1),
+        (1, 1, 2300, 1), (1, 1, 1600, 31), (1, 1, 1600, -1), (1, 1, 1600, math.nan), (1, 1, 1600, math.inf),
+        (1, 1, math.nan, 1), (1, 0, math.nan, 1), (1, 1, 1600, 1, 2),
+    ],
+)  # fmt: skip
+def test_a_motor_test_that_cannot_be_is_denied(ground: Ground, params: tuple[float, ...]) -> None:
+    assert ground.motor_test(*params) == DENIED
+    assert ground.board.pwm_us == NEUTRAL
+
+
+def test_the_last_of_several_commanders_wins(armed: Ground) -> None:
+    host = Peer(1, 191)
+    for i in range(40):
+        armed.say(host.servos([1550 + i] * 4))
+        assert armed.set_servo(1, 1700 + i) == ACCEPTED
+        assert armed.board.pwm_us == [1700 + i] + [1550 + i] * 3
+    assert armed.board.stm32.refused == 0
+
+
+def test_a_ground_station_does_not_wait_for_parameters_missions_and_files(ground: Ground) -> None:
+    def ask(message: Any) -> Any:
+        (answer,) = ground.say(ground.pack(message))
+        return answer
+
+    value = ask(dialect.MAVLink_param_request_list_message(1, 1))
+    assert (value.param_id, value.param_value, value.param_count, value.param_index) == ("SYSID_THISMAV", 1.0, 1, 0)
+    assert ask(dialect.MAVLink_param_request_read_message(1, 1, b"", 0)).param_id == "SYSID_THISMAV"
+    assert ask(dialect.MAVLink_param_set_message(1, 1, b"SYSID_THISMAV", 9.0, 9)).param_value == 1.0
+    assert ground.say(ground.pack(dialect.MAVLink_param_request_read_message(1, 1, b"OTHER", -1))) == []
+    for kind in range(3):
+        count = ask(dialect.MAVLink_mission_request_list_message(1, 1, kind))
+        assert (count.get_type(), count.count, count.mission_type) == ("MISSION_COUNT", 0, kind)
+    wrong = dialect.MAV_MISSION_INVALID_SEQUENCE
+    assert ask(dialect.MAVLink_mission_request_int_message(1, 1, 0, 0)).type == wrong
+    assert ask(dialect.MAVLink_mission_request_message(1, 1, 0, 0)).type == wrong
+    assert ask(dialect.MAVLink_mission_count_message(1, 1, 3, 0)).type == dialect.MAV_MISSION_NO_SPACE
+    assert ask(dialect.MAVLink_mission_count_message(1, 1, 0, 0)).type == dialect.MAV_MISSION_ACCEPTED
+    assert ask(dialect.MAVLink_mission_clear_all_message(1, 1, 0)).type == dialect.MAV_MISSION_ACCEPTED
+    for opcode in range(1, 16):
+        request = bytes((5, 0, 2, opcode, 0, 0, 0, 0, 0, 0, 0, 0)).ljust(251, b"\0")
+        data = bytes(ask(dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, list(request))).payload)
+        assert data[:6] == bytes((6, 0, 2, 129, 1, opcode)), opcode
+        assert data[12] == 7
+    reply = bytes((5, 0, 2, 128)).ljust(251, b"\0")
+    assert ground.say(ground.pack(dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, list(reply)))) == []
+    assert ground.say(ground.pack(dialect.MAVLink_param_request_list_message(9, 1))) == []

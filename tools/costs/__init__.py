@@ -1,0 +1,1 @@
+"""Measure what parts of the project cost in time, processor and memory, on an otherwise idle machine."""

@@ -1,0 +1,265 @@
+"""Measure the cost of the live view: the vehicle's delays with and without it, and how late a sample is shown.
+
+    python tools/costs/view_cost.py [--seconds 20] [--browser]
+
+One slave over a seabed of 1,000 x 1,000 nodes, commanded 20 times a second, and a view with no, one and ten viewers:
+clients that receive the scene as a browser does. A sample's latency is from its measuring until the vehicle's new place
+has come to a viewer; the browser's drawing, a picture more, is not in it. `--browser` also opens the page in Debian's
+Chromium and counts how many pictures a second it draws: without a graphics card, on the processor that the slave needs.
+Exit code 1 when the latency is above 60 ms in the median. Needs the extra dev.
+"""
+
+import argparse
+import asyncio
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from hil.autonomy.control.controller import VelocityCommand  # noqa: E402 - works from a bare checkout too
+from hil.bench.harness import Bench, await_vehicle  # noqa: E402
+from hil.bench.processes import cpu_s, read_threads  # noqa: E402
+from hil.client.client import VehicleClient  # noqa: E402
+from hil.common.children import module_command, package_environment, start_child  # noqa: E402
+from hil.common.quantiles import quantile  # noqa: E402
+from hil.ros import encoders as ros  # noqa: E402
+from hil.view.scene.frames import to_scene  # noqa: E402
+
+MOST_LATENCY_MS = 60.0
+SETTLE_S = 5.0
+COMMAND_S = 0.05
+WORLD = """
+name = "wide"
+source = "made up: displaced midpoints"
+extent = [-499.5, 499.5, -499.5, 499.5]
+depth = 30.0
+[terrain]
+kind = "fractal"
+depth = 30.0
+deviation = 4.0
+hurst = 0.8
+seed = 1
+resolution = 1.0
+"""
+SCENARIO = """
+vehicle = "paper_six"
+world = "{world}"
+[start]
+depth = 5
+[master]
+goal = [8, 7]
+depth = 5
+"""
+Place = tuple[float, ...]
+OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
+COUNT_PICTURES = """seconds => new Promise(done => {
+  let count = 0; const end = performance.now() + 1000 * seconds;
+  const next = now => { count += 1; now < end ? requestAnimationFrame(next) : done(count / seconds); };
+  requestAnimationFrame(next); })"""
+
+
+class Measured(NamedTuple):
+    """Figures of one round: command delay, loop lateness, shares of a core, memory, and the viewers' part."""
+
+    delay_p50_ms: float
+    delay_p99_ms: float
+    late_p50_us: float
+    late_p99_us: float
+    slave_cpu: float
+    view_cpu: float
+    view_mib: float
+    latency_ms: list[float]
+    updates_hz: float
+
+
+class Clock:
+    """Times of measurement (wall ns) of the vehicle's places, by the place in the scene."""
+
+    def __init__(self) -> None:
+        self.measured_ns: dict[Place, int] = {}
+
+    def on_truth(self, topic: str, payload: bytes, attachment: bytes) -> None:
+        """Take a message of `ground_truth`."""
+        decode, stamp = ros.decoder(topic), ros.unpack_attachment(attachment)
+        state = decode(payload) if decode else None
+        if state is not None and stamp is not None:
+            self.measured_ns[_rounded(to_scene([state.position])[0])] = stamp.time_ns
+
+
+class Viewers:
+    """`number` clients of the scene at `address`, in a thread. Use as a context."""
+
+    def __init__(self, number: int, address: str, token: str, clock: Clock) -> None:
+        self.latency_ms: list[float] = []
+        self.updates = 0
+        self._number, self._address, self._token, self._clock = number, address, token, clock
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._receive()), daemon=True)
+
+    def __enter__(self) -> "Viewers":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending.set()
+        self._thread.join()
+
+    async def _receive(self) -> None:
+        await asyncio.gather(*[self._view(number == 0) for number in range(self._number)])
+
+    async def _view(self, is_first: bool) -> None:
+        import aiohttp
+        import viser
+
+        async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as client:
+            async with client.get(f"{self._address}?token={self._token}") as page:
+                page.raise_for_status()
+            protocols = [f"viser-v{viser.__version__}"]
+            async with client.ws_connect(f"{self._address}scene", protocols=protocols, max_msg_size=0) as scene:
+                while not self._ending.is_set():
+                    message = await scene.receive(timeout=30.0)
+                    if message.type is not aiohttp.WSMsgType.BINARY:
+                        return
+                    if is_first:
+                        self._take_ages(message.data, time.time_ns())
+
+    def _take_ages(self, data: bytes, now_ns: int) -> None:
+        """Record the age of the vehicle's newest place in a message of viser."""
+        import msgspec
+        import zstandard
+
+        size = int.from_bytes(data[8:16], "little")
+        content = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[16 : 16 + size]))
+        for message in content["messages"]:
+            if message.get("type") != "SetPositionMessage" or message.get("name") != "/vehicles/uuv1":
+                continue
+            self.updates += 1
+            if measured_ns := self._clock.measured_ns.get(_rounded(message["position"])):
+                self.latency_ms.append((now_ns - measured_ns) / 1e6)
+
+
+@contextmanager
+def viewed(scenario: str) -> Iterator[tuple[int, str, str]]:
+    """Run a view; its process id, address and token."""
+    command = module_command("hil.cli", "view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser")
+    process = start_child(command, environment=package_environment(), stdout=subprocess.PIPE, text=True)
+    assert process.stdout
+    try:
+        address = re.search(r"watch at (\S+/)\?token=(\S+)", process.stdout.readline())
+        assert address, "there is no view"
+        yield process.pid, address[1], address[2]
+    finally:
+        process.terminate()
+        process.wait()
+        process.stdout.close()
+
+
+def fly(client: VehicleClient, seconds: float) -> tuple[list[float], list[float]]:
+    """Command in a circle; what the slave said of its loop's lateness each second, median and 99 % (us)."""
+    middles, worst = [], []
+    end, look = time.monotonic() + seconds, 0.0
+    while (now := time.monotonic()) < end:
+        client.command(VelocityCommand(surge=0.3, yaw_rate=0.2, depth=5.0))
+        if now >= look:
+            look = now + 1.0
+            figures = client.diagnostics()
+            middles.append(figures.lateness_recent_p50_us or 0.0)
+            worst.append(figures.lateness_recent_p99_us or 0.0)
+        time.sleep(COMMAND_S)
+    return sorted(middles), sorted(worst)
+
+
+def measure(folder: Path, viewers: int | None, seconds: float, browser: bool) -> Measured:
+    """One round with so many viewers; None: no view."""
+    (folder / "wide.toml").write_text(WORLD, encoding="utf-8")
+    scenario = folder / "scenario.toml"
+    scenario.write_text(SCENARIO.format(world=folder / "wide.toml"), encoding="utf-8")
+    clock = Clock()
+    with ExitStack() as stack:
+        bench = stack.enter_context(Bench(str(scenario)))
+        slave = bench.start_slave()
+        client = stack.enter_context(bench.client(topics=("ground_truth", "trace")))
+        client.session.subscribe("uuv1", "ground_truth", clock.on_truth, 64)
+        await_vehicle(client, slave)
+        view = seen = None
+        if viewers is not None:
+            view, address, token = stack.enter_context(viewed(bench.path))
+            if browser:
+                stack.enter_context(_open_page(f"{address}?token={token}", seconds))
+            seen = stack.enter_context(Viewers(viewers, address, token, clock))
+        fly(client, SETTLE_S)
+        first = len(client.delays.totals_ns())
+        noted, updates = (len(seen.latency_ms), seen.updates) if seen else (0, 0)
+        began, slave_s, view_s = time.monotonic(), cpu_s([slave.pid]), cpu_s([view]) if view else 0.0
+        middles, worst = fly(client, seconds)
+        took = time.monotonic() - began
+        delays = sorted(client.delays.totals_ns()[first:])
+        return Measured(
+            quantile(delays, 0.5) / 1e6, quantile(delays, 0.99) / 1e6, quantile(middles, 0.5), quantile(worst, 0.5),
+            (cpu_s([slave.pid]) - slave_s) / took, (cpu_s([view]) - view_s) / took if view else 0.0,
+            read_threads([view]).pss_mib if view else 0.0, sorted(seen.latency_ms[noted:]) if seen else [],
+            (seen.updates - updates) / took if seen else 0.0,
+        )  # fmt: skip
+
+
+@contextmanager
+def _open_page(address: str, seconds: float) -> Iterator[None]:
+    """Show the page in a browser, and print how many pictures a second it draws."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=OPTIONS)
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.set_default_timeout(240_000)
+        page.goto(address)
+        page.frame_locator("#scene").get_by_text("Pictures").first.wait_for()
+        page.wait_for_timeout(10_000)
+        frame: Any = next(frame for frame in page.frames if "/scene/" in frame.url)
+        print(f"browser: {frame.evaluate(COUNT_PICTURES, seconds):.1f} pictures a second", flush=True)
+        yield
+        browser.close()
+
+
+def _rounded(place: Any) -> Place:
+    return tuple([round(float(value), 6) for value in place])
+
+
+def main() -> int:
+    """Measure all rounds; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=20.0, help="of each round [%(default)s]")
+    parser.add_argument("--browser", action="store_true", help="and a real browser")
+    options = parser.parse_args()
+    print("viewers  delay p50, p99 ms  late p50, p99 us  CPU slave, view  view MiB  latency p50, p95 ms  updates/s")
+    failed = False
+    rounds: list[tuple[int | None, bool]] = [(None, False), (0, False), (1, False), (10, False)]
+    if options.browser:
+        rounds.append((1, True))
+    for viewers, browser in rounds:
+        with tempfile.TemporaryDirectory() as folder:
+            measured = measure(Path(folder), viewers, options.seconds, browser)
+        late = measured.latency_ms
+        p50, p95 = (quantile(late, 0.5), quantile(late, 0.95)) if late else (float("nan"), float("nan"))
+        failed |= p50 > MOST_LATENCY_MS
+        name = "no view" if viewers is None else f"{viewers}{' + browser' if browser else ''}"
+        print(
+            f"{name:8} {measured.delay_p50_ms:8.3f} {measured.delay_p99_ms:8.3f} {measured.late_p50_us:9.1f}"
+            f" {measured.late_p99_us:7.1f} {measured.slave_cpu:9.1%} {measured.view_cpu:7.1%} {measured.view_mib:8.0f}"
+            f" {p50:10.1f} {p95:8.1f} {measured.updates_hz:9.1f}",
+            flush=True,
+        )
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

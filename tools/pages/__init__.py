@@ -1,0 +1,1 @@
+"""Make generated pages and pictures of the documentation."""

@@ -1,0 +1,121 @@
+"""Fly the reference platform's cases and write docs/explanation/cases.md with its pictures.
+
+    python tools/pages/cases.py [--out docs/explanation] [--seeds 50] [--hil 1] [--only NAME ...]
+
+It takes the time that the HIL flights take, about ten minutes each set, and some minutes for the simulated ones; let
+nothing else run meanwhile, or the figures of processor time and delay are those of a busy machine. Exit code 1 if a
+case succeeds in fewer than 98 % of its flights, if one vehicle touches something, or if the master takes more than a
+tenth of a core in the first case. Needs what `pip install -e '.[dev]'` brings.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import psutil
+from PIL import Image
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from hil.cases import table  # noqa: E402 - works from a bare checkout too
+from hil.cases.case import CASES  # noqa: E402
+from hil.cases.flights import fly_all  # noqa: E402
+from hil.cases.record import Result  # noqa: E402
+from hil.cases.report import Flights, write_report  # noqa: E402
+
+COLOURS = 64
+LEAST_SUCCESS = 0.98
+MOST_CPU = 0.1  # of a core, of the master in the first case
+HEAD = """\
+# The reference platform's cases, flown again
+
+`python tools/pages/cases.py` makes this page. It flies each case with {seeds} seeds in simulated time (SIL) and with
+{hil} against real processes (HIL): slaves with an emulated STM32 each, and this project's masters over zenoh.
+`uuv-hil case NAME` flies one of them.
+
+- Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL. Both read
+  the same files.
+- Seed 1 is the case as its scenario file gives it. The other seeds have other noise, other starts, and, where the map
+  leaves them open, other obstacles.
+- The paper does not print the positions of obstacles nor the durations of tasks. Ours stand in the scenario files.
+- [reference_platform.md](reference_platform.md) compares the paper with this project equation by equation.
+
+| Row | Meaning |
+| --- | --- |
+| collisions | flights with a distance to an obstacle of at most the vehicle's radius ({radius:.2f} m), or a contact |
+| events | what `sim/run_events.py` recorded, such as a contact or a capsize; a flight with any event fails |
+| travelled | length of the true path |
+| over optimum | that length over the length of the shortest path that the vehicle's size allows, without a margin |
+| energy | electrical energy of the thrusters, \
+computed from their pulse widths as T200s of the same thrust at 16 V, \
+without electronics (the paper prints no power); in HIL from the telemetry of 1 Hz |
+| off path | true distance from the path; in target hunting from the assigned place |
+| goal error | true distance from the goal at the end |
+| least clearance | from the vehicle's middle to the nearest obstacle; \
+in target hunting to the hull of the nearest vehicle or to the target |
+| master CPU | processor time of the master's process while it flies, as a share of one core; \
+in target hunting of all four agents together |
+| planner CPU | the same of the planner alone; in SIL per second of simulated time |
+| delay | from publishing a command to applying its pulse widths at the STM32 end |
+
+Rows with ± give the mean and the standard deviation, the other rows the worst flight.
+
+The HIL figures are from {cores} cores of a shared x86-64 server with {ram:.0f} GiB. Master and slaves all ran on it,
+over loopback: no claim about a board or a wireless network."""
+
+
+def main() -> int:
+    """Fly, write, judge."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", metavar="DIR", default=str(ROOT / "docs" / "explanation"))
+    parser.add_argument("--seeds", type=int, metavar="N", default=50)
+    parser.add_argument("--hil", type=int, metavar="N", default=1)
+    parser.add_argument("--only", nargs="+", metavar="NAME", choices=list(CASES), default=list(CASES))
+    options = parser.parse_args()
+    flights: Flights = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name in options.only:
+            flights[name] = fly_all(name, folder, range(1, options.seeds + 1), range(1, options.hil + 1))
+            print(table.render([run.result for run in flights[name]]) + "\n", flush=True)
+        pictures = os.path.join(options.out, "cases")
+        files = write_report(os.path.join(options.out, "cases.md"), flights, pictures, head(options.seeds, options.hil))
+    for path in files[1:]:
+        Image.open(path).convert("RGB").quantize(COLOURS).save(path, optimize=True)
+    problems = judge([run.result for runs in flights.values() for run in runs])
+    print("\n".join([f"wrote {files[0]} and {len(files) - 1} pictures", *problems]))
+    return 1 if problems else 0
+
+
+def head(seeds: int, hil: int) -> str:
+    """Return what stands above the table."""
+    from hil.cases.single import radius_of
+    from sim.vehicle.vehicle import load_vehicle
+
+    radius = radius_of(load_vehicle("paper_six")[0])
+    return HEAD.format(
+        seeds=seeds, hil=hil, radius=radius, cores=os.cpu_count(), ram=psutil.virtual_memory().total / 2**30
+    )
+
+
+def judge(results: list[Result]) -> list[str]:
+    """Return what falls short of what is asked."""
+    problems = []
+    for name in dict.fromkeys(result.case for result in results):
+        own = [result for result in results if result.case == name]
+        share = sum(result.success for result in own) / len(own)
+        if share < LEAST_SUCCESS:
+            problems.append(f"{name}: {share:.0%} of its flights succeed")
+        problems += [f"{name} {r.mode}, seed {r.seed}: collision" for r in own if r.collided]
+        problems += [
+            f"{name}, seed {r.seed}: the master takes {r.master_cpu:.1%} of a core"
+            for r in own
+            if name.startswith("path_planning") and r.master_cpu > MOST_CPU
+        ]
+    return problems
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,89 @@
+"""Takes pictures of the live view in a real browser, for the documentation.
+
+    python -m tools.pages.screenshots [SCENARIO | CHART.000] [--speed M/S] [--after SECONDS]
+
+Flies slowly with `uuv-hil demo --view`, opens the view in Debian's Chromium, and writes docs/how-to/live_view.png and,
+in a second flight, live_view_dark.png. Over a chart the vehicle has a camera and a sonar. Needs the extra dev, and
+chromium. A browser without a graphics card takes a minute or more to draw the scene; give it a high priority.
+"""
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Literal
+
+from hil.charts.dive.dive import Wish, prepare_dive
+from hil.common.ports import free_ports
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "docs" / "how-to"
+Scheme = Literal["light", "dark"]
+FILES: dict[Scheme, Path] = {"light": FOLDER / "live_view.png", "dark": FOLDER / "live_view_dark.png"}
+OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
+WIDTH, HEIGHT = 1280, 800
+COLOURS = 256  # of a palette: a third of the size
+PATIENCE_MS = 240_000
+
+
+def take_pictures(address: str, scheme: Scheme, seconds: float) -> Path:
+    """Take one picture `seconds` after the scene was drawn; its file."""
+    from PIL import Image
+    from playwright.sync_api import sync_playwright
+
+    file = FILES[scheme]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=OPTIONS)
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme=scheme)
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(address)
+        frame = page.frame_locator("#scene")
+        frame.get_by_text("Pictures").first.wait_for()
+        if scheme == "dark":
+            frame.get_by_role("checkbox").first.check(force=True)
+        page.wait_for_timeout(1000.0 * seconds)
+        notice = frame.locator(".mantine-Notification-closeButton")  # on a browser without a graphics card
+        if notice.count():
+            notice.first.click(force=True)
+            page.wait_for_timeout(2000.0)
+        page.screenshot(path=file)
+        browser.close()
+    with Image.open(file) as picture:
+        picture.convert("RGB").quantize(COLOURS).save(file, optimize=True)
+    return file
+
+
+def fly_and_take(scenario: str, speed: float, scheme: Scheme, seconds: float) -> Path:
+    """Fly the scenario once with a view, and take one picture of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        if scenario.endswith(".000"):
+            scenario = prepare_dive(scenario, Wish(), folder).path
+        command = [sys.executable, "-m", "hil.cli", "demo", scenario, "--view", "--output", folder]
+        command += ["--set", f"master.speed={speed}", "--listen", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
+        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as demo:
+            assert demo.stdout
+            address = re.search(r"http://\S+", demo.stdout.readline())
+            assert address, "the demo has no view"
+            try:
+                return take_pictures(address[0], scheme, seconds)
+            finally:
+                demo.terminate()
+                demo.communicate()
+
+
+def main() -> None:
+    """Fly, look, and write the pictures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenario", nargs="?", default="paper_field", metavar="SCENARIO | CHART.000")
+    parser.add_argument("--speed", type=float, default=0.15, metavar="M/S", help="of the vehicle [%(default)g]")
+    parser.add_argument("--after", type=float, default=60.0, metavar="SECONDS", help="[%(default)g]")
+    options = parser.parse_args()
+    for scheme in FILES:
+        print(fly_and_take(options.scenario, options.speed, scheme, options.after))
+
+
+if __name__ == "__main__":
+    main()

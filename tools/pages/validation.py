@@ -1,0 +1,127 @@
+"""Draw how the simulator stands beside others' numbers and beside theory: the page validation.md and its pictures.
+
+    python tools/pages/validation.py [--out docs/explanation] [--only NAME ...]
+
+Every figure is computed again; each says which test holds it, and a figure beyond that test's bound ends the run
+with exit code 1. The set-ups and others' formulas are those of the tests. Needs what `pip install -e '.[dev]'` brings.
+"""
+
+import argparse
+import sys
+import time
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from PIL import Image
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+mpl.use("Agg")
+
+from matplotlib import pyplot as plt  # noqa: E402 - after the backend is chosen
+
+from tools.validations import (  # noqa: E402 - works from a bare checkout too
+    afloat,
+    allocation,
+    battery,
+    bluerov2,
+    body,
+    defects,
+    equipment,
+    level,
+    remus,
+    sensors,
+    thrusters,
+    water,
+)
+from tools.validations.sheet import Finding, Sheet  # noqa: E402
+
+PARTS = (bluerov2, level, remus, body, afloat, equipment, thrusters, battery, allocation, water, sensors, defects)
+SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
+STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
+COLOURS = 64
+HEAD = """\
+# How the simulator stands beside others' numbers and beside theory
+
+Made by `python tools/pages/validation.py`, which computes every figure again. Blue lines are this simulator, black dots
+what it is held against, and red a formula of others that does not hold. Each figure is held by the test that is named,
+with the bound that is given. The tool needs the tests and what they need: `pip install -e '.[dev]'`.
+
+| validation | found | bound held by test |
+|---|---|---|
+"""
+
+
+def draw(sheet: Sheet, path: Path) -> list[Finding]:
+    """Save the picture of `sheet` at `path`; what was found."""
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(sheet.rows, sheet.columns, figsize=sheet.size, layout="constrained", squeeze=False)
+        findings = sheet.draw(axes.ravel().tolist())
+        save(figure, path)
+    return findings
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Save the figure as a PNG of few colours, a third of the bytes."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png")
+    plt.close(figure)
+    Image.open(buffer).convert("RGB").quantize(COLOURS).save(path, optimize=True)
+
+
+def page(found: dict[Sheet, list[Finding]]) -> str:
+    """Return the text of validation.md."""
+    rows = [_row(sheet, findings[0]) for sheet, findings in found.items()]
+    return HEAD + "\n".join(rows) + "\n" + "".join(_section(sheet, findings) for sheet, findings in found.items())
+
+
+def _row(sheet: Sheet, main: Finding) -> str:
+    return f"| [{sheet.title}](#{_anchor(sheet.title)}): {main.what} | {main.found} | {main.bound} ({_link(main)}) |"
+
+
+def _section(sheet: Sheet, findings: list[Finding]) -> str:
+    text = " ".join((sheet.draw.__doc__ or "").split())
+    lines = [f"- {f.what}: **{f.found}** (bound {f.bound}, {_link(f)})" for f in findings]
+    picture = f"![{sheet.title}](validation/{sheet.name}.png)"
+    return "\n".join(["", f"## {sheet.title}", "", text, "", *lines, "", picture, ""])
+
+
+def _anchor(title: str) -> str:
+    """Return the anchor that GitHub makes of a heading."""
+    return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c in "-_")
+
+
+def _link(finding: Finding) -> str:
+    file, test = finding.test.split("::")
+    return f"[{test}](../../tests/{file})"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Draw the sheets; write the page if they are all there and within their bounds."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "docs" / "explanation", help="folder of the page [%(default)s]"
+    )
+    parser.add_argument("--only", nargs="+", metavar="NAME", default=[], help="these pictures alone, without the page")
+    options = parser.parse_args(arguments)
+    chosen = [sheet for sheet in SHEETS if not options.only or sheet.name in options.only]
+    (options.out / "validation").mkdir(parents=True, exist_ok=True)
+    by_sheet = {}
+    for sheet in chosen:
+        start = time.perf_counter()
+        by_sheet[sheet] = draw(sheet, options.out / "validation" / f"{sheet.name}.png")
+        print(f"{sheet.name} ({time.perf_counter() - start:.1f} s)", flush=True)
+        for finding in by_sheet[sheet]:
+            print(f"  {'' if finding.holds else 'BEYOND: '}{finding.what}: {finding.found}, bound {finding.bound}")
+    beyond = sum(not finding.holds for findings in by_sheet.values() for finding in findings)
+    if beyond:
+        sys.exit(f"{beyond} beyond the bounds: no page is written")
+    if not options.only:
+        (options.out / "validation.md").write_text(page(by_sheet), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,217 @@
+"""Reads mutated S-57 cells as `uuv-hil world build` does, and reports what came of them.
+
+    python tools/stress/fuzz_charts.py                                 10,000 mutations of a small cell of the tests
+    python tools/stress/fuzz_charts.py --charts DIR --count 1000       of the cells below a folder, such as NOAA's
+
+Bytes are changed, inserted, cut out, doubled or swapped, digits of lengths and positions replaced, in the cell or in an
+update beside it. What is looked for: an exception that is none of ours, in the process that reads or in the one that
+asks; an end by a signal of the one that asks; more than `SLOWEST_S`; an error of several lines. The exit code is 1 if
+any of that was found, and the mutated cell is then kept.
+
+The modules are loaded once, and each cell is read by a copy of this process (fork) that has the limits of the real one:
+a process that is started again takes 0.3 s.
+"""
+
+import argparse
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from hil.charts.sources import s57, s57_process  # noqa: E402
+from hil.charts.sources.choose import read_sources  # noqa: E402
+from hil.common.errors import HilError  # noqa: E402
+
+SLOWEST_S = 100.0  # of which the reading process has s57_process.CPU_SECONDS
+MEMORY_BYTES = 4 << 30  # of address space, of the process that asks
+RESOLUTION_M = 50.0
+READ, REFUSED, RAISED = 0, 2, 1  # exit codes of the copy
+
+
+class ForkedReader:
+    """Fork of this process in place of the one that `hil.charts.sources.s57` starts (`s57_process`)."""
+
+    def __init__(self, command: list[str], **_: Any) -> None:
+        self._files = [tempfile.TemporaryFile() for _ in range(2)]  # noqa: SIM115 - closed by __exit__
+        self.returncode: int | None = None
+        self._pid = os.fork()
+        if not self._pid:
+            for number, file in enumerate(self._files, 1):
+                os.dup2(file.fileno(), number)
+            _end(lambda: s57_process.main(*command[-2:]))
+
+    def __enter__(self) -> "ForkedReader":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for file in self._files:
+            file.close()
+
+    def communicate(self, timeout: float) -> list[bytes]:
+        """Return its output and its errors when it has ended. Raises subprocess.TimeoutExpired."""
+        self.returncode = _wait(self._pid, timeout)
+        output = []
+        for file in self._files:
+            file.seek(0)
+            output.append(file.read())
+        if b"Traceback" in output[1]:
+            print(output[1].decode(errors="replace"), file=sys.stderr)
+            os._exit(RAISED)  # `read_cell` would make one line of it
+        return output
+
+    def kill(self) -> None:
+        """End it, if it has not ended."""
+        if self.returncode is None:
+            os.kill(self._pid, signal.SIGKILL)
+            os.waitpid(self._pid, 0)
+
+
+def _end(work: Any) -> None:
+    """Do it and end this copy with what it returns, or with a traceback."""
+    code = RAISED
+    try:
+        sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - as long as the process
+        code = work()
+        sys.stdout.flush()
+    except BaseException:  # noqa: BLE001 - whatever it is
+        traceback.print_exc()
+        sys.stderr.flush()
+    finally:
+        os._exit(code)
+
+
+def _wait(pid: int, seconds: float) -> int:
+    """Return the exit code, negative for a signal. Raises subprocess.TimeoutExpired."""
+    deadline = time.monotonic() + seconds
+    while True:
+        ended, status = os.waitpid(pid, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status)
+        if time.monotonic() > deadline:
+            raise subprocess.TimeoutExpired(["reader"], seconds)
+        time.sleep(0.001)
+
+
+def mutated(data: bytes, chance: random.Random) -> bytes:
+    """`data` with one to eight changes."""
+    changed = bytearray(data)
+    for _ in range(chance.choice((1, 1, 2, 4, 8))):
+        at, size = chance.randrange(len(changed)), chance.choice((1, 1, 2, 5, 24, 200))
+        digits = [i for i in range(at, min(at + 400, len(changed))) if 48 <= changed[i] <= 57]
+        kind = chance.randrange(7)
+        if kind == 0:
+            changed[at] = chance.randrange(256)
+        elif kind == 1:
+            changed[at : at + size] = chance.randbytes(size)
+        elif kind == 2:
+            changed[at:at] = chance.randbytes(size)
+        elif kind == 3 and len(changed) > 2 * size:
+            del changed[at : at + size]
+        elif kind == 4:
+            changed[at:at] = changed[at : at + size]
+        elif kind == 5:
+            other = chance.randrange(len(changed))
+            changed[at : at + size] = changed[other : other + size]
+        for place in chance.sample(digits, min(len(digits), 3)) if kind == 6 else ():
+            changed[place] = chance.choice(b"0123456789")
+    return bytes(changed)
+
+
+def read(path: str) -> int:
+    """Read the cell as a world is built of it, in this copy; its exit code."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    try:
+        read_sources([path], None, RESOLUTION_M)
+    except HilError as error:
+        output = str(error)
+        assert output.startswith(path[:-4]) or "C:" in output, output
+        assert "\n" not in output, output
+        assert len(output) < 1000, output
+        return REFUSED
+    return READ
+
+
+def examine(path: str) -> tuple[str, float]:
+    """Return what came of a cell: "read", "refused", or what is wrong; and the seconds it took."""
+    began = time.monotonic()
+    pid = os.fork()
+    if not pid:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        _end(lambda: read(path))
+    try:
+        code = _wait(pid, SLOWEST_S)
+    except subprocess.TimeoutExpired:
+        os.kill(pid, signal.SIGKILL)
+        os.waitpid(pid, 0)
+        return "HANGS", time.monotonic() - began
+    words = {READ: "read", REFUSED: "refused", RAISED: "RAISES"}
+    return words.get(code, f"ENDS WITH {code}"), time.monotonic() - began
+
+
+def cells_of(folder: str) -> list[tuple[bytes, bytes]]:
+    """Return each cell with its first update, if it has one."""
+    if not folder:
+        from tests.process.charts.test_s57 import update_of
+        from tests.support.charts.small_cell import bay
+
+        whole = bay()
+        return [(whole.data(), update_of(whole).data())]
+    paths = sorted(Path(folder).rglob("*.000"))
+    updates = [path.with_suffix(".001") for path in paths]
+    return [
+        (path.read_bytes(), update.read_bytes() if update.exists() else b"")
+        for path, update in zip(paths, updates, strict=True)
+    ]
+
+
+def main() -> int:
+    """Mutate, read, count; 1 if something is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=10_000, metavar="N")
+    parser.add_argument("--seed", type=int, default=1, metavar="N")
+    parser.add_argument("--charts", default="", metavar="DIR")
+    parser.add_argument("--keep", default="mutated_cells", metavar="DIR", help="where to keep what is wrong")
+    options = parser.parse_args()
+    cells = cells_of(options.charts)
+    s57.start_child = ForkedReader  # type: ignore[assignment,attr-defined]
+    import pyogrio  # noqa: F401 - loaded once, for all copies
+    import shapely  # noqa: F401
+
+    verdicts: Counter[str] = Counter()
+    slowest = 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "C.000"
+        for number in range(options.count):
+            chance = random.Random(f"{options.seed}/{number}")
+            cell, update = chance.choice(cells)
+            of_update = bool(update) and chance.random() < 0.2
+            path.write_bytes(cell if of_update else mutated(cell, chance))
+            path.with_suffix(".001").unlink(missing_ok=True)
+            if of_update:
+                path.with_suffix(".001").write_bytes(mutated(update, chance))
+            verdict, seconds = examine(str(path))
+            verdicts[verdict] += 1
+            slowest = max(slowest, seconds)
+            if verdict not in ("read", "refused"):
+                shutil.copytree(folder, Path(options.keep) / str(number), dirs_exist_ok=True)
+                print(f"{number}: {verdict}, kept in {options.keep}/{number}", flush=True)
+    most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    print(", ".join([f"{count} {verdict}" for verdict, count in sorted(verdicts.items())]), end="")
+    print(f" of {options.count}; slowest {slowest:.2f} s, most memory {most:.0f} MiB")
+    return int(bool(verdicts.keys() - {"read", "refused"}))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
