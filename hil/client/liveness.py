@@ -3,11 +3,11 @@
 import threading
 from collections.abc import Callable
 
-from hil.client.stall import StallDetector
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
 from hil.network.clock_offset import ClockOffset, Estimate
 from hil.network.presence import declare_presence, watch_presence
 from hil.network.session import Session
+from hil.network.stall import StallDetector
 from hil.network.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
 from hil.network.unread_links import UnreadLinks
 
@@ -26,7 +26,7 @@ class LivenessMonitor:
     more than `lease` s. `present` says whether it is there, `losses` how often it went. `arrived` is called in a
     thread of its own, which may wait a while, when the vehicle comes; `report` gets a line when it comes and goes.
     `samples` counts messages other than answers; the code that receives them increments it. The session is opened
-    again while answers come and samples do not (`hil.client.stall`), and its links are cut where one is not read
+    again while answers come and samples do not (`hil.network.stall`), and its links are cut where one is not read
     (`hil.network.unread_links`); `reconnections` counts both.
     `same_clock` is set by the code that finds that both are on one machine: then the offset is exactly 0, unless
     exchanges say otherwise, as when the wall clock was set between the two starts.

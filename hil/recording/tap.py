@@ -7,7 +7,9 @@ are fetched in batches, and the library notes when each came.
 
 import os
 import threading
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +19,8 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.network.settings import Network, settings
 from hil.network.sockets import free_sockets
-from hil.network.unread_links import UnreadLinks
+from hil.network.stall import StallDetector
+from hil.network.unread_links import CHECK_NS, UnreadLinks
 from hil.recording.mcap_file import Message
 from hil.ros import dialect
 from hil.ros import encoders as ros
@@ -56,9 +59,11 @@ class _Publisher:
 class _Line:
     """The session with one endpoint: `receivers` give the next message of a subscription, or None; `news` of links."""
 
-    def __init__(self, session: zenoh.Session, lease: float) -> None:
+    def __init__(self, session: zenoh.Session, endpoint: str, lease: float) -> None:
         self.session = session
-        self.unread = UnreadLinks(lease)
+        self.endpoint = endpoint
+        self.count = 0  # of messages
+        self.unread, self._stall, self._checked_ns = UnreadLinks(lease), StallDetector(lease), 0
         self.news = session.info.declare_link_events_listener(zenoh.handlers.RingChannel(LINKS), history=True)
         history = HistoryConfig(detect_late_publishers=True)
         latched = [topic.full_name("*") for topic in TOPICS.values() if topic.qos.latched]
@@ -76,6 +81,13 @@ class _Line:
     def links(self) -> list[tuple[str, str, str]]:
         """Return of each link the identity of the peer and both addresses, ours and the peer's."""
         return [(str(link.zid), link.src, link.dst) for link in self.session.info.links()]
+
+    def is_stalled(self, now: int) -> bool:
+        """Return whether messages have come, and do not any more although there is a link."""
+        if now - self._checked_ns < CHECK_NS or not self.count:
+            return False
+        self._checked_ns = now
+        return self._stall.is_stalled(now, 0, self.count, is_deaf=bool(self.links()))
 
     def learn(self, key: str) -> None:
         """Make messages with this key cheaper, on the wire and here.
@@ -102,9 +114,10 @@ class _Line:
 class Tap:
     """Subscribe to all topics at `endpoints`, with the last messages of latched topics. Use as a context.
 
-    An endpoint that is not there yet, or goes away, is waited for. `missed` counts what was sent and did not come,
-    by the gaps in the numbers of each publisher, and `reconnections` links that were cut because the library did not
-    read them (`hil.network.unread_links`). Raises NetworkError when an endpoint cannot be meant.
+    An endpoint that is not there yet, or goes away, is waited for. `missed` counts what was sent and did not come, by
+    the gaps in the numbers of each publisher. `reconnections` counts links that the library did not read, and sessions
+    that were opened again as nothing came over them any more (`hil.network.unread_links`, `hil.network.stall`). Raises
+    NetworkError when an endpoint cannot be meant.
     """
 
     def __init__(self, endpoints: list[str], network: Network = Network(), security: "Security | None" = None) -> None:
@@ -124,9 +137,7 @@ class Tap:
     def __enter__(self) -> "Tap":
         self._complaint_ns = now_ns() + PATIENCE_NS
         for endpoint, text in self._settings.items():
-            thread = threading.Thread(target=self._open, args=(endpoint, text), name=f"tap {endpoint}", daemon=True)
-            thread.start()
-            self._threads.append(thread)
+            self._start(endpoint, partial(self._open, endpoint, text))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -141,8 +152,11 @@ class Tap:
             self.reconnections += line.unread.mend(line)
             for receive in line.receivers:
                 while (sample := receive()) is not None:
+                    line.count += 1
                     if message := self._message(line, sample):
                         messages.append(message)
+            if line.is_stalled(now_ns()):
+                self._reopen(line)
         messages.sort(key=_came)
         return messages
 
@@ -150,7 +164,7 @@ class Tap:
         """Return which endpoints have not answered yet, or that a link was cut, if a report is due; else empty."""
         if self.reconnections > self._reported:
             self._reported = self.reconnections
-            return "a link was open and not read; connecting again"
+            return "nothing came over a link that is there; connecting again"
         missing = [endpoint for endpoint in self._settings if endpoint not in self.connected]
         if not missing or now_ns() < self._complaint_ns:
             return ""
@@ -166,13 +180,32 @@ class Tap:
             line.close()
         self._lines.clear()
 
+    def _reopen(self, line: _Line) -> None:
+        """Close a line and open it again, in a thread: both may take a while.
+
+        Once: the new line is left alone until messages come, as there may be nobody who publishes.
+        """
+        self.reconnections += 1
+        self._lines.remove(line)
+
+        def reopen() -> None:
+            line.close()
+            self._open(line.endpoint, self._settings[line.endpoint])
+
+        self._start(line.endpoint, reopen)
+
+    def _start(self, endpoint: str, work: Callable[[], None]) -> None:
+        thread = threading.Thread(target=work, name=f"tap {endpoint}", daemon=True)
+        thread.start()
+        self._threads = [*[thread for thread in self._threads if thread.is_alive()], thread]
+
     def _open(self, endpoint: str, text: str) -> None:
         """Try until the endpoint is there; from then on the library connects again after each loss."""
         config = zenoh.Config.from_json5(text)
         config.insert_json5("timestamping/enabled", "true")  # of what comes, with the time when it came
         while not self._closing.is_set():
             with suppress(zenoh.ZError):
-                self._lines.append(_Line(zenoh.open(config), self._lease))
+                self._lines.append(_Line(zenoh.open(config), endpoint, self._lease))
                 self.connected.add(endpoint)
                 return
             self._closing.wait(RETRY_S)

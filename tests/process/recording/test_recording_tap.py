@@ -129,9 +129,28 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
                 return bool(tap.reconnections and heard)
 
             assert wait_for(poll)
-        assert tap.complaint() == "a link was open and not read; connecting again"
+        assert tap.complaint() == "nothing came over a link that is there; connecting again"
         assert not tap.complaint()
         listener.undeclare()  # type: ignore[no-untyped-call]
+
+
+def test_a_session_over_which_nothing_comes_any_more_is_opened_again_once() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, Tap([endpoint]) as tap:
+        publisher = slave.publisher("uuv1", TOPICS["imu"])
+
+        def heard() -> bool:
+            publisher.put(b"imu", 7)
+            return bool(tap.receive())
+
+        assert wait_for(heard)
+        assert wait_for(lambda: (tap.receive(), tap.reconnections)[1])
+        silent = time.monotonic() + 8.0  # without a message since it was opened there is no next time
+        while time.monotonic() < silent:
+            assert tap.receive() == []
+            time.sleep(0.05)
+        assert tap.reconnections == 1
+        assert wait_for(heard)
 
 
 def test_topics_of_one_publisher_are_distinguished() -> None:

@@ -1,7 +1,7 @@
 """Whether answers without samples are a stall, by a clock of the test's own."""
 
-from hil.client.stall import StallDetector
 from hil.common.clock import NS_PER_MS
+from hil.network.stall import StallDetector
 
 LEASE_S = 0.8
 LOOK_MS = 200
