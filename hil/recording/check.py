@@ -16,14 +16,17 @@ from hil.recording.mcap_file import EPOCHS, PULSES, Message
 from hil.recording.reader import About, read_about, read_messages
 from hil.recording.run import require_run
 from hil.ros import encoders as ros
-from hil.ros.topics import TOPICS
+from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation
 from sim.sensors.spread import spreads
 
 LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will say no more
 # What a slave receives, or publishes without a request.
 COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
-NOT_SAMPLES = {*COMMANDS, "trace", "diagnostics", "thruster_wrench", "joint_states", "/clock", "/tf_static"}
+NOT_SAMPLES = {
+    *COMMANDS, *DESCRIPTIONS, "trace", "diagnostics", "thruster_wrench", "joint_states", "/clock", "/tf_static",
+    "/diagnostics", "/parameter_events",
+}  # fmt: skip
 
 
 class Verdict(NamedTuple):
