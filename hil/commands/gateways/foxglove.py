@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> int:
     with StopSignals() as stop_fd, ExitStack() as opened:
         commanding = None
         if options.command:
-            from hil.gateways.foxglove.commanding import Commanding
+            from hil.gateways.commanding import Commanding
 
             keys, routed = keys_of(scenario), is_routed(scenario)
             commanding = Commanding(opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys)))

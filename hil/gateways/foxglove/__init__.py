@@ -1,5 +1,5 @@
 """Vehicles in Foxglove: its websocket protocol, with commands, services and parameters for who has the token.
 
-Public: `hil.gateways.foxglove.server`, `hil.gateways.foxglove.commanding`, `hil.gateways.foxglove.scene`,
+Public: `hil.gateways.foxglove.server`, `hil.gateways.commanding`, `hil.gateways.foxglove.scene`,
 `hil.gateways.foxglove.layout`. It must not know the slave.
 """

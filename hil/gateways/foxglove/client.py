@@ -1,14 +1,13 @@
 """One client of the Foxglove server: its subscriptions, what it may do, and what waits to be sent to it."""
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from aiohttp import WSMsgType, web
 
 from hil.common.errors import HilError
-from hil.gateways.foxglove.commanding import Commanding
+from hil.gateways.commanding import Commanding
 from hil.gateways.foxglove.protocol import (
     CDR,
     ERROR,
@@ -23,8 +22,8 @@ from hil.gateways.foxglove.protocol import (
     encode_response,
     encode_text,
 )
+from hil.gateways.websocket_server import SendQueue
 
-MOST_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
 MOST_SUBSCRIPTIONS = 1000
 NO_TOKEN = "to command, open the address with the token that `uuv-hil foxglove --command` printed"
 
@@ -44,11 +43,8 @@ class Client:
         self._subscriptions: dict[int, int] = {}  # channel -> subscription
         self._topics: dict[int, tuple[str, str]] = {}  # channel of the client -> topic and encoding
         self._services: list[tuple[str, str]] = []
-        self._waiting: deque[str | bytes] = deque()
-        self._bytes = 0
-        self._wake = asyncio.Event()
+        self._queue = SendQueue(socket)
         self._tasks: set[asyncio.Task[None]] = set()
-        self.dropped = 0
         capabilities = ["clientPublish", "services", "parameters"] if commanding else []
         self._put(
             encode_text("serverInfo", name="uuv-hil", capabilities=capabilities, supportedEncodings=[CDR], metadata={})
@@ -90,31 +86,18 @@ class Client:
         task.add_done_callback(self._tasks.discard)
 
     def _put(self, message: str | bytes) -> None:
-        self._waiting.append(message)
-        self._bytes += len(message)
-        while self._bytes > MOST_BYTES and isinstance(self._waiting[0], bytes) and len(self._waiting) > 1:
-            self._bytes -= len(self._waiting.popleft())
-            self.dropped += 1
-        self._wake.set()
+        self._queue.put(message, keep=isinstance(message, str))
 
     def _report(self, text: str, level: int = ERROR) -> None:
         self._put(encode_text("status", level=level, message=text))
 
     async def _write(self) -> None:
-        """Send what waits; a client that does not read holds up nobody but itself."""
+        """Send what waits, and say what was dropped."""
         reported = 0
         while True:
-            await self._wake.wait()
-            self._wake.clear()
-            while self._waiting:
-                message = self._waiting.popleft()
-                self._bytes -= len(message)
-                if isinstance(message, str):
-                    await self._socket.send_str(message)
-                else:
-                    await self._socket.send_bytes(message)
-            if self.dropped != reported:
-                reported = self.dropped
+            await self._queue.send_waiting()
+            if self._queue.dropped != reported:
+                reported = self._queue.dropped
                 self._report(f"{reported} messages dropped so far: this connection is too slow for them", WARNING)
 
     async def _on_text(self, text: str) -> None:

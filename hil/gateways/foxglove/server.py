@@ -4,61 +4,27 @@ Its own code and not Foxglove's SDK, because the SDK can refuse neither pages of
 token: everyone who reaches its port could command a vehicle.
 """
 
-import asyncio
-import threading
 from collections.abc import Iterable
 
 from aiohttp import web
 
-from hil.common.errors import NetworkError
-from hil.common.stop import cancel_tasks
-from hil.gateways.access import Access
+from hil.gateways.commanding import Commanding
 from hil.gateways.foxglove.client import Client
-from hil.gateways.foxglove.commanding import Commanding
 from hil.gateways.foxglove.protocol import SUBPROTOCOLS, Channel
+from hil.gateways.websocket_server import WebSocketServer
 from hil.recording.mcap_file import Message, schema_of
 from hil.ros.topics import TOPICS
 
-MOST_CLIENTS = 32
-LARGEST = 1 << 20  # bytes of a message of a client
-HEARTBEAT_S = 5.0  # after which a client that does not answer is gone
 
-
-class FoxgloveServer:
-    """Serves at `host`:`port` (0: any free one; see `port`) in a thread of its own. Use as a context.
-
-    `access` holds the token: programs may look without it, web pages may not, and who commands through `commanding`
-    needs it. Raises NetworkError when the port is taken.
-    """
+class FoxgloveServer(WebSocketServer[Client]):
+    """Serves messages of vehicles to Foxglove; who has the token commands them through `commanding`."""
 
     def __init__(self, host: str, port: int, commanding: Commanding | None = None) -> None:
         self._commanding = commanding
         self._channels: list[Channel] = []
         self._numbers: dict[str, int] = {}
         self._latched: dict[int, tuple[int, bytes]] = {}  # by channel the last message, for those who come later
-        self._clients: set[Client] = set()
-        self._loop = asyncio.new_event_loop()
-        self._runner: web.AppRunner | None = None
-        try:
-            self.port: int = self._loop.run_until_complete(self._start(host, port))
-        except OSError as error:
-            self._loop.run_until_complete(self._stop())
-            raise NetworkError(
-                f"cannot serve at {host}:{port}: {error.strerror}; choose another with --listen"
-            ) from None
-        self.access = Access(self.port)
-        self._thread = threading.Thread(target=self._loop.run_forever, name="foxglove", daemon=True)
-        self._thread.start()
-
-    def __enter__(self) -> "FoxgloveServer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        asyncio.run_coroutine_threadsafe(self._stop(), self._loop).result(10.0)
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-        self._loop.close()
-        self.access.close()
+        super().__init__(host, port, "foxglove", SUBPROTOCOLS)
 
     def show(self, messages: Iterable[Message]) -> None:
         """Pass messages of ROS 2 on, byte for byte, with the times when they were sent."""
@@ -107,38 +73,8 @@ class FoxgloveServer:
                 client.advertise({number: channel})
         return number
 
-    async def _start(self, host: str, port: int) -> int:
-        app = web.Application()
-        app.router.add_get("/", self._serve)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
-        await self._runner.setup()
-        await web.TCPSite(self._runner, host, port).start()
-        return int(self._runner.addresses[0][1])
-
-    async def _stop(self) -> None:
-        if self._runner:
-            await self._runner.cleanup()
-        await cancel_tasks()
-
-    async def _serve(self, request: web.Request) -> web.StreamResponse:
-        """Serve one client until it goes."""
-        may_command = self.access.admits(request.query.get("token"))
-        if request.headers.get("Origin") and not may_command:
-            raise web.HTTPForbidden(text="a page needs the token: open the address that `uuv-hil foxglove` printed\n")
-        socket = web.WebSocketResponse(
-            protocols=SUBPROTOCOLS, max_msg_size=LARGEST, heartbeat=HEARTBEAT_S, compress=False
-        )
-        if not socket.can_prepare(request):
-            raise web.HTTPBadRequest(text="this is a websocket for Foxglove\n")
-        await socket.prepare(request)
-        if len(self._clients) >= MOST_CLIENTS:
-            await socket.close(message=f"{MOST_CLIENTS} clients are here already".encode())
-            return socket
+    def _make_client(self, socket: web.WebSocketResponse, may_command: bool) -> Client:
+        """Return the client, to which all channels so far are named."""
         client = Client(socket, self._commanding if may_command else None, self._latched.get)
-        self._clients.add(client)
-        try:
-            client.advertise(dict(enumerate(self._channels)))
-            await client.serve()
-        finally:
-            self._clients.discard(client)
-        return socket
+        client.advertise(dict(enumerate(self._channels)))
+        return client

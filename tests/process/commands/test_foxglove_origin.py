@@ -9,7 +9,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
-from hil.gateways.foxglove.server import MOST_CLIENTS, FoxgloveServer
+from hil.gateways.foxglove.server import FoxgloveServer
+from hil.gateways.websocket_server import MOST_CLIENTS
 from hil.recording.mcap_file import Message
 
 TIME_NS = 1_700_000_000_000_000_000

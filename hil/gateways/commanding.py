@@ -11,7 +11,7 @@ from hil.network.services import call
 from hil.recording.mcap_file import schema_of
 from hil.ros import graph
 from hil.ros import message as ros_message
-from hil.ros.topics import COMMANDS
+from hil.ros.topics import COMMANDS, DESCRIPTIONS, TOPICS
 
 LARGEST = 8192  # bytes of a command or a request
 AT_ONCE = 30  # parameters of one request
@@ -27,6 +27,7 @@ class Commanding:
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
+        self._subscribed: set[str] = set()
 
     def publish(self, topic: str, data: bytes) -> None:
         """Send a command, CDR, on a topic such as "/uuv1/cmd_vel"."""
@@ -41,13 +42,24 @@ class Commanding:
             raise NetworkError(reason)
         vehicle.client.send(name, data)
 
-    def services(self) -> dict[str, str]:
-        """Return the services that vehicles answer now, and their types."""
-        types: dict[str, str] = {}
+    def entities(self) -> list[graph.Entity]:
+        """Return the nodes that are there now, and what they publish, subscribe to, answer and call."""
+        keys: list[str] = []
         for name in self._fleet.names[:1]:  # all are on one session
             keys = self._vehicle(name).client.session.tokens(graph.ALL)
-            entities = [entity for key in keys if (entity := graph.read_token(key))]
-            types |= {entity.topic: entity.type for entity in entities if entity.kind == "SS"}
+        return [entity for key in keys if (entity := graph.read_token(key))]
+
+    def subscribe(self, topic: str) -> None:
+        """Say in the graph that a topic of a vehicle is subscribed to: what describes the vehicle is made then."""
+        _, node, name = [*topic.split("/", 2), "", ""][:3]
+        if name in DESCRIPTIONS and topic not in self._subscribed and node in self._fleet.names:
+            self._subscribed.add(topic)
+            gateway = graph.Node(self._vehicle(node).client.session, f"{node}_gateway")
+            gateway.subscribes(TOPICS[name], node)
+
+    def services(self) -> dict[str, str]:
+        """Return the services that vehicles answer now, and their types."""
+        types = {entity.topic: entity.type for entity in self.entities() if entity.kind == "SS"}
         return {name: kind for name, kind in types.items() if schema_of(f"{kind}_Request")[0]}
 
     def describe(self, name: str, kind: str) -> dict[str, Any]:

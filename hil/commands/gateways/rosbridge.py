@@ -1,0 +1,59 @@
+"""`uuv-hil rosbridge`: serve vehicles to web pages and tools that speak rosbridge."""
+
+import select
+from contextlib import ExitStack
+
+import hil
+from hil.commands.listening import add_fleet, add_take_over, presence, reach_of
+from hil.common.errors import MissingExtraError
+from hil.common.options import add_serving, new_parser
+from hil.common.stop import StopSignals
+from hil.network.settings import Network
+
+EXAMPLES = """\
+Clients are roslibjs in web pages, roslibpy, and what else speaks rosbridge's protocol (v2): JSON over a websocket, CBOR
+where a client asks for it. Messages are those of ROS 2. Who opens the address with its token commands the vehicles and
+calls their services; programs without it can only look, web pages need it for that, too.
+
+examples:
+  uuv-hil rosbridge --connect tcp/192.168.3.116:7447
+  uuv-hil rosbridge --scenario mine.toml
+  uuv-hil rosbridge --listen 0.0.0.0:9090             for other machines: programs that reach it can look
+"""
+LISTEN = "127.0.0.1:9090"
+POLL_S = 0.02
+
+
+def main(arguments: list[str]) -> int:
+    """Serve until told to stop; the exit code."""
+    parser = new_parser("rosbridge", __doc__, EXAMPLES)
+    add_fleet(parser)
+    add_serving(parser, LISTEN)
+    add_take_over(parser)
+    options = parser.parse_args(arguments)
+    scenario, (endpoints, routed, keys) = reach_of(options)
+    try:
+        import cbor2  # noqa: F401 - missed now, and not when a client asks for it
+
+        from hil.gateways.rosbridge.server import RosbridgeServer
+    except ImportError as error:
+        raise MissingExtraError(f"rosbridge needs {error.name}: pip install 'uuv-hil[rosbridge]'") from None
+    from hil.gateways.commanding import Commanding
+    from hil.recording.tap import Tap, save_processor
+
+    save_processor()
+    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+    with StopSignals() as stop_fd, ExitStack() as opened:
+        fleet = opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over))
+        host, port = options.listen
+        server = opened.enter_context(RosbridgeServer(host, port, Commanding(fleet)))
+        tap = opened.enter_context(Tap(endpoints, network, security))
+        address = f"ws://{host}:{server.port}"
+        print(f"{address}/?token={server.access.token} serves {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
+        names: list[str] | None = None
+        while not select.select((stop_fd,), (), (), POLL_S)[0]:
+            server.show(tap.receive())
+            if fleet.names != names:
+                names = fleet.names
+                print(presence(names, endpoints), flush=True)
+    return 0

@@ -1,0 +1,225 @@
+"""A client of rosbridge looks at a real slave, and with the token commands it and calls its services."""
+
+import json
+import time
+from collections.abc import Iterator
+from struct import unpack
+from typing import Any
+
+import cbor2
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
+from websockets.typing import Origin
+
+from hil.ros import encoders as ros
+from hil.ros import message as ros_message
+from tests.support.processes import Program, free_port, wait_for, write_scenario
+
+PATIENCE_S = 60
+
+
+class Bridge:
+    """One client; what comes is kept in order."""
+
+    def __init__(self, socket: Connection) -> None:
+        self.socket = socket
+        self._number = 0
+
+    def send(self, op: str, **values: Any) -> None:
+        self.socket.send(json.dumps({"op": op, **values}))
+
+    def receive(self, op: str, **wanted: Any) -> Any:
+        """Return the next message of this kind with these values."""
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            data = self.socket.recv(PATIENCE_S)
+            message = json.loads(data) if isinstance(data, str) else cbor2.loads(data)
+            if message["op"] == op and wanted.items() <= message.items():
+                return message
+        raise AssertionError(f"no {op} came")
+
+    def call(self, name: str, /, **args: Any) -> Any:
+        self._number += 1
+        self.send("call_service", id=f"call{self._number}", service=name, args=args)
+        return self.receive("service_response", id=f"call{self._number}")
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address with its token, of a vehicle that is there."""
+    folder = tmp_path_factory.mktemp("rosbridge")
+    path, port = write_scenario(folder)
+    with Program(folder, "slave", path) as slave:
+        slave.expect("ready")
+        with Program(folder, "rosbridge", "--connect", f"tcp/127.0.0.1:{port}", "--listen", free_port()) as gateway:
+            found = gateway.expect(r"ws://\S+").group()
+            gateway.expect("here: uuv1")
+            yield found
+
+
+@pytest.fixture
+def bridge(address: str) -> Iterator[Bridge]:
+    with connect(address, max_size=None) as socket:
+        yield Bridge(socket)
+
+
+@pytest.fixture
+def looker(address: str) -> Iterator[Bridge]:
+    """One without the token."""
+    with connect(address.partition("?")[0]) as socket:
+        yield Bridge(socket)
+
+
+def test_topics_come_as_json(looker: Bridge) -> None:
+    looker.send("subscribe", topic="/uuv1/odom", type="nav_msgs/Odometry")
+    message = looker.receive("publish", topic="/uuv1/odom")["msg"]
+    assert message["child_frame_id"] == "base_link"
+    assert message["pose"]["pose"]["position"]["z"] < 0.0
+    looker.send("unsubscribe", topic="/uuv1/odom")
+    looker.send("subscribe", topic="/clock")
+    for _ in range(10):
+        looker.receive("publish", topic="/clock")
+
+
+def test_topics_come_as_cbor_with_typed_arrays_and_as_they_are(looker: Bridge) -> None:
+    looker.send("subscribe", topic="/uuv1/imu", compression="cbor", id="a")
+    message = looker.receive("publish", topic="/uuv1/imu")["msg"]
+    covariance = message["linear_acceleration_covariance"]
+    assert covariance.tag == 86
+    assert unpack("<9d", covariance.value)[0] > 0.0
+    assert message["linear_acceleration"]["z"] == pytest.approx(9.8, abs=1.0)
+    looker.send("unsubscribe", topic="/uuv1/imu", id="a")
+    looker.send("subscribe", topic="/uuv1/pressure", compression="cbor-raw")
+    raw = looker.receive("publish", topic="/uuv1/pressure")["msg"]
+    sample = ros.decode_pressure(raw["bytes"])
+    assert sample is not None
+    assert abs(raw["secs"] - time.time()) < PATIENCE_S
+
+
+def test_a_description_comes_to_who_subscribes(looker: Bridge) -> None:
+    looker.send("subscribe", topic="/uuv1/robot_description")
+    assert "<robot" in looker.receive("publish", topic="/uuv1/robot_description")["msg"]["data"]
+    looker.send("subscribe", topic="/uuv1/robot_description")  # again, of a server that has it already
+    looker.receive("publish", topic="/uuv1/robot_description")
+
+
+def test_a_throttle_thins_them_out(looker: Bridge) -> None:
+    looker.send("subscribe", topic="/uuv1/imu", throttle_rate=300)
+    stamps = []
+    for _ in range(3):
+        looker.receive("publish", topic="/uuv1/imu")
+        stamps.append(time.monotonic())
+    assert stamps[2] - stamps[0] > 0.3  # of 0.6 s, as what comes may have waited
+
+
+def test_commands_drive_the_vehicle_and_services_answer(bridge: Bridge) -> None:
+    bridge.send("subscribe", topic="/uuv1/ground_truth")
+    bridge.send("advertise", topic="/uuv1/cmd_vel", type="geometry_msgs/Twist")
+
+    def is_driven() -> bool:
+        bridge.send("publish", topic="/uuv1/cmd_vel", msg={"linear": {"x": 0.5}})
+        speed: float = bridge.receive("publish", topic="/uuv1/ground_truth")["msg"]["twist"]["twist"]["linear"]["x"]
+        return speed > 0.3
+
+    assert wait_for(is_driven)
+    answer = bridge.call("/uuv1/arm", data=False)
+    assert answer["result"]
+    assert answer["values"]["success"]
+    assert bridge.call("/uuv1/arm", data=True)["values"]["message"] == "armed: commands are taken"
+    state = bridge.call("/uuv1/get_entity_state", entity="uuv1")["values"]
+    assert state["result"]["result"] == 1
+    assert state["state"]["header"]["frame_id"] == "map"
+
+
+def test_what_cannot_be_is_reported(bridge: Bridge) -> None:
+    cases: list[tuple[str, dict[str, Any], str]] = [
+        ("publish", {"topic": "/uuv1/odom", "msg": {}}, "takes commands"),
+        ("publish", {"topic": "/uuv1/cmd_vel", "msg": {"linear": 1}}, "expected an object"),
+        ("advertise", {"topic": "/uuv1/cmd_vel", "type": "std_msgs/String"}, "has the type geometry_msgs/msg/Twist"),
+        ("subscribe", {"topic": "/uuv1/odom", "type": "std_msgs/String"}, "has the type nav_msgs/msg/Odometry"),
+        ("subscribe", {"topic": "/uuv1/odom", "compression": "png"}, "none of none, cbor, cbor-raw"),
+        ("subscribe", {"topic": 3}, "expected a name"),
+        ("advertise_service", {"service": "/mine"}, "has it not"),
+        ("fly", {}, "no operation"),
+    ]
+    for op, values, words in cases:
+        bridge.send(op, id="x", **values)
+        status = bridge.receive("status", id="x")
+        assert (status["level"], words in status["msg"]) == ("error", True), status
+    refused = bridge.call("/uuv1/nothing")
+    assert (refused["result"], "nobody answers" in refused["values"]) == (False, True)
+    assert not bridge.call("/rosapi/nothing")["result"]
+
+
+def test_without_the_token_nobody_commands_and_no_page_looks(looker: Bridge, address: str) -> None:
+    for op, values in (
+        ("publish", {"topic": "/uuv1/cmd_vel", "msg": {}}),
+        ("advertise", {"topic": "/uuv1/cmd_vel", "type": "a/B"}),
+    ):
+        looker.send(op, **values)
+        assert "token" in looker.receive("status")["msg"]
+    assert "token" in looker.call("/uuv1/arm", data=False)["values"]
+    with pytest.raises(InvalidStatus), connect(address.partition("?")[0], origin=Origin("http://evil.example")):
+        pass
+    with connect(address, origin=Origin("http://page.example")):
+        pass
+
+
+def test_rosapi_tells_what_there_is(looker: Bridge) -> None:
+    def values(name: str, /, **args: Any) -> Any:
+        answer = looker.call(f"/rosapi/{name}", **args)
+        assert answer["result"], answer
+        return answer["values"]
+
+    topics = values("topics")
+    assert dict(zip(topics["topics"], topics["types"], strict=True))["/uuv1/imu"] == "sensor_msgs/msg/Imu"
+    assert values("topic_type", topic="/uuv1/cmd_vel")["type"] == "geometry_msgs/msg/Twist"
+    assert "/uuv1/odom" in values("topics_for_type", type="nav_msgs/Odometry")["topics"]
+    assert "/uuv1/arm" in values("services")["services"]
+    assert values("service_type", service="/uuv1/arm")["type"] == "std_srvs/srv/SetBool"
+    assert "/uuv1/arm" in values("services_for_type", type="std_srvs/SetBool")["services"]
+    assert "/uuv1" in values("nodes")["nodes"]
+    node = values("node_details", node="/uuv1")
+    assert "/uuv1/imu" in node["publishing"]
+    assert "/uuv1/cmd_vel" in node["subscribing"]
+    assert "/uuv1/arm" in node["services"]
+    assert values("publishers", topic="/uuv1/imu")["publishers"] == ["/uuv1"]
+    assert values("message_details", type="geometry_msgs/Twist")["typedefs"][1]["fieldnames"] == ["x", "y", "z"]
+    assert values("service_request_details", type="std_srvs/SetBool")["typedefs"][0]["fieldnames"] == ["data"]
+    assert values("service_response_details", type="std_srvs/SetBool")["typedefs"][0]["fieldnames"][0] == "success"
+    raw = values("topics_and_raw_types")
+    assert len(raw["typedefs_full_text"]) == len(raw["topics"])
+    assert "/uuv1:gains.surge.p" in values("get_param_names")["names"]
+    assert float(values("get_param", name="/uuv1:gains.surge.p")["value"]) > 0.0
+    assert abs(values("get_time")["time"]["sec"] - time.time()) < PATIENCE_S
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.text(max_size=40)
+    | st.fixed_dictionaries(
+        {"op": st.sampled_from(["subscribe", "unsubscribe", "advertise", "publish", "call_service", "set_level", "x"])},
+        optional={
+            key: st.none() | st.integers() | st.text(max_size=8) | st.sampled_from(["/uuv1/odom", "/rosapi/topics"])
+            for key in ("topic", "type", "service", "id", "msg", "args", "throttle_rate", "compression")
+        },
+    ).map(json.dumps)
+)
+def test_noise_ends_nothing(looker: Bridge, text: str) -> None:
+    looker.socket.send(text)
+    assert looker.call("/rosapi/get_ros_version")["values"]["version"] == 2
+
+
+def test_a_message_that_is_too_large_ends_that_connection_only(looker: Bridge, bridge: Bridge) -> None:
+    looker.socket.send(json.dumps({"op": "publish", "msg": "x" * (2 << 20)}))
+    assert bridge.call("/rosapi/get_ros_version")["result"]
+
+
+def test_payloads_of_commands_are_those_of_ros_2() -> None:
+    """What the test above sends, by the other way."""
+    payload = ros_message.encode("geometry_msgs/msg/Twist", {"linear": {"x": 0.5}})
+    assert payload == ros.encode_twist((0.5, 0, 0), (0, 0, 0))

@@ -1,0 +1,71 @@
+"""Clients of rosbridge that others wrote look at a vehicle, drive it and call it: roslibpy, and roslibjs in Node.
+
+python3 -m venv V && V/bin/pip install roslibpy==2.1.0 && npm install --prefix V roslib@2.1.0
+UUV_HIL_ROSLIBPY_PYTHON=V/bin/python UUV_HIL_ROSLIBJS=V pytest tests/system/gateways/test_rosbridge_clients.py
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.processes import Program, free_port, write_scenario
+
+PYTHON = os.environ.get("UUV_HIL_ROSLIBPY_PYTHON", "")
+MODULES = os.environ.get("UUV_HIL_ROSLIBJS", "")
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    folder = tmp_path_factory.mktemp("rosbridge")
+    path, port = write_scenario(folder)
+    with Program(folder, "slave", path) as slave:
+        slave.expect("ready")
+        with Program(folder, "rosbridge", "--connect", f"tcp/127.0.0.1:{port}", "--listen", free_port()) as gateway:
+            gateway.expect("here: uuv1")
+            yield gateway.expect(r"ws://\S+").group()
+
+
+def answer_of(*command: str) -> Any:
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.skipif(not PYTHON, reason="UUV_HIL_ROSLIBPY_PYTHON names no Python with roslibpy (pip)")
+def test_roslibpy(address: str) -> None:
+    found = answer_of(PYTHON, str(HERE / "rosbridge_peer.py"), address)
+    assert {"/uuv1/imu", "/uuv1/odom", "/tf", "/clock"} <= set(found["topics"])
+    assert found["type"] == "sensor_msgs/msg/Imu"
+    assert {"/uuv1/arm", "/uuv1/get_simulator_features"} <= set(found["services"])
+    assert "/uuv1" in found["nodes"]
+    assert abs(found["seconds"] - time.time()) < 300
+    kinds = [each["type"] for each in found["details"]["typedefs"]]
+    assert kinds == ["geometry_msgs/msg/Twist", "geometry_msgs/msg/Vector3"]
+    assert found["speed"] > 0.3
+    assert "<robot" in found["urdf"]
+    assert found["armed"]["success"]
+    assert "/uuv1:gains.surge.p" in found["parameters"]
+
+
+@pytest.mark.skipif(not MODULES, reason="UUV_HIL_ROSLIBJS names no folder with roslib (npm)")
+def test_roslibjs(address: str, tmp_path: Path) -> None:
+    shutil.copy(HERE / "rosbridge_peer.mjs", tmp_path)
+    (tmp_path / "node_modules").symlink_to(Path(MODULES) / "node_modules")
+    found = answer_of("node", str(tmp_path / "rosbridge_peer.mjs"), address)
+    assert "/uuv1/imu" in found["topics"]
+    assert "/uuv1/arm" in found["services"]
+    assert set(found["types"]) == {"linear", "angular"}
+    assert found["json"]["z"] == pytest.approx(9.8, abs=1.0)
+    kind, first = found["cbor"]
+    assert kind == "Float64Array"
+    assert first > 0.0
+    assert found["armed"]["success"]
+    assert found["speed"] > 0.3

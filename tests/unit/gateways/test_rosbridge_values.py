@@ -1,0 +1,178 @@
+"""Messages of rosbridge: JSON and CBOR of every type, there and back, and what no client can break."""
+
+import json
+import math
+from typing import Any
+
+import cbor2
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.common.errors import ConfigError
+from hil.common.text import json_text
+from hil.gateways.rosbridge.rosapi import typedefs
+from hil.gateways.rosbridge.subscription import Subscription, Wish, read_wish
+from hil.gateways.rosbridge.values import arguments, from_json, to_cbor, to_json, whole_type
+from hil.ros import message as ros_message
+from hil.ros import types
+from hil.ros.topics import TOPICS
+
+TYPES = sorted({topic.type for topic in TOPICS.values()})
+MESSAGES = [name for name in types.names() if "/msg/" in name]
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
+    max_leaves=12,
+)
+IMAGE: dict[str, Any] = {"header": {"frame_id": "camera"}, "height": 1, "width": 3, "step": 3, "data": b"\x00\x7f\xff"}
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_a_message_comes_back_from_json(name: str) -> None:
+    message = ros_message.empty(name)
+    back = from_json(name, json.loads(json_text(to_json(name, message))))
+    assert ros_message.encode(name, back) == ros_message.encode(name, message)
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_a_message_is_cbor(name: str) -> None:
+    message = ros_message.empty(name)
+    assert set(cbor2.loads(cbor2.dumps(to_cbor(name, message)))) == set(message)
+
+
+def test_bytes_are_base64_in_json_and_bytes_in_cbor() -> None:
+    kind = "sensor_msgs/msg/Image"
+    message = ros_message.decode(kind, ros_message.encode(kind, IMAGE))
+    assert message is not None
+    assert to_json(kind, message)["data"] == "AH//"
+    assert to_cbor(kind, message)["data"] == IMAGE["data"]
+    for given_data in ("AH//", [0, 127, 255]):
+        assert from_json(kind, {"data": given_data})["data"] == IMAGE["data"]
+
+
+def test_numbers_in_cbor_are_typed_arrays() -> None:
+    """RFC 8746: 85 is float32, 86 float64, each little-endian."""
+    scan = ros_message.decode(
+        "sensor_msgs/msg/LaserScan", ros_message.encode("sensor_msgs/msg/LaserScan", {"ranges": (1.0, 2.5)})
+    )
+    assert scan is not None
+    found = to_cbor("sensor_msgs/msg/LaserScan", scan)["ranges"]
+    assert (found.tag, found.value.hex()) == (85, "0000803f00002040")
+    imu = to_cbor("sensor_msgs/msg/Imu", ros_message.empty("sensor_msgs/msg/Imu"))["orientation_covariance"]
+    assert (imu.tag, len(imu.value)) == (86, 72)
+
+
+def test_what_is_not_finite_is_null() -> None:
+    kind = "std_msgs/msg/Float64"
+    assert json_text(to_json(kind, {"data": math.inf})) == '{"data": null}'
+    assert math.isnan(from_json(kind, {"data": None})["data"])
+
+
+def test_names_of_ros_1_are_understood() -> None:
+    header = from_json("std_msgs/msg/Header", {"seq": 4, "stamp": {"secs": 5, "nsecs": 6}, "frame_id": "a"})
+    assert header == {"stamp": {"sec": 5, "nanosec": 6}, "frame_id": "a"}
+    assert whole_type("geometry_msgs/Twist") == "geometry_msgs/msg/Twist"
+    assert whole_type("std_srvs/SetBool", "srv") == "std_srvs/srv/SetBool"
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "words"),
+    [
+        ("geometry_msgs/msg/Twist", {"linar": {}}, "has no field 'linar'"),
+        ("geometry_msgs/msg/Twist", {"linear": 3}, "linear: expected an object"),
+        ("geometry_msgs/msg/Vector3", {"x": "fast"}, "x: 'fast' is no float64"),
+        ("geometry_msgs/msg/Vector3", {"x": 10**400}, "too large"),
+        ("std_msgs/msg/UInt8", {"data": 1.5}, "is no uint8"),
+        ("std_msgs/msg/Bool", {"data": 1}, "is no bool"),
+        ("std_msgs/msg/UInt8MultiArray", {"data": "%%"}, "base64"),
+        ("std_msgs/msg/UInt8MultiArray", {"data": [256]}, "0 to 255"),
+        ("std_msgs/msg/Float64MultiArray", {"data": 3.0}, "expected an array"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_its_place(kind: str, values: Any, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        from_json(kind, values)
+
+
+@given(st.sampled_from(MESSAGES), JSON)
+def test_noise_is_encoded_or_refused(kind: str, values: Any) -> None:
+    try:
+        payload = ros_message.encode(kind, from_json(kind, values))
+    except ConfigError:
+        return
+    assert ros_message.decode(kind, payload) is not None
+
+
+@given(st.sampled_from(["geometry_msgs/msg/Twist", "std_msgs/msg/Header", "sensor_msgs/msg/Image"]), st.data())
+def test_noise_in_known_fields_is_encoded_or_refused(kind: str, data: st.DataObject) -> None:
+    names = [field.name for field in types.definition(kind).fields]
+    values = data.draw(st.dictionaries(st.sampled_from(names), JSON))
+    try:
+        payload = ros_message.encode(kind, from_json(kind, values))
+    except ConfigError:
+        return
+    assert ros_message.decode(kind, payload) is not None
+
+
+def test_arguments_are_named_or_in_order() -> None:
+    kind = "std_srvs/srv/SetBool_Request"
+    assert arguments(kind, [True]) == arguments(kind, {"data": True}) == {"data": True}
+    assert arguments(kind, None) == {}
+    with pytest.raises(ConfigError, match="2 values for 1"):
+        arguments(kind, [True, False])
+
+
+def test_types_are_told_with_all_that_they_are_made_of() -> None:
+    found = {each["type"]: each for each in typedefs("geometry_msgs/msg/PoseStamped")}
+    assert set(found) == {
+        "geometry_msgs/msg/PoseStamped", "std_msgs/msg/Header", "builtin_interfaces/msg/Time",
+        "geometry_msgs/msg/Pose", "geometry_msgs/msg/Point", "geometry_msgs/msg/Quaternion",
+    }  # fmt: skip
+    assert found["std_msgs/msg/Header"]["fieldnames"] == ["stamp", "frame_id"]
+
+
+# --- when messages are sent
+
+MS = 1_000_000
+
+
+def test_a_throttle_without_a_queue_leaves_out() -> None:
+    subscription = Subscription()
+    subscription.add("a", read_wish({"throttle_rate": 100}))
+    taken = [subscription.take(number, number * 40 * MS) for number in range(6)]
+    assert taken == [0, None, None, 3, None, None]
+    assert subscription.due_ns is None
+
+
+def test_a_queue_is_sent_at_the_throttles_pace_and_drops_its_oldest() -> None:
+    subscription = Subscription()
+    subscription.add("a", Wish(100 * MS, 2, "none"))
+    assert [subscription.take(number, 0) for number in range(4)] == [0, None, None, None]
+    assert subscription.due_ns == 100 * MS
+    assert subscription.take_waiting(50 * MS) is None
+    assert [subscription.take_waiting(100 * MS), subscription.take_waiting(200 * MS)] == [2, 3]
+    assert subscription.due_ns is None
+
+
+def test_of_two_subscriptions_the_faster_counts_until_it_goes() -> None:
+    subscription = Subscription()
+    subscription.add("slow", Wish(1000 * MS, 0, "none"))
+    subscription.add("fast", Wish(0, 0, "cbor"))
+    assert subscription.compression == "cbor"
+    assert [subscription.take(number, number) for number in range(3)] == [0, 1, 2]
+    assert not subscription.remove("fast")
+    assert subscription.compression == "none"
+    assert subscription.take(3, 10) == 3
+    assert subscription.take(4, 20) is None
+    assert subscription.remove("slow")
+
+
+@given(st.dictionaries(st.sampled_from(["throttle_rate", "queue_length", "compression"]), JSON))
+def test_noise_in_a_subscription_is_bounded_or_refused(message: dict[str, Any]) -> None:
+    try:
+        wish = read_wish(message)
+    except ConfigError:
+        return
+    assert 0 <= wish.throttle_ns <= 3600 * 10**9
+    assert 0 <= wish.queue_length <= 1000
