@@ -1,0 +1,1 @@
+"""Example nodes for a vehicle of uuv-hil."""
