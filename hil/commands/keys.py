@@ -27,14 +27,14 @@ examples:
 def main(arguments: list[str]) -> int:
     """Make an authority, or one machine's certificates; the exit code."""
     parser = new_parser("keys", __doc__, EXAMPLES)
-    parser.add_argument("--dir", metavar="DIR", default="keys", help="folder of all keys [%(default)s]")
+    parser.add_argument("--dir", metavar="FOLDER", default="keys", help="folder of all keys [%(default)s]")
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     actions.add_parser("init", help="make the authority")
     add = actions.add_parser("add", help="make certificates for a machine")
     add.add_argument("name", metavar="NAME", help="name of the machine in may_command and may_listen")
     add.add_argument(
         "--host",
-        metavar="HOST",
+        metavar="ADDRESS",
         type=host,
         action="append",
         default=[],

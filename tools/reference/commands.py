@@ -75,7 +75,8 @@ def _describe(parser: argparse.ArgumentParser) -> Iterator[str]:
 def _row(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
     formatter = parser._get_formatter()
     meaning = formatter._expand_help(action) if action.help else USUAL.get(str(action.metavar), "")
-    if action.choices is not None and not all(str(choice) in meaning for choice in action.choices):
+    is_named = action.metavar is not None or not action.option_strings  # else its choices stand in its name
+    if is_named and action.choices is not None and not all(str(choice) in meaning for choice in action.choices):
         meaning += f" ({', '.join(map(str, action.choices))})"
     return f"| {_name(action)} | {_cell(meaning)} |\n"
 
@@ -84,7 +85,8 @@ def _name(action: argparse.Action) -> str:
     metavar = action.metavar if isinstance(action.metavar, str) else " ".join(action.metavar or ())
     if not action.option_strings:
         return f"`{metavar or action.dest}`"
-    value = "" if action.nargs == 0 else f" {metavar or action.dest.upper()}"
+    choices = f"{{{','.join(map(str, action.choices or ()))}}}"  # as --help has them
+    value = "" if action.nargs == 0 else f" {metavar or choices}"
     return ", ".join(f"`{name}{value}`" for name in action.option_strings)
 
 

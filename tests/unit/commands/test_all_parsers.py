@@ -117,6 +117,14 @@ def test_every_option_says_what_it_is(parser: argparse.ArgumentParser) -> None:
 
 
 @each
+def test_no_option_repeats_its_name_as_its_value(parser: argparse.ArgumentParser) -> None:
+    """`--role {host,device}`, `--host ADDRESS`; only SCENARIO is called the same where it is an argument."""
+    for name, action in options(parser).items():
+        words = " ".join(action.metavar) if isinstance(action.metavar, tuple) else action.metavar or ""
+        assert words == "SCENARIO" or words != name.lstrip("-").replace("-", "_").upper(), f"{parser.prog} {name}"
+
+
+@each
 def test_every_default_stands_in_the_help(parser: argparse.ArgumentParser) -> None:
     for action in parser._actions:
         if action.default not in (None, False, True, "", 0, 0.0, argparse.SUPPRESS, [], ()):
