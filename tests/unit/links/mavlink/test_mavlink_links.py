@@ -14,7 +14,7 @@ from firmware_stub.stub import Stm32, Stm32End
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import Role, open_protocol
 from hil.links.wires.terminal import PtyHostWire, PtyWire
-from tests.support.links.link_contract import PATIENCE_S, Ends, LinkContract, command, read_messages
+from tests.support.links.link_contract import PATIENCE_S, Ends, LinkContract, command, read_messages, wait_readable
 from tests.support.links.mavlink_peer import KEY, MS, Peer
 
 # The number that arrives is the packet's, and a report's age counts from the first that shows its command.
@@ -59,7 +59,8 @@ class TestServoOutputsOnPty(LinkContract):
         end = Stm32End(stm32, ends.device)
         end.service(1)
         (power_up,) = read_messages(ends.host, 1)
-        ends.host.receive()  # the heartbeat, if it was not there yet: disarmed
+        while ends.host.counters.bytes_in < ends.device.counters.bytes_out and wait_readable(ends.host.wire):
+            ends.host.receive()  # the heartbeat, if it was not there yet: disarmed
         assert isinstance(power_up, ThrusterTelemetry)
         assert (power_up.sequence, power_up.pwm_us) == (0, (1500,) * 16)
         order = command(99, 16)
