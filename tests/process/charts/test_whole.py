@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.support.s57_encoder import Encoder, square
 
 from hil.charts import whole as module
 from hil.charts.build import MOST_OWN_NODES, build, own_resolution
@@ -21,6 +20,7 @@ from hil.common.errors import ConfigError
 from hil.scenario.config import load_scenario
 from sim.environment.obstacles import Cylinder
 from sim.environment.world import load_world
+from tests.support.charts.s57_encoder import Encoder, square
 from tests.support.charts.small_cell import bay
 
 
