@@ -2,6 +2,7 @@
 
 import os
 import random
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -11,7 +12,7 @@ from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.gateway import Gateway
 from hil.gateways.mavlink.protocols import newer_messages as newer
-from hil.gateways.mavlink.protocols.ftp import HEADER, FtpServer
+from hil.gateways.mavlink.protocols.ftp import ACK, HEADER, OPEN_READ, FtpServer
 from hil.gateways.mavlink.protocols.parameters import ParameterTable
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream, signing_secret
@@ -82,17 +83,25 @@ def test_random_bytes_never_raise() -> None:
     assert bench.partner.peer.counters.dropped_bytes > 0
 
 
-def test_random_file_requests_never_raise(tmp_path: object) -> None:
+NAMES = (b"/logs\0", b"@PARAM/param.pck\0", b"/logs/run.mcap\0", b"/logs/runs\0", b"/logs/../../etc/passwd\0", b"")
+
+
+def test_random_file_requests_never_raise(tmp_path: Path) -> None:
     generator = random.Random(28)
+    (tmp_path / "run.mcap").write_bytes(bytes(5000))
+    (tmp_path / "runs").mkdir()
     server = FtpServer(str(tmp_path), ParameterTable())
+    opened = 0
     for number in range(COUNT // 4):
         head = HEADER.pack(
             generator.randrange(1 << 16), generator.randrange(10), generator.randrange(20), generator.randrange(256),
             generator.randrange(256), generator.randrange(2), generator.choice((0, 5, 1 << 31, (1 << 32) - 1)),
         )  # fmt: skip
-        path = generator.choice((b"/logs\0", b"@PARAM/param.pck\0", b"/logs/" + generator.randbytes(9), b""))
+        path = generator.choice(NAMES) or generator.randbytes(9)
         answers = server.handle(head + path, (generator.randrange(3), 1, 1), number * 10**7)
         assert all(len(answer) <= 251 for answer in answers)
+        opened += sum(answer[3] == ACK and answer[5] == OPEN_READ for answer in answers)
+    assert opened > 0
     server.close()
 
 
