@@ -1,12 +1,14 @@
 """Measure the cost of the live view: the vehicle's delays with and without it, and how late a sample is shown.
 
-    python tools/costs/view_cost.py [--seconds 20] [--browser]
+    python tools/costs/view_cost.py [--seconds 20] [--browser] [--rate 20]
 
 One slave over a seabed of 1,000 x 1,000 nodes, commanded 20 times a second, and a view with no, one and ten viewers:
 clients that receive the scene as a browser does. A sample's latency is from its measuring until the vehicle's new place
 has come to a viewer; the browser's drawing, a picture more, is not in it. `--browser` also opens the page in Debian's
 Chromium and counts how many pictures a second it draws: without a graphics card, on the processor that the slave needs.
-Exit code 1 when the latency is above 60 ms in the median. Needs the extra dev.
+`--rate` lets so many
+Mbit/s pass between the view and its viewers. Exit code 1 when the latency is above 60 ms in the median. Needs the
+extra dev.
 """
 
 import argparse
@@ -34,6 +36,7 @@ from hil.common.children import module_command, package_environment, start_child
 from hil.common.quantiles import quantile  # noqa: E402
 from hil.ros import encoders as ros  # noqa: E402
 from hil.view.scene.frames import to_scene  # noqa: E402
+from tools.faults.relay import Relay  # noqa: E402
 
 MOST_LATENCY_MS = 60.0
 SETTLE_S = 5.0
@@ -69,7 +72,10 @@ COUNT_PICTURES = """seconds => new Promise(done => {
 
 
 class Measured(NamedTuple):
-    """Figures of one round: command delay, loop lateness, shares of a core, memory, and the viewers' part."""
+    """Figures of one round: command delay, loop lateness, shares of a core, memory, and the viewers' part.
+
+    `latency_ms` are in the order in which they were measured.
+    """
 
     delay_p50_ms: float
     delay_p99_ms: float
@@ -80,6 +86,7 @@ class Measured(NamedTuple):
     view_mib: float
     latency_ms: list[float]
     updates_hz: float
+    traffic_mbit_s: float  # of all viewers; only measured with a rate
 
 
 class Clock:
@@ -179,8 +186,19 @@ def fly(client: VehicleClient, seconds: float) -> tuple[list[float], list[float]
     return sorted(middles), sorted(worst)
 
 
-def measure(folder: Path, viewers: int | None, seconds: float, browser: bool) -> Measured:
-    """One round with so many viewers; None: no view."""
+@contextmanager
+def slowed(address: str, rate: float) -> Iterator[tuple[str, Relay | None]]:
+    """The address at which a view is behind a network of that rate (Mbit/s), and that network; 0: no limit."""
+    if not rate:
+        yield address, None
+        return
+    port = int(address.rstrip("/").rpartition(":")[2])
+    with Relay(port, rate * 1e6 / 8, slow=(0,)) as relay:
+        yield f"http://127.0.0.1:{relay.port}/", relay
+
+
+def measure(folder: Path, viewers: int | None, seconds: float, browser: bool, rate: float = 0.0) -> Measured:
+    """One round with so many viewers, behind a network of `rate` Mbit/s if not 0; None: no view."""
     (folder / "wide.toml").write_text(WORLD, encoding="utf-8")
     scenario = folder / "scenario.toml"
     scenario.write_text(SCENARIO.format(world=folder / "wide.toml"), encoding="utf-8")
@@ -191,15 +209,17 @@ def measure(folder: Path, viewers: int | None, seconds: float, browser: bool) ->
         client = stack.enter_context(bench.client(topics=("ground_truth", "trace")))
         client.session.subscribe("uuv1", "ground_truth", clock.on_truth, 64)
         await_vehicle(client, slave)
-        view = seen = None
+        view = seen = relay = None
         if viewers is not None:
             view, address, token = stack.enter_context(viewed(bench.path))
+            address, relay = stack.enter_context(slowed(address, rate))
             if browser:
                 stack.enter_context(_open_page(f"{address}?token={token}", seconds))
             seen = stack.enter_context(Viewers(viewers, address, token, clock))
         fly(client, SETTLE_S)
         first = len(client.delays.totals_ns())
         noted, updates = (len(seen.latency_ms), seen.updates) if seen else (0, 0)
+        passed = relay.passed if relay else 0
         began, slave_s, view_s = time.monotonic(), cpu_s([slave.pid]), cpu_s([view]) if view else 0.0
         middles, worst = fly(client, seconds)
         took = time.monotonic() - began
@@ -207,8 +227,9 @@ def measure(folder: Path, viewers: int | None, seconds: float, browser: bool) ->
         return Measured(
             quantile(delays, 0.5) / 1e6, quantile(delays, 0.99) / 1e6, quantile(middles, 0.5), quantile(worst, 0.5),
             (cpu_s([slave.pid]) - slave_s) / took, (cpu_s([view]) - view_s) / took if view else 0.0,
-            read_threads([view]).pss_mib if view else 0.0, sorted(seen.latency_ms[noted:]) if seen else [],
+            read_threads([view]).pss_mib if view else 0.0, seen.latency_ms[noted:] if seen else [],
             (seen.updates - updates) / took if seen else 0.0,
+            8e-6 * (relay.passed - passed) / took if relay else 0.0,
         )  # fmt: skip
 
 
@@ -239,23 +260,27 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0, help="of each round [%(default)s]")
     parser.add_argument("--browser", action="store_true", help="and a real browser")
+    parser.add_argument("--rate", type=float, default=0.0, metavar="MBIT/S", help="of the viewers' network [no limit]")
     options = parser.parse_args()
-    print("viewers  delay p50, p99 ms  late p50, p99 us  CPU slave, view  view MiB  latency p50, p95 ms  updates/s")
+    print(
+        "viewers  delay p50, p99 ms  late p50, p99 us  CPU slave, view  view MiB  latency p50, p95 ms  updates/s Mbit/s"
+    )
     failed = False
     rounds: list[tuple[int | None, bool]] = [(None, False), (0, False), (1, False), (10, False)]
     if options.browser:
         rounds.append((1, True))
     for viewers, browser in rounds:
         with tempfile.TemporaryDirectory() as folder:
-            measured = measure(Path(folder), viewers, options.seconds, browser)
-        late = measured.latency_ms
+            measured = measure(Path(folder), viewers, options.seconds, browser, options.rate)
+        late = sorted(measured.latency_ms)
         p50, p95 = (quantile(late, 0.5), quantile(late, 0.95)) if late else (float("nan"), float("nan"))
         failed |= p50 > MOST_LATENCY_MS
         name = "no view" if viewers is None else f"{viewers}{' + browser' if browser else ''}"
         print(
             f"{name:8} {measured.delay_p50_ms:8.3f} {measured.delay_p99_ms:8.3f} {measured.late_p50_us:9.1f}"
             f" {measured.late_p99_us:7.1f} {measured.slave_cpu:9.1%} {measured.view_cpu:7.1%} {measured.view_mib:8.0f}"
-            f" {p50:10.1f} {p95:8.1f} {measured.updates_hz:9.1f}",
+            f" {p50:10.1f} {p95:8.1f} {measured.updates_hz:9.1f}"
+            f" {measured.traffic_mbit_s:7.2f}",
             flush=True,
         )
     return int(failed)

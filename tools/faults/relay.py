@@ -5,6 +5,7 @@ import socket
 import threading
 import time
 from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal
@@ -23,19 +24,19 @@ class Relay:
 
     `hold` lets nothing pass and loses nothing: what the sender's kernel took is delivered on `release`, as TCP does
     after a black-out. `cut` ends all connections and refuses new ones until `mend`. `rate` is how many bytes a second
-    pass from the target over the second link, which is not that of commands; it holds back little, as a bottleneck
-    that is near. `passed` counts the bytes, of both directions. `blocked`: what comes from the target, or goes to it,
-    is thrown away. `delay_s`: what comes waits so long.
+    pass from the target over the links `slow`: the second one, which is not that of commands, unless said otherwise.
+    It holds back little, as a bottleneck that is near. `passed` counts the bytes, of both directions. `blocked`: what
+    comes from the target, or goes to it, is thrown away. `delay_s`: what comes waits so long.
     """
 
     passed = 0
     delay_s = 0.0
     blocked: Literal["", "from target", "to target"] = ""
 
-    def __init__(self, target: int, rate: float = 0.0) -> None:
+    def __init__(self, target: int, rate: float = 0.0, slow: Sequence[int] = (1,)) -> None:
         self.port = free_ports(1)[0]
         self._target = target
-        self._rate = rate
+        self._rate, self._slow_links = rate, slow
         self._slow: set[socket.socket] = set()  # the ends that have this rate
         self._due = 0.0  # when more may pass from them
         self._listeners = [socket.create_server(("127.0.0.1", self.port + link), backlog=64) for link in (0, 1)]
@@ -102,7 +103,7 @@ class Relay:
             near.close()
             return
         link, far = self._listeners.index(listener), socket.socket()
-        if self._rate and link:
+        if self._rate and link in self._slow_links:
             far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2 * PIECE)
             self._slow.add(far)
         try:

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from hil.client.vehicle_handle import Vehicle
-from hil.common.errors import HilError
+from hil.common.errors import HilError, NetworkError
 from hil.ros.graph import plain_name
 from hil.view.scene.frames import from_scene, to_scene
 from hil.view.teleop import acts
 
+HANDLE_PIXELS = 60.0  # of the arrows that drag a waypoint, however far the camera is; they show through the water
 PLACE = "click: nothing", "click: go there", "click: add a waypoint"
 
 
@@ -33,6 +34,7 @@ class ActsPanel:
         self._server, self._chosen, self._report = server, chosen, report
         self._waypoints: list[Any] = []
         self._buttons: list[Any] = []
+        self._failed: set[str] = set()  # thrusters that were let fail from here
         with container:
             self._reason = server.gui.add_markdown("")
             self._add_hold()
@@ -72,7 +74,8 @@ class ActsPanel:
         with gui.add_folder("simulated vehicle"):
             for name in thrusters:
                 box = gui.add_checkbox(f"{name} has failed", False)
-                box.on_update(self._on_failure(name))
+                box.on_update(lambda _, name=name, box=box: self._fail(name, box))
+                self._buttons.append(box)
             self._button("back to the start", lambda vehicle: self._report(acts.reset(vehicle)))
             place = gui.add_vector3("north, east, depth (m)", (0.0, 0.0, 1.0), step=0.1)
             heading = gui.add_number("at heading (°)", 0.0, min=-180.0, max=360.0, step=1.0)
@@ -86,28 +89,34 @@ class ActsPanel:
         button.on_click(lambda _: self._do(label, act))
         self._buttons.append(button)
 
-    def _on_failure(self, thruster: str) -> Callable[[Any], None]:
-        def change(event: Any) -> None:
-            self._do(
-                f"failure of {thruster}",
-                lambda vehicle: self._report(acts.fail_thruster(vehicle, plain_name(thruster), event.target.value)),
-            )
+    def _fail(self, thruster: str, box: Any) -> None:
+        """Let a thruster fail as its box says, or repair it; a box whose wish was refused goes back."""
+        failing = bool(box.value)
+        if failing == (thruster in self._failed):
+            return
 
-        return change
+        def act(vehicle: Vehicle) -> None:
+            self._report(acts.fail_thruster(vehicle, plain_name(thruster), failing))
+            (self._failed.add if failing else self._failed.discard)(thruster)
 
-    def _do(self, label: str, act: Callable[[Vehicle], object]) -> None:
+        def go_back() -> None:
+            box.value = thruster in self._failed
+
+        self._do(f"failure of {thruster}", act, go_back)
+
+    def _do(self, label: str, act: Callable[[Vehicle], object], on_refusal: Callable[[], None] = lambda: None) -> None:
         """Run the action in a thread: it may wait for the vehicle's answer."""
 
         def run() -> None:
             vehicle = self._chosen()
             try:
                 if vehicle is None:
-                    self._report(f"{label}: this view only observes")
-                    return
+                    raise NetworkError("this view only observes")
                 act(vehicle)
                 self._report(f"{vehicle.name}: {label}")
             except HilError as error:
                 self._report(f"{label}: {error}")
+                on_refusal()
 
         threading.Thread(target=run, name=label, daemon=True).start()
 
@@ -134,8 +143,9 @@ class ActsPanel:
     def _add_waypoint(self, north: float, east: float, depth: float) -> None:
         number = len(self._waypoints) + 1
         handle = self._server.scene.add_transform_controls(
-            f"/waypoints/{number}", scale=0.8, disable_rotations=True, position=to_scene([(north, east, depth)])[0]
-        )
+            f"/waypoints/{number}", scale=HANDLE_PIXELS, fixed=True, depth_test=False, disable_rotations=True,
+            position=to_scene([(north, east, depth)])[0],
+        )  # fmt: skip
         self._server.scene.add_label(f"/waypoints/{number}/name", str(number), position=(0.0, 0.0, 0.4))
         self._waypoints.append(handle)
 
@@ -144,6 +154,8 @@ class ActsPanel:
         if not points:
             self._report("no waypoints yet: choose 'click: add a waypoint', and click in the scene")
             return
+        listed = ", ".join(f"({north:.1f}, {east:.1f}, {depth:.1f})" for north, east, depth in points)
+        self._report(f"waypoints (north, east, depth in m): {listed}")
         vehicle.follow(points, speed=float(self._speed.value))
 
     def _clear(self) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from hil.common.errors import MissingExtraError
 from hil.common.ports import free_ports
 from hil.view.front import SECRET_HEADER
+from hil.view.scene.wakeup import ThreadSafeEvent
 
 
 class SceneServer:
@@ -40,6 +41,7 @@ class SceneServer:
             if not secrets.compare_digest(given.encode(), self.secret.encode()):
                 await connection.close(1008, "only by way of the live view's page")
                 return
+            _make_thread_safe(websockets._client_state_from_id[client.client_id].message_buffer)
             with self._turn:
                 self._viewers.add(client.client_id)
 
@@ -47,6 +49,7 @@ class SceneServer:
             with self._turn:
                 self._viewers.discard(client.client_id)
 
+        _make_thread_safe(websockets._broadcast_buffer)
         websockets.unregister_handler(_messages.ShareUrlRequest)  # a tunnel to a server of others
         websockets.on_client_connect(check)
         websockets.on_client_disconnect(leave)
@@ -63,3 +66,8 @@ class SceneServer:
         """Number of connected browsers."""
         with self._turn:
             return len(self._viewers)
+
+
+def _make_thread_safe(buffer: Any) -> None:
+    """Let other threads add messages to a buffer of viser for which nobody waits yet."""
+    buffer.message_event = ThreadSafeEvent(buffer.event_loop)

@@ -75,9 +75,11 @@ def test_it_lets_in_who_has_the_token_and_its_own_page_alone(tmp_path: Path) -> 
 
 def test_the_scene_is_closed_to_all_but_the_view(tmp_path: Path) -> None:
     from hil.view.scene.server import SceneServer
+    from hil.view.scene.wakeup import ThreadSafeEvent
 
     with SceneServer() as scene:
         scene.server.gui.add_button("act")
+        assert isinstance(scene.server._websock_server._broadcast_buffer.message_event, ThreadSafeEvent)
 
         async def dial(client: aiohttp.ClientSession) -> tuple[int, int]:
             direct = await scene_bytes(client, f"http://127.0.0.1:{scene.port}/")

@@ -1,0 +1,113 @@
+"""The live view's page as a person uses it: its tabs, boxes and buttons, and the scene under the mouse."""
+
+import io
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+import hil
+from hil.client.vehicle_handle import Vehicle
+from tests.support.browser import PATIENCE_MS, Seen, open_page
+from tests.support.processes import Program, wait_for, write_scenario
+from tests.support.view_client import ADDRESS
+
+READY = "document.getElementById('reason').textContent === 'ready'"
+PAUSE_MS = 100
+DRAWN_COLOURS = 12  # a scene with a seabed has more, an empty one fewer
+
+
+class ViewPage:
+    """The view whose program printed its address, opened in a browser."""
+
+    def __init__(self, seen: Seen, view: Program) -> None:
+        self.seen, self.page, self.view = seen, seen.page, view
+        self.page.goto(view.expect(ADDRESS)[0].removeprefix("watch at "), timeout=PATIENCE_MS)
+        self.frame = self.page.frame_locator("#scene")
+
+    def wait_until_ready(self) -> None:
+        """Wait until the vehicle may be steered."""
+        self.page.wait_for_function(READY, timeout=PATIENCE_MS)
+
+    def wait_until(self, holds: Callable[[], bool], seconds: float = 120.0) -> bool:
+        """Wait, while the page goes on."""
+
+        def look() -> bool:
+            self.page.wait_for_timeout(PAUSE_MS)
+            return holds()
+
+        return bool(wait_for(look, seconds))
+
+    def pixels(self) -> Any:
+        """The scene as it is on the screen, without the panels at its right."""
+        shot = self.page.locator("#scene").screenshot(timeout=PATIENCE_MS)
+        picture = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+        return picture[:, : picture.shape[1] // 2]
+
+    def wait_until_drawn(self) -> None:
+        """Wait until there is a seabed: many colours on the screen."""
+
+        def drawn() -> bool:
+            return len(np.unique((self.pixels() // 16).reshape(-1, 3), axis=0)) > DRAWN_COLOURS
+
+        assert self.wait_until(drawn, 180.0), "nothing is drawn"
+
+    def open_tab(self, name: str) -> None:
+        """Open a tab of the panels."""
+        self.frame.get_by_role("tab", name=name).click()
+
+    def click(self, label: str) -> None:
+        """Press a button of the panels."""
+        self.frame.get_by_role("button", name=label, exact=True).click()
+
+    def choose(self, now: str, new: str) -> None:
+        """Choose another entry of the dropdown that shows `now`."""
+        self.frame.locator(f"input[role=combobox][value='{now}']").click()
+        self.frame.get_by_role("option", name=new, exact=True).click()
+
+    def tick(self, label: str) -> None:
+        """Change a tick box."""
+        self._beside(label, "input[type=checkbox]").click()
+
+    def write(self, label: str, value: float) -> None:
+        """Write a number into its box."""
+        box = self._beside(label, "input")
+        box.fill(f"{value:g}")
+        box.press("Enter")
+
+    def text_of(self, label: str) -> str:
+        """What a box of the panels shows."""
+        return str(self._beside(label, "input").input_value())
+
+    def _beside(self, label: str, kind: str) -> Any:
+        """The first element of that kind after a label."""
+        return self.frame.get_by_text(label, exact=True).locator(f"xpath=following::{_xpath(kind)}").first
+
+    def middle(self) -> tuple[float, float]:
+        """The middle of the scene on the screen (pixels); from above the vehicle is there."""
+        box = self.page.locator("#scene").bounding_box()
+        return box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+
+
+def _xpath(kind: str) -> str:
+    return {"input": "input[not(@type='hidden')]", "input[type=checkbox]": "input[@type='checkbox']"}[kind]
+
+
+@contextmanager
+def viewed_slave(folder: Path, *options: object) -> Iterator[tuple[ViewPage, Vehicle, Program]]:
+    """A slave in the pool and a view of it in a browser: the page, what the vehicle says, and the slave."""
+    scenario, port = write_scenario(folder)
+    words = ("view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser", *options)
+    with (
+        Program(folder, "slave", scenario) as slave,
+        Program(folder, *words) as view,
+        hil.connect(f"tcp/127.0.0.1:{port}", observe=True) as fleet,
+        open_page() as seen,
+    ):
+        page = ViewPage(seen, view)
+        yield page, fleet["uuv1"], slave
+        assert "Traceback" not in view.output
+        assert not seen.errors, seen.errors

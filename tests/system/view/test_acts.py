@@ -1,0 +1,102 @@
+"""The page of acts in a real browser: each button does at the vehicle what it says."""
+
+from math import atan2, degrees, hypot
+from pathlib import Path
+
+import pytest
+
+from hil.client.vehicle_handle import Vehicle
+from tests.support.view_page import ViewPage, viewed_slave
+
+pytest.importorskip("viser", reason="the live view needs the extra view")
+pytestmark = pytest.mark.timeout(900)
+
+CLICK_UP, DRAG_RIGHT = 60, 90  # pixels of the scene
+
+
+def thrust(vehicle: Vehicle, thruster: str) -> float:
+    """What a thruster gives now (N)."""
+    stamped = vehicle.client.latest.get("joint_states")
+    return abs(dict(zip(stamped.value.names, stamped.value.efforts, strict=True))[thruster]) if stamped else 0.0
+
+
+def test_a_waypoint_is_set_dragged_and_flown(tmp_path: Path) -> None:
+    """Seen from above north is up: the waypoint is set north of the vehicle, and dragged east by its arrow."""
+    with viewed_slave(tmp_path) as (page, vehicle, _):
+        page.wait_until_ready()
+        page.wait_until_drawn()
+        start = vehicle.ground_truth.position
+        page.open_tab("Acts")
+        page.choose("follow", "top")
+        page.choose("click: nothing", "click: add a waypoint")
+        page.page.wait_for_timeout(1500)
+        x, y = page.middle()
+        page.page.mouse.click(x, y - CLICK_UP)
+        drag(page, (x + 40, y - CLICK_UP), DRAG_RIGHT)
+        page.click("fly the waypoints")
+        assert page.wait_until(lambda: hypot(*moved(vehicle, start)) > 0.5), "it does not fly"
+        assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.03), "it does not end there"
+        north, east = moved(vehicle, start)
+        bearing = degrees(atan2(east, north))
+        expected = degrees(atan2(DRAG_RIGHT, CLICK_UP))
+        assert abs(bearing - expected) < 12.0, f"flown to {bearing:.0f} degrees, dragged to {expected:.0f}"
+
+
+def drag(page: ViewPage, begin: tuple[float, float], right: float) -> None:
+    """Drag what is at `begin` to the right, as slowly as a hand does."""
+    page.page.wait_for_timeout(1500)
+    page.page.mouse.move(*begin)
+    page.page.wait_for_timeout(1000)
+    page.page.mouse.down()
+    for step in range(1, 11):
+        page.page.mouse.move(begin[0] + right * step / 10, begin[1])
+        page.page.wait_for_timeout(150)
+    page.page.mouse.up()
+    page.page.wait_for_timeout(1500)
+
+
+def moved(vehicle: Vehicle, start: tuple[float, ...]) -> tuple[float, float]:
+    """How far north and east the vehicle is of `start` (m)."""
+    position = vehicle.ground_truth.position
+    return position[0] - start[0], position[1] - start[1]
+
+
+def test_failures_depth_and_pose(tmp_path: Path) -> None:
+    with viewed_slave(tmp_path) as (page, vehicle, slave):
+        vehicle.client.watch("joint_states")
+        page.wait_until_ready()
+        page.open_tab("Acts")
+        page.write("depth (m)", 3.0)
+        page.click("hold depth")
+        assert page.wait_until(lambda: abs(vehicle.ground_truth.position[2] - 3.0) < 0.1), "hold depth"
+        page.tick("front_right has failed")
+        page.page.locator("#mode").select_option("effort")  # a turn on the spot, by all horizontal thrusters
+        page.page.locator("#heading").focus()
+        page.page.keyboard.down("Space")
+        page.page.keyboard.down("KeyD")
+
+        def failed() -> bool:
+            return thrust(vehicle, "rear_left") > max(1.0, 10.0 * thrust(vehicle, "front_right"))
+
+        assert page.wait_until(failed), slave.output
+        page.tick("front_right has failed")
+        assert page.wait_until(lambda: thrust(vehicle, "front_right") > 1.0), slave.output
+        page.page.keyboard.up("KeyD")
+        page.page.keyboard.up("Space")
+        assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05)
+        page.click("put it there")  # the box says (0, 0, 1) m, the start is (4, 4, 2) m
+        assert page.wait_until(lambda: hypot(*vehicle.ground_truth.position[:2]) < 0.3), "put it there"
+        page.click("back to the start")
+        assert page.wait_until(lambda: hypot(*moved(vehicle, (4.0, 4.0))) < 0.3), "back to the start"
+
+
+def test_who_only_looks_finds_all_buttons_grey(tmp_path: Path) -> None:
+    with viewed_slave(tmp_path, "--observe") as (page, vehicle, _):
+        page.open_tab("Acts")
+        button = page.frame.get_by_role("button", name="hold depth", exact=True)
+        assert page.wait_until(button.is_disabled), "hold depth is not grey"
+        box = page.frame.get_by_text("front_right has failed", exact=True).locator("xpath=following::input").first
+        assert box.is_disabled()
+        assert page.page.locator("#stop").is_disabled()
+        page.frame.get_by_text("this view only observes").first.wait_for()
+        assert vehicle.diagnostics.armed

@@ -1,0 +1,54 @@
+"""The view behind a network of 20 Mbit/s: a relay of ours, as the kernel's netem is not everywhere."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.common.quantiles import quantile
+from tests.support.browser import PATIENCE_MS
+from tests.support.view_client import ADDRESS
+from tests.support.view_page import viewed_slave
+from tools import view_cost
+from tools.faults.relay import Relay
+
+pytest.importorskip("viser", reason="the live view needs the extra view")
+pytestmark = pytest.mark.timeout(900)
+
+RATE_MBIT_S = 20.0
+
+
+def test_what_is_shown_does_not_fall_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three viewers of a seabed of 1,000 x 1,000: a sample that is shown at the end is as new as one at the start."""
+    monkeypatch.setattr(view_cost, "SETTLE_S", 8.0)  # the seabed has gone through by then
+    measured = view_cost.measure(tmp_path, 3, 15.0, browser=False, rate=RATE_MBIT_S)
+    third = len(measured.latency_ms) // 3
+    begin, end = (quantile(sorted(part), 0.5) for part in (measured.latency_ms[:third], measured.latency_ms[-third:]))
+    print(f"{measured.updates_hz:.1f} updates/s, {measured.traffic_mbit_s:.2f} Mbit/s, {begin:.0f} then {end:.0f} ms")
+    assert measured.updates_hz > 5.0
+    assert 0.0 < measured.traffic_mbit_s < RATE_MBIT_S
+    assert end < begin + 300.0, "what is shown falls behind"
+
+
+def test_a_browser_steers_through_it(tmp_path: Path) -> None:
+    with viewed_slave(tmp_path) as (page, vehicle, _):
+        port = int(page.page.url.partition("//")[2].partition("/")[0].rpartition(":")[2])
+        with Relay(port, RATE_MBIT_S * 1e6 / 8, slow=(0,)) as relay:
+            found = page.view.expect(ADDRESS)
+            page.page.goto(f"http://127.0.0.1:{relay.port}/?token={found[2]}", timeout=PATIENCE_MS)
+            page.wait_until_ready()
+            page.wait_until_drawn()
+            before, place = page.pixels(), vehicle.ground_truth.position
+            page.page.locator("#heading").focus()
+            page.page.keyboard.down("Space")
+            page.page.keyboard.down("KeyW")
+
+            def moved() -> bool:
+                return bool(np.hypot(*np.subtract(vehicle.ground_truth.position, place)[:2]) > 0.8)
+
+            assert page.wait_until(moved), "the keys do not move the vehicle"
+            assert np.abs(page.pixels() - before).mean() > 1.0, "it moves, but not on the screen"
+            page.page.keyboard.up("KeyW")
+            page.page.keyboard.up("Space")
+            assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on without a hand at the stick"
+            assert relay.passed > 100_000, "the page came another way"
