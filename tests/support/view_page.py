@@ -97,8 +97,11 @@ def _xpath(kind: str) -> str:
 
 
 @contextmanager
-def viewed_slave(folder: Path, *options: object) -> Iterator[tuple[ViewPage, Vehicle, Program]]:
-    """A slave in the pool and a view of it in a browser: the page, what the vehicle says, and the slave."""
+def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[tuple[ViewPage, Vehicle, Program]]:
+    """A slave in the pool and a view of it in a browser: the page, what the vehicle says, and the slave.
+
+    `script` is run in the page before its own.
+    """
     scenario, port = write_scenario(folder)
     words = ("view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser", *options)
     with (
@@ -107,6 +110,7 @@ def viewed_slave(folder: Path, *options: object) -> Iterator[tuple[ViewPage, Veh
         hil.connect(f"tcp/127.0.0.1:{port}", observe=True) as fleet,
         open_page() as seen,
     ):
+        seen.page.add_init_script(script)
         page = ViewPage(seen, view)
         yield page, fleet["uuv1"], slave
         assert "Traceback" not in view.output

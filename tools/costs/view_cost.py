@@ -6,9 +6,8 @@ One slave over a seabed of 1,000 x 1,000 nodes, commanded 20 times a second, and
 clients that receive the scene as a browser does. A sample's latency is from its measuring until the vehicle's new place
 has come to a viewer; the browser's drawing, a picture more, is not in it. `--browser` also opens the page in Debian's
 Chromium and counts how many pictures a second it draws: without a graphics card, on the processor that the slave needs.
-`--rate` lets so many
-Mbit/s pass between the view and its viewers. Exit code 1 when the latency is above 60 ms in the median. Needs the
-extra dev.
+`--rate` lets so many Mbit/s pass between the view and its viewers. Exit code 1 when the latency is above 60 ms in the
+median. Needs the extra dev.
 """
 
 import argparse

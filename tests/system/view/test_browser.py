@@ -53,6 +53,36 @@ def steer_by_keyboard(page: ViewPage, vehicle: Vehicle) -> None:
     assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on without a hand at the stick"
 
 
+GAMEPAD = """
+window.pad = {id: "Test Pad (STANDARD GAMEPAD)", connected: true, index: 0, mapping: "standard",
+              axes: [0, 0, 0, 0], buttons: Array.from({length: 17}, () => ({pressed: false, value: 0}))};
+navigator.getGamepads = () => [null, window.pad];
+"""
+
+
+def test_a_gamepad_steers_while_its_switch_is_held(tmp_path: Path) -> None:
+    """The browser's own code reads a gamepad that stands in for one of a person: its left stick pushed forward."""
+    with viewed_slave(tmp_path, script=GAMEPAD) as (page, vehicle, _):
+        page.wait_until_ready()
+        page.page.wait_for_function("document.getElementById('pad').textContent.includes('Test Pad')")
+        place, heading = vehicle.ground_truth.position, vehicle.ground_truth.heading
+        page.page.evaluate("pad.axes[1] = -1.0")
+        page.page.wait_for_timeout(1500)
+        assert np.hypot(*np.subtract(vehicle.ground_truth.position, place)[:2]) < 0.05, "it moves without its switch"
+        page.page.evaluate("pad.buttons[4].pressed = true")
+
+        def ahead() -> float:
+            north, east = np.subtract(vehicle.ground_truth.position, place)[:2]
+            return float(north * np.cos(heading) + east * np.sin(heading))
+
+        assert page.wait_until(lambda: ahead() > 0.5), "the stick does not drive it ahead"
+        page.page.evaluate("pad.axes[1] = 0.0; pad.axes[0] = 1.0")
+        assert page.wait_until(lambda: np.sin(vehicle.ground_truth.heading - heading) > 0.3), "it does not turn right"
+        page.page.evaluate("pad.axes[0] = 0.05")  # within its middle
+        page.page.evaluate("pad.buttons[4].pressed = false; pad.axes[1] = -1.0")
+        assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on with the switch let go"
+
+
 def test_a_recording_plays_pauses_and_goes_where_its_slider_is(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text() + "[recording]\nslave = true\n")
