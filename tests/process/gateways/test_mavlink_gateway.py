@@ -12,7 +12,7 @@ from pymavlink import mavparm
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink.flight.modes import Mode
-from tests.support.mavlink_ground import Ground
+from tests.support.clients.mavlink_ground import Ground
 from tests.support.processes import PATIENCE_S, Program, free_port, wait_for, write_scenario
 
 POSITION_ONLY = 0b110111111000

@@ -8,7 +8,7 @@ import pytest
 
 from hil.common.children import start_child
 from hil.gateways.mavlink.flight.modes import Mode
-from tests.support.mavlink_ground import Ground
+from tests.support.clients.mavlink_ground import Ground
 from tests.support.processes import Program, free_port, write_scenario
 
 ROUTER = os.environ.get("UUV_HIL_MAVLINK_ROUTER", "")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil.client.vehicle_handle import Vehicle
-from tests.support.view_page import ViewPage, viewed_slave
+from tests.support.clients.view_page import ViewPage, viewed_slave
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
 pytestmark = pytest.mark.timeout(900)

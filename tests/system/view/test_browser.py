@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from hil.client.vehicle_handle import Vehicle
-from tests.support.browser import open_page
+from tests.support.clients.browser import open_page
+from tests.support.clients.view_page import ViewPage, viewed_slave
 from tests.support.processes import Program, write_scenario
-from tests.support.view_page import ViewPage, viewed_slave
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
 pytestmark = pytest.mark.timeout(600)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from hil.common.quantiles import quantile
-from tests.support.browser import PATIENCE_MS
-from tests.support.view_client import ADDRESS
-from tests.support.view_page import viewed_slave
-from tools import view_cost
+from tests.support.clients.browser import PATIENCE_MS
+from tests.support.clients.view_client import ADDRESS
+from tests.support.clients.view_page import viewed_slave
+from tools.costs import view_cost
 from tools.faults.relay import Relay
 
 pytest.importorskip("viser", reason="the live view needs the extra view")

@@ -11,9 +11,9 @@ from PIL import Image
 
 import hil
 from hil.client.vehicle_handle import Vehicle
-from tests.support.browser import PATIENCE_MS, Seen, open_page
+from tests.support.clients.browser import PATIENCE_MS, Seen, open_page
+from tests.support.clients.view_client import ADDRESS
 from tests.support.processes import Program, wait_for, write_scenario
-from tests.support.view_client import ADDRESS
 
 READY = "document.getElementById('reason').textContent === 'ready'"
 PAUSE_MS = 100
