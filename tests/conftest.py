@@ -1,5 +1,6 @@
 """What is shared by tests but is no test module itself explains its assertions too."""
 
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,8 @@ from hil.common.ports import free_ports
 from hil.ros import dialect, topics
 from tests.support.examples import register_profiles
 
+# As the commands that grid a seabed set it: threads of the linear algebra only wait for each other on a busy machine.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 register_profiles()
 pytest_plugins = ["tests.support.firmware.firmware_fixtures"]
 pytest.register_assert_rewrite(

@@ -33,7 +33,7 @@ def paint(survey: Survey, north: Array, east: Array) -> Bounds:
     """Return the bounds at the crossings of `north` and `east` (m), the finer chart over the coarser."""
     shape = len(north), len(east)
     bounds = Bounds(np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool))
-    if survey.reach > 0.0:
+    if survey.reach > 0.0 and len(survey.soundings):
         bounds.known[:] = _near(survey.soundings, north, east, survey.reach)
         bounds.low[:], bounds.high[:] = survey.soundings[:, 2].min(), survey.soundings[:, 2].max()
     for sheet in survey.sheets:

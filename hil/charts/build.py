@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.bounds import allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
+from hil.charts.bounds import Bounds, allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
 from hil.charts.grid import Extent, Grid
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import Placed, beds_under, place
-from hil.charts.held_out import hold_out
+from hil.charts.held_out import HeldOut, hold_out
 from hil.charts.sources.survey import Survey, first_in_cell
 from hil.common.errors import ConfigError, MissingExtraError
 
@@ -86,43 +86,71 @@ def build(
     north, east = _axes(extent, resolution)
     bounds = paint(survey, north, east)
     water = bounds.known & ~bounds.land
-    if not water.any():
+    known = _known_beds(survey, north, east)
+    if not (water.any() or np.nanmax(known, initial=0.0) > 0.0):
         raise ConfigError(f"{survey.source}: no water in the area: move or widen it (uuv-hil world build --area)")
-    data = _data(survey)
-    measured = data.points[: data.measured]
+    grid, clamped = Grid(known.astype(np.float32), float(north[0]), float(east[0]), resolution), 0.0
+    data = _data(survey) if water.any() else None
+    if data is not None:
+        surface, clamped = _settled(survey, data, bounds, grid, progress)
+        grid = grid._replace(depths=np.where(np.isfinite(known), grid.depths, surface.depths))
+    placed = place(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low))
+    progress(0.85)
+    report = _report(placed.grid, data, clamped, begin)
+    progress(1.0)
+    return Built(placed, report)
+
+
+def _known_beds(survey: Survey, north: Array, east: Array) -> Array:
+    """Return the depths that rasters have, the first before the next, nan where none has one."""
+    known = np.full((len(north), len(east)), np.nan)
+    for bed in survey.beds:
+        if np.isnan(known).any():
+            known = np.where(np.isfinite(known), known, bed(north, east))
+    return known
+
+
+def _settled(survey: Survey, data: _Data, bounds: Bounds, empty: Grid, progress: Progress) -> tuple[Grid, float]:
+    """Return the grid of the surface within its limits, with land, and the share of the water that was held by them."""
+    water, measured = bounds.known & ~bounds.land, data.points[: data.measured]
+    north, east, resolution = empty.north, empty.east, empty.resolution
     smooth = data.surface.evaluate(north, east, water, lambda share: progress(0.8 * share))
     low = relaxed(np.where(water, bounds.low, np.inf), survey.detail, resolution)
     high = bounds.high + allowance(measured, data.high, north, east, 2.0 * max(resolution, survey.detail))
-    grid = Grid(smooth.astype(np.float32), float(north[0]), float(east[0]), resolution)
+    grid = empty._replace(depths=smooth.astype(np.float32))
     grid = grid._replace(depths=settle(grid, low, high, measured))
     clamped = float((np.abs(grid.depths - smooth) > 0.01)[water].mean())
     grid = grid._replace(depths=raise_land(grid.depths, bounds.land, water, resolution))
-    grid = keep_shoals(grid, measured, data.low, np.where(water, low, -np.inf))
-    placed = place(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low))
-    progress(0.85)
-    inside = _inside(data.points, grid.extent)
-    count = data.soundings
-    errors = hold_out(data.surface, data.points, inside[:count], (data.low[:count], data.high[:count]))
-    progress(1.0)
-    report = Report(
-        int(inside[:count].sum()), int(inside[data.measured :].sum()), *errors,
-        float((placed.grid.depths > 0.0).mean()), float((placed.grid.depths <= 0.0).mean()),
-        float((~bounds.known).mean()), clamped,
-        int((inside[:count] & (measured[:count, 2] > data.high[:count])).sum()),
-        int(inside[count : data.measured].sum()), time.perf_counter() - begin,
-    )  # fmt: skip
-    return Built(placed, report)
+    return keep_shoals(grid, measured, data.low, np.where(water, low, -np.inf)), clamped
+
+
+def _report(grid: Grid, data: _Data | None, clamped: float, begin: float) -> Report:
+    """Return how good `grid` is; `begin`: when it was begun, s."""
+    errors, counts, off_limits = HeldOut(np.nan, np.nan, np.nan, np.nan, 0), [0, 0, 0], 0
+    if data is not None:
+        count = data.soundings
+        inside = _inside(data.points, grid.extent)
+        errors = hold_out(data.surface, data.points, inside[:count], (data.low[:count], data.high[:count]))
+        off_limits = int((inside[:count] & (data.points[:count, 2] > data.high[:count])).sum())
+        counts = [int(part.sum()) for part in np.split(inside, [count, data.measured])]
+    water, land, unknown = (
+        float(share.mean()) for share in (grid.depths > 0.0, grid.depths <= 0.0, np.isnan(grid.depths))
+    )
+    soundings, beds, guides = counts
+    return Report(
+        soundings, guides, *errors, water, land, unknown, clamped, off_limits, beds, time.perf_counter() - begin
+    )
 
 
 def own_resolution(survey: Survey, extent: Extent) -> float:
     """Return the distance of nodes, m, that the data resolve, coarser where those were too many; of two digits."""
-    return _rounded_up(max(survey.detail, (_size(extent) / MOST_OWN_NODES) ** 0.5))
+    return _rounded_up(max(survey.detail, (_size(extent) / MOST_OWN_NODES) ** 0.5), 0.05)
 
 
-def _rounded_up(value: float) -> float:
-    """Return the next number of two digits that is not less."""
+def _rounded_up(value: float, slack: float = 1e-9) -> float:
+    """Return the next number of two digits that is not less, but for a share of `slack` of the last digit."""
     digit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
-    return float(f"{np.ceil(value / digit - 1e-9) * digit:.6g}")
+    return float(f"{np.ceil(value / digit - slack) * digit:.6g}")
 
 
 def _size(extent: Extent) -> float:

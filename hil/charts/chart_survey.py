@@ -43,6 +43,8 @@ def covered(cells: list[Cell]) -> Box:
     if not lines:
         raise ConfigError(f"{cells[0].name}: the chart does not say what it covers (M_COVR): it is no usable ENC")
     corners = np.concatenate(lines)
+    if np.ptp(corners[:, 0]) > 180.0:  # on both sides of the 180th meridian
+        corners = np.column_stack([corners[:, 0] % 360.0, corners[:, 1]])
     return Box(*corners.min(axis=0)[::-1].tolist(), *corners.max(axis=0)[::-1].tolist())
 
 

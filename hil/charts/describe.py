@@ -26,8 +26,11 @@ def describe(survey: Survey, built: Built) -> Facts:
 def facts(grid: Grid, report: Report) -> Facts:
     """Return what is known of a bed: its grid, its data, and the error of soundings that were held out."""
     rows, columns = grid.depths.shape
+    size = ("grid", f"{rows} x {columns} nodes of {grid.resolution:g} m, deepest {grid.deepest:.1f} m")
+    if not report.soundings:
+        return (size, ("data", "rasters alone: nothing between them is interpolated, and nothing held out"))
     return (
-        ("grid", f"{rows} x {columns} nodes of {grid.resolution:g} m, deepest {grid.deepest:.1f} m"),
+        size,
         ("data", f"{report.soundings} soundings, {report.guides} places on contours and coasts"),
         ("held out", f"error {report.rmse:.3g} m RMS of {report.held_out} soundings, {report.linear_rmse:.3g} m by "
                      "linear interpolation between the same soundings and contours within the same limits; "

@@ -19,6 +19,7 @@ from hil.charts.grid import Extent, grid_of, write_file
 from hil.charts.gridding import Progress
 from hil.charts.hazards import Placed
 from hil.charts.sources.choose import read_sources
+from hil.charts.sources.sign import Positive
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError
 from hil.common.scratch import ScratchFolder
@@ -40,16 +41,20 @@ class Whole(NamedTuple):
     was_kept: bool
 
 
-def whole_bed(path: str, resolution: float | None = None, progress: Progress = lambda share: None) -> Whole:
+def whole_bed(
+    path: str, resolution: float | None = None, progress: Progress = lambda share: None, positive: Positive = "auto",
+    crs: str | None = None,
+) -> Whole:  # fmt: skip
     """Return the seabed in the file at `path`, gridded at `resolution` (m), at what its data resolve if None.
 
-    From the cache if it was gridded before. Raises ConfigError, MissingExtraError.
+    `positive` and `crs` as in the readers. From the cache if it was gridded before. Raises ConfigError,
+    MissingExtraError.
     """
-    folder = os.path.join(os.path.dirname(cache_path(path)), "charts", _key(path, resolution))
+    folder = os.path.join(os.path.dirname(cache_path(path)), "charts", _key(path, resolution, positive, crs))
     kept = _load(folder)
     if kept is not None:
         return kept
-    survey, extent = read_sources([path], None, resolution)
+    survey, extent = read_sources([path], None, resolution, positive=positive, crs=crs)
     built = build(survey, extent, resolution, progress)
     whole = Whole(built.placed, survey.source, survey.origin, built.report, False)
     with suppress(OSError, ConfigError):  # a full disk, or a folder we may not write: it is made again next time
@@ -78,14 +83,14 @@ def cut(placed: Placed, extent: Extent) -> Placed:
     return Placed(part, tuple(filter(within, placed.cylinders)), tuple(filter(within, placed.boxes)))
 
 
-def _key(path: str, resolution: float | None) -> str:
-    """Return a name for the file with what may lie beside it, as updates do, at this resolution."""
+def _key(path: str, *how: float | str | None) -> str:
+    """Return a name for the file with what may lie beside it, as updates do, read in this way."""
     folder, stem = os.path.split(os.path.splitext(os.path.abspath(path))[0])
     stamps: list[tuple[str, int, int]] = []
     with suppress(OSError), os.scandir(folder) as entries:  # what is missing is said by who reads it
         files = [entry for entry in entries if entry.is_file() and os.path.splitext(entry.name)[0] == stem]
         stamps = sorted((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
-    text = json.dumps([METHOD, os.path.abspath(path), resolution, stamps])
+    text = json.dumps([METHOD, os.path.abspath(path), how, stamps])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 
-from hil.commands.gridding import RESOLUTION, show_progress
+from hil.commands.gridding import add_reading, show_progress
 from hil.commands.listening import is_routed
 from hil.commands.view.opening import view_process
 from hil.common.children import module_command, package_environment, start_child
@@ -68,7 +68,7 @@ def main(arguments: list[str]) -> int:
     over.add_argument(
         "--length", metavar="M", type=LENGTH, default=70.0, help="length of the path without --goal [%(default)g]"
     )
-    over.add_argument("--resolution", metavar="M", type=RESOLUTION, help="of a chart's grid [what its data resolve]")
+    add_reading(over)
     options = parser.parse_args(arguments)
     if options.world:
         if options.set:
@@ -99,7 +99,16 @@ def _dive(options: argparse.Namespace) -> int:
     require_free(endpoint)  # now: to find a place takes long
     folder = make_folder(options.output) if options.output else new_folder(options.world)
     print(f"looking for a place to dive in {options.world}", flush=True)
-    wish = Wish(options.start, options.goal, options.depth, options.length, endpoint, options.resolution)
+    wish = Wish(
+        options.start,
+        options.goal,
+        options.depth,
+        options.length,
+        endpoint,
+        options.resolution,
+        options.positive,
+        options.crs,
+    )
     try:
         path, bed = prepare_dive(options.world, wish, folder, show_progress)
     finally:

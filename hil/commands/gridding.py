@@ -1,10 +1,23 @@
-"""Common parts of commands that grid a seabed: the option --resolution, and the progress on a terminal."""
+"""Common parts of commands that grid a seabed: options of how files are read, and the progress on a terminal."""
 
+import argparse
 import sys
 
 from hil.common.options import Number
 
 RESOLUTION = Number(0.05, 10_000.0, "m")
+
+
+def add_reading(parser: argparse._ActionsContainer) -> None:
+    """Add --resolution, --positive and --crs."""
+    parser.add_argument("--resolution", metavar="M", type=RESOLUTION, help="of the grid [what the data resolve]")
+    parser.add_argument(
+        "--positive",
+        choices=("auto", "up", "down"),
+        default="auto",
+        help="direction of soundings and rasters [%(default)s: as names and signs say]",
+    )
+    parser.add_argument("--crs", metavar="EPSG:N", help="coordinate system of files that name none")
 
 
 def show_progress(share: float) -> None:

@@ -5,7 +5,7 @@ import os
 from importlib.util import find_spec
 from typing import Any
 
-from hil.commands.gridding import RESOLUTION, show_progress
+from hil.commands.gridding import RESOLUTION, add_reading, show_progress
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.options import Number, add_json, add_output, add_plot, new_parser, place
@@ -47,18 +47,12 @@ def _parser() -> argparse.ArgumentParser:
     build = actions.add_parser("build", help="make a world of charts and soundings")
     build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
     add_output(build, "WORLD", "writes WORLD.toml and WORLD.f32; makes their folder", required=True)
-    build.add_argument("--resolution", metavar="M", type=RESOLUTION, help="of the grid [what the data resolve]")
+    add_reading(build)
     build.add_argument(
         "--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all that is known]"
     )
     build.add_argument("--updates", action=argparse.BooleanOptionalAction, help="apply the .001... beside a chart")
     build.set_defaults(updates=True)  # not above: 3.10 would write it into the help
-    build.add_argument(
-        "--positive",
-        choices=("auto", "up", "down"),
-        default="auto",
-        help="positive direction of soundings and rasters [%(default)s]",
-    )
     build.add_argument(
         "--reach", metavar="M", type=REACH, help="distance from single soundings up to which the bed counts as known"
     )
@@ -104,6 +98,7 @@ def _build(options: argparse.Namespace) -> int:
         options.updates,
         options.positive,
         options.reach,
+        options.crs,
     )
     try:
         built = build(survey, extent, options.resolution, show_progress)
@@ -213,13 +208,13 @@ def _described(name: str, world: World) -> dict[str, Any]:
 
 
 def area(text: str) -> tuple[float, float, float, float]:
-    """Return south, west, north and east (degrees) of S,W,N,E, which grow."""
+    """Return south, west, north and east (degrees) of S,W,N,E; east is beyond 180 where the area crosses that."""
     words = text.split(",")
     try:
         (south, west), (north, east) = place(",".join(words[:2])), place(",".join(words[2:]))
-        if south < north and west < east:
-            return south, west, north, east
+        if south < north and west != east:
+            return south, west, north, east if west < east else east + 360.0
     except argparse.ArgumentTypeError:
         pass
-    wish = "SOUTH,WEST,NORTH,EAST in degrees, south to north and west to east growing"
+    wish = "SOUTH,WEST,NORTH,EAST in degrees, south to north growing, from west to east, across 180 too"
     raise argparse.ArgumentTypeError(f"expected {wish}, found {shortened(text)}")

@@ -12,6 +12,7 @@ from hil.charts.grid import Extent, Grid, grid_of, write_file
 from hil.charts.gridding import Progress
 from hil.charts.projection import LocalPlane
 from hil.charts.site import Point, Site, depth_between, sites
+from hil.charts.sources.sign import Positive
 from hil.charts.whole import Whole, cut, whole_bed
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError, MissionError
@@ -70,7 +71,10 @@ time_limit = {limit:.0f}
 
 
 class Wish(NamedTuple):
-    """Request of a dive: places (latitude and longitude in degrees), depth, length and a chart's `resolution` in m."""
+    """Request of a dive: places (latitude and longitude in degrees), depth, length and a chart's `resolution` in m.
+
+    `positive` and `crs` of soundings and rasters, as their readers take them.
+    """
 
     start: Point | None = None
     goal: Point | None = None
@@ -78,6 +82,8 @@ class Wish(NamedTuple):
     length: float = 70.0
     listen: str = "tcp/127.0.0.1:7447"
     resolution: float | None = None
+    positive: Positive = "auto"
+    crs: str | None = None
 
     def validate(self) -> str | None:
         """Return which options contradict each other, or None."""
@@ -103,7 +109,7 @@ def prepare_dive(world: str, wish: Wish, folder: str, progress: Progress = lambd
         if wish.resolution:
             raise ConfigError("--resolution is for charts and soundings: a world has its grid already")
         return Prepared(_over_world(world, wish, folder))
-    whole = whole_bed(world, wish.resolution, progress)
+    whole = whole_bed(world, wish.resolution, progress, wish.positive, wish.crs)
     name = os.path.splitext(os.path.basename(world))[0]
     return Prepared(_over_chart(whole, name, wish, folder), facts(whole.placed.grid, whole.report))
 

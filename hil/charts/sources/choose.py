@@ -1,6 +1,7 @@
 """Read any supported file of a seabed, and combine all that are given into one survey."""
 
 import os
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,63 +9,72 @@ from numpy.typing import NDArray
 from hil.charts.chart_survey import Box, covered, survey_charts
 from hil.charts.grid import Extent
 from hil.charts.projection import LocalPlane
-from hil.charts.sources import rasters
-from hil.charts.sources.points import Points, Positive, is_points, read_points
+from hil.charts.sources.points import Points, is_points, read_points
+from hil.charts.sources.rasters import ENDINGS, Raster, open_raster
 from hil.charts.sources.s57 import Cell, read_cell
+from hil.charts.sources.sign import Positive
 from hil.charts.sources.survey import Survey, block_means
 from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 
 POINTS_DETAIL = 0.5  # of what soundings are apart in the mean: a grid of them
-RASTER_REACH = 1.5  # pixels around a raster's known ones that are still known
-POINTS_REACH = 4.0  # the same around soundings, in what they are apart in the mean
+POINTS_REACH = 4.0  # the seabed is known around soundings, in what they are apart in the mean
 
 
 def read_sources(
     paths: list[str], area: Box | None, resolution: float | None = None, updates: bool = True,
-    positive: Positive = "auto", reach: float | None = None,
+    positive: Positive = "auto", reach: float | None = None, crs: str | None = None,
 ) -> tuple[Survey, Extent]:  # fmt: skip
     """Return what the files say of `area` (all they cover if None), and where that is on the plane, m.
 
     `resolution` (m) of the grid that is wanted, what the data resolve if None; `updates` and `positive` as in the
-    readers; `reach` (m): how far from loose soundings the seabed is known. Raises ConfigError, MissingExtraError.
+    readers, as `crs`; `reach` (m): how far from loose soundings the seabed is known. Of rasters the first is believed
+    where they overlap, and all of them before charts and soundings. Raises ConfigError, MissingExtraError.
     """
     cells: list[Cell] = []
     loose: list[Points] = []
+    rasters: list[Raster] = []
     for path in paths:
         if path.lower().endswith(".000"):
             cells.append(read_cell(path, updates))
+        elif is_points(path):
+            loose.append(read_points(path, positive, crs))
         else:
-            loose.append(_read_loose(path, area, positive))
+            rasters.append(_open(path, positive, crs))
     if any(not points.geographic for points in loose):
-        return _on_a_plane(loose, cells, area, resolution, reach)
-    area = area or _around([*([covered(cells)] if cells else []), *map(_box, loose)])
-    plane = LocalPlane(*area.centre)
+        return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
+    boxes = [*([covered(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
+    area = area or _around(boxes)
+    plane = LocalPlane(*_origin(area.centre))
     parts = [survey_charts(cells, plane)] if cells else []
     parts += [_survey(points, _local(points, plane), resolution, reach) for points in loose]
-    return _together(parts, area.centre), _extent(area, plane)
+    parts += [Survey(r.name, None, np.empty((0, 3)), detail=r.spacing) for r in rasters]
+    beds = tuple(partial(raster.depths, plane) for raster in rasters)
+    return _together(parts, _origin(area.centre))._replace(beds=beds), _extent(area, plane)
 
 
-def _read_loose(path: str, area: Box | None, positive: Positive) -> Points:
-    if is_points(path):
-        return read_points(path, positive)
+def _open(path: str, positive: Positive, crs: str | None) -> Raster:
     ending = os.path.splitext(path)[1].lower()
-    if ending in rasters.ENDINGS:
-        return rasters.read_raster(path, area, positive)
+    if ending in ENDINGS:
+        return open_raster(path, positive, crs)
     if ending[1:].isdigit():
         raise ConfigError(f"{path}: is an update; name the cell itself (.000), updates beside it are found")
     raise ConfigError(
-        f"{path}: what is {ending or 'a file without an ending'}? There are .000 (S-57), .tif, .bag, .nc, .xyz and .csv"
+        f"{path}: what is {ending or 'a file without an ending'}? There are .000 (S-57), .tif, .bag, .nc, "
+        ".h5 (S-102), .xyz and .csv"
     )
 
 
 def _on_a_plane(
-    loose: list[Points], cells: list[Cell], area: Box | None, resolution: float | None, reach: float | None
+    loose: list[Points], has_others: bool, resolution: float | None, reach: float | None
 ) -> tuple[Survey, Extent]:
     """Soundings in metres from an origin that nobody knows on the earth."""
-    if cells or area or any(points.geographic for points in loose):
-        raise ConfigError(f"{loose[0].name}: has metres, which neither --area nor files in degrees can be put to")
+    if has_others or any(points.geographic for points in loose):
+        raise ConfigError(
+            f"{loose[0].name}: has metres, which neither --area nor files in degrees can be put to: "
+            "name their coordinate system, as --crs EPSG:32605"
+        )
     survey = _together([_survey(points, points.places, resolution, reach) for points in loose], None)
     north, east = survey.soundings[:, 0], survey.soundings[:, 1]
     return survey, (float(north.min()), float(north.max()), float(east.min()), float(east.max()))
@@ -76,8 +86,15 @@ def _box(points: Points) -> Box:
     return Box(float(south), float(west), float(north), float(east))
 
 
+def _origin(place: tuple[float, float]) -> tuple[float, float]:
+    """Return a place with its longitude from -180 to 180."""
+    return place[0], (place[1] + 180.0) % 360.0 - 180.0
+
+
 def _around(boxes: list[Box]) -> Box:
     corners = np.array(boxes)
+    if np.ptp(corners[:, [1, 3]]) > 180.0:  # on both sides of the 180th meridian
+        corners[:, [1, 3]] %= 360.0
     return Box(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
 
 
@@ -87,11 +104,9 @@ def _local(points: Points, plane: LocalPlane) -> Array:
 
 def _survey(points: Points, places: Array, resolution: float | None, reach: float | None) -> Survey:
     """Return single soundings, or their mean where several are nearer to each other than the grid's nodes."""
-    detail = points.spacing or max(0.01, POINTS_DETAIL * _apart(places))
+    detail = max(0.01, POINTS_DETAIL * _apart(places))
     soundings = block_means(np.column_stack([places, points.depths]), resolution or detail)
-    if reach is None:
-        spaced = RASTER_REACH * max(points.spacing, resolution or detail)
-        reach = spaced if points.spacing else POINTS_REACH * _apart(soundings)
+    reach = POINTS_REACH * _apart(soundings) if reach is None else reach
     return Survey(points.name, None, soundings, detail=detail, reach=reach)
 
 

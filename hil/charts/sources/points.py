@@ -9,17 +9,17 @@ import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
-from typing import IO, Literal, NamedTuple
+from typing import IO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.common.errors import ConfigError
+from hil.charts.sources.sign import Positive, is_upwards
+from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 from hil.common.text import clean
 
 Array = NDArray[np.float64]
-Positive = Literal["auto", "up", "down"]
 
 # What a column may be called (lower case, up to the first bracket or underscore)
 _LONGITUDE, _LATITUDE = {"lon", "long", "longitude", "lng"}, {"lat", "latitude"}
@@ -28,6 +28,7 @@ _DEPTH = {"z", "depth", "bathymetry", "elevation", "height", "altitude", "soundi
 LARGEST = 1 << 30  # bytes of a file, and characters of its text when unpacked
 MOST_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
 LONGEST_LINE = 10_000  # characters
+FARTHEST = 1e5  # m from the origin of a world
 PACKED = (".gz", ".xz", ".bz2")
 ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
 
@@ -35,20 +36,13 @@ ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
 class Points(NamedTuple):
     """Loose depths. `places`: (n, 2) latitude, longitude in degrees if `geographic`, else north, east in m.
 
-    `depths`: (n,) m, positive down. `spacing`: of a raster's pixels in m, 0 for others.
+    `depths`: (n,) m, positive down.
     """
 
     name: str
     places: Array
     depths: Array
     geographic: bool
-    spacing: float = 0.0
-
-
-def downwards(values: Array, positive: Positive) -> Array:
-    """`values` as depths. With "auto" they are heights if most are below zero, because most of a seabed is."""
-    up = positive == "up" or (positive == "auto" and float(np.median(values)) < 0.0)
-    return -values if up else values
 
 
 def is_points(path: str) -> bool:
@@ -57,12 +51,13 @@ def is_points(path: str) -> bool:
     return (os.path.splitext(stem)[1] if ending in PACKED else ending) in ENDINGS
 
 
-def read_points(path: str, positive: Positive = "auto") -> Points:
-    """Return the soundings in the text file at `path`. Raises ConfigError.
+def read_points(path: str, positive: Positive = "auto", crs: str | None = None) -> Points:
+    """Return the soundings in the text file at `path`. Raises ConfigError; MissingExtraError with `crs`.
 
     Columns are parted by commas, semicolons, tabs or blanks. A first line names them: longitude and latitude, or
     east and north (x and y) in m, and depth, elevation or z; without one they are longitude, latitude, depth.
-    Lines that begin with # are left out.
+    Lines that begin with # are left out. `crs`: the coordinate system of east and north, as EPSG:32605; without it they
+    are metres from somewhere.
     """
     lines = _lines(path)
     head = next(lines, None)
@@ -76,8 +71,25 @@ def read_points(path: str, positive: Positive = "auto") -> Points:
     rows = rows[np.isfinite(rows).all(axis=1)]
     if not len(rows):
         raise ConfigError(f"{path}: no soundings in it: a line has longitude, latitude and depth")
+    if crs is not None:
+        rows[:, :2], geographic = _degrees(rows, crs), True
     _check_degrees(rows, geographic, path)
-    return Points(os.path.basename(path), rows[:, 1::-1], downwards(rows[:, 2], positive), geographic)
+    if geographic and np.ptp(rows[:, 0]) > 180.0:  # on both sides of the 180th meridian
+        rows[:, 0] %= 360.0
+    name = [names[third]] if has_names else []
+    up = is_upwards(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
+    return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic)
+
+
+def _degrees(rows: Array, crs: str) -> Array:
+    """Return longitude and latitude, (n, 2), of what is east and north in a coordinate system."""
+    try:
+        from rasterio.warp import transform
+    except ImportError:
+        raise MissingExtraError("--crs needs rasterio: pip install 'uuv-hil[raster]'") from None
+    from hil.charts.sources.rasters import WGS84, known_crs
+
+    return np.column_stack(transform(known_crs(crs), WGS84, rows[:, 0], rows[:, 1]))
 
 
 def _lines(path: str) -> Iterator[str]:
@@ -157,5 +169,7 @@ def _check_degrees(rows: Array, geographic: bool, path: str) -> None:
     if geographic and (np.abs(rows[:, 1]).max() > 90.0 or np.abs(rows[:, 0]).max() > 360.0):
         raise ConfigError(
             f"{path}: longitude and latitude are expected first, and these are no degrees; if they are metres, give "
-            'the file a first line "east,north,depth"'
+            'the file a first line "east,north,depth", and name their coordinate system, as --crs EPSG:32605'
         )
+    if not geographic and np.abs(rows[:, :2]).max() > FARTHEST:
+        raise ConfigError(f"{path}: metres of a coordinate system that it does not name: name it, as --crs EPSG:32605")

@@ -1,29 +1,75 @@
-"""Depths from rasters: GeoTIFF, BAG, GEBCO's NetCDF, and whatever else GDAL reads, through rasterio."""
+"""Depths from rasters: GeoTIFF, BAG, GEBCO's NetCDF, S-102, and whatever else GDAL reads, resampled by it."""
 
 import os
 import sys
 import warnings
-from math import ceil, floor
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.charts.chart_survey import Box
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.points import Points, Positive, downwards
+from hil.charts.sources.sign import Positive, is_upwards
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 
+Array = NDArray[np.float64]
+
 WGS84 = "EPSG:4326"
-ENDINGS = (".tif", ".tiff", ".bag", ".nc", ".asc", ".vrt")
-MOST_PIXELS = 4_000_000  # a larger raster is averaged down to that while it is read
+ENDINGS = (".tif", ".tiff", ".bag", ".nc", ".asc", ".vrt", ".h5")
+NAMES = ("elevation", "depth", "z", "bathymetry")  # of the variable to take, where a file has several
+SAMPLED = 512  # pixels along a side, from which the sign of a raster without a name is seen
+COARSER = 1.5  # nodes farther apart than so many pixels get the mean of their pixels, others are interpolated
 
 
-def read_raster(path: str, area: Box | None = None, positive: Positive = "auto") -> Points:
-    """Return the known pixels of the first band of `path`, only those in `area`; positions in WGS 84.
+class Raster(NamedTuple):
+    """A raster on the earth. `file` is GDAL's name of it, `crs` of its positions; `scale` makes depths in m of it.
 
-    A raster without a coordinate system is taken as longitude and latitude. A shift between vertical datums is not
-    applied. Raises ConfigError, MissingExtraError.
+    `box`: where it lies, degrees, east beyond 180 where it crosses that; `spacing`: the side of a pixel, m.
+    """
+
+    name: str
+    file: str
+    crs: Any
+    box: Box
+    spacing: float
+    scale: float
+    offset: float
+
+    def depths(self, plane: LocalPlane, north: Array, east: Array) -> Array:
+        """Depths in m at the crossings of the evenly growing `north` and `east` (m on `plane`), nan where none is.
+
+        GDAL resamples: bilinear, or the mean of the pixels of a node. Raises ConfigError.
+        """
+        import rasterio
+        from rasterio.vrt import WarpedVRT
+        from rasterio.warp import Resampling
+
+        step = float(north[1] - north[0])
+        # The ellipsoid's points dropped onto the plane that touches it: what LocalPlane does.
+        local = f"+proj=ortho +lat_0={plane.latitude!r} +lon_0={plane.longitude!r} +datum=WGS84 +units=m"
+        where = rasterio.Affine(step, 0.0, east[0] - 0.5 * step, 0.0, -step, north[-1] + 0.5 * step)
+        how = Resampling.average if step > COARSER * self.spacing else Resampling.bilinear
+        try:
+            with (
+                rasterio.open(self.file) as source,
+                WarpedVRT(
+                    source, src_crs=self.crs, crs=local, transform=where, width=len(east), height=len(north),
+                    resampling=how, src_nodata=source.nodata, nodata=np.nan, dtype="float32",
+                ) as warped,
+            ):  # fmt: skip
+                found = warped.read(1)
+        except (rasterio.errors.RasterioError, OSError) as error:
+            raise ConfigError(f"{self.name}: cannot be resampled: {error}") from None
+        return np.asarray(self.scale * found[::-1].astype(float) + self.offset)
+
+
+def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) -> Raster:
+    """Return the first band of `path`; `crs` (as EPSG:32605) of its positions if it says none itself.
+
+    Without either, positions in degrees are taken as WGS 84. A shift between vertical datums is not applied. Raises
+    ConfigError, MissingExtraError.
     """
     try:
         import rasterio
@@ -33,74 +79,68 @@ def read_raster(path: str, area: Box | None = None, positive: Positive = "auto")
     check_file(path, sys.maxsize)  # of any size: only what is asked for is read
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # of a NetCDF as a whole; and see _window
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # of a NetCDF as a whole; and see _placed
             with rasterio.open(path) as source:
-                name = _depths_of(path, source.subdatasets) if source.subdatasets else path
-            with rasterio.open(name) as source:
-                return _read(path, source, area, positive)
+                file = _depths_of(path, source.subdatasets) if source.subdatasets else path
+            with rasterio.open(file) as source:
+                return _placed(path, file, source, positive, crs)
     except (RasterioError, OSError) as error:
         raise ConfigError(f"{path}: cannot be read as a raster: {error}") from None
 
 
 def _depths_of(path: str, parts: list[str]) -> str:
-    """Return which of a NetCDF's variables has the depths, as GDAL names it."""
+    """Return which of a file's variables has the depths, as GDAL names it."""
     for part in parts:
-        if part.rpartition(":")[2].strip('"/').lower() in ("elevation", "depth", "z", "bathymetry"):
+        if part.rpartition(":")[2].strip('"/').lower() in NAMES:
             return part
     raise ConfigError(f"{path}: holds {', '.join(part.rpartition(':')[2] for part in parts)}, and none is elevation")
 
 
-def _read(path: str, source: Any, area: Box | None, positive: Positive) -> Points:
-    from rasterio.enums import Resampling
+def _placed(path: str, file: str, source: Any, positive: Positive, crs: str | None) -> Raster:
+    from rasterio.crs import CRS
+    from rasterio.warp import transform, transform_bounds
 
-    rows, columns = _window(path, source, area)
-    high, wide = rows[1] - rows[0], columns[1] - columns[0]
-    thinning = max(1.0, (high * wide / MOST_PIXELS) ** 0.5)
-    shape = max(1, int(high / thinning)), max(1, int(wide / thinning))
-    band = source.read(1, window=(rows, columns), out_shape=shape, masked=True, resampling=Resampling.average)
-    known = ~np.ma.getmaskarray(band) & np.isfinite(np.ma.getdata(band))
-    at_row, at_column = np.nonzero(known)
-    if not len(at_row):
-        raise ConfigError(f"{path}: not one pixel with a depth in it: take another file, or move the area with --area")
-    x = source.transform.c + source.transform.a * (columns[0] + (at_column + 0.5) * wide / shape[1])
-    y = source.transform.f + source.transform.e * (rows[0] + (at_row + 0.5) * high / shape[0])
-    if source.crs is not None:
-        from rasterio.warp import transform
-
-        x, y = (np.asarray(axis) for axis in transform(source.crs, WGS84, x, y))
-    places = np.column_stack([y, x])
-    depths = downwards(np.ma.getdata(band)[known].astype(float), positive)
-    return Points(os.path.basename(path), places, depths, True, _spacing(places, known))
-
-
-def _window(path: str, source: Any, area: Box | None) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the rows and the columns, from and to, of the pixels in `area`."""
-    place = source.transform
-    if place.is_identity or place.b != 0.0 or place.d != 0.0:
-        raise ConfigError(f"{path}: says not where on the earth it is, or is turned: warp it to longitude and latitude")
-    if area is None:
-        return (0, source.height), (0, source.width)
-    sides = area.west, area.south, area.east, area.north
-    if source.crs is not None:
-        from rasterio.warp import transform_bounds
-
-        sides = transform_bounds(WGS84, source.crs, *sides)
-    west, south, east, north = sides
-    columns = _clipped((west - place.c) / place.a, (east - place.c) / place.a, source.width)
-    rows = _clipped((south - place.f) / place.e, (north - place.f) / place.e, source.height)
-    if rows[0] >= rows[1] or columns[0] >= columns[1]:
-        raise ConfigError(f"{path}: no pixel of it is in the area: move or widen it with --area")
-    return rows, columns
+    if source.transform.is_identity:
+        raise ConfigError(f"{path}: says not where on the earth it is: warp it to longitude and latitude")
+    bounds = source.bounds
+    where = source.crs or (known_crs(crs) if crs else None)
+    if where is None and max(abs(bounds.top), abs(bounds.bottom)) > 90.0:
+        raise ConfigError(f"{path}: has metres and no coordinate system: name it, as --crs EPSG:32605")
+    where = where or CRS.from_string(WGS84)
+    west, south, east, north = bounds if where.is_geographic else transform_bounds(where, WGS84, *bounds)
+    box = Box(min(south, north), west, max(south, north), east + 360.0 if east < west else east)
+    middle = source.height // 2, source.width // 2
+    a, b, c, d, e, f = source.transform[:6]  # of the positions of pixels
+    pixels = [(middle[1] + column, middle[0] + row) for row, column in ((0, 0), (1, 0), (0, 1))]
+    corners = [(a * column + b * row + c, d * column + e * row + f) for column, row in pixels]
+    longitude, latitude = (np.array(axis) for axis in transform(where, WGS84, *zip(*corners, strict=True)))
+    local = np.column_stack(LocalPlane(float(latitude[0]), float(longitude[0])).to_local(latitude, longitude))
+    spacing = float(np.hypot(*(local[1:] - local[0]).T).max())
+    sign = -1.0 if _is_upwards(path, file, source, positive) else 1.0
+    return Raster(os.path.basename(path), file, where, box, spacing, sign * source.scales[0], sign * source.offsets[0])
 
 
-def _clipped(one: float, other: float, size: int) -> tuple[int, int]:
-    return max(0, floor(min(one, other))), min(size, ceil(max(one, other)))
+def known_crs(name: str) -> Any:
+    """Return the coordinate system that a person names. Raises ConfigError."""
+    from rasterio.crs import CRS
+    from rasterio.errors import CRSError
+
+    try:
+        return CRS.from_user_input(name)
+    except CRSError as error:
+        raise ConfigError(f"--crs: {name}: no such coordinate system ({error}); name one as EPSG:32605") from None
 
 
-def _spacing(places: Any, known: Any) -> float:
-    """Return the side of a pixel in m: the root of the area of the box around all of them, per pixel."""
-    plane = LocalPlane(*places.mean(axis=0))
-    north, east = plane.to_local(places[:, 0], places[:, 1])
-    rows, columns = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
-    steps = [float(np.ptp(axis)) / max(1, int(np.ptp(index))) for axis, index in ((north, rows), (east, columns))]
-    return max(steps)
+def _is_upwards(path: str, file: str, source: Any, positive: Positive) -> bool:
+    tags = {key.rpartition("#")[2].lower(): str(value) for key, value in source.tags(1).items()}
+    if positive == "auto" and tags.get("positive") in ("up", "down"):
+        return tags["positive"] == "up"
+    if positive == "auto" and source.driver in ("BAG", "S102"):  # elevations by definition; GDAL gives depths of S-102
+        return bool(source.driver == "BAG")
+    named = [tags.get("standard_name"), tags.get("long_name"), source.descriptions[0], file.rpartition(":")[2]]
+    shape = min(SAMPLED, source.height), min(SAMPLED, source.width)
+    values = np.ma.masked_invalid(source.read(1, out_shape=shape, masked=True))
+    known = values.compressed() * source.scales[0] + source.offsets[0]
+    if not len(known):
+        raise ConfigError(f"{path}: not one pixel with a depth in it: take another file")
+    return is_upwards(path, positive, [word for word in named if word], float(known.min()), float(known.max()))

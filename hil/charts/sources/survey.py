@@ -1,5 +1,6 @@
 """The survey of a seabed before gridding, on the world's local plane, for every kind of source."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,10 @@ class Hazard(NamedTuple):
     edges: Edges = ()
 
 
+# Depths (m, nan where none is known) at the crossings of growing norths and easts (m)
+Bed = Callable[[Array, Array], Array]
+
+
 class Survey(NamedTuple):
     """Soundings, contours, shore lines, areas and hazards of a survey.
 
@@ -51,6 +56,7 @@ class Survey(NamedTuple):
     resolve, and so a grid of them.
     `sheets` go from the coarsest to the finest. `reach`: how far in m the bed is known around soundings where no
     sheet says so; 0 nowhere. `origin`: latitude and longitude in degrees of (0, 0), None where there is none.
+    `beds`: depths that are known everywhere, as rasters have them, the first before the next and before all else.
     `notes`: what a person should know of how the files were read.
     """
 
@@ -67,6 +73,7 @@ class Survey(NamedTuple):
     bridges: tuple[Array, ...] = ()
     reach: float = 0.0
     notes: tuple[str, ...] = ()
+    beds: tuple[Bed, ...] = ()
 
 
 def resample(line: Array, step: float) -> Array:

@@ -79,7 +79,7 @@ def test_show_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     (["list", "no_such_folder"], "no_such_folder: no such folder"),
     (["build", "x.000", "-o", "w", "--resolution", "0"], "--resolution: expected a number from 0.05 to 10000 m"),
     (["build", "x.000", "-o", "w", "--area", "1,2,3"], "expected SOUTH,WEST,NORTH,EAST in degrees"),
-    (["build", "x.000", "-o", "w", "--area", "60,2,50,3"], "south to north and west to east growing"),
+    (["build", "x.000", "-o", "w", "--area", "60,2,50,3"], "south to north growing, from west to east"),
     (["build", "x.000", "-o", "w"], "x.000: the chart cannot be read"),
 ])  # fmt: skip
 def test_what_cannot_be_meant(arguments: list[str], said: str) -> None:

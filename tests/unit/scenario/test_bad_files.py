@@ -213,7 +213,7 @@ def test_no_reader_waits_for_a_pipe_or_reads_without_end(ending: str, reader: st
 @pytest.mark.parametrize(
     ("ending", "reader"),
     [
-        ("000", "hil.charts.sources.s57:read_cell"), ("tif", "hil.charts.sources.rasters:read_raster"),
+        ("000", "hil.charts.sources.s57:read_cell"), ("tif", "hil.charts.sources.rasters:open_raster"),
         ("mcap", "hil.recording.reader:recording_files"),
     ],
 )  # fmt: skip
