@@ -39,6 +39,7 @@ def main(arguments: list[str]) -> int:
     from hil.gateways.mavlink.endpoints.opening import open_link
     from hil.gateways.mavlink.gateway import Gateway
     from hil.gateways.mavlink.protocols.parameters import ParameterTable
+    from hil.gateways.mavlink.protocols.signing import SigningKey
     from hil.gateways.mavlink.vehicle_port import NetworkVehicle
     from hil.gateways.mavlink.video import PICTURES, VideoServer
 
@@ -57,14 +58,14 @@ def main(arguments: list[str]) -> int:
         if video:
             video.on_viewer = lambda: client.watch(PICTURES)
         port = stack.enter_context(NetworkVehicle(client, _print))
-        table = ParameterTable(
-            settings.parameters or parameter_file(node), port.parameters, port.set_parameter, defaults_of(scenario)
-        )
+        stored = settings.parameters or parameter_file(node)
+        table = ParameterTable(stored, port.parameters, port.set_parameter, defaults_of(scenario))
+        signing = SigningKey(f"{stored}.key", settings.signing_key)
         for fault in table.faults:
             print(fault, flush=True)
         settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
         picture = camera_of(scenario, video.address) if video else None
-        gateway = Gateway(port, settings, table, links, origin_of(scenario), picture, _print)
+        gateway = Gateway(port, settings, table, links, origin_of(scenario), picture, _print, signing)
         link_names = ", ".join([link.name for link in links])
         print(
             f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {link_names}; Ctrl-C ends it",

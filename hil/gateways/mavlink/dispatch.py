@@ -15,6 +15,7 @@ from hil.gateways.mavlink.flight.targets import TargetError, global_target, loca
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
 from hil.gateways.mavlink.protocols.logs import LogProtocol
 from hil.gateways.mavlink.protocols.newer_messages import AvailableModes, AvailableModesMonitor, CurrentMode
+from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR
 from hil.links.mavlink.reports import MAVLINK_VERSION
 
@@ -44,8 +45,16 @@ Handler = Callable[[Peer, Any, int], None]
 class Dispatcher:
     """Handles the packets of all peers for one vehicle. `picture` is what the camera's address is, None without one."""
 
-    def __init__(self, core: Core, ftp: FtpServer, logs: LogProtocol, picture: camera.CameraInfo | None = None) -> None:
+    def __init__(
+        self,
+        core: Core,
+        ftp: FtpServer,
+        logs: LogProtocol,
+        picture: camera.CameraInfo | None = None,
+        signing: SigningKey | None = None,
+    ) -> None:
         self.core, self.picture = core, picture
+        self.signing = signing or SigningKey()
         self.peers: dict[int, Peer] = {}
         self.stale = False  # whether what is being read has waited too long to be obeyed
         self._ftp, self._logs = ftp, logs
@@ -67,7 +76,7 @@ class Dispatcher:
             "SET_POSITION_TARGET_GLOBAL_INT": self._global_target, "MISSION_COUNT": self._mission_count,
             "MISSION_ITEM_INT": self._mission_receive, "MISSION_ITEM": self._mission_receive,
             "MISSION_CLEAR_ALL": self._mission_clear, "MISSION_SET_CURRENT": self._mission_select,
-            "SET_GPS_GLOBAL_ORIGIN": self._set_origin,
+            "SET_GPS_GLOBAL_ORIGIN": self._set_origin, "SETUP_SIGNING": self._setup_signing,
         }  # fmt: skip
         self._handlers = {getattr(dialect, name + word): handle for word, handle in (table | changing).items()}
         self._changing = {getattr(dialect, name + word) for word in changing}
@@ -105,8 +114,15 @@ class Dispatcher:
                 self.peers[due[0][0]].send(*due[1])
         self._send_streams(now, core.context(now, wall_ns))
 
-    def message(self, number: int, context: telemetry.Context) -> Any:
-        """Return the message with that id as it is now, None if there is none."""
+    def messages(self, number: int, context: telemetry.Context) -> list[Any]:
+        """Return the message with that id as it is now, nothing if there is none; of ESCs one for each four."""
+        several = telemetry.SEVERAL.get(number)
+        if several:
+            return several(self.core.snapshot, context) if self.core.snapshot else []
+        message = self._message(number, context)
+        return [] if message is None else [message]
+
+    def _message(self, number: int, context: telemetry.Context) -> Any:
         core = self.core
         if number == HEARTBEAT:
             return self._own_heartbeat() if core.snapshot else None  # without a vehicle there is none
@@ -120,13 +136,13 @@ class Dispatcher:
         return build(core.snapshot, context) if build and core.snapshot else None
 
     def _send_streams(self, now: int, context: telemetry.Context) -> None:
-        made: dict[int, Any] = {}  # a message is made once for all peers
+        made: dict[int, list[Any]] = {}  # a message is made once for all peers
         for peer in self.peers.values():
             for number in peer.rates.due(now):
                 if number not in made:
-                    made[number] = self.message(number, context)
-                if made[number] is not None:
-                    peer.send(made[number])
+                    made[number] = self.messages(number, context)
+                if made[number]:
+                    peer.send(*made[number])
                     if number == HEARTBEAT and self.picture:
                         peer.send_as_camera(camera.heartbeat())
             peer.flush()
@@ -230,8 +246,7 @@ class Dispatcher:
             return [dialect.MAVLink_gps_global_origin_message(*e7, round(1000.0 * origin.altitude))]
         if self.picture and number in CAMERA_MESSAGES:
             return [self._camera_message(number, now)]
-        message = self.message(number, self.core.context(now, now))
-        return [] if message is None else [message]
+        return self.messages(number, self.core.context(now, now))
 
     def _camera_message(self, number: int, now: int) -> Any:
         assert self.picture
@@ -338,6 +353,16 @@ class Dispatcher:
         origin = origin_of(packet)
         if origin is None or not self.core.set_origin(origin):
             self.core.texts.append((4, "the origin is given already, or none"))
+
+    def _setup_signing(self, peer: Peer, packet: Any, _now: int) -> None:
+        reason = self.signing.refusal(peer.is_local, self.core.pilot.armed)
+        if reason:
+            self.core.texts.append((4, reason))
+            return
+        reason = self.signing.set(bytes(packet.secret_key))
+        self.core.texts.append((4, reason) if reason else (6, f"signing {'on' if self.signing.secret else 'off'}"))
+        for each in self.peers.values():
+            each.sign(self.signing.secret)
 
 
 def _partner(peer: Peer, packet: Any) -> tuple[int, int, int]:

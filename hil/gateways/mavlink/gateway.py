@@ -13,6 +13,7 @@ from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.logs import LogProtocol
 from hil.gateways.mavlink.protocols.parameters import ParameterTable
+from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.snapshot import Origin, VehiclePort
 from hil.scenario.mavlink_records import Mavlink
 
@@ -34,6 +35,7 @@ class Gateway:
         origin: Origin | None = None,
         picture: CameraInfo | None = None,
         report: Callable[[str], None] = lambda _: None,
+        signing: SigningKey | None = None,
         clock: Clock = now_ns,
         wall_clock: Clock = lambda: to_wall_ns(now_ns()),
     ) -> None:
@@ -41,7 +43,9 @@ class Gateway:
         self._clock, self._wall_clock = clock, wall_clock
         self._ftp = FtpServer(settings.logs, table)
         self.core = Core(port, settings, table, origin, clock())
-        self.dispatcher = Dispatcher(self.core, self._ftp, LogProtocol(settings.logs), picture)
+        self.dispatcher = Dispatcher(
+            self.core, self._ftp, LogProtocol(settings.logs), picture, signing or SigningKey(given=settings.signing_key)
+        )
         self._peers: dict[tuple[int, Hashable], Peer] = {}
         self._numbers = self._complaint_ns = 0
         self._due_ns = self._polled_ns = clock()
@@ -108,11 +112,12 @@ class Gateway:
         if peer is None:
             settings = self._settings
             self._numbers += 1
-            may_command = settings.commands_from == "network" or link.is_local(address)
+            is_local = link.is_local(address)
+            may_command = settings.commands_from == "network" or is_local
             name = ":".join(map(str, address[:2])) if isinstance(address, tuple) else str(address)
             peer = self._peers[number, address] = Peer(
                 self._numbers, name, settings.system, lambda data, message: link.send(address, data, message),
-                may_command, link.burst, settings.signing_key, self._wall_clock,
+                may_command, link.burst, self.dispatcher.signing.secret, self._wall_clock, is_local,
             )  # fmt: skip
             self.dispatcher.peers[peer.number] = peer
             self._report(f"{link.name}: {name}{'' if may_command else ' (may only look)'}")

@@ -164,19 +164,26 @@ def servo_output(s: Snapshot, c: Context) -> Any:
     return dialect.MAVLink_servo_output_raw_message(c.now // NS_PER_US & U32, 0, *pulses[:SERVOS])
 
 
-def esc_status(s: Snapshot, c: Context) -> Any:
-    """Return ESC_STATUS of the first four thrusters: the battery's voltage. Turns and currents are not measured."""
-    if s.battery is None or not s.pulses:
-        return None
-    return newer.EscStatus(c.now // NS_PER_US, [0] * 4, [s.battery.voltage] * 4, [math.nan] * 4, 0)
+def esc_status(s: Snapshot, c: Context) -> list[Any]:
+    """Return ESC_STATUS of each four thrusters: the battery's voltage. Turns and currents are not measured."""
+    if s.battery is None:
+        return []
+    volts, none, unknown = [s.battery.voltage] * newer.ESCS, [0] * newer.ESCS, [math.nan] * newer.ESCS
+    first = range(0, len(s.pulses), newer.ESCS)
+    return [newer.EscStatus(c.now // NS_PER_US, none, volts, unknown, index) for index in first]
 
 
-def esc_telemetry(s: Snapshot, _: Context) -> Any:
-    """Return ESC_TELEMETRY_1_TO_4: the battery's voltage; what is not measured is 0, which this message calls none."""
-    if s.battery is None or not s.pulses:
-        return None
-    volts = _clip(100.0 * s.battery.voltage, U16)
-    return dialect.MAVLink_esc_telemetry_1_to_4_message([0] * 4, [volts] * 4, [0] * 4, [0] * 4, [0] * 4, [0] * 4)
+def esc_telemetry(s: Snapshot, _: Context) -> list[Any]:
+    """Return ESC_TELEMETRY_1_TO_4 and its like: the battery's voltage; what is not measured is 0, their "none"."""
+    if s.battery is None:
+        return []
+    volts, none = [_clip(100.0 * s.battery.voltage, U16)] * newer.ESCS, [0] * newer.ESCS
+    kinds = (
+        dialect.MAVLink_esc_telemetry_1_to_4_message, dialect.MAVLink_esc_telemetry_5_to_8_message,
+        dialect.MAVLink_esc_telemetry_9_to_12_message, dialect.MAVLink_esc_telemetry_13_to_16_message,
+    )  # fmt: skip
+    used = -(-len(s.pulses) // newer.ESCS)
+    return [kind(none, volts, none, none, none, none) for kind in kinds[:used]]
 
 
 def sys_status(s: Snapshot, c: Context) -> Any:
@@ -237,9 +244,13 @@ BUILDERS: dict[int, Callable[[Snapshot, Context], Any]] = {
     streams.VFR_HUD: vfr_hud, streams.SCALED_PRESSURE2: scaled_pressure2, streams.BATTERY_STATUS: battery_status,
     streams.GPS_RAW_INT: gps_raw, streams.HOME_POSITION: home_position, streams.EKF_STATUS_REPORT: ekf_status,
     streams.DISTANCE_SENSOR: distance_sensor, streams.SERVO_OUTPUT_RAW: servo_output,
-    streams.ESC_STATUS: esc_status, streams.ESC_TELEMETRY: esc_telemetry, streams.SYS_STATUS: sys_status,
+    streams.SYS_STATUS: sys_status,
     streams.SYSTEM_TIME: system_time, streams.EXTENDED_SYS_STATE: extended_state,
     streams.NAV_CONTROLLER_OUTPUT: navigation,
+}  # fmt: skip
+
+SEVERAL: dict[int, Callable[[Snapshot, Context], list[Any]]] = {
+    streams.ESC_STATUS: esc_status, streams.ESC_TELEMETRY: esc_telemetry,
 }  # fmt: skip
 
 

@@ -53,6 +53,10 @@ class _SafeMavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no t
         self.signing.sign_outgoing = True
         self.signing.allow_unsigned_callback = _may_be_unsigned
 
+    def stop_signing(self) -> None:
+        """Neither sign nor want signatures from now on."""
+        self.signing.secret_key, self.signing.sign_outgoing = None, False
+
     def advance(self) -> None:
         """Advance the timestamp to the wall clock; it never goes back, even if the clock does."""
         now = (self._wall_clock() - TIMESTAMP_START_NS) // TIMESTAMP_NS
@@ -88,9 +92,15 @@ class MavlinkStream:
         self._rest = b""  # the beginning of an unfinished packet
 
     def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
-        """Sign and require signatures from now on; `wall_clock` gives ns since 1970."""
-        self._mavlink.sign(secret, wall_clock)
-        self._signs = True
+        """Sign and require signatures from now on, or not any more without a secret.
+
+        `wall_clock` gives ns since 1970.
+        """
+        self._signs = bool(secret)
+        if secret:
+            self._mavlink.sign(secret, wall_clock)
+        else:
+            self._mavlink.stop_signing()
 
     def pack(self, message: Any) -> bytes:
         """Return the packet of a message of the dialect, with the next number."""

@@ -22,6 +22,7 @@ from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.stream import MavlinkStream
 from hil.ros.commands import PoseCommand
 from hil.scenario.mavlink_records import Mavlink
+from sim.sensors.extra_samples import BatterySample
 
 TICK_NS = NS_PER_S // 50
 ORIGIN = Origin(45.0, 10.0, 0.0)
@@ -40,6 +41,7 @@ class PointVehicle:
         self.values: dict[str, float] = {"G_SURGE_P": 4.0, "FAIL1_KIND": 0.0}
         self.settled: list[tuple[str, str]] = []
         self.leak = False
+        self.battery: BatterySample | None = None
 
     def move(self, seconds: float) -> None:
         """Move on by the last command."""
@@ -75,7 +77,8 @@ class PointVehicle:
     def snapshot(self) -> Snapshot | None:
         if not self.is_present:
             return None
-        return Snapshot(self.state, pulses=(1500,) * 6, leak=self.leak, sensors=frozenset(("imu", "odom", "pressure")))
+        sensors = frozenset(("imu", "odom", "pressure"))
+        return Snapshot(self.state, self.battery, pulses=(1500,) * 6, leak=self.leak, sensors=sensors)
 
     def send(self, command: Command) -> None:
         self.commands.append(command)

@@ -11,6 +11,7 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.protocols import ftp
 from hil.gateways.mavlink.protocols.parameters import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
+from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 
@@ -207,6 +208,18 @@ def test_rates_of_messages() -> None:
     assert abs(len(bench.partner.take("ATTITUDE")) - 2 * DEFAULT_HZ[number]) <= 1
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, 9999, 1000) == DENIED
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, float("nan")) == DENIED
+
+
+def test_escs_of_all_thrusters_are_reported() -> None:
+    bench = Bench()
+    bench.vehicle.battery = BatterySample(0, 15.9, 2.0, 100.0, 50.0, False)
+    bench.run(2.0)
+    status, first, second = (
+        bench.partner.take(kind) for kind in ("ESC_STATUS", "ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8")
+    )
+    assert {message.index for message in status} == {0, 4}, "six thrusters: two messages"
+    assert list(first[0].voltage) == list(second[0].voltage) == [1590] * 4
+    assert not bench.partner.take("ESC_TELEMETRY_9_TO_12")
 
 
 def test_groups_of_messages_and_messages_once() -> None:

@@ -132,7 +132,9 @@ def test_newer_messages_have_the_checksum_of_their_definition(kind: type[newer._
 
 
 def _signed_peer(key: str, wall: list[int], sent: list[bytes]) -> Peer:
-    return Peer(1, "signed", 1, lambda data, _: sent.append(data), True, signing_key=key, wall_clock=lambda: wall[0])
+    return Peer(
+        1, "signed", 1, lambda data, _: sent.append(data), True, secret=signing_secret(key), wall_clock=lambda: wall[0]
+    )
 
 
 def _sender(key: str, wall: list[int]) -> MavlinkStream:

@@ -7,7 +7,7 @@ from typing import Any
 from hil.gateways.mavlink.camera import COMPONENT as CAMERA
 from hil.gateways.mavlink.protocols.streams import StreamRates
 from hil.links.contract import Counters
-from hil.links.mavlink.stream import MavlinkStream, signing_secret
+from hil.links.mavlink.stream import MavlinkStream
 
 COMPONENT = 1  # the autopilot's
 MOST_WAITING = 4000  # messages of lists that wait for a slow link
@@ -18,7 +18,8 @@ Write = Callable[[bytes, Any], None]  # the packet, and its message
 class Peer:
     """A partner, known by `number`; packets go out by `write`, `burst` bytes of lists at most a turn.
 
-    `counters` counts what came damaged, unsigned or cut; `may_command` whether it may change anything.
+    `counters` counts what came damaged, unsigned or cut; `may_command` whether it may change anything, `is_local`
+    whether it is on this machine or a wire of it. With a `secret` packets are signed.
     """
 
     def __init__(
@@ -29,10 +30,11 @@ class Peer:
         write: Write,
         may_command: bool,
         burst: int = 20_000,
-        signing_key: str = "",
+        secret: bytes = b"",
         wall_clock: Callable[[], int] = lambda: 0,
+        is_local: bool = True,
     ) -> None:
-        self.number, self.name, self.may_command = number, name, may_command
+        self.number, self.name, self.may_command, self.is_local = number, name, may_command, is_local
         self.counters = Counters()
         self.rates = StreamRates()
         self.received_ns = 0
@@ -40,10 +42,14 @@ class Peer:
         self._write, self._burst = write, burst
         self._stream = MavlinkStream(system, COMPONENT, self.counters)
         self._camera = MavlinkStream(system, CAMERA, Counters())
-        if signing_key:
-            for stream in (self._stream, self._camera):
-                stream.sign(signing_secret(signing_key), wall_clock)
+        self._wall_clock = wall_clock
+        self.sign(secret)
         self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
+
+    def sign(self, secret: bytes) -> None:
+        """Sign what is sent, and refuse what is not signed with this secret; without one do neither."""
+        for stream in (self._stream, self._camera):
+            stream.sign(secret, self._wall_clock)
 
     def unpack(self, data: bytes) -> list[Any]:
         """Return the messages that bytes complete. Never raises."""

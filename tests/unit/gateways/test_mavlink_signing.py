@@ -1,0 +1,92 @@
+"""A ground station sets the key with which packets are signed."""
+
+import stat
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.gateways.mavlink.protocols.signing import SigningKey
+from hil.links.contract import Counters
+from hil.links.mavlink.stream import MavlinkStream
+from tests.support.clients.mavlink_vehicle import Bench, Partner
+
+KEY = bytes(range(1, 33))
+WALL_NS = 1_800_000_000 * 10**9
+BEAT = dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, 8, 0, 0, 0, 3)
+
+
+def setup(key: bytes) -> dialect.MAVLink_message:
+    return dialect.MAVLink_setup_signing_message(1, 1, list(key), 0)
+
+
+def signed(key: bytes = KEY) -> MavlinkStream:
+    stream = MavlinkStream(255, 190, Counters())
+    stream.sign(key, lambda: WALL_NS)
+    return stream
+
+
+def bench_with(signing: SigningKey) -> Bench:
+    bench = Bench()
+    bench.dispatcher.signing = signing
+    return bench
+
+
+def is_heard(partner: Partner, packet: bytes) -> bool:
+    return bool(partner.peer.unpack(packet))
+
+
+def test_a_key_is_used_for_all_stored_and_used_again(tmp_path: Path) -> None:
+    path = tmp_path / "state" / "mavlink-uuv1.toml.key"
+    bench = bench_with(SigningKey(str(path)))
+    other = bench.add_partner(254)
+    bench.partner.send(setup(KEY))
+    plain, right = MavlinkStream(255, 190, Counters()), signed()
+    for partner in (bench.partner, other):
+        assert not is_heard(partner, plain.pack(BEAT)), "an unsigned packet counts"
+        assert is_heard(partner, right.pack(BEAT))
+        assert not is_heard(partner, signed(bytes(32 * [7])).pack(BEAT)), "another key counts"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert SigningKey(str(path)).secret == KEY
+    for packet in bench.partner.peer.unpack(right.pack(setup(bytes(32)))):
+        bench.dispatcher.handle(bench.partner.peer, packet, bench.now)
+    assert is_heard(other, plain.pack(BEAT)), "a key of zeros ends signing"
+    assert not path.exists()
+    assert SigningKey(str(path)).secret == b""
+
+
+def test_who_may_not_set_it_gets_the_reason(tmp_path: Path) -> None:
+    path = tmp_path / "key"
+    bench = bench_with(SigningKey(str(path)))
+    bench.arm()
+    bench.partner.send(setup(KEY))
+    bench.run(0.1)
+    assert "armed" in bench.partner.texts()
+    bench.core.disarm()
+    bench.partner.peer.is_local = False
+    bench.partner.send(setup(KEY))
+    bench.run(0.1)
+    assert "this machine" in bench.partner.texts()
+    looker = bench.add_partner(may_command=False)
+    looker.send(setup(KEY))
+    bench.dispatcher.signing = SigningKey(str(path), given="passphrase")
+    bench.partner.peer.is_local = True
+    bench.partner.send(setup(KEY))
+    bench.run(0.1)
+    assert "scenario" in bench.partner.texts()
+    assert is_heard(bench.partner, MavlinkStream(255, 190, Counters()).pack(BEAT))
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("stored", ["", "no key", "ab" * 31, "zz" * 32])
+def test_a_stored_key_that_cannot_be_is_none(tmp_path: Path, stored: str) -> None:
+    path = tmp_path / "key"
+    path.write_text(stored)
+    assert SigningKey(str(path)).secret == b""
+
+
+def test_a_key_that_cannot_be_stored_is_used_and_reported(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    signing = SigningKey(str(tmp_path / "file" / "key"))
+    assert "not stored" in signing.set(KEY)
+    assert signing.secret == KEY
