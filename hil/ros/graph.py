@@ -18,6 +18,7 @@ from hil.ros.encoders import dds_name
 from hil.ros.topics import Qos, Topic, hash_of
 
 ALL = "@ros2_lv/*/**"  # of all domains: `read_token` tells those of others from ours
+SUBSCRIPTIONS = "@ros2_lv/*/*/*/*/MS/**"  # of them those that are subscriptions
 Kind = Literal["NN", "MP", "MS", "SS", "SC"]  # node, publisher, subscription, service, client
 KINDS: dict[str, Kind] = {"NN": "NN", "MP": "MP", "MS": "MS", "SS": "SS", "SC": "SC"}
 SERVICE_QOS = Qos()
@@ -61,11 +62,6 @@ def token(entity: Entity) -> str:
     if entity.kind != "NN":
         parts += [_mangle(entity.topic), dds_name(entity.type), entity.type_hash, qos_text(entity.qos)]
     return "/".join(parts)
-
-
-def subscriptions(topic: str) -> str:
-    """Return the keys of the tokens of all who subscribe to the topic of that whole name."""
-    return f"@ros2_lv/{dialect.domain()}/*/*/*/MS/*/*/*/{_mangle(topic)}/**"
 
 
 def read_token(key: str) -> Entity | None:

@@ -5,14 +5,13 @@ cost a run without ROS neither start-up nor memory.
 """
 
 import os
-import pickle
 import sys
 import threading
 from collections.abc import Callable
 
 from hil.common.clock import now_ns, to_wall_ns
 from hil.network.session import Session
-from hil.ros.graph import Node, subscriptions
+from hil.ros.graph import SUBSCRIPTIONS, Node, read_token
 from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import Scenario
 
@@ -26,22 +25,25 @@ class Descriptions:
         self._scenario = scenario
         self._report = report
         self._made: set[str] = set()
+        self._session = session
         node = scenario.slave.node
-        self._publishers = {name: session.publisher(node, TOPICS[name], wait=True) for name in DESCRIPTIONS}
+        self._names = {TOPICS[name].full_name(node): name for name in DESCRIPTIONS}
         for name in DESCRIPTIONS:
             graph.publishes(TOPICS[name], node)
-            session.watch_tokens(subscriptions(TOPICS[name].full_name(node)), self._watch(name))
+        session.watch_tokens(SUBSCRIPTIONS, self._on_token)
 
-    def _watch(self, name: str) -> Callable[[str, bool], None]:
-        def on_token(_: str, alive: bool) -> None:
-            if alive and name not in self._made:
-                self._made.add(name)
-                threading.Thread(target=self._make, args=(name,), name=name, daemon=True).start()
-
-        return on_token
+    def _on_token(self, key: str, alive: bool) -> None:
+        """Make what somebody subscribes to, unless it is made already."""
+        entity = read_token(key) if alive else None
+        name = self._names.get(entity.topic) if entity else None
+        if name and name not in self._made:
+            self._made.add(name)
+            threading.Thread(target=self._make, args=(name,), name=name, daemon=True).start()
 
     def _make(self, name: str) -> None:
         """Make and publish one; the thread ends with it."""
+        import pickle  # few slaves describe themselves
+
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # which the process inherits
         try:
             payload, problem = _run(name, pickle.dumps(self._scenario))
@@ -50,7 +52,8 @@ class Descriptions:
         if problem:
             self._report(f"no {name}: {problem}")
         else:
-            self._publishers[name].put(payload, to_wall_ns(now_ns()))
+            publisher = self._session.publisher(self._scenario.slave.node, TOPICS[name], wait=True)
+            publisher.put(payload, to_wall_ns(now_ns()))
 
 
 def _run(name: str, setup: bytes) -> tuple[bytes, str]:

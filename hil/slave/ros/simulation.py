@@ -12,11 +12,11 @@ from hil.common.vectors import Vector3
 from hil.network.services import Answer
 from hil.ros.encoders import swap_attitude, swap_world
 from hil.ros.message import Message, header
-from hil.ros.world import FRAME
 from hil.slave.loop import Loop
 from sim.environment.obstacles import Box, Cylinder
 from sim.rotations import from_euler, rotate
 
+FRAME = "map"
 PACKAGE = "simulation_interfaces/srv/"
 # Constants of simulation_interfaces: of Result, SimulationState, EntityCategory, ResetSimulation, SimulatorFeatures.
 UNSUPPORTED, OK, NOT_FOUND, FAILED, ALREADY_THERE = 0, 1, 2, 4, 101
