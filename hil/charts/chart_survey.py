@@ -134,7 +134,7 @@ class _Layer:
         return [(edge, depth) for feature, depth in known if depth is not None for edge in self._edges(feature)]
 
     def guides(self) -> Array:
-        """Return places on contours, and on coasts, which are as deep as the area before them begins: (n, 3)."""
+        """Return places on contours, and on coasts, which are 0 m deep or dry as the area before them does: (n, 3)."""
         points = [
             np.column_stack([resample(line, self._apart), np.full(len(resample(line, self._apart)), depth)])
             for line, depth in self.contours()
@@ -161,13 +161,13 @@ class _Layer:
         return max(GUIDES_APART * float(np.median(nearest)), DRAWN * self._cell.scale)
 
     def _shallows(self, coast: Array) -> Array:
-        """Return places along a coast where a depth area borders on it, with the area's lesser limit: (n, 3)."""
+        """Return places along a coast where a depth area borders on it, at 0 m or as the area dries: (n, 3)."""
         codes, depths = self._borders
         if not len(codes):
             return np.empty((0, 3))
         wanted = _codes(coast)
         at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
-        depth = np.where(codes[at] == wanted, np.maximum(depths[at], -MOST_BEACH), np.nan)
+        depth = np.where(codes[at] == wanted, np.clip(depths[at], -MOST_BEACH, 0.0), np.nan)
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coast, axis=0).T))])
         places = resample(coast, self._apart)
         found = np.interp(np.linspace(0.0, along[-1], len(places)), along, depth)

@@ -1,6 +1,6 @@
 """Interpolate scattered depths by a smooth surface: radial basis functions on overlapping patches.
 
-On each patch a surface goes exactly through the points: a sum of r^1.5 (a conditionally positive kernel of order one;
+On each patch a surface goes exactly through the points: a sum of r^1.75 (a conditionally positive kernel of order one;
 Wendland, Scattered Data Approximation, 2005, chapter 8), smoother than the linear kernel and stiffer than a thin plate.
 Distances are stretched along the contours: a bed changes less along its slopes' strike than across, and how much less
 shows in how well the contours of a patch agree in direction (geometric anisotropy, as geostatistics has it: Chiles and
@@ -27,7 +27,8 @@ OVERLAP = 0.6  # how far a patch is widened to each side, in its own size
 LEAST = 12  # points that a widened patch must have: it grows until then
 MOST_STRETCH = 3.0  # along contours, of a patch
 FEWEST_PIECES = 4  # of contours, below which a patch has no direction
-CHUNK = 2000  # nodes evaluated at once: the matrices in between stay in the processor's cache
+LEAST_WEIGHT = 1e-4  # of a patch, below which it has no say
+CHUNK = 500  # nodes evaluated at once: the matrices in between stay in the processor's cache
 
 
 class Patch(NamedTuple):
@@ -49,10 +50,11 @@ class Surface:
         if len(points) < 3:
             raise ConfigError(f"gridding: a surface needs three depths or more, and there are {len(points)}")
         self._points, self._depths = points, depths
-        self._strikes = np.empty((0, 4)) if strikes is None else strikes
+        self._strikes = np.empty((0, 4)) if strikes is None else strikes[np.argsort(strikes[:, 0])]
         self._low, self._high = points.min(axis=0), points.max(axis=0)
+        order = np.argsort(points[:, 0])
         boxes = _split(points, np.arange(len(points)), self._low, self._high)
-        self._patches = [_widen(points, *box) for box in boxes]
+        self._patches = [_widen(points, order, *box) for box in boxes]
 
     def evaluate(self, north: Array, east: Array, wanted: Mask, report: Progress = lambda share: None) -> Array:
         """Depths at the crossings of the growing arrays `north` and `east` in m: (len(north), len(east)).
@@ -69,6 +71,8 @@ class Surface:
             rows, columns = rows + part[0].start, columns + part[1].start
             nodes = np.column_stack([north[rows], east[columns]])
             weight = self._weight(nodes, patch)
+            heavy = weight > 0.0
+            rows, columns, nodes, weight = rows[heavy], columns[heavy], nodes[heavy], weight[heavy]
             total[rows, columns] += weight * self._fit(patch).at(nodes)
             weights[rows, columns] += weight
         report(1.0)
@@ -114,7 +118,9 @@ class Surface:
         """Wendland's C2 function along both axes: 1 in the middle of the patch, 0 on its rim."""
         clipped = np.clip(nodes, self._low, self._high)
         t = np.minimum(np.abs(clipped - patch.centre) / patch.half, 1.0)
-        return np.asarray(np.prod((1.0 - t) ** 4 * (4.0 * t + 1.0), axis=1))
+        rest = (1.0 - t) * (1.0 - t)
+        weights = rest * rest * (4.0 * t + 1.0)
+        return np.maximum(weights[:, 0] * weights[:, 1] - LEAST_WEIGHT, 0.0)
 
 
 def _split(points: Array, inside: Indices, low: Array, high: Array) -> Iterator[tuple[Array, Array]]:
@@ -132,12 +138,17 @@ def _split(points: Array, inside: Indices, low: Array, high: Array) -> Iterator[
     yield from _split(points, inside[values > cut], above, high)
 
 
-def _widen(points: Array, low: Array, high: Array) -> Patch:
+def _widen(points: Array, order: Indices, low: Array, high: Array) -> Patch:
+    """Return the patch around a box; `order`: the points' from south to north."""
     centre, half = 0.5 * (low + high), (0.5 + OVERLAP) * np.maximum(high - low, 1e-3)
     wanted = min(LEAST, len(points))
-    while len(inside := np.flatnonzero((np.abs(points - centre) < half).all(axis=1))) < wanted:
+    norths = points[order, 0]
+    while True:
+        near = order[slice(*np.searchsorted(norths, (centre[0] - half[0], centre[0] + half[0])))]
+        inside = near[(np.abs(points[near] - centre) < half).all(axis=1)]
+        if len(inside) >= wanted:
+            return Patch(centre, half, np.sort(inside))
         half *= 1.3
-    return Patch(centre, half, inside)
 
 
 def _stretch(strikes: Array, patch: Patch) -> Array:
@@ -147,7 +158,9 @@ def _stretch(strikes: Array, patch: Patch) -> Array:
     is the structure tensor of the bed. No depth is in it: to hold out a sounding leaves it as it is.
     """
     scale: Array = np.eye(2) / patch.half.max()
-    pieces = strikes[(np.abs(strikes[:, :2] - patch.centre) < patch.half).all(axis=1)]
+    ends = patch.centre[0] - patch.half[0], patch.centre[0] + patch.half[0]
+    pieces = strikes[slice(*np.searchsorted(strikes[:, 0], ends))]  # which grow to the north
+    pieces = pieces[np.abs(pieces[:, 1] - patch.centre[1]) < patch.half[1]]
     if len(pieces) < FEWEST_PIECES:
         return scale
     normals = np.column_stack([-pieces[:, 3], pieces[:, 2]])
@@ -175,7 +188,7 @@ class _Fit:
         solution = np.linalg.solve(self._system, self._right)
         return np.concatenate([
             _kernel(self._scaled(nodes[start : start + CHUNK]), self._points) @ solution[:-1] + solution[-1]
-            for start in range(0, len(nodes), CHUNK)
+            for start in range(0, max(1, len(nodes)), CHUNK)
         ])  # fmt: skip
 
     def without(self, folds: Indices) -> Array:
@@ -193,8 +206,11 @@ class _Fit:
 
 
 def _kernel(a: Array, b: Array) -> Array:
-    """Minus the distances to the power 1.5, (len(a), len(b))."""
+    """Minus the distances to the power 1.75, (len(a), len(b)): by roots, which are faster than powers."""
     from scipy.spatial.distance import cdist
 
     distances = cdist(a, b)
-    return np.asarray(np.multiply(distances, -np.sqrt(distances), out=distances))
+    roots = np.sqrt(distances)
+    distances *= -roots
+    distances *= np.sqrt(roots, out=roots)
+    return np.asarray(distances)
