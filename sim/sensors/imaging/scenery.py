@@ -50,7 +50,6 @@ class Scenery:
         self._colours = np.array([_SAND, *paints, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], np.float32)  # the last: NOTHING
         self._surface = surface
         self._terrain = world.terrain
-        self._bend = _bend(world.terrain) if world.terrain else None
 
     def add(self, number: int) -> None:
         """One more object, the `number`-th."""
@@ -64,7 +63,7 @@ class Scenery:
         """
         seabed, surface = seen.objects == SEABED, seen.objects == self._surface
         tone = np.where(surface, np.float32(1.0), _grain(seen))
-        if self._bend is not None:
+        if self._terrain is not None and seabed.any():
             tone[seabed] *= self._bent(seen.points[:, seabed])
         # From above as from a sky that is evenly bright, and a fifth from all sides.
         day = tone * np.where(surface, np.float32(1.0), np.float32(0.6) - np.float32(0.4) * seen.normals[2])
@@ -82,13 +81,14 @@ class Scenery:
         return pixels
 
     def _bent(self, points: Pixels) -> Pixels:
-        """Crests are bright, hollows dark."""
+        """Crests are bright, hollows dark. Only the nodes from the first to the last that is hit are looked at."""
         assert self._terrain is not None
-        assert self._bend is not None
         grid, scale = self._terrain.grid, self._terrain.scale
         rows = np.clip(((points[0] - grid.north_min) * scale + 0.5).astype(np.int32), 0, grid.rows - 1)
         columns = np.clip(((points[1] - grid.east_min) * scale + 0.5).astype(np.int32), 0, grid.columns - 1)
-        bent: Pixels = self._bend[rows, columns]
+        first = rows.min(), columns.min()
+        bend = _bend(self._terrain, range(first[0], rows.max() + 1), range(first[1], columns.max() + 1))
+        bent: Pixels = bend[rows - first[0], columns - first[1]]
         return bent
 
 
@@ -101,11 +101,15 @@ def _lamplight(seen: Seen, attenuation: float) -> Pixels:
     return falls
 
 
-def _bend(terrain: Terrain) -> Pixels:
-    """The brightness by curvature at the nodes: how much higher than the mean of its neighbours each one lies."""
+def _bend(terrain: Terrain, rows: range, columns: range) -> Pixels:
+    """The brightness by curvature at nodes: how much higher than the mean of its neighbours each one lies."""
     grid = terrain.grid
-    depths = np.asarray(terrain.depths, np.float32).reshape(grid.rows, grid.columns)
-    padded = np.pad(depths, 1, mode="edge")
+    around_rows = np.clip(np.arange(rows.start - 1, rows.stop + 1), 0, grid.rows - 1)
+    around_columns = np.clip(np.arange(columns.start - 1, columns.stop + 1), 0, grid.columns - 1)
+    padded = np.asarray(terrain.depths, np.float32).reshape(grid.rows, grid.columns)[
+        np.ix_(around_rows, around_columns)
+    ]
+    depths = padded[1:-1, 1:-1]
     around = 0.25 * (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:])
     height = np.nan_to_num((around - depths) * np.float32(terrain.scale))
     bend: Pixels = np.clip(1.0 + 3.0 * height, 0.7, 1.3).astype(np.float32)

@@ -1,0 +1,52 @@
+"""A camera over a world of 50 km x 50 km looks only at what is near."""
+
+import os
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+
+from sim.environment.relief import Fractal
+from sim.environment.terrain import Terrain, covering
+from sim.environment.world import World, load_world
+from sim.sensors.imaging.scenery import Scenery
+
+SIDE = 10_001
+
+
+def test_brightness_by_curvature_is_that_of_the_whole_grid() -> None:
+    """Also at the grid's rim: each hit gets what a grid of all nodes would give it."""
+    grid = covering((0.0, 60.0, 0.0, 40.0), 1.0)
+    world = World("w", "", (0.0, 60.0, 0.0, 40.0), 9.0, terrain=Terrain(grid, Fractal(depth=9.0, deviation=1.0).depths(grid), 9.0))
+    assert world.terrain is not None
+    nodes = np.asarray(world.terrain.depths, float).reshape(grid.rows, grid.columns)
+    padded = np.pad(nodes, 1, mode="edge")
+    mean = 0.25 * (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:])
+    whole = np.clip(1.0 + 3.0 * (mean - nodes), 0.7, 1.3)
+    places = np.random.default_rng(1).uniform((-3.0, -3.0, 0.0), (63.0, 43.0, 9.0), (400, 3))
+    rows, columns = (
+        np.clip(np.floor(places[:, k] + 0.5).astype(int), 0, count - 1)
+        for k, count in enumerate((grid.rows, grid.columns))
+    )
+    scenery = Scenery(world, 2)
+    for part in (slice(None), slice(0, 1), rows > grid.rows - 6):
+        found = scenery._bent(places[part].T.astype(np.float32))
+        np.testing.assert_allclose(found, whole[rows[part], columns[part]], atol=2e-4)
+
+
+def test_a_world_of_100_million_nodes_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "large.toml").write_text(
+        'name = "large"\nsource = ""\nextent = [-25000.0, 25000.0, -25000.0, 25000.0]\ndepth = 30.0\n'
+        '[terrain]\nfile = "large.f32"\nnorth_min = -25000.0\neast_min = -25000.0\nresolution = 5.0\n'
+        f"rows = {SIDE}\ncolumns = {SIDE}\n"
+    )
+    with open(tmp_path / "large.f32", "wb") as file:
+        os.truncate(file.fileno(), 4 * SIDE * SIDE)  # takes no room on the disk
+    tracemalloc.start()
+    scenery = Scenery(load_world(str(tmp_path / "large.toml")), 2)
+    points = np.random.default_rng(1).uniform(-30.0, 30.0, (3, 10_000)).astype(np.float32)
+    bent = scenery._bent(points)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert (bent == 1.0).all()
+    assert peak < 32 << 20, "400 MB of depths are mapped, and no other array is as large"
