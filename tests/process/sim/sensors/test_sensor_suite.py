@@ -10,7 +10,7 @@ import pytest
 
 from hil.common.errors import ConfigError
 from hil.ros import encoders as ros
-from hil.ros.topics import TOPICS
+from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation, load_scenario
 from sim.environment.world import load_world
 from sim.sensors.suite import DEFAULT_SENSORS, SENSORS
@@ -81,6 +81,7 @@ def test_all_sensors_fly_at_their_rates_and_every_sample_goes_out(tmp_path: Path
                 assert decoder(payload) is not None
                 counts[topic] += 1
     others = ("trace", "diagnostics", "thruster_wrench", "joint_states", "/tf_static", "/clock", *IF_ASKED_FOR)
+    others = (*others, *DESCRIPTIONS, "/diagnostics", "/parameter_events")
     ours = {name: topic for name, topic in TOPICS.items() if name not in others and not topic.from_master}
     assert counts == {name: round(4 * topic.rate_hz) for name, topic in ours.items()}
 
