@@ -1,4 +1,4 @@
-"""What is shared by tests but is no test module itself explains its assertions too."""
+"""Settings of all tests: profiles of random examples, time limits, and assertions explained in shared modules too."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""What the documents show is run as it stands there: no block of Python, TOML or commands is left out."""
+"""The documents' examples run as printed: no block of Python, TOML or commands is left out."""
 
 import argparse
 import importlib

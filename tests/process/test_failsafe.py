@@ -1,4 +1,4 @@
-"""What happens to the thrusters when a part of the chain fails, measured at the STM32's end of a real pty.
+"""Reaction of the thrusters to a failed part of the chain, measured at the STM32's end of a real pty.
 
 The slave is a process of its own; the STM32's end is here, where it can be silenced, reset and unplugged.
 """

@@ -1,4 +1,4 @@
-"""What can only be judged by the clock of a machine that others use too."""
+"""Retries of checks that depend on the clock of a busy machine."""
 
 import functools
 import sys

@@ -34,5 +34,5 @@ def some_result(delay: list[float], **changes: Any) -> Result:
 
 
 def on(port: str) -> Diagnostics:
-    """What a slave reports whose link is there."""
+    """Return the diagnostics of a slave whose link is present."""
     return reported(link_port=port, link_wire=wire_kind(port))

@@ -6,7 +6,7 @@ from hil.ros.diagnostics import Diagnostics
 
 
 def reported(**values: Any) -> Diagnostics:
-    """What a slave would publish that reports these figures."""
+    """Return the diagnostics of a slave that reports these figures."""
     said = Diagnostics()
     for name, value in values.items():
         said[name] = value

@@ -73,7 +73,7 @@ def _guess(text: str) -> str:
 
 
 def commands() -> list[tuple[str, str]]:
-    """Where each `uuv-hil ...` of a shell block stands, and its arguments, comments and continuations resolved."""
+    """Yield the line of each `uuv-hil ...` of a shell block, and its arguments without comments and continuations."""
     found = []
     for block in blocks("shell"):
         for line in block.text.replace("\\\n", " ").splitlines():

@@ -1,4 +1,4 @@
-"""How many random examples a test tries, and what about them is no fault; `tests/conftest.py` has the profiles.
+"""Number of random examples of a test, and suppressed health checks; `tests/conftest.py` has the profiles.
 
 The default profile draws the same examples each time: what fails, fails for everybody. `make search` draws three times
 as many from a seed that can be chosen.

@@ -208,7 +208,7 @@ def expected_code(words: list[str]) -> tuple[int, ...]:
 
 
 def is_fenced(block: Block) -> bool:
-    """Whether it stands between fences: what is only indented is for another machine."""
+    """True if the block stands between fences: an indented one is for another machine."""
     return (ROOT / block.page).read_text().split("\n")[block.line - 1].startswith("```")
 
 

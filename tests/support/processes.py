@@ -100,7 +100,7 @@ class Program:
 
     @property
     def output(self) -> str:
-        """What it has printed so far."""
+        """Text that it has printed so far."""
         return self._output.read_text()
 
     def expect(self, pattern: str, seconds: float = PATIENCE_S) -> re.Match[str]:
@@ -153,7 +153,7 @@ def command_until(condition: Callable[[], object], *clients: VehicleClient, surg
 
 
 def surge_of(client: VehicleClient) -> float:
-    """How fast its vehicle truly goes ahead, m/s; not a number before that is known."""
+    """Return the true speed ahead of its vehicle in m/s; nan before that is known."""
     stamped = client.latest.get("ground_truth")
     return float(stamped.value.nu[0]) if stamped else math.nan
 
@@ -174,7 +174,7 @@ def children_of(pid: int, recursive: bool = False) -> list[int]:
 
 
 def is_running(pid: int) -> bool:
-    """Whether the process has not ended: one whose parent has not asked how it ended has."""
+    """Return whether the process runs: a zombie, not yet waited for by its parent, does not."""
     with suppress(psutil.NoSuchProcess):
         return psutil.Process(pid).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
     return False

@@ -59,9 +59,9 @@ def test_names_are_free_of_the_old_words() -> None:
 
 
 def test_docstrings_begin_with_a_statement() -> None:
-    """The first line of each docstring in the packages and tools: "Return ...", "Error of a sensor", "True if ..."."""
+    """First lines in packages, tools, and what supports tests: "Return ...", "Error of ...", "True if ..."."""
     found = []
-    for room in ("hil", "sim", "boards", "firmware_stub", "tools"):
+    for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests/support"):
         for path in sorted((ROOT / room).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):

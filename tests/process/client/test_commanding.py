@@ -1,4 +1,4 @@
-"""Who commands a vehicle through the Python interface, and how a program's end stops it."""
+"""Right to command through the Python interface, and the stop of the vehicle at a program's end."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""How a master compares its clock with a vehicle's: by the answers to its own pings alone."""
+"""Comparison of a master's clock with a vehicle's, by the answers to its own pings alone."""
 
 import time
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What a shell is told when somebody presses Tab, asked as the shell does."""
+"""Completion of command lines, requested as a shell does at Tab."""
 
 import os
 import pty

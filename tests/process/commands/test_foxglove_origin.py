@@ -1,4 +1,4 @@
-"""Who may look and who may command at the gateway for Foxglove."""
+"""Rights to read and to command at the gateway for Foxglove."""
 
 import json
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What went wrong with a vehicle, as `agent`, `case` and `plot` tell it."""
+"""Events of a vehicle in the output of `agent`, `case` and `plot`."""
 
 import json
 import signal

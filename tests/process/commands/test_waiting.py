@@ -1,4 +1,4 @@
-"""Who waits for a vehicle says so, and where; who publishes to nobody is told."""
+"""Messages of commands that wait for a vehicle, or publish without a subscriber."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Which boot of a machine this is, and where modules came from."""
+"""Identity of a machine's boot, and the origin of modules."""
 
 import sys
 from types import ModuleType

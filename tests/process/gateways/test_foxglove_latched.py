@@ -1,4 +1,4 @@
-"""What is said once reaches a Foxglove client that comes later too."""
+"""Messages that are sent once reach Foxglove clients that connect later."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What a slave as a service needs of systemd, udev and the network, and what is refused before it is made one.
+"""Installation of a slave as a service: systemd, udev, network, and refusals before anything is changed.
 
 What only a real systemd shows is in tests/system/boards/test_whole_board.py.
 """

@@ -1,4 +1,4 @@
-"""What only CAN wires do: other software on the bus, adapters and their noise, and every way they cannot be opened."""
+"""CAN wires: other software on the bus, adapters and their noise, and every way they cannot be opened."""
 
 import select
 import socket

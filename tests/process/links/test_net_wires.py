@@ -1,4 +1,4 @@
-"""What only wires of the network do: peers that come and go, and every way they cannot be opened."""
+"""Properties of network wires alone: peers that come and go, and every way they cannot be opened."""
 
 import socket
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What comes often goes without the text of its key, and arrives once, whatever pattern it was subscribed to by."""
+"""Frequent messages are sent without the text of their key, and arrive once for each pattern of subscription."""
 
 import statistics
 import threading

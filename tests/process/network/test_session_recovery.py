@@ -1,4 +1,4 @@
-"""What vanishes is missed within the lease and found again at once; what is late is not obeyed."""
+"""Lost peers are detected within the lease and found again at once; late commands are refused."""
 
 import os
 import socket

@@ -1,4 +1,4 @@
-"""What a session is told, and how it finds others."""
+"""Settings of a session, and discovery of others."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""What is done to a recorded vehicle by hand: in the recording, to the bit, and done again by `replay --check`."""
+"""Manual changes to a recorded vehicle stand in the recording and are repeated by `replay --check`."""
 
 import signal
 import time

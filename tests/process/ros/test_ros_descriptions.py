@@ -1,4 +1,4 @@
-"""What a slave describes itself with, and how it is commanded, by the topics that tools of ROS 2 use."""
+"""Descriptions and commands of a slave by the topics that tools of ROS 2 use."""
 
 import time
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Who is there for a vehicle: whose clocks it knows, and what others say in a master's name or out of all bounds."""
+"""Peers of a vehicle: presence, clocks, and forged or invalid messages."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""What the slave says of its health: how late it is now, and what its machine is called."""
+"""Diagnostics of the slave: lateness, counters, state, and the name of its machine."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""What systemd hears from the slave: ready, alive while the loop goes on, stopping."""
+"""Notifications of the slave to systemd: ready, alive while the loop runs, stopping."""
 
 import os
 import socket

@@ -1,4 +1,4 @@
-"""What a loop publishes on a network that cannot carry it."""
+"""Publishing of a loop on a network that cannot carry all samples."""
 
 import statistics
 import time

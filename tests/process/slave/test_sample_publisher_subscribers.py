@@ -1,4 +1,4 @@
-"""What nobody listens to is not sent, whoever comes gets it from then on, and what was last is known all the same."""
+"""Samples without subscribers are not sent, but the last one is stored for late joiners."""
 
 import time
 from collections import defaultdict

@@ -1,4 +1,4 @@
-"""What dives with a real autopilot share: a world with a current, and commands repeated until they are accepted."""
+"""Common part of dives with a real autopilot: a world with a current, and commands repeated until they are accepted."""
 
 from tests.support.clients.ground_station import GroundStation, Mission
 

@@ -79,7 +79,7 @@ class ViewPage:
         box.press("Enter")
 
     def text_of(self, label: str) -> str:
-        """What a box of the panels shows."""
+        """Return the text that a box of the panels shows."""
         return str(self._beside(label, "input").input_value())
 
     def _beside(self, label: str, kind: str) -> Any:

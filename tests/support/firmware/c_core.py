@@ -30,14 +30,14 @@ class Step(NamedTuple):
     can: CanFrame | None = None
 
     def record(self) -> bytes:
-        """What core_main.c reads."""
+        """Return the bytes of the step as core_main.c reads them."""
         if self.can is None:
             return struct.pack("<QH", self.now_us, len(self.data)) + self.data
         return struct.pack("<QHIB8s", self.now_us, CAN, self.can.id, len(self.can.data), self.can.data)
 
 
 class Done(NamedTuple):
-    """What the firmware did at a step."""
+    """Output of the firmware at one step."""
 
     sent: bytes
     pwm_us: tuple[int, ...]
@@ -54,7 +54,7 @@ class Script(NamedTuple):
 
 
 def run_c(program: str, script: Script, stop: bool = False) -> list[Done]:
-    """What the core does, step by step; with `stop` one step more, its end."""
+    """Return the core's output, step by step; with `stop` one step more, its end."""
     chunks = [struct.pack("<BI", script.channels, script.watchdog_us)]
     chunks += [step.record() for step in script.steps]
     if stop:
@@ -116,7 +116,7 @@ class Clock:
 
 
 def run_python(script: Script, protocol: Protocol, clock: Clock, piece: int = 1) -> list[Done]:
-    """What the specification does; it gets the bytes as a UART does, one by one, or in bigger pieces."""
+    """Return the specification's output; it gets bytes as a UART does, one by one, or in larger pieces."""
     wire = _Line(piece)
     stm32 = Stm32(script.channels, script.watchdog_us * US)
     end = Stm32End(stm32, ThrusterLink(wire, protocol))

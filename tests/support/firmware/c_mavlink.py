@@ -86,7 +86,7 @@ def unsupported(chance: random.Random) -> Any:
 
 
 def question(chance: random.Random) -> Any:
-    """What a ground station asks of every vehicle, or says to one that has asked it."""
+    """Return a message that a ground station sends to every vehicle, or in answer to one."""
     to, kind, seq = _target(chance), chance.randrange(3), chance.randrange(3)
     name = chance.choice((b"SYSID_THISMAV", b"SYSID_THISMAV2", b"SYSID_THISMAV_AND", b"", b"OTHER"))
     numbers = [float(chance.randrange(5)) for _ in range(7)]

@@ -1,4 +1,4 @@
-"""What every STM32 must do, whoever plays it and whatever it speaks. A kind subclasses `Stm32Contract`."""
+"""Conformance tests of every STM32, real or emulated, over any protocol. A kind subclasses `Stm32Contract`."""
 
 import select
 import time
@@ -60,7 +60,7 @@ class Stm32Contract:
         pytest.fail(f"no answer that shows {wanted}; the thrusters have {driver.pwm_us}")
 
     def listen(self, driver: ThrusterDriver, seconds: float) -> Iterator[ThrusterTelemetry]:
-        """What it says in the next `seconds`, without a command."""
+        """Return the reports of the next `seconds`, without a command."""
         end = now_ns() + round(seconds * NS_PER_S)
         while (now := now_ns()) < end:
             wait_ns = max(0, min(end, driver.deadline_ns) - now)

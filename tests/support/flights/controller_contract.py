@@ -1,4 +1,4 @@
-"""What every control law promises, whatever its family: one class, subclassed with the law to test."""
+"""Conformance tests of every control law: one class, subclassed with the law to test."""
 
 import math
 from abc import ABC, abstractmethod
@@ -108,7 +108,7 @@ class ControllerContract(ABC):
         assert (level[3] - held[3], level[4] - held[4]) != (0.0, 0.0)
 
     def unlevelled(self, navigation: Navigation) -> Wrench:
-        """What it asks for at this attitude for other reasons than to level: weight and lift, if it knows them."""
+        """Return the wrench at this attitude apart from levelling: weight and lift, if the law has them."""
         return NO_RESIDUAL
 
     def is_within_limits(self, wrench: Wrench) -> bool:

@@ -1,4 +1,4 @@
-"""How level a vehicle flies under its own controller, whatever speed it is asked for."""
+"""Attitude of a vehicle under its own controller, at each commanded speed."""
 
 from math import acos, asin, atan2, degrees, inf
 from typing import NamedTuple

@@ -10,7 +10,7 @@ from hil.slave.drivers.ends import Ends
 
 
 class BenchLink:
-    """What is put into `says` comes in; `broken` is a cable that was pulled; `closed` whether it was closed."""
+    """Link that receives what is put into `says`; `broken` is a pulled cable; `closed` is true once it is closed."""
 
     deadline_ns = NEVER_NS
 

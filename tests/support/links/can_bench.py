@@ -56,7 +56,7 @@ def records(kept: Iterable[CanFrame]) -> bytes:
 
 
 def exchange(sender: Protocol, message: Message, receiver: Protocol) -> list[Message]:
-    """What the receiver makes of a message."""
+    """Return the message as the receiver decodes it."""
     return receiver.feed(sender.encode(message))
 
 

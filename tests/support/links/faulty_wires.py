@@ -12,7 +12,7 @@ from tests.support.links.can_pairs import socket_pair
 
 
 class Clock:
-    """What the wires read instead of the machine's clock, moved by the test alone.
+    """Clock of the wires in place of the machine's, set by the test alone.
 
     It is an hour ahead of the machine's, whose timer therefore wakes nobody.
     """

@@ -1,4 +1,4 @@
-"""What every wire and every thruster link must do.
+"""Conformance tests of every wire and every thruster link.
 
 A new wire subclasses `WireContract`, a wire with a protocol on it `LinkContract`; class attributes say what it is:
 
@@ -80,7 +80,7 @@ def _descriptors() -> list[int]:
 
 
 def wait_readable(wire: Wire, seconds: float = PATIENCE_S) -> bool:
-    """Whether the wire's descriptor wakes a waiting program in time."""
+    """Return whether the wire's descriptor wakes a waiting program in time."""
     return bool(select.select([wire.fileno()], [], [], seconds)[0])
 
 

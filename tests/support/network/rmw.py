@@ -32,7 +32,7 @@ def _common(release: Release) -> dict[str, Any]:
 
 
 def session_settings(endpoint: str, release: Release = "now") -> str:
-    """Of a context: all nodes of a process. By default `endpoint` is tcp/localhost:7447."""
+    """Return the settings of a context: all nodes of a process. By default `endpoint` is tcp/localhost:7447."""
     table = _common(release)
     gossip = table["scouting"]["gossip"]
     gossip["autoconnect"] = {"router": [], "peer": ["router", "peer"]}
@@ -51,7 +51,7 @@ def session_settings(endpoint: str, release: Release = "now") -> str:
 
 
 def router_settings(endpoint: str, release: Release = "now") -> str:
-    """Of `ros2 run rmw_zenoh_cpp rmw_zenohd`. By default `endpoint` is tcp/[::]:7447."""
+    """Return the settings of `ros2 run rmw_zenoh_cpp rmw_zenohd`. By default `endpoint` is tcp/[::]:7447."""
     table = _common(release)
     gossip = table["scouting"]["gossip"]
     gossip["autoconnect"] = {"router": [], "peer": ["router", "peer"]}

@@ -1,4 +1,4 @@
-"""What a delay run says of its clocks, of its line, and of what was not as asked."""
+"""Remarks of a delay run about its clocks, its line, and conditions that differ from the requested ones."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""As `tests.process.commands.test_campaign`: both commands that start workers, and each signal that ends them."""
+"""Ends of campaigns and cases by signals: both commands that start workers, and each signal that ends them."""
 
 import signal
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is between the machines breaks, and comes back: seen by both, mended by itself, nothing obeyed late."""
+"""Failures of the network between two machines: seen by both, recovered automatically, no late command obeyed."""
 
 import itertools
 import json

@@ -1,4 +1,4 @@
-"""As `tests.process.sim.test_determinism`, for longer."""
+"""Determinism over a million steps; `tests.process.sim.test_determinism` has fewer."""
 
 from tests.process.sim.test_determinism import check_repeats
 

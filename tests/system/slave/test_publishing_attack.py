@@ -1,4 +1,4 @@
-"""Who may only listen cannot stop the thrusters: thousands of subscriptions hold up the network, not the loop."""
+"""An observer cannot stop the thrusters: thousands of subscriptions hold up the network, not the loop."""
 
 import socket
 import time

@@ -1,4 +1,4 @@
-"""What many slaves take of a machine and of its routers: rows of `tools/costs/scale.py`, by real processes."""
+"""Cost of many slaves for a machine and its routers: rows of `tools/costs/scale.py`, by real processes."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What stands between an autopilot's outputs and the thrusters: silence, arming, a frame that is contradicted."""
+"""Checks between an autopilot's outputs and the thrusters: silence, arming, a frame that is contradicted."""
 
 from hil.autopilots.contract import Outputs
 from hil.autopilots.frames import map_motors

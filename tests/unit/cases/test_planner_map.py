@@ -1,4 +1,4 @@
-"""What a planner knows of a world: obstacles and relief at its depth, hidden things left out, files turned right."""
+"""Map of a world that a planner gets: obstacles and relief at its depth, hidden things left out, files turned right."""
 
 from array import array
 from math import hypot, inf, sqrt

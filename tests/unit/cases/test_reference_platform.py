@@ -1,4 +1,4 @@
-"""What the page reference_platform.md says that Zhang et al. 2022 print, held against the scenarios and the code."""
+"""Figures of Zhang et al. 2022 on the page reference_platform.md, compared with the scenarios and the code."""
 
 from itertools import pairwise
 from math import hypot, isclose, pi, tan

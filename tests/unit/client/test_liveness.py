@@ -1,4 +1,4 @@
-"""When a vehicle counts as gone, by a clock of the test's own."""
+"""Presence of a vehicle, and its loss, by a clock of the test."""
 
 from collections.abc import Callable
 from typing import Any, cast

@@ -1,4 +1,4 @@
-"""Which endpoints a command listens to."""
+"""Endpoints to which a command connects."""
 
 from pathlib import Path
 

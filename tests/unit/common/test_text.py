@@ -1,4 +1,4 @@
-"""What others wrote cannot drive a terminal, forge a line of a log, or fill it."""
+"""Foreign text cannot drive a terminal, forge a line of a log, or fill it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What comes off a wire never raises in the MAVLink vehicle, signed or not."""
+"""Received bytes never raise in the MAVLink vehicle, signed or not."""
 
 import os
 import random

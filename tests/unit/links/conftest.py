@@ -1,4 +1,4 @@
-"""What closes the wires of a test, and the clock of wires with faults."""
+"""Fixtures: wires that are closed after a test, and the clock of wires with faults."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack

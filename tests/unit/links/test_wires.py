@@ -1,4 +1,4 @@
-"""What only ptys and serial devices do: names, locks, speeds, and every way they cannot be opened."""
+"""Properties of ptys and serial devices alone: names, locks, speeds, and every way they cannot be opened."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""Whether answers without samples are a stall, by a clock of the test's own."""
+"""Detection of a stall, answers without samples, by a clock of the test."""
 
 from hil.common.clock import NS_PER_MS
 from hil.network.stall import StallDetector

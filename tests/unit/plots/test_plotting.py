@@ -1,4 +1,4 @@
-"""What all pictures share: legends beside the axes, gaps in silences, errors of a file that cannot be written."""
+"""Properties of all pictures: legends beside the axes, gaps in silences, errors of a file that cannot be written."""
 
 from math import isnan
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Who asks a vehicle's model for more speed than it is level at is warned by sim, demo and doctor."""
+"""Warning of sim, demo and doctor about a speed at which the vehicle's model does not stay level."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What the vehicles of a fleet say by modem, byte by byte, and when it is whose turn."""
+"""Reports of a fleet by modem, byte by byte, and their time slots."""
 
 import math
 from itertools import pairwise

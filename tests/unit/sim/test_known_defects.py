@@ -1,4 +1,4 @@
-"""What known simulators and papers get wrong: their formula fails here, ours does not.
+"""Known defects of simulators and papers: their formula fails here, ours does not.
 
 Other defects of this kind are tested where they belong: drift noise that depends on the rate (test_sensor_error),
 currents and tides (test_currents), thruster lags without a clock (test_thruster_lags), buoyancy that jumps

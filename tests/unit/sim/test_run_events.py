@@ -1,4 +1,4 @@
-"""What goes wrong in a run: found from positions, attitudes and contacts alone, joined, counted, written down."""
+"""Events of a run: found from positions, attitudes and contacts alone, joined, counted, written down."""
 
 from math import cos, hypot, pi, radians, sin
 from typing import Any

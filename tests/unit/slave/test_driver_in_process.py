@@ -1,4 +1,4 @@
-"""When an STM32 in the slave's own process applied a command."""
+"""Time at which an STM32 in the slave's own process applied a command."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""What the slave's loop notes of a run that went wrong: contacts to the step, tilt, depth, and its thruster link."""
+"""Events that the slave's loop records: contacts to the step, tilt, depth, and its thruster link."""
 
 from math import pi
 

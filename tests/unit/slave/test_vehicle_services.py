@@ -1,4 +1,4 @@
-"""What may be asked of the vehicle: each service by what the vehicle does then."""
+"""Services of the vehicle, each judged by its effect on the vehicle."""
 
 import math
 import select

@@ -1,4 +1,4 @@
-"""What an observer counts of a vehicle's state messages."""
+"""Counts of a vehicle's state messages at an observer."""
 
 from hil.client.client import Stamped
 from hil.common.clock import NS_PER_MS

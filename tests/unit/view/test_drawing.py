@@ -1,4 +1,4 @@
-"""What the scene and the panels are given: axes, meshes, arrows, pictures, instruments."""
+"""Elements passed to the scene and the panels: axes, meshes, arrows, pictures, instruments."""
 
 from math import pi
 from typing import Any

@@ -1,4 +1,4 @@
-"""What sensors see is drawn from where the scenario mounts them."""
+"""Measurements of sensors are drawn from where the scenario mounts them."""
 
 from math import pi
 

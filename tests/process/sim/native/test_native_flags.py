@@ -1,4 +1,4 @@
-"""What a compiler's flags make of doubles: the C twins compile where a double stays a double, and only there."""
+"""Effect of a compiler's flags on doubles: the C twins compile where a double stays a double, and only there."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""What a frame file can describe beyond the shipped ones: each layout against bytes written by hand."""
+"""Layouts that a frame file can describe beyond the shipped ones: each against bytes written by hand."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What our MAVLink device does for a ground station: commands, acknowledgements, motor tests, manual control."""
+"""Answers of our MAVLink device to a ground station: commands, acknowledgements, motor tests, manual control."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""What is written as URDF is read by others' parsers, and comes back through our own importer."""
+"""Written URDF is read by others' parsers, and comes back through our own importer."""
 
 import io
 from math import cos, sin
