@@ -108,11 +108,11 @@ def _seabed(world: World, north: Array, east: Array) -> Any:
     if terrain is None:
         return world.depth
     rows, columns = terrain.grid.rows, terrain.grid.columns
-    nodes = np.asarray(terrain.depths, np.float64).reshape(rows, columns)
+    nodes = np.asarray(terrain.depths, np.float32).reshape(rows, columns)  # mapped, perhaps: only some are looked at
     x, y = (north - terrain.grid.north_min) * terrain.scale, (east - terrain.grid.east_min) * terrain.scale
     on_grid = (x >= 0.0) & (x <= rows - 1) & (y >= 0.0) & (y <= columns - 1)
     i, j = (np.clip(np.asarray(v, np.intp), 0, count - 2) for v, count in ((x, rows), (y, columns)))
     u, v = x - i, y - j
-    a, b, c, d = nodes[i, j], nodes[i, j + 1], nodes[i + 1, j], nodes[i + 1, j + 1]
+    a, b, c, d = (nodes[i + k, j + m].astype(np.float64) for k, m in ((0, 0), (0, 1), (1, 0), (1, 1)))
     depth = a + (c - a) * u + (b - a) * v + (a - b - c + d) * u * v
     return np.where(on_grid, np.where(np.isnan(depth), NO_DATA, depth), terrain.outside)

@@ -18,6 +18,7 @@ Cell = tuple[int, int]  # row, column: counted to the north and to the east
 
 LARGEST_YAML = 1 << 20  # bytes; one of map_server has some hundred
 LARGEST_IMAGE = 1 << 28  # bytes: 16,384 x 16,384 cells
+STRIP = 1 << 20  # cells that are looked at together: what is computed of them takes some tens of MB
 LONGEST_HEADER = 1 << 16  # bytes, of which nearly all may be comments
 FINEST, COARSEST = 1e-3, 1e3  # m, of a cell
 FARTHEST = 1e5  # m north and east, as in a world
@@ -73,11 +74,20 @@ class OccupancyGrid:
         columns = ceil((extent.east - extent.west) / resolution - 1e-9)
         if rows < 1 or columns < 1:
             raise ConfigError(f"map: an extent of {extent} m holds no cell of {resolution} m")
+        if rows * columns > LARGEST_IMAGE:
+            fits = resolution * (rows * columns / LARGEST_IMAGE) ** 0.5
+            raise ConfigError(
+                f"map: {rows} x {columns} cells of {resolution:g} m are more than {LARGEST_IMAGE}: "
+                f"make the resolution {ceil(100.0 * fits) / 100.0:g} m or coarser"
+            )
         north = extent.south + resolution * (np.arange(rows) + 0.5)
         east = extent.west + resolution * (np.arange(columns) + 0.5)
         function = clearance if vectorised else np.vectorize(clearance, otypes=[float])
-        free = np.asarray(function(*np.meshgrid(north, east, indexing="ij"))) > margin
-        return cls(~free, resolution, (extent.south, extent.west))
+        cells = np.empty((rows, columns), bool)
+        for part in _strips(rows, columns):
+            free = np.asarray(function(*np.meshgrid(north[part], east, indexing="ij"))) > margin
+            cells[part] = ~free
+        return cls(cells, resolution, (extent.south, extent.west))
 
     def inflate(self, radius: float) -> "OccupancyGrid":
         """Return the map with every cell occupied whose centre is within `radius` m of an occupied cell's centre."""
@@ -228,3 +238,10 @@ def _read_pgm(path: str) -> NDArray[np.uint8]:
         raise ValueError("the image is not an 8-bit P5")
     columns, rows = int(header[1]), int(header[2])
     return np.frombuffer(data, np.uint8, rows * columns, header.end()).reshape(rows, columns)
+
+
+def _strips(rows: int, columns: int) -> list[slice]:
+    """Return the rows in strips of two or more, as far as there are so many."""
+    step = max(2, STRIP // columns)
+    starts = [0, *range(step, rows - 1, step)]
+    return [slice(start, end) for start, end in zip(starts, [*starts[1:], rows], strict=True)]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.autonomy.paths.occupancy import Extent, OccupancyGrid
+from hil.autonomy.paths.occupancy import STRIP, Extent, OccupancyGrid
 from hil.common.errors import ConfigError
 
 # 4 rows to the north, 5 columns to the east; "#" is occupied; north is up, as on a map
@@ -249,3 +249,22 @@ def test_files_that_cannot_be_opened_are_named(tmp_path: Any) -> None:
         OccupancyGrid.read(os.path.join(tmp_path, "no.yaml"))
     with pytest.raises(ConfigError, match="cannot be written"):
         grid_of(PICTURE).write_pgm(os.path.join(tmp_path, "no", "m.pgm"))
+
+
+def test_a_large_map_is_made_in_strips_and_a_too_large_one_refused() -> None:
+    """No more of it is looked at together than STRIP cells, in strips of two rows at least."""
+    sizes: list[tuple[int, int]] = []
+
+    def clearance(north: Any, east: Any) -> Any:
+        sizes.append(north.shape)
+        return np.hypot(north - 700.0, east - 900.0) - 100.0
+
+    grid = OccupancyGrid.rasterise(clearance, Extent(0.0, 0.0, 1401.0, 2000.0), 1.0, vectorised=True)
+    assert len(sizes) > 2
+    assert max(rows * columns for rows, columns in sizes) <= STRIP + 2 * 2000
+    assert min(rows for rows, _ in sizes) >= 2
+    assert sum(rows for rows, _ in sizes) == 1401
+    north, east = np.meshgrid(np.arange(1401) + 0.5, np.arange(2000) + 0.5, indexing="ij")
+    assert (grid.cells == (np.hypot(north - 700.0, east - 900.0) <= 100.0)).all()
+    with pytest.raises(ConfigError, match=r"200000 x 200000 cells of 0.25 m are more than .*: make .* 3.06 m"):
+        OccupancyGrid.empty(Extent(0.0, 0.0, 50_000.0, 50_000.0), 0.25)
