@@ -39,6 +39,7 @@ from tools.faults.relay import Relay  # noqa: E402
 
 MOST_LATENCY_MS = 60.0
 SETTLE_S = 5.0
+SLOW_SETTLE_S = 20.0  # behind a slow network, until ten viewers have the seabed
 COMMAND_S = 0.05
 WORLD = """
 name = "wide"
@@ -215,7 +216,7 @@ def measure(folder: Path, viewers: int | None, seconds: float, browser: bool, ra
             if browser:
                 stack.enter_context(_open_page(f"{address}?token={token}", seconds))
             seen = stack.enter_context(Viewers(viewers, address, token, clock))
-        fly(client, SETTLE_S)
+        fly(client, SLOW_SETTLE_S if rate else SETTLE_S)
         first = len(client.delays.totals_ns())
         noted, updates = (len(seen.latency_ms), seen.updates) if seen else (0, 0)
         passed = relay.passed if relay else 0
