@@ -153,7 +153,7 @@ class Loop:
         schedule, stamps = self.schedule, self.sample_publisher.stamps
         steps = schedule.due(now)
         if self.paused:
-            self._stamped = -1  # what it is stamped with when it goes on begins anew
+            self._stamped = -1  # so that another epoch begins when it goes on
             self.sample_publisher.wake_publisher()
             return
         if schedule.skipped != self._stamped or stamps.found_ns != stamps.offset_ns:
