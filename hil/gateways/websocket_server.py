@@ -111,7 +111,7 @@ class WebSocketServer(ABC, Generic[T]):
 
 
 class SendQueue:
-    """What waits to be sent to one client. Of what may be dropped the oldest goes when it is too much.
+    """Messages that wait to be sent to one client. Of what may be dropped the oldest goes when it is too much.
 
     `dropped` counts what was.
     """

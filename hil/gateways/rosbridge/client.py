@@ -65,7 +65,7 @@ class Client:
         subscription = self._subscriptions.get(message.topic)
         if subscription is None:
             return
-        now = subscription.take(message, now_ns())
+        now = subscription.admit(message, now_ns())
         if now is not None:
             self._send_message(subscription, now)
         elif subscription.due_ns is not None:

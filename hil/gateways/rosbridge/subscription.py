@@ -11,7 +11,7 @@ LONGEST_THROTTLE_MS, LONGEST_QUEUE = 3_600_000, 1000
 
 
 class Wish(NamedTuple):
-    """What one `subscribe` asks for: least time between messages, how many wait meanwhile, and the encoding."""
+    """Request of one `subscribe`: least time between messages, how many wait meanwhile, and the encoding."""
 
     throttle_ns: int
     queue_length: int
@@ -64,7 +64,7 @@ class Subscription:
     def _longest(self) -> int:
         return max([wish.queue_length for wish in self._wishes.values()], default=0)
 
-    def take(self, item: Any, now: int) -> Any:
+    def admit(self, item: Any, now: int) -> Any:
         """Return a message if it is to be sent now (ns); else it waits, if there is a queue, or is left out."""
         if now >= self._next_ns and not self._waiting:
             self._next_ns = now + min([wish.throttle_ns for wish in self._wishes.values()])
@@ -75,7 +75,7 @@ class Subscription:
 
     @property
     def due_ns(self) -> int | None:
-        """When the next that waits is to be sent; None if nothing waits."""
+        """Time when the next that waits is to be sent (ns); None if nothing waits."""
         return self._next_ns if self._waiting else None
 
     def take_waiting(self, now: int) -> Any:

@@ -288,7 +288,7 @@ def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:
         assert check.wait() == 0, check.output
     assert "the same bit for bit" in check.output
     counts = Counter(message.topic.removeprefix("/uuv1/") for message in read_messages(str(recording)))
-    assert all(counts[name] >= 4 for name in COMMANDS), counts
+    assert all(counts[name] >= 4 for name in COMMANDS if name != "cmd_vel_stamped"), counts
 
 
 def test_two_publishers_of_ros_steer_together(own_slave: tuple[Program, str], tmp_path: Path) -> None:

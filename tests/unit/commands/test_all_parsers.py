@@ -28,6 +28,7 @@ OTHER_NAMES = {
 # The same word for another thing, with the reason.
 OTHER_MEANINGS = {
     ("uuv-hil foxglove", "--listen"): "a websocket, no zenoh endpoint",
+    ("uuv-hil rosbridge", "--listen"): "a websocket, no zenoh endpoint",
     ("uuv-hil view", "--listen"): "a web page, no zenoh endpoint",
     ("uuv-hil gateway", "--listen"): "lines of JSON, no zenoh endpoint",
     ("uuv-hil bench echo", "--listen"): "an address without a port, which is any that is free",

@@ -140,7 +140,7 @@ MS = 1_000_000
 def test_a_throttle_without_a_queue_leaves_out() -> None:
     subscription = Subscription()
     subscription.add("a", read_wish({"throttle_rate": 100}))
-    taken = [subscription.take(number, number * 40 * MS) for number in range(6)]
+    taken = [subscription.admit(number, number * 40 * MS) for number in range(6)]
     assert taken == [0, None, None, 3, None, None]
     assert subscription.due_ns is None
 
@@ -148,7 +148,7 @@ def test_a_throttle_without_a_queue_leaves_out() -> None:
 def test_a_queue_is_sent_at_the_throttles_pace_and_drops_its_oldest() -> None:
     subscription = Subscription()
     subscription.add("a", Wish(100 * MS, 2, "none"))
-    assert [subscription.take(number, 0) for number in range(4)] == [0, None, None, None]
+    assert [subscription.admit(number, 0) for number in range(4)] == [0, None, None, None]
     assert subscription.due_ns == 100 * MS
     assert subscription.take_waiting(50 * MS) is None
     assert [subscription.take_waiting(100 * MS), subscription.take_waiting(200 * MS)] == [2, 3]
@@ -160,11 +160,11 @@ def test_of_two_subscriptions_the_faster_counts_until_it_goes() -> None:
     subscription.add("slow", Wish(1000 * MS, 0, "none"))
     subscription.add("fast", Wish(0, 0, "cbor"))
     assert subscription.compression == "cbor"
-    assert [subscription.take(number, number) for number in range(3)] == [0, 1, 2]
+    assert [subscription.admit(number, number) for number in range(3)] == [0, 1, 2]
     assert not subscription.remove("fast")
     assert subscription.compression == "none"
-    assert subscription.take(3, 10) == 3
-    assert subscription.take(4, 20) is None
+    assert subscription.admit(3, 10) == 3
+    assert subscription.admit(4, 20) is None
     assert subscription.remove("slow")
 
 
