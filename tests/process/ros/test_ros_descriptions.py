@@ -83,6 +83,7 @@ def test_diagnostics_come_on_the_topic_where_tools_look(slave: tuple[Program, st
 def test_a_parameter_that_is_set_is_an_event(slave: tuple[Program, str]) -> None:
     with open_master_session(slave[1]) as session:
         listener = Listener(session, TOPICS["/parameter_events"])
+        assert Listener(session, TOPICS["/clock"]).first()  # by then the services are known here
         value = {"type": 3, "double_value": 2.5}
         parameter = {"name": "gains.surge.p", "value": value}
         answer = call(
