@@ -32,10 +32,10 @@ class Listener:
 
     def __init__(self, session: Session, topic: Topic) -> None:
         self.received: list[Any] = []
+        self._type = topic.type  # known before the first message comes
         name = topic.full_name("uuv1")
         Node(session, f"listener_{topic.name.strip('/')}").subscribes(topic, "uuv1")
         session.subscribe_keys(f"0{name}/*/*", self._deliver, 10, topic.qos.latched)
-        self._type = topic.type
 
     def _deliver(self, _key: str, payload: bytes, _attachment: bytes) -> None:
         self.received.append(ros_message.decode(self._type, payload))
