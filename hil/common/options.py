@@ -17,6 +17,7 @@ from hil.common.endpoint import full_endpoint
 from hil.common.errors import EXIT_CODES, ConfigError, HilError
 from hil.common.schema import UNITS, nearest, shortened, with_unit
 from hil.common.tables import output_file, settings
+from hil.common.text import wrap_command
 
 UNKNOWN = "unrecognized arguments: "  # how argparse begins what it says of words and options that it does not know
 LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # where a slave of this machine listens, unless its scenario says otherwise
@@ -47,22 +48,8 @@ class HelpFormatter(argparse.HelpFormatter):
             if is_prose:
                 lines += super()._fill_text(" ".join(group), width, indent).splitlines()
             else:
-                lines += [piece for line in group for piece in _example(line, width)]
+                lines += [piece for line in group for piece in wrap_command(line, width)]
         return "\n".join(lines)
-
-
-def _example(line: str, width: int) -> list[str]:
-    """Return a line "command   remark" as lines of at most `width` letters that a shell reads as the same command."""
-    if len(line) <= width or not line.strip():
-        return [line]
-    _, indent, command, remark = re.split(r"^( *)(\S+(?: \S+)*)(?:  +)?", line, maxsplit=1)
-    lines = [indent]
-    for word in re.findall(r"(?:'[^']*'|\"[^\"]*\"|[^ '\"])+", command):
-        if len(lines[-1]) + len(word) + 2 > width and lines[-1].strip():
-            lines[-1] += "\\"
-            lines.append(f"{indent}    ")
-        lines[-1] += f"{word} "
-    return [piece.rstrip() for piece in lines] + ([f"{indent}    # {remark}"] if remark else [])
 
 
 class Parser(argparse.ArgumentParser):

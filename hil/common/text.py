@@ -1,5 +1,6 @@
 """Text for terminals, logs and other programs: without control characters, of limited length, or as JSON."""
 
+import re
 from math import isfinite
 from typing import Any
 
@@ -30,3 +31,17 @@ def json_value(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.hex()
     return value if not isinstance(value, float) or isfinite(value) else None
+
+
+def wrap_command(line: str, width: int) -> list[str]:
+    """Return a line "command   remark" as lines of at most `width` letters that a shell reads as the same command."""
+    if len(line) <= width or not line.strip():
+        return [line]
+    _, indent, command, remark = re.split(r"^( *)(\S+(?: \S+)*)(?:  +)?", line, maxsplit=1)
+    lines = [indent]
+    for word in re.findall(r"(?:'[^']*'|\"[^\"]*\"|[^ '\"])+", command):
+        if len(lines[-1]) + len(word) + 2 > width and lines[-1].strip():
+            lines[-1] += "\\"
+            lines.append(f"{indent}    ")
+        lines[-1] += f"{word} "
+    return [piece.rstrip() for piece in lines] + ([f"{indent}    # {remark}"] if remark else [])
