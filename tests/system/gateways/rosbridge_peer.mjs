@@ -3,9 +3,9 @@ import { Ros, Service, Topic } from "roslib";
 
 const ros = new Ros({ url: process.argv[2] });
 const found = {};
-const once = (name, messageType, compression) => new Promise((resolve) => {
+const once = (name, messageType, compression, fits = () => true) => new Promise((resolve) => {
   const topic = new Topic({ ros, name, messageType, compression });
-  topic.subscribe((message) => { topic.unsubscribe(); resolve(message); });
+  topic.subscribe((message) => { if (fits(message)) { topic.unsubscribe(); resolve(message); } });
 });
 const ask = (call) => new Promise((resolve, reject) => call(resolve, reject));
 
@@ -15,7 +15,9 @@ ros.on("connection", async () => {
   found.services = await ask((yes, no) => ros.getServices(yes, no));
   found.types = ros.decodeTypeDefs(await ask((yes, no) => ros.getMessageDetails("geometry_msgs/Twist", yes, no)));
   found.json = (await once("/uuv1/imu", "sensor_msgs/Imu", "none")).linear_acceleration;
-  const imu = await once("/uuv1/imu", "sensor_msgs/Imu", "cbor");
+  // One in JSON may still be on its way from the subscription before.
+  const isPacked = (message) => !Array.isArray(message.linear_acceleration_covariance);
+  const imu = await once("/uuv1/imu", "sensor_msgs/Imu", "cbor", isPacked);
   found.cbor = [imu.linear_acceleration_covariance.constructor.name, imu.linear_acceleration_covariance[0]];
   const arm = new Service({ ros, name: "/uuv1/arm", serviceType: "std_srvs/SetBool" });
   found.armed = await ask((yes, no) => arm.callService({ data: true }, yes, no));

