@@ -96,7 +96,7 @@ def output_file(text: str) -> str:
         if not there:
             os.remove(text)
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
+        reason = error.strerror if isinstance(error, OSError) else "a zero byte is in its name"
         folder = os.path.dirname(os.path.abspath(text))
         if not os.path.isdir(folder):
             reason = f"{folder} is a file" if os.path.exists(folder) else f"there is no folder {folder}"

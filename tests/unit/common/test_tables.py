@@ -117,7 +117,7 @@ def test_an_output_is_tried_and_not_left_behind(tmp_path: Path) -> None:
         ("nowhere/more/a.json", "there is no folder FOLDER/nowhere/more"),
         ("file/a.json", "FOLDER/file is a file"),
         ("pipe.json", "it is a pipe"),
-        ("a\0b", "embedded null byte"),
+        ("a\0b", "a zero byte is in its name"),
     ],
 )
 def test_an_output_that_cannot_be(tmp_path: Path, place: str, reason: str) -> None:
