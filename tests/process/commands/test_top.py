@@ -167,8 +167,8 @@ def test_every_figure_of_the_table_is_reported_by_a_slave(slave: int) -> None:
     assert set(status.figures.raw) <= set(Diagnostics.FIGURES), "nothing that is not in the table"
     missing = set(Diagnostics.FIGURES) - set(status.figures.raw)
     unsaid = ("temperature_c", "throttled", "cpu_mhz", "labels", "memory_available_mib")  # what machines may not have
-    # with certificates, a master, a camera, an autopilot, software of others
-    elsewhere = ("may_", "clock_", "imaging_", "autopilot", "thrusters_driven")
+    # with certificates, a master, a camera, an autopilot, faults on the link, software of others
+    elsewhere = ("may_", "clock_", "imaging_", "autopilot", "link_faults", "thrusters_driven")
     assert [name for name in missing if not name.startswith((*unsaid, *elsewhere))] == []
     assert status.figures.link_wire == "pty"
 

@@ -15,6 +15,8 @@ TYPED = {
     "docs/how-to/px4.md": 0,
     "docs/how-to/qgroundcontrol.md": 4,
     "docs/how-to/ros2.md": 0,
+    "docs/how-to/ros2_humble.md": 1,
+    "docs/how-to/ros2_jazzy.md": 1,
 }
 
 

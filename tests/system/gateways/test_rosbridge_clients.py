@@ -7,6 +7,7 @@ UUV_HIL_ROSLIBPY_PYTHON=V/bin/python UUV_HIL_ROSLIBJS=V pytest tests/system/gate
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import time
@@ -16,7 +17,8 @@ from typing import Any
 
 import pytest
 
-from tests.support.processes import Program, free_port, write_scenario
+from tests.support.documents import blocks
+from tests.support.processes import ROOT, Program, free_port, write_scenario
 
 PYTHON = os.environ.get("UUV_HIL_ROSLIBPY_PYTHON", "")
 MODULES = os.environ.get("UUV_HIL_ROSLIBJS", "")
@@ -54,6 +56,15 @@ def test_roslibpy(address: str) -> None:
     assert "<robot" in found["urdf"]
     assert found["armed"]["success"]
     assert "/uuv1:gains.surge.p" in found["parameters"]
+
+
+@pytest.mark.skipif(not PYTHON, reason="UUV_HIL_ROSLIBPY_PYTHON names no Python with roslibpy (pip)")
+def test_the_program_of_the_page(address: str) -> None:
+    (block,) = blocks("python", page=ROOT / "docs/how-to/rosbridge.md")
+    program = re.sub(r"ws://[^\"]+", address, block.text) + "import time\ntime.sleep(3)\n"
+    done = subprocess.run((PYTHON, "-c", program), capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    assert "'x':" in done.stdout
 
 
 @pytest.mark.skipif(not MODULES, reason="UUV_HIL_ROSLIBJS names no folder with roslib (npm)")
