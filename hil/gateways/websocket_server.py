@@ -1,4 +1,4 @@
-"""The websocket server of gateways: who may connect, who may command, and what waits for a client.
+"""The websocket server of gateways: who may connect, and who may command.
 
 Programs may look without the token, web pages may not, and who commands needs it.
 """
@@ -6,29 +6,22 @@ Programs may look without the token, web pages may not, and who commands needs i
 import asyncio
 import threading
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Sequence
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from aiohttp import web
 
 from hil.common.errors import NetworkError
+from hil.common.stop import cancel_tasks
 from hil.gateways.access import Access
+from hil.gateways.websocket_client import SocketClient
 
 MOST_CLIENTS = 32
 LARGEST = 1 << 20  # bytes of a message of a client
 HEARTBEAT_S = 5.0  # after which a client that does not answer is gone
-MOST_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
 
 
-class Served(Protocol):
-    """One client of a server."""
-
-    async def serve(self) -> None:
-        """Send and receive until the client goes."""
-
-
-T = TypeVar("T", bound=Served)
+T = TypeVar("T", bound=SocketClient)
 
 
 class WebSocketServer(ABC, Generic[T]):
@@ -80,10 +73,7 @@ class WebSocketServer(ABC, Generic[T]):
     async def _stop(self) -> None:
         if self._runner:
             await self._runner.cleanup()
-        rest = asyncio.all_tasks() - {asyncio.current_task()}  # of clients that were still there
-        for task in rest:
-            task.cancel()
-        await asyncio.gather(*rest, return_exceptions=True)
+        await cancel_tasks()
 
     async def _serve(self, request: web.Request) -> web.StreamResponse:
         """Serve one client until it goes."""
@@ -108,38 +98,3 @@ class WebSocketServer(ABC, Generic[T]):
         finally:
             self._clients.discard(client)
         return socket
-
-
-class SendQueue:
-    """Messages that wait to be sent to one client. Of what may be dropped the oldest goes when it is too much.
-
-    `dropped` counts what was.
-    """
-
-    def __init__(self, socket: web.WebSocketResponse) -> None:
-        self._socket = socket
-        self._waiting: deque[tuple[str | bytes, bool]] = deque()
-        self._bytes = 0
-        self._wake = asyncio.Event()
-        self.dropped = 0
-
-    def put(self, message: str | bytes, keep: bool) -> None:
-        """Let a message be sent; without `keep` it may be dropped."""
-        self._waiting.append((message, keep))
-        self._bytes += len(message)
-        while self._bytes > MOST_BYTES and not self._waiting[0][1] and len(self._waiting) > 1:
-            self._bytes -= len(self._waiting.popleft()[0])
-            self.dropped += 1
-        self._wake.set()
-
-    async def send_waiting(self) -> None:
-        """Wait for something, and send all there is; a client that does not read holds up nobody but itself."""
-        await self._wake.wait()
-        self._wake.clear()
-        while self._waiting:
-            message = self._waiting.popleft()[0]
-            self._bytes -= len(message)
-            if isinstance(message, str):
-                await self._socket.send_str(message)
-            else:
-                await self._socket.send_bytes(message)

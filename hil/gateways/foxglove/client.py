@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from aiohttp import WSMsgType, web
+from aiohttp import web
 
 from hil.common.errors import HilError
 from hil.gateways.commanding import Commanding
@@ -22,7 +22,7 @@ from hil.gateways.foxglove.protocol import (
     encode_response,
     encode_text,
 )
-from hil.gateways.websocket_server import SendQueue
+from hil.gateways.websocket_client import SocketClient
 
 MOST_SUBSCRIPTIONS = 1000
 NO_TOKEN = "to command, open the address with the token that `uuv-hil foxglove --command` printed"
@@ -30,21 +30,19 @@ NO_TOKEN = "to command, open the address with the token that `uuv-hil foxglove -
 Latched = Callable[[int], tuple[int, bytes] | None]
 
 
-class Client:
+class Client(SocketClient):
     """Talks with one client over `socket`, in the thread of the server's loop.
 
     `commanding` is None for one that may only look; `latched` gives the last message of a latched channel.
     """
 
     def __init__(self, socket: web.WebSocketResponse, commanding: Commanding | None, latched: Latched) -> None:
-        self._socket = socket
+        super().__init__(socket)
         self._commanding = commanding
         self._latched = latched
         self._subscriptions: dict[int, int] = {}  # channel -> subscription
         self._topics: dict[int, tuple[str, str]] = {}  # channel of the client -> topic and encoding
         self._services: list[tuple[str, str]] = []
-        self._queue = SendQueue(socket)
-        self._tasks: set[asyncio.Task[None]] = set()
         capabilities = ["clientPublish", "services", "parameters"] if commanding else []
         self._put(
             encode_text("serverInfo", name="uuv-hil", capabilities=capabilities, supportedEncodings=[CDR], metadata={})
@@ -67,23 +65,9 @@ class Client:
 
     async def serve(self) -> None:
         """Send and receive until the client goes."""
-        self._start(self._write())
         if self._commanding:
             self._start(self._advertise_services())
-        try:
-            async for message in self._socket:
-                if message.type is WSMsgType.TEXT:
-                    await self._on_text(message.data)
-                elif message.type is WSMsgType.BINARY:
-                    await self._on_binary(message.data)
-        finally:
-            for task in self._tasks:
-                task.cancel()
-
-    def _start(self, work: Any) -> None:
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        await super().serve()
 
     def _put(self, message: str | bytes) -> None:
         self._queue.put(message, keep=isinstance(message, str))

@@ -8,7 +8,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from aiohttp import WSMsgType, web
+from aiohttp import web
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError, HilError
@@ -17,7 +17,7 @@ from hil.gateways.commanding import Commanding
 from hil.gateways.rosbridge import rosapi
 from hil.gateways.rosbridge.subscription import Subscription, read_wish
 from hil.gateways.rosbridge.values import arguments, from_json, to_cbor, to_json, whole_type
-from hil.gateways.websocket_server import SendQueue
+from hil.gateways.websocket_client import SocketClient
 from hil.recording.mcap_file import Message
 from hil.ros import message as ros_message
 from hil.ros.topics import COMMANDS, TOPICS
@@ -34,7 +34,7 @@ NOT_HERE = (
 Latched = Callable[[str], Message | None]
 
 
-class Client:
+class Client(SocketClient):
     """Talks with one client over `socket`, in the thread of the server's loop.
 
     `may_command`: it has the token; `latched` gives the last message of a latched topic.
@@ -48,7 +48,7 @@ class Client:
         may_command: bool,
         latched: Latched,
     ) -> None:
-        self._socket = socket
+        super().__init__(socket)
         self._commanding = commanding
         self._api = api
         self._may_command = may_command
@@ -56,9 +56,7 @@ class Client:
         self._subscriptions: dict[str, Subscription] = {}
         self._advertised: dict[str, str] = {}
         self._calls = 0
-        self._queue = SendQueue(socket)
         self._timer: asyncio.TimerHandle | None = None
-        self._tasks: set[asyncio.Task[None]] = set()
 
     def show(self, message: Message) -> None:
         """Send a message, if the client wants it."""
@@ -73,27 +71,11 @@ class Client:
 
     async def serve(self) -> None:
         """Send and receive until the client goes."""
-        self._start(self._write())
         try:
-            async for message in self._socket:
-                if message.type is WSMsgType.TEXT:
-                    await self._on_text(message.data)
-                elif message.type is WSMsgType.BINARY:
-                    await self._on_text(message.data.decode(errors="replace"))  # roslibpy sends its JSON so
+            await super().serve()
         finally:
             if self._timer:
                 self._timer.cancel()
-            for task in self._tasks:
-                task.cancel()
-
-    def _start(self, work: Any) -> None:
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-
-    async def _write(self) -> None:
-        while True:
-            await self._queue.send_waiting()
 
     def _put(self, op: str, ident: Any = None, **values: Any) -> None:
         more = {} if ident is None else {"id": ident}
@@ -135,6 +117,9 @@ class Client:
             if message is not None:
                 self._send_message(subscription, message)
         self._set_timer()
+
+    async def _on_binary(self, data: bytes) -> None:
+        await self._on_text(data.decode(errors="replace"))  # roslibpy sends its JSON so
 
     async def _on_text(self, text: str) -> None:
         try:

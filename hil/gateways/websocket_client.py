@@ -1,0 +1,85 @@
+"""One client of a gateway's websocket: its tasks, and the messages that wait to be sent to it."""
+
+import asyncio
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+MOST_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
+
+
+class SendQueue:
+    """Messages that wait to be sent to one client. Of what may be dropped the oldest goes when it is too much.
+
+    `dropped` counts what was.
+    """
+
+    def __init__(self, socket: web.WebSocketResponse) -> None:
+        self._socket = socket
+        self._waiting: deque[tuple[str | bytes, bool]] = deque()
+        self._bytes = 0
+        self._wake = asyncio.Event()
+        self.dropped = 0
+
+    def put(self, message: str | bytes, keep: bool) -> None:
+        """Let a message be sent; without `keep` it may be dropped."""
+        self._waiting.append((message, keep))
+        self._bytes += len(message)
+        while self._bytes > MOST_BYTES and not self._waiting[0][1] and len(self._waiting) > 1:
+            self._bytes -= len(self._waiting.popleft()[0])
+            self.dropped += 1
+        self._wake.set()
+
+    async def send_waiting(self) -> None:
+        """Wait for something, and send all there is; a client that does not read holds up nobody but itself."""
+        await self._wake.wait()
+        self._wake.clear()
+        while self._waiting:
+            message = self._waiting.popleft()[0]
+            self._bytes -= len(message)
+            if isinstance(message, str):
+                await self._socket.send_str(message)
+            else:
+                await self._socket.send_bytes(message)
+
+
+class SocketClient(ABC):
+    """Talks with one client over `socket`, in the thread of the server's loop."""
+
+    def __init__(self, socket: web.WebSocketResponse) -> None:
+        self._socket = socket
+        self._queue = SendQueue(socket)
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def serve(self) -> None:
+        """Send and receive until the client goes."""
+        self._start(self._write())
+        try:
+            async for message in self._socket:
+                if message.type is WSMsgType.TEXT:
+                    await self._on_text(message.data)
+                elif message.type is WSMsgType.BINARY:
+                    await self._on_binary(message.data)
+        finally:
+            for task in self._tasks:
+                task.cancel()
+
+    @abstractmethod
+    async def _on_text(self, text: str) -> None:
+        """Do what a message of text asks for."""
+
+    @abstractmethod
+    async def _on_binary(self, data: bytes) -> None:
+        """Do what a message of bytes asks for."""
+
+    async def _write(self) -> None:
+        while True:
+            await self._queue.send_waiting()
+
+    def _start(self, work: Any) -> None:
+        """Run a coroutine until it is done or the client goes."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
