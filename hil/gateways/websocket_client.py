@@ -11,9 +11,9 @@ MOST_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages a
 
 
 class SendQueue:
-    """Messages that wait to be sent to one client. Of what may be dropped the oldest goes when it is too much.
+    """Messages that wait to be sent to one client.
 
-    `dropped` counts what was.
+    When they are too many, the oldest is dropped if it may be, else the new one if it may be. `dropped` counts them.
     """
 
     def __init__(self, socket: web.WebSocketResponse) -> None:
@@ -21,6 +21,8 @@ class SendQueue:
         self._waiting: deque[tuple[str | bytes, bool]] = deque()
         self._bytes = 0
         self._wake = asyncio.Event()
+        self._room = asyncio.Event()
+        self._room.set()
         self.dropped = 0
 
     def put(self, message: str | bytes, keep: bool) -> None:
@@ -30,7 +32,16 @@ class SendQueue:
         while self._bytes > MOST_BYTES and not self._waiting[0][1] and len(self._waiting) > 1:
             self._bytes -= len(self._waiting.popleft()[0])
             self.dropped += 1
+        if self._bytes > MOST_BYTES and not keep and len(self._waiting) > 1:
+            self._bytes -= len(self._waiting.pop()[0])
+            self.dropped += 1
+        if self._bytes > MOST_BYTES:
+            self._room.clear()
         self._wake.set()
+
+    async def wait_for_room(self) -> None:
+        """Wait while too much waits that may not be dropped."""
+        await self._room.wait()
 
     async def send_waiting(self) -> None:
         """Wait for something, and send all there is; a client that does not read holds up nobody but itself."""
@@ -39,6 +50,8 @@ class SendQueue:
         while self._waiting:
             message = self._waiting.popleft()[0]
             self._bytes -= len(message)
+            if self._bytes <= MOST_BYTES:
+                self._room.set()
             if isinstance(message, str):
                 await self._socket.send_str(message)
             else:
@@ -46,7 +59,10 @@ class SendQueue:
 
 
 class SocketClient(ABC):
-    """Talks with one client over `socket`, in the thread of the server's loop."""
+    """Talks with one client over `socket`, in the thread of the server's loop.
+
+    One that does not read its answers is not read either.
+    """
 
     def __init__(self, socket: web.WebSocketResponse) -> None:
         self._socket = socket
@@ -62,6 +78,7 @@ class SocketClient(ABC):
                     await self._on_text(message.data)
                 elif message.type is WSMsgType.BINARY:
                     await self._on_binary(message.data)
+                await self._queue.wait_for_room()
         finally:
             for task in self._tasks:
                 task.cancel()

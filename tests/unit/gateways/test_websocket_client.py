@@ -1,0 +1,75 @@
+"""What waits for a client of a websocket is bounded, also where it must not be dropped."""
+
+import asyncio
+from typing import Any, cast
+
+import pytest
+
+from hil.gateways import websocket_client
+from hil.gateways.websocket_client import SendQueue
+
+
+class Socket:
+    """Takes what is sent to it while it is `read`."""
+
+    def __init__(self) -> None:
+        self.read = asyncio.Event()
+        self.sent: list[str | bytes] = []
+
+    async def send_str(self, text: str) -> None:
+        await self.read.wait()
+        self.sent.append(text)
+
+    send_bytes = cast(Any, send_str)
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(websocket_client, "MOST_BYTES", 10)
+
+
+def test_who_does_not_read_its_answers_is_not_read() -> None:
+    async def run() -> None:
+        socket = Socket()
+        queue = SendQueue(cast(Any, socket))
+        writer = asyncio.create_task(queue.send_waiting())
+        for _ in range(4):
+            queue.put("12345", keep=True)
+        room = asyncio.create_task(queue.wait_for_room())
+        await asyncio.sleep(0)
+        assert not room.done()
+        socket.read.set()
+        await asyncio.gather(writer, room)
+        assert socket.sent == ["12345"] * 4
+        await queue.wait_for_room()
+
+    asyncio.run(run())
+
+
+def test_behind_what_must_be_kept_the_new_one_is_dropped() -> None:
+    async def run() -> None:
+        socket = Socket()
+        queue = SendQueue(cast(Any, socket))
+        queue.put("kept 8 b", keep=True)
+        for number in range(5):
+            queue.put(b"%02d" % number, keep=False)
+        assert queue.dropped == 4
+        socket.read.set()
+        await queue.send_waiting()
+        assert socket.sent == ["kept 8 b", b"00"]
+
+    asyncio.run(run())
+
+
+def test_the_oldest_is_dropped_first() -> None:
+    async def run() -> None:
+        socket = Socket()
+        queue = SendQueue(cast(Any, socket))
+        for number in range(8):
+            queue.put(b"%02d" % number, keep=False)
+        assert queue.dropped == 3
+        socket.read.set()
+        await queue.send_waiting()
+        assert socket.sent == [b"%02d" % number for number in range(3, 8)]
+
+    asyncio.run(run())
