@@ -18,7 +18,8 @@ from websockets.typing import Origin
 
 from hil.ros import encoders as ros
 from hil.ros import message as ros_message
-from tests.support.processes import Program, free_port, wait_for, write_scenario
+from tests.support.clients.rosbridge import served_vehicle
+from tests.support.processes import wait_for
 
 PATIENCE_S = 60
 
@@ -52,14 +53,8 @@ class Bridge:
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address with its token, of a vehicle that is there."""
-    folder = tmp_path_factory.mktemp("rosbridge")
-    path, port = write_scenario(folder)
-    with Program(folder, "slave", path) as slave:
-        slave.expect("ready")
-        with Program(folder, "rosbridge", "--connect", f"tcp/127.0.0.1:{port}", "--listen", free_port()) as gateway:
-            found = gateway.expect(r"ws://\S+").group()
-            gateway.expect("here: uuv1")
-            yield found
+    with served_vehicle(tmp_path_factory.mktemp("rosbridge")) as address:
+        yield address
 
 
 @pytest.fixture

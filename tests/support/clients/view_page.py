@@ -115,3 +115,20 @@ def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[t
         yield page, fleet["uuv1"], slave
         assert "Traceback" not in view.output
         assert not seen.errors, seen.errors
+
+
+def steer_by_keyboard(page: ViewPage, vehicle: Vehicle) -> None:
+    """Hold the space bar and W: the vehicle moves, in the water and on the screen; let go, and it stops."""
+    before, place = page.pixels(), vehicle.ground_truth.position
+    page.page.locator("#heading").focus()  # outside the scene, whose camera has keys of its own
+    page.page.keyboard.down("Space")
+    page.page.keyboard.down("KeyW")
+
+    def moved() -> bool:
+        return bool(np.hypot(*np.subtract(vehicle.ground_truth.position, place)[:2]) > 0.8)
+
+    assert page.wait_until(moved), "the keys do not move the vehicle"
+    assert np.abs(page.pixels() - before).mean() > 1.0, "it moves, but not on the screen"
+    page.page.keyboard.up("KeyW")
+    page.page.keyboard.up("Space")
+    assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on without a hand at the stick"

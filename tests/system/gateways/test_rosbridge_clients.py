@@ -17,8 +17,9 @@ from typing import Any
 
 import pytest
 
+from tests.support.clients.rosbridge import served_vehicle
 from tests.support.documents import blocks
-from tests.support.processes import ROOT, Program, free_port, write_scenario
+from tests.support.processes import ROOT
 
 PYTHON = os.environ.get("UUV_HIL_ROSLIBPY_PYTHON", "")
 MODULES = os.environ.get("UUV_HIL_ROSLIBJS", "")
@@ -27,13 +28,8 @@ HERE = Path(__file__).parent
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    folder = tmp_path_factory.mktemp("rosbridge")
-    path, port = write_scenario(folder)
-    with Program(folder, "slave", path) as slave:
-        slave.expect("ready")
-        with Program(folder, "rosbridge", "--connect", f"tcp/127.0.0.1:{port}", "--listen", free_port()) as gateway:
-            gateway.expect("here: uuv1")
-            yield gateway.expect(r"ws://\S+").group()
+    with served_vehicle(tmp_path_factory.mktemp("rosbridge")) as address:
+        yield address
 
 
 def answer_of(*command: str) -> Any:

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.client.vehicle_handle import Vehicle
 from tests.support.clients.browser import open_page
-from tests.support.clients.view_page import ViewPage, viewed_slave
+from tests.support.clients.view_page import ViewPage, steer_by_keyboard, viewed_slave
 from tests.support.processes import Program, write_scenario
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
@@ -34,23 +33,6 @@ def test_it_shows_the_vehicle_steers_it_and_stops_it(tmp_path: Path) -> None:
         page.page.wait_for_function("document.getElementById('reason').textContent.includes('not there')")
         with Program(tmp_path, "slave", tmp_path / "short.toml"):
             page.wait_until_ready()
-
-
-def steer_by_keyboard(page: ViewPage, vehicle: Vehicle) -> None:
-    """Hold the space bar and W: the vehicle moves, in the water and on the screen; let go, and it stops."""
-    before, place = page.pixels(), vehicle.ground_truth.position
-    page.page.locator("#heading").focus()  # outside the scene, whose camera has keys of its own
-    page.page.keyboard.down("Space")
-    page.page.keyboard.down("KeyW")
-
-    def moved() -> bool:
-        return bool(np.hypot(*np.subtract(vehicle.ground_truth.position, place)[:2]) > 0.8)
-
-    assert page.wait_until(moved), "the keys do not move the vehicle"
-    assert np.abs(page.pixels() - before).mean() > 1.0, "it moves, but not on the screen"
-    page.page.keyboard.up("KeyW")
-    page.page.keyboard.up("Space")
-    assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on without a hand at the stick"
 
 
 GAMEPAD = """

@@ -2,13 +2,12 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from hil.common.quantiles import quantile
 from tests.support.clients.browser import PATIENCE_MS
 from tests.support.clients.view_client import ADDRESS
-from tests.support.clients.view_page import viewed_slave
+from tests.support.clients.view_page import steer_by_keyboard, viewed_slave
 from tools.costs import view_cost
 from tools.faults.relay import Relay
 
@@ -38,17 +37,5 @@ def test_a_browser_steers_through_it(tmp_path: Path) -> None:
             page.page.goto(f"http://127.0.0.1:{relay.port}/?token={found[2]}", timeout=PATIENCE_MS)
             page.wait_until_ready()
             page.wait_until_drawn()
-            before, place = page.pixels(), vehicle.ground_truth.position
-            page.page.locator("#heading").focus()
-            page.page.keyboard.down("Space")
-            page.page.keyboard.down("KeyW")
-
-            def moved() -> bool:
-                return bool(np.hypot(*np.subtract(vehicle.ground_truth.position, place)[:2]) > 0.8)
-
-            assert page.wait_until(moved), "the keys do not move the vehicle"
-            assert np.abs(page.pixels() - before).mean() > 1.0, "it moves, but not on the screen"
-            page.page.keyboard.up("KeyW")
-            page.page.keyboard.up("Space")
-            assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on without a hand at the stick"
+            steer_by_keyboard(page, vehicle)
             assert relay.passed > 100_000, "the page came another way"
