@@ -8,6 +8,7 @@ from typing import Any
 from aiohttp import WSMsgType, web
 
 MOST_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
+STALLED_S = 10.0  # after which a client that takes nothing of what it is sent is gone
 
 
 class SendQueue:
@@ -44,7 +45,11 @@ class SendQueue:
         await self._room.wait()
 
     async def send_waiting(self) -> None:
-        """Wait for something, and send all there is; a client that does not read holds up nobody but itself."""
+        """Wait for something, and send all there is; a client that does not read holds up nobody but itself.
+
+        Raises TimeoutError (asyncio's) when a message could not be sent in STALLED_S, ConnectionError when the client
+        has gone.
+        """
         await self._wake.wait()
         self._wake.clear()
         while self._waiting:
@@ -52,10 +57,8 @@ class SendQueue:
             self._bytes -= len(message)
             if self._bytes <= MOST_BYTES:
                 self._room.set()
-            if isinstance(message, str):
-                await self._socket.send_str(message)
-            else:
-                await self._socket.send_bytes(message)
+            send = self._socket.send_str(message) if isinstance(message, str) else self._socket.send_bytes(message)
+            await asyncio.wait_for(send, STALLED_S)
 
 
 class SocketClient(ABC):
@@ -70,15 +73,12 @@ class SocketClient(ABC):
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def serve(self) -> None:
-        """Send and receive until the client goes."""
-        self._start(self._write())
+        """Send and receive until the client goes; raises what `SendQueue.send_waiting` raises."""
+        both = {self._start(self._read()), self._start(self._write())}
         try:
-            async for message in self._socket:
-                if message.type is WSMsgType.TEXT:
-                    await self._on_text(message.data)
-                elif message.type is WSMsgType.BINARY:
-                    await self._on_binary(message.data)
-                await self._queue.wait_for_room()
+            ended, _ = await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+            for task in ended:
+                task.result()
         finally:
             for task in self._tasks:
                 task.cancel()
@@ -91,12 +91,21 @@ class SocketClient(ABC):
     async def _on_binary(self, data: bytes) -> None:
         """Do what a message of bytes asks for."""
 
+    async def _read(self) -> None:
+        async for message in self._socket:
+            if message.type is WSMsgType.TEXT:
+                await self._on_text(message.data)
+            elif message.type is WSMsgType.BINARY:
+                await self._on_binary(message.data)
+            await self._queue.wait_for_room()
+
     async def _write(self) -> None:
         while True:
             await self._queue.send_waiting()
 
-    def _start(self, work: Any) -> None:
+    def _start(self, work: Any) -> "asyncio.Task[None]":
         """Run a coroutine until it is done or the client goes."""
-        task = asyncio.get_running_loop().create_task(work)
+        task: asyncio.Task[None] = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task

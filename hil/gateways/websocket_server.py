@@ -95,6 +95,9 @@ class WebSocketServer(ABC, Generic[T]):
         self._clients.add(client)
         try:
             await client.serve()
+        except (asyncio.TimeoutError, ConnectionError):
+            if request.transport:
+                request.transport.abort()  # closing it in order would wait for a client that does not read
         finally:
             self._clients.discard(client)
         return socket
