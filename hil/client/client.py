@@ -21,7 +21,7 @@ from hil.network.settings import Network
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.graph import Node
-from hil.ros.topics import ALL, TOPICS, is_picture
+from hil.ros.topics import ALL, DESCRIPTIONS, TOPICS, is_picture
 from sim.run_events import RunEvent, events_since
 
 if TYPE_CHECKING:
@@ -100,6 +100,7 @@ class VehicleClient:
         self.received = dict.fromkeys(TOPICS, 0)
         self.malformed = 0
         self._watched: set[str] = set()
+        self._announced: set[str] = set()
         self._watching = threading.Lock()  # two who want the same topic at once must not get it twice
         self.delays = DelayMeter()
         self._senders: dict[str, bytes] = {}  # by topic, whose the newest message is
@@ -119,10 +120,10 @@ class VehicleClient:
         self._commands = self.session.publisher(node, TOPICS["cmd_vel"])
         self._publishers = {"cmd_vel": self._commands}
         self._others: dict[str, Publisher] = {}  # of what is no command
+        self._graph = Node(self.session, f"{node}_{part}")  # as ROS sees us
         self.contact = LivenessMonitor(self.session, node, self.delays.clock, self._fetch_last, report, network.lease)
         self.watch(*topics, *OWN)
         self.contact.begin(part, self._commands.gid, rank)
-        self._graph = Node(self.session, f"{node}_{part}")  # as ROS sees us
         if part == "master":
             self._graph.publishes(TOPICS["cmd_vel"], node)
 
@@ -182,15 +183,25 @@ class VehicleClient:
         publisher.put(payload, to_wall_ns(now_ns()))
 
     def watch(self, *topics: str) -> None:
-        """Subscribe to these topics too. Pictures ("camera/image_raw") are only received if named."""
+        """Subscribe to these topics too. Pictures ("camera/image_raw") are only received if named.
+
+        Nor is what describes a vehicle ("map") made before it is named.
+        """
         for topic in sorted(topics, key=ALL.__ne__):  # all first, which has the others in it: none is to come twice
             with self._watching:
+                self.announce(topic)
                 if self._is_watched(topic):
                     continue
                 self._watched.add(topic)
                 self.session.subscribe(self.node, topic, self._deliver, PICTURES if is_picture(topic) else QUEUE)
             if self.contact.present and not is_picture(topic):
                 fetch_last(self.session, self.node, self._deliver_last, topic)  # some come once a second
+
+    def announce(self, topic: str) -> None:
+        """Say in the graph that a description is subscribed to: the vehicle makes it then."""
+        if topic in DESCRIPTIONS and topic not in self._announced:
+            self._announced.add(topic)
+            self._graph.subscribes(TOPICS[topic], self.node)
 
     def offers(self) -> set[str]:
         """Return the topics on which the vehicle has published, subscribed or not; queried now."""

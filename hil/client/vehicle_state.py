@@ -15,13 +15,14 @@ from hil.network.session import Session
 from hil.network.settings import Network
 from hil.ros import graph
 from hil.ros.diagnostics import Diagnostics
-from hil.ros.topics import TOPICS, is_picture
+from hil.ros.topics import DESCRIPTIONS, TOPICS, is_picture
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
 FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
+MADE_WITHIN_S = 10.0  # the same of pictures and descriptions, which are made when somebody subscribes
 
 T = TypeVar("T")
 
@@ -115,12 +116,15 @@ class VehicleState:
         ConfigError.
         """
         self._listen(topic)
+        within = FIRST_WITHIN_S
+        if topic not in self.client.latest and (topic in DESCRIPTIONS or topic in self._pictures()):
+            within = MADE_WITHIN_S
         with self._first:
-            self._first.wait_for(lambda: topic in self.client.latest or not self.present, FIRST_WITHIN_S)
+            self._first.wait_for(lambda: topic in self.client.latest or not self.present, within)
         self._require_presence()
         stamped = self.client.latest.get(topic)
         if stamped is None:
-            raise NetworkError(self._no_sensor(topic, FIRST_WITHIN_S))
+            raise NetworkError(self._no_sensor(topic, within))
         return samples.aged(topic, stamped)
 
     def samples(self, topic: str, timeout: float = 5.0, depth: int = 256) -> Stream:

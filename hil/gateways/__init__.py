@@ -1,5 +1,5 @@
-"""Gateways for other software: lines of JSON over TCP, with a client class for MATLAB and Octave.
+"""Gateways for other software: lines of JSON over TCP, rosbridge, Foxglove, MAVLink; a package for MATLAB and Octave.
 
-Public: `hil.gateways.json_server.JsonGateway`. It knows the Python interface to vehicles (`hil.master`), and nothing
-of slaves. Every gateway listens on this machine unless told otherwise, and lets only those command who know its token.
+Public: a server in each folder. They know the Python interface to vehicles (`hil.client`), and nothing of slaves. Every
+gateway listens on this machine unless told otherwise, and lets only those command who know its token.
 """

@@ -11,7 +11,7 @@ from hil.network.services import call
 from hil.recording.mcap_file import schema_of
 from hil.ros import graph
 from hil.ros import message as ros_message
-from hil.ros.topics import COMMANDS, DESCRIPTIONS, TOPICS
+from hil.ros.topics import COMMANDS, DESCRIPTIONS
 
 LARGEST = 8192  # bytes of a command or a request
 AT_ONCE = 30  # parameters of one request
@@ -27,7 +27,6 @@ class Commanding:
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
-        self._subscribed: set[str] = set()
 
     def publish(self, topic: str, data: bytes) -> None:
         """Send a command, CDR, on a topic such as "/uuv1/cmd_vel"."""
@@ -52,10 +51,8 @@ class Commanding:
     def subscribe(self, topic: str) -> None:
         """Say in the graph that a topic of a vehicle is subscribed to: what describes the vehicle is made then."""
         _, node, name = [*topic.split("/", 2), "", ""][:3]
-        if name in DESCRIPTIONS and topic not in self._subscribed and node in self._fleet.names:
-            self._subscribed.add(topic)
-            gateway = graph.Node(self._vehicle(node).client.session, f"{node}_gateway")
-            gateway.subscribes(TOPICS[name], node)
+        if name in DESCRIPTIONS and node in self._fleet.names:
+            self._vehicle(node).client.announce(name)
 
     def services(self) -> dict[str, str]:
         """Return the services that vehicles answer now, and their types."""

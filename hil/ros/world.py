@@ -1,12 +1,12 @@
 """A world as ROS 2 messages: its map and its obstacles, in the frame "map" (ENU).
 
-Of ours nobody reads these messages: they are decoded by their definitions alone.
+Of ours nobody reads the obstacles and the description: they are decoded by their definitions alone.
 """
 
 from math import cos, sin
 from typing import Any, NamedTuple
 
-from hil.ros.cdr import tolerant
+from hil.ros.cdr import MalformedError, tolerant
 from hil.ros.encoders import Decoder, Encoder
 from hil.ros.message import Message, encode, header, read
 from hil.ros.topics import TOPICS
@@ -44,6 +44,17 @@ def encode_map(time_ns: int, grid: GridMap) -> bytes:
     return encode("nav_msgs/msg/OccupancyGrid", {"header": head, "info": info, "data": data})
 
 
+@tolerant
+def decode_map(data: bytes) -> GridMap:
+    """Return the map; what is not known to be free is occupied. Turned maps are none of ours."""
+    message = read("nav_msgs/msg/OccupancyGrid", data)
+    info, place = message["info"], message["info"]["origin"]["position"]
+    if len(message["data"]) != info["width"] * info["height"] or not info["width"]:
+        raise MalformedError("not a map of its size")
+    cells = bytes([value != 0 for value in message["data"]])
+    return GridMap(cells, info["width"], info["resolution"], place["y"], place["x"])
+
+
 def encode_obstacles(time_ns: int, world: World) -> bytes:
     """visualization_msgs/MarkerArray: a cylinder or a cube for each obstacle that is not hidden, from top to seabed."""
     placed: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
@@ -76,5 +87,5 @@ def _reader(type_name: str) -> Decoder:
 
 ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
 DECODERS: dict[str, Decoder] = {
-    name: _reader(TOPICS[name].type) for name in ("robot_description", "map", "obstacles", "/parameter_events")
-}
+    name: _reader(TOPICS[name].type) for name in ("robot_description", "obstacles", "/parameter_events")
+} | {"map": decode_map}

@@ -5,6 +5,7 @@ from ssl import SSLContext
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from hil.client import services
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import HilError
 from hil.view.front import Front
@@ -19,7 +20,6 @@ from hil.view.scene.server import SceneServer
 from hil.view.scene.vehicle import VehicleScene
 from hil.view.scene.world import WorldScene
 from hil.view.sources.source import Source
-from hil.view.teleop import acts
 from hil.view.teleop.steering import Steering
 from sim.environment.world import World
 from sim.sensors.suite import SensorSet
@@ -172,7 +172,7 @@ class LiveView:
             self._panels.show_instruments(instruments.draw(now))
         self._panels.show_health(figures)
         self._panels.show_delays(*self._source.delays_ms(name))
-        self._acts.show_reason(acts.unavailable_reason(self._source.vehicle(name), self._source.is_present(name)))
+        self._acts.show_reason(_unavailable_reason(self._source.vehicle(name), self._source.is_present(name)))
         if self._playback:
             self._playback.update()
 
@@ -218,7 +218,7 @@ class LiveView:
         if name not in names:
             return {"vehicles": names, "text": "no vehicle yet; waiting for one", "may_stop": False, "may_steer": False}
         vehicle, present = self._source.vehicle(name), self._source.is_present(name)
-        reason = acts.unavailable_reason(vehicle, present)
+        reason = _unavailable_reason(vehicle, present)
         text = reason
         if vehicle:
             text = self._act(vehicle, message) or reason
@@ -237,10 +237,19 @@ class LiveView:
         for name in wanted if isinstance(wanted, list) else ():
             try:
                 if name in ("stop", "disarm"):
-                    self._panels.add_log_line(f"{vehicle.name}: {acts.arm(vehicle, False)}")
+                    self._panels.add_log_line(f"{vehicle.name}: {services.arm(vehicle, False)}")
                 elif name == "arm":
-                    self._panels.add_log_line(f"{vehicle.name}: {acts.arm(vehicle, True)}")
+                    self._panels.add_log_line(f"{vehicle.name}: {services.arm(vehicle, True)}")
             except HilError as error:
                 self._panels.add_log_line(f"{vehicle.name}: {name}: {error}")
                 return f"{name}: {error}"
         return ""
+
+
+def _unavailable_reason(vehicle: Vehicle | None, present: bool) -> str:
+    """Return why a vehicle would not obey now, and the remedy; "" if it would as far as is known."""
+    if vehicle is None:
+        return "this view only observes"
+    if not present:
+        return f"{vehicle.name} is not there"
+    return vehicle.client.unavailable_reason()

@@ -12,7 +12,8 @@ from hil.common.schema import Range
 NOISE_TIME_CONSTANT = 0.05  # s
 
 Kind = Literal["off", "efficiency", "stuck", "delayed", "noisy", "repaired"]
-_KEYS = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noisy": "noise"}
+# Which key tells how much, of the kinds that have one.
+VALUES = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noisy": "noise"}
 
 
 class Failure(NamedTuple):
@@ -34,7 +35,7 @@ class Failure(NamedTuple):
 
     def validate(self) -> str | None:
         """Return what is wrong between the keys, or None."""
-        for kind, key in _KEYS.items():
+        for kind, key in VALUES.items():
             given = getattr(self, key) != self._field_defaults[key]
             if kind == self.kind and not given and kind != "stuck":
                 return f"kind {kind!r} of {self.thruster!r} does nothing without {key}"

@@ -132,7 +132,7 @@ def _messages_of(protocol: Protocol) -> Callable[[bytes], object]:
 
 def network_decoders() -> Mapping[str, tuple[Callable[[bytes], object], bytes]]:
     """Name -> what decodes a payload of the network, never raising, and a sound payload."""
-    from hil.gateways.json_requests import read_request
+    from hil.gateways.json_lines.requests import read_request
     from hil.network.tokens import PING, PONG, read_clock, read_presence
     from hil.ros import encoders as ros
     from hil.ros import message as ros_message

@@ -7,7 +7,7 @@ import hil
 from hil.commands.listening import add_fleet, add_take_over, presence, reach_of
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
-from hil.gateways.json_server import JsonGateway
+from hil.gateways.json_lines.server import JsonGateway
 
 POLL_S = 0.5  # between two looks who is there
 EXAMPLES = """\

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import hil
+from hil.client import services
 from hil.client.vehicle_handle import Vehicle
 from hil.commands.listening import add_fleet, add_take_over, reach_of
 from hil.common.clock import now_ns
@@ -16,7 +17,6 @@ from hil.common.errors import ConfigError, HilError
 from hil.common.options import new_parser
 from hil.common.stop import StopSignals
 from hil.common.streams import ProgressLine
-from hil.view.teleop import acts
 from hil.view.teleop.gamepad import Gamepad
 from hil.view.teleop.keys import HELP, Keys
 from hil.view.teleop.steering import PERIOD_S, Steering
@@ -76,7 +76,7 @@ def _act(vehicle: Vehicle, key: str) -> str:
     if key not in "xv":
         return ""
     try:
-        return acts.arm(vehicle, key == "v")
+        return services.arm(vehicle, key == "v")
     except HilError as error:
         return str(error)
 

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from hil.client import services
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import HilError, NetworkError
-from hil.ros.graph import plain_name
 from hil.view.scene.frames import from_scene, to_scene
-from hil.view.teleop import acts
 
 HANDLE_PIXELS = 60.0  # of the arrows that drag a waypoint, however far the camera is; they show through the water
 PLACE = "click: nothing", "click: go there", "click: add a waypoint"
@@ -76,13 +75,15 @@ class ActsPanel:
                 box = gui.add_checkbox(f"{name} has failed", False)
                 box.on_update(lambda _, name=name, box=box: self._fail(name, box))
                 self._buttons.append(box)
-            self._button("back to the start", lambda vehicle: self._report(acts.reset(vehicle)))
+            self._button("back to the start", lambda vehicle: self._report(services.reset(vehicle)))
             place = gui.add_vector3("north, east, depth (m)", (0.0, 0.0, 1.0), step=0.1)
             heading = gui.add_number("at heading (°)", 0.0, min=-180.0, max=360.0, step=1.0)
-            self._button(
-                "put it there",
-                lambda vehicle: self._report(acts.set_pose(vehicle, place.value, radians(heading.value))),
-            )
+
+            def put(vehicle: Vehicle) -> None:
+                north, east, depth = place.value
+                self._report(services.set_pose(vehicle, north, east, depth, radians(heading.value)))
+
+            self._button("put it there", put)
 
     def _button(self, label: str, act: Callable[[Vehicle], object]) -> None:
         button = self._server.gui.add_button(label)
@@ -96,7 +97,7 @@ class ActsPanel:
             return
 
         def act(vehicle: Vehicle) -> None:
-            self._report(acts.fail_thruster(vehicle, plain_name(thruster), failing))
+            self._report(services.fail_thruster(vehicle, thruster, "off" if failing else "repaired"))
             (self._failed.add if failing else self._failed.discard)(thruster)
 
         def go_back() -> None:

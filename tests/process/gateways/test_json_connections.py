@@ -10,8 +10,8 @@ import pytest
 from hil.client.fleet import Fleet
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import NetworkError
-from hil.gateways.json_connection import LONGEST_LINE, SOCKET_OPTIONS, Connection
-from hil.gateways.json_server import MAX_CONNECTIONS, JsonGateway
+from hil.gateways.json_lines.connection import LONGEST_LINE, SOCKET_OPTIONS, Connection
+from hil.gateways.json_lines.server import MAX_CONNECTIONS, JsonGateway
 from tests.support.clients.json_client import Client, client, fleet, gateway, own_state
 from tests.support.processes import wait_for
 

@@ -15,8 +15,8 @@ import pytest
 from hil.client.fleet import Fleet
 from hil.common.errors import NetworkError
 from hil.gateways.access import Access, token_path
-from hil.gateways.json_requests import COMMANDS
-from hil.gateways.json_server import JsonGateway
+from hil.gateways.json_lines.requests import COMMANDS, SERVICES
+from hil.gateways.json_lines.server import JsonGateway
 from tests.support.clients.json_client import Client, client, fleet, gateway, own_state
 from tests.support.processes import ROOT, Program, free_port, wait_for
 
@@ -83,7 +83,17 @@ NONSENSE: list[tuple[bytes, str]] = [
     (b'{"do": "follow", "path": [[1e5, 2, 3]], "smooth": true}', "longer than 10000 m"),
     (b'{"do": "thrust", "newtons": [1, 2]}', "6 thrusters"),
     (b'{"do": "get", "sensor": "sonarr"}', "no topic"),
-    (b'{"do": "get", "sensor": "camera/image_raw"}', "pictures"),
+    (b'{"do": "get", "sensor": "camera/image_raw"}', "has sent no 'camera/image_raw'"),
+    (b'{"do": "set_pose", "north": 1}', "also needs east, depth"),
+    (b'{"do": "set_pose", "north": 1, "east": 1, "depth": "deep"}', "'deep' is not a number"),
+    (b'{"do": "set_pose", "north": 4, "east": 4, "depth": 90}', "an obstacle or the seabed of pool is there"),
+    (b'{"do": "arm", "on": 1}', "expected true or false"),
+    (b'{"do": "fail", "thruster": 1}', "expected a text"),
+    (b'{"do": "fail", "thruster": "front_rihgt"}', "did you mean 'failures.front_right'"),
+    (b'{"do": "fail", "thruster": "front_right", "kind": "of"}', "did you mean 'off'"),
+    (b'{"do": "fail", "thruster": "front_right", "value": 1}', "'off' has none"),
+    (b'{"do": "fail", "thruster": "front_right", "kind": "efficiency", "value": 7}', "efficiency"),
+    (b'{"do": "reset", "north": 1}', "no 'north'"),
     (b'{"do": "subscribe", "sensor": "imu", "rate": 0}', "rate"),
     (b'{"do": "subscribe", "sensor": "imu", "rate": 1e9}', "rate"),
     (b'{"do": "subscribe", "sensor": "imu", "rate": 1e-320}', "rate"),
@@ -127,7 +137,7 @@ def test_nobody_commands_without_the_token(gateway: JsonGateway, login: dict[str
         if login:
             answer = client.ask(do="login", **login)
             assert "not the token" in answer["error"]
-        for what in COMMANDS:
+        for what in (*COMMANDS, *SERVICES):
             answer = client.ask(do=what)
             assert not answer["ok"]
             assert '"do": "login"' in answer["error"]

@@ -10,7 +10,7 @@ import pytest
 
 import hil
 from hil.client.fleet import Fleet
-from hil.gateways.json_server import JsonGateway
+from hil.gateways.json_lines.server import JsonGateway
 from tests.support.processes import Program, write_scenario
 
 Message = dict[str, Any]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.gateways.json_connection import LOST_S
+from hil.gateways.json_lines.connection import LOST_S
 from tests.support.busy import retried_when_busy
 from tests.support.processes import SCENARIO
 from tests.system.netns.network import Lines, Network

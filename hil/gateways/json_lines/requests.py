@@ -1,12 +1,18 @@
-"""Parse, check and call a request in JSON, and encode samples as JSON."""
+"""Parse, check and call a request in JSON, and encode samples as JSON.
+
+A picture, or a map, is bytes: they are text in base64, row after row.
+"""
 
 import json
-from inspect import signature
+from base64 import b64encode
+from collections.abc import Callable, Mapping
+from inspect import Parameter, signature
 from itertools import pairwise
 from math import hypot
 from operator import sub
 from typing import Any
 
+from hil.client import services
 from hil.client.action import Action
 from hil.client.client import Stamped
 from hil.client.vehicle_handle import Vehicle
@@ -14,14 +20,17 @@ from hil.common.errors import ConfigError
 from hil.common.schema import nearest
 from hil.common.text import json_text
 from hil.ros.commands import MOST_FORCE, MOST_PLACE
-from hil.ros.topics import is_picture
 
 COMMANDS = ("drive", "hold_depth", "hold_heading", "go_to", "follow", "push", "thrust", "stop", "release")
+SERVICES: dict[str, Callable[..., str]] = {
+    "arm": services.arm, "reset": services.reset, "set_pose": services.set_pose, "fail": services.fail_thruster
+}  # fmt: skip
+MOVED = ("reset", "set_pose")  # after which nothing that was commanded before is meant any more
 LONGEST_ECHO = 60  # characters of what is said of a value that is refused
 LONGEST_WAY = 1e4  # m: 5 s to plan, in which nobody sees that the connection has ended
 MOST_NUMBER = max(MOST_PLACE, MOST_FORCE)  # of any unit: beyond it nothing is meant
 STATE_EXTRAS = ("depth", "heading", "roll", "pitch", "speed")
-TYPES = {"smooth": bool}  # of arguments; all others are numbers, or arrays of numbers
+TYPES = {"smooth": bool, "on": bool, "thruster": str, "kind": str}  # of arguments; others are numbers, or arrays
 
 Request = dict[str, Any]
 
@@ -44,10 +53,8 @@ def read_request(line: bytes) -> Request:
 
 
 def sensor_of(request: Request) -> str:
-    """Return the topic that a request names. Raises ConfigError for pictures."""
+    """Return the topic that a request names."""
     sensor = str(request.get("sensor", "state"))
-    if is_picture(sensor):
-        raise ConfigError(f"sensor: {sensor!r} sends pictures, which do not come through here")
     return {"state": "odom"}.get(sensor, sensor)
 
 
@@ -58,8 +65,8 @@ def call(vehicle: Vehicle, what: str, arguments: Request) -> Action | None:
         newtons = arguments.pop("newtons", [])
         _refuse(vehicle, what, arguments, [])
         return vehicle.thrust(*_array("newtons", newtons))
-    parameters = signature(method).parameters
-    _refuse(vehicle, what, arguments, [name for name in parameters if name != "limits"])
+    parameters = {name: each for name, each in signature(method).parameters.items() if name != "limits"}
+    _refuse(vehicle, what, arguments, list(parameters))
     if what == "follow":
         path = _points(arguments.pop("path", []))
         others = {name: _argument(name, value) for name, value in arguments.items()}
@@ -68,11 +75,33 @@ def call(vehicle: Vehicle, what: str, arguments: Request) -> Action | None:
                 f"path: longer than {LONGEST_WAY:g} m; send its parts one after the other, or a lookahead"
             )
         return vehicle.follow(path, **others)
+    action: Action | None = method(**_checked(vehicle, what, parameters, arguments))
+    return action
+
+
+def serve(vehicle: Vehicle, what: str, arguments: Request) -> str:
+    """Call one of SERVICES with checked arguments; what was done. Raises HilError.
+
+    Refused while another master commands, but for the disarming of a vehicle. One that is moved ends what it does.
+    """
+    service = SERVICES[what]
+    parameters = dict(list(signature(service).parameters.items())[1:])
+    checked = _checked(vehicle, what, parameters, arguments)
+    if checked.get("on", True):
+        vehicle.client.require_acceptance(vehicle.client.refusal)
+    done = service(vehicle, **checked)
+    if what in MOVED:
+        vehicle.release()
+    return done
+
+
+def _checked(vehicle: Vehicle, what: str, parameters: Mapping[str, Parameter], arguments: Request) -> Request:
+    """Return arguments of the right types by the names that there are; none without a default is missing."""
+    _refuse(vehicle, what, arguments, list(parameters))
     missing = [name for name, each in parameters.items() if each.default is each.empty and name not in arguments]
     if missing:
         raise ConfigError(f"{vehicle.name}: {what} also needs {', '.join(missing)}")
-    action: Action | None = method(**{name: _argument(name, value) for name, value in arguments.items()})
-    return action
+    return {name: _argument(name, value) for name, value in arguments.items()}
 
 
 def _refuse(vehicle: Vehicle, what: str, arguments: Request, names: list[str]) -> None:
@@ -82,7 +111,11 @@ def _refuse(vehicle: Vehicle, what: str, arguments: Request, names: list[str]) -
 
 
 def _argument(name: str, value: Any) -> Any:
-    if isinstance(value, bool) and TYPES.get(name) is bool:
+    kind = TYPES.get(name, float)
+    if kind is not float:
+        if not isinstance(value, kind):
+            expected = "true or false" if kind is bool else "a text"
+            raise ConfigError(f"{name}: {show(value)}: expected {expected}")
         return value
     if not is_number(value):
         raise ConfigError(f"{name}: {show(value)} is not a number from -{MOST_NUMBER:g} to {MOST_NUMBER:g}")
@@ -125,8 +158,9 @@ def encode(message: Request) -> bytes:
 
 def describe(sample: Any) -> Request:
     """Return the age and the values of a sample."""
-    if isinstance(sample, Stamped):  # no record: the figures of health
-        return {"age": sample.age_s, "sample": sample.value.as_dict()}
-    values = sample._asdict()
+    if isinstance(sample, Stamped):  # no record: the figures of health, and messages
+        value = sample.value
+        return {"age": sample.age_s, "sample": value if isinstance(value, dict) else value.as_dict()}
+    values = {name: b64encode(x).decode() if isinstance(x, bytes) else x for name, x in sample._asdict().items()}
     values |= {name: getattr(sample, name) for name in STATE_EXTRAS if hasattr(sample, name)}
     return {"age": sample.age, "sample": values}

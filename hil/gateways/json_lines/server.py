@@ -6,8 +6,8 @@ import threading
 from hil.client.fleet import Fleet
 from hil.common.errors import NetworkError
 from hil.gateways.access import Access
-from hil.gateways.json_connection import Connection
-from hil.gateways.json_requests import encode
+from hil.gateways.json_lines.connection import Connection
+from hil.gateways.json_lines.requests import encode
 
 MAX_CONNECTIONS = 32
 ACCEPT_S = 0.2  # how often the end is looked for

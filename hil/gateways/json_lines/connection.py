@@ -10,7 +10,8 @@
     <- {"id": 4, "ok": false, "error": "uuv1: go_to also needs east, depth"}
 
 Commands are the methods of `hil.client.vehicle_handle.Vehicle`, their arguments by name; `newtons` of thrust and
-`path` of follow are arrays. They need a login first, with the token of `hil.gateways.access`. Everybody may send
+`path` of follow are arrays. "arm", "reset", "set_pose" and "fail" are the functions of `hil.client.services`. All of
+these need a login first, with the token of `hil.gateways.access`. Everybody may send
 "vehicles", "get", "subscribe" with "sensor" and "rate" (lines with "sensor" then come by themselves), "unsubscribe",
 and "status" of the last command. A number that is not finite is null.
 
@@ -32,8 +33,9 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError, HilError
 from hil.common.schema import nearest
 from hil.gateways.access import Access
-from hil.gateways.json_requests import (
+from hil.gateways.json_lines.requests import (
     COMMANDS,
+    SERVICES,
     NotJsonError,
     Request,
     call,
@@ -42,6 +44,7 @@ from hil.gateways.json_requests import (
     is_number,
     read_request,
     sensor_of,
+    serve,
     show,
 )
 
@@ -156,13 +159,15 @@ class Connection:
         }  # fmt: skip
         if what in others:
             return others[what](request)
-        if what not in COMMANDS:
-            names = [*COMMANDS, *others]
+        if what not in COMMANDS and what not in SERVICES:
+            names = [*COMMANDS, *SERVICES, *others]
             raise ConfigError(f"do: {what!r} is none of {', '.join(names)}{nearest(what, names)}")
         if not self._may_command:
             where = self._access.path or "what the gateway showed when it started"
             raise ConfigError(f'{what}: first send {{"do": "login", "token": "..."}}; the token is in {where}')
         vehicle = self._vehicle(request)
+        if what in SERVICES:
+            return {"message": serve(vehicle, what, request)}
         self._commanded.setdefault(vehicle, None)  # it stops with the connection, whatever comes of this
         command = call(vehicle, what, request)
         with self._changed:

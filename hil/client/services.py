@@ -1,0 +1,79 @@
+"""Call what the slave of a vehicle does on request, once: arm, reset, put it at a pose, let thrusters fail.
+
+These are calls of its ROS 2 services (hil.slave.ros): each waits for the answer, and says what was done.
+"""
+
+from collections.abc import Mapping
+from math import cos, sin
+from typing import Any
+
+from hil.client.vehicle_handle import Vehicle
+from hil.common.errors import ConfigError, NetworkError
+from hil.common.schema import nearest
+from hil.network.services import call
+from hil.ros.encoders import swap_attitude, swap_world
+from hil.ros.graph import plain_name
+from sim.vehicle.failures import VALUES
+
+SET_BOOL, TRIGGER, SET_STATE, SET_PARAMETERS = (
+    "std_srvs/srv/SetBool", "std_srvs/srv/Trigger", "simulation_interfaces/srv/SetEntityState",
+    "rcl_interfaces/srv/SetParameters",
+)  # fmt: skip
+STRING = 4  # of rcl_interfaces/ParameterType
+KINDS = ("off", *VALUES, "repaired")
+
+
+def arm(vehicle: Vehicle, on: bool = True) -> str:
+    """Arm or disarm; disarmed, thrusters are neutral and every command is refused. Raises NetworkError."""
+    return _answer(_call(vehicle, "arm", SET_BOOL, {"data": on}))
+
+
+def reset(vehicle: Vehicle) -> str:
+    """Put the vehicle back to its start, at rest, thrusters repaired. Raises NetworkError."""
+    return _answer(_call(vehicle, "reset", TRIGGER, {}))
+
+
+def fail_thruster(vehicle: Vehicle, thruster: str, kind: str = "off", value: float | None = None) -> str:
+    """Give a thruster this failure in place of those it has; "repaired" ends them.
+
+    `value` is the share of thrust of "efficiency", the pulse (us) of "stuck" (by default the present one), the time (s)
+    of "delayed", the standard deviation (share of thrust) of "noisy". Raises ConfigError, NetworkError.
+    """
+    if kind not in KINDS:
+        raise ConfigError(f"kind: {kind!r} is none of {', '.join(KINDS)}{nearest(kind, list(KINDS))}")
+    if value is not None and kind not in VALUES:
+        raise ConfigError(f"value: {kind!r} has none; {', '.join(VALUES)} have one")
+    text = "" if kind == "repaired" else f'kind = "{kind}"'
+    if value is not None:
+        text += f", {VALUES[kind]} = {value:g}"
+    name = f"failures.{plain_name(thruster)}"
+    request = {"parameters": [{"name": name, "value": {"type": STRING, "string_value": text}}]}
+    result = _call(vehicle, "set_parameters", SET_PARAMETERS, request)["results"][0]
+    if not result["successful"]:
+        raise ConfigError(f"{vehicle.name}: {result['reason']}")
+    return f"{thruster} is {kind}"
+
+
+def set_pose(vehicle: Vehicle, north: float, east: float, depth: float, heading: float = 0.0) -> str:
+    """Put the vehicle at a place (m, NED) with a heading (rad), level and at rest. Raises NetworkError."""
+    x, y, z = swap_world((north, east, depth))
+    qw, qx, qy, qz = swap_attitude((cos(heading / 2), 0.0, 0.0, sin(heading / 2)))
+    pose = {
+        "position": {"x": x, "y": y, "z": z},
+        "orientation": {"w": qw, "x": qx, "y": qy, "z": qz},
+    }
+    response = _call(vehicle, "set_pose", SET_STATE, {"entity": vehicle.name, "state": {"pose": pose}})
+    result = response.get("result", {})
+    if result.get("result") != 1:
+        raise NetworkError(f"{vehicle.name}: set_pose: {result.get('error_message') or 'refused'}")
+    return f"put at ({north:g}, {east:g}, {depth:g}) m"
+
+
+def _call(vehicle: Vehicle, name: str, kind: str, request: Mapping[str, Any]) -> Mapping[str, Any]:
+    return call(vehicle.client.session, f"/{vehicle.name}/{name}", kind, request)
+
+
+def _answer(response: Mapping[str, Any]) -> str:
+    if not response.get("success"):
+        raise NetworkError(str(response.get("message") or "refused"))
+    return str(response.get("message"))

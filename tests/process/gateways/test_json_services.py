@@ -1,0 +1,137 @@
+"""Services, pictures and the map by lines of JSON: reset, poses, failures, arming, what a camera and a sonar see."""
+
+import array
+import json
+from base64 import b64decode
+from collections.abc import Iterator
+from math import hypot, isfinite
+
+import pytest
+
+import hil
+from hil.client.fleet import Fleet
+from tests.support.clients.json_client import Client, Message, client, gateway, own_state
+from tests.support.processes import slave_with, wait_for
+
+__all__ = ["client", "gateway", "own_state"]  # the fixtures
+
+pytest.importorskip("numpy", reason="pictures and maps need numpy")
+
+SENSORS = """
+[sensors.camera]
+rate = "5 Hz"
+width = 64
+height = 48
+[sensors.forward_sonar]
+rate = "5 Hz"
+[sensors.laser]
+rate = "10 Hz"
+beams = 91
+[ros]
+images = "raw"
+"""
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    with slave_with(tmp_path_factory.mktemp("slave"), SENSORS) as endpoint, hil.connect(endpoint) as fleet:
+        yield fleet
+
+
+def place(client: Client) -> list[float]:
+    position: list[float] = client.ask(do="get", sensor="ground_truth")["sample"]["position"]
+    return position
+
+
+def distance(client: Client, north: float, east: float, depth: float) -> float:
+    here = place(client)
+    return hypot(here[0] - north, here[1] - east, here[2] - depth)
+
+
+def test_a_pose_is_set_and_reset(client: Client, fleet: Fleet) -> None:
+    """The command before it is over, or the vehicle would go back."""
+    assert client.ask(do="go_to", north=7, east=7, depth=2)["ok"]
+    answer = client.ask(do="set_pose", north=7, east=3, depth=1.5, heading=1.0)
+    assert answer == {"id": None, "ok": True, "message": "put at (7, 3, 1.5) m"}
+    assert wait_for(lambda: distance(client, 7, 3, 1.5) < 0.3)
+    assert client.ask(do="get", sensor="ground_truth")["sample"]["heading"] == pytest.approx(1.0, abs=0.3)
+    assert client.ask(do="status") == {"id": None, "ok": True, "done": False, "over": True, "error": ""}
+    assert "(4, 4, 2) m" in client.ask(do="reset")["message"]
+    assert wait_for(lambda: distance(client, 4, 4, 2) < 0.3)
+
+
+def efforts(fleet: Fleet) -> dict[str, float]:
+    """What each thruster gives (N)."""
+    joints = fleet["uuv1"].newest("joint_states")
+    return dict(zip(joints.names, map(abs, joints.efforts), strict=True))
+
+
+def test_a_thruster_fails_and_is_repaired(client: Client, fleet: Fleet) -> None:
+    names = list(efforts(fleet))
+    assert client.ask(do="thrust", newtons=[5.0] * len(names))["ok"]
+    assert wait_for(lambda: min(efforts(fleet).values()) > 3)
+    assert client.ask(do="fail", thruster=names[0])["message"] == f"{names[0]} is off"
+    assert wait_for(lambda: efforts(fleet)[names[0]] < 0.1)
+    assert efforts(fleet)[names[1]] > 3
+    assert client.ask(do="fail", thruster=names[0], kind="efficiency", value=0.5)["ok"]
+    assert wait_for(lambda: 1.5 < efforts(fleet)[names[0]] < 3.5), "the one before it is over"
+    assert client.ask(do="fail", thruster=names[0], kind="repaired")["ok"]
+    assert wait_for(lambda: efforts(fleet)[names[0]] > 3.5)
+
+
+def test_disarmed_it_refuses_and_armed_it_obeys(client: Client, fleet: Fleet) -> None:
+    assert client.ask(do="arm", on=False)["ok"]
+    assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
+    assert "is disarmed" in client.ask(do="drive", surge=0.1)["error"]
+    assert client.ask(do="arm")["ok"]
+    assert wait_for(lambda: fleet["uuv1"].diagnostics.armed)
+    assert client.ask(do="drive", surge=0.1)["ok"]
+
+
+def test_while_another_master_commands_only_disarming_is_done(client: Client, fleet: Fleet) -> None:
+    with hil.connect(*fleet.endpoints, take_over=True) as other:
+        other["uuv1"].drive(surge=0.1)
+        assert wait_for(fleet["uuv1"].client.refusal)
+        for line in ({"do": "reset"}, {"do": "set_pose", "north": 4, "east": 4, "depth": 2}, {"do": "arm"}):
+            assert "obeys another master" in client.send(json.dumps(line).encode())["error"]
+        assert client.ask(do="arm", on=False)["ok"]
+        assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
+    assert wait_for(lambda: client.ask(do="arm")["ok"])
+
+
+def sample(client: Client, sensor: str) -> Message:
+    answer = client.ask(do="get", sensor=sensor)
+    assert answer["ok"], answer
+    taken: Message = answer["sample"]
+    return taken
+
+
+def test_pictures_scans_and_the_map(client: Client) -> None:
+    picture = sample(client, "camera/image_raw")
+    assert (picture["width"], picture["height"], picture["encoding"]) == (64, 48, "rgb8")
+    pixels = b64decode(picture["data"])
+    assert len(pixels) == 64 * 48 * 3
+    assert len(set(pixels)) > 10, "it sees something"
+    sonar = sample(client, "forward_sonar/image")
+    size = {"uint8": 1, "float32": 4}[sonar["encoding"]]
+    assert len(b64decode(sonar["intensities"])) == size * sonar["bins"] * len(sonar["beams"])
+    laser = sample(client, "laser")
+    assert len(laser["ranges"]) == 91
+    assert any(distance is not None and isfinite(distance) for distance in laser["ranges"])
+    known = sample(client, "map")
+    cells = array.array("B", b64decode(known["cells"]))
+    assert set(cells) <= {0, 1}
+    assert len(cells) % known["columns"] == 0
+    assert (known["south"], known["west"], known["resolution"]) == (-10.0, -10.0, 0.25)
+
+
+def test_pictures_come_by_themselves(client: Client) -> None:
+    assert client.ask(do="subscribe", sensor="camera/image_raw", rate=5)["ok"]
+    messages = [client.read() for _ in range(3)]
+    assert {message["sensor"] for message in messages} == {"camera/image_raw"}
+    times = [message["sample"]["time_ns"] for message in messages]
+    assert times == sorted(set(times))
+
+
+def test_a_vehicle_without_a_camera_says_so_at_once(client: Client) -> None:
+    assert "has sent no 'side_scan/image' for 1.0 s" in client.ask(do="get", sensor="side_scan/image")["error"]
