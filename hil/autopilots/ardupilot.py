@@ -8,7 +8,7 @@ that is newer than the last answer, else by the next step.
 import socket
 import struct
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hil.autopilots.contract import ABSENT_NS, STALL_NS, Autopilot, Figures, Outputs, Report
 from hil.autopilots.inputs import SensorInputs
@@ -18,6 +18,9 @@ from hil.common.errors import ConfigError, DeviceError
 from hil.links.address import parse_address
 from sim.rotations import rotate
 from sim.sensors.samples import OdometrySample
+
+if TYPE_CHECKING:
+    from hil.autopilots.companion import Companion
 
 LARGEST = 2048  # bytes of a datagram; a servo packet has 40 or 72
 WRAP = 1 << 32
@@ -32,15 +35,19 @@ Sender = tuple[str, int]
 class ArduPilot(Autopilot):
     """One ArduPilot that sends to `address` (udp://host:port), where this listens.
 
-    `inputs` are the sensors of its vehicle, `rc` constant pulse widths of a receiver. Raises ConfigError, DeviceError.
+    `inputs` are the sensors of its vehicle, `rc` constant pulse widths of a receiver. `companion` sends it positions,
+    if any. Raises ConfigError, DeviceError.
     """
 
-    def __init__(self, address: str, inputs: SensorInputs, lockstep: bool, rc: Sequence[int], report: Report) -> None:
+    def __init__(
+        self, address: str, inputs: SensorInputs, lockstep: bool, rc: Sequence[int], report: Report,
+        companion: "Companion | None" = None,
+    ) -> None:  # fmt: skip
         self.name = f"ArduPilot on {address}"
         self.lockstep = lockstep
         self.figures = Figures()
         self.frame_rate = 0
-        self._inputs, self._rc, self._report = inputs, tuple(rc), report
+        self._inputs, self._rc, self._report, self._companion = inputs, tuple(rc), report, companion
         self._socket = _listen(address)
         self._peer: Sender | None = None
         self._count = -1  # frame number of the last packet
@@ -71,6 +78,8 @@ class ArduPilot(Autopilot):
         self._state = encode_state(self._state_of(time_ns, truth))
         if self._waiting:
             self._answer()
+        if self._companion and self._peer:
+            self._companion.advance(time_ns - self._epoch_ns, truth, self._peer[0])
 
     def receive(self, now: int) -> Outputs | None:
         """Return the newest outputs. Raises DeviceError."""
@@ -118,6 +127,8 @@ class ArduPilot(Autopilot):
     def close(self) -> None:
         """Close the port."""
         self._socket.close()
+        if self._companion:
+            self._companion.close()
 
     def _is_peer(self, sender: Sender, now: int) -> bool:
         if self._peer is None:

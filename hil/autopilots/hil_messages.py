@@ -20,7 +20,7 @@ UNKNOWN_16 = 0xFFFF
 RC_CHANNELS, FULL_STRENGTH = 18, 254
 STANDARD_HPA = 1013.25
 BOX_TEMPERATURE = 20.0  # degC; of sensors in the vehicle's hull
-LOCAL_NED, BODY_FRD = 1, 12  # MAV_FRAME
+LOCAL_NED, BODY_FRD, LOCAL_FRD = 1, 12, 20  # MAV_FRAME
 VISION = 2  # MAV_ESTIMATOR_TYPE: one that PX4 fuses as external navigation
 
 
@@ -68,7 +68,7 @@ def gps(time_us: int, fix: Any, velocity: Sequence[float]) -> Any:
     )  # fmt: skip
 
 
-def odometry(time_us: int, sample: OdometrySample) -> Any:
+def odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED) -> Any:
     """Return an ODOMETRY of a navigation solution, as of a vision system: the kind that PX4 takes for a position."""
     pose = [0.0] * 21
     twist = [0.0] * 21
@@ -76,7 +76,7 @@ def odometry(time_us: int, sample: OdometrySample) -> Any:
         pose[place] = twist[place] = variance  # the diagonals of upper triangles of 6 x 6
     return dialect.MAVLink_odometry_message(
         time_us,
-        LOCAL_NED,
+        frame,
         BODY_FRD,
         *sample.position,
         list(sample.orientation),

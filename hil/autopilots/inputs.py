@@ -15,7 +15,9 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import STANDARD_ATMOSPHERE
 
 AT_REST: Vector3 = (0.0, 0.0, -9.80665)
+HOME = (50.0, 8.0)  # degrees; of a world without an origin
 LEAST_IMU_HZ = 50.0
+TURNED = ("imu", "magnetometer", "dvl")  # sensors whose samples are along their own axes
 
 
 class SensorInputs:
@@ -32,7 +34,7 @@ class SensorInputs:
                 f"{scenario.path}: sensors: imu: an autopilot needs one of at least {LEAST_IMU_HZ:g} Hz; "
                 'give [sensors.imu] rate = "400 Hz"'
             )
-        self._turns = {name: _turn(fitted[name].mounting) for name in ("imu", "magnetometer") if name in fitted}
+        self._turns = {name: _turn(fitted[name].mounting) for name in TURNED if name in fitted}
         self._weight = world.density * world.gravity
         self._water = water_pressure(world)
         self.fresh: set[str] = set()
@@ -45,6 +47,7 @@ class SensorInputs:
         self.range_m: float | None = None  # to the ground, inf if there is none within reach
         self.battery: Any = None  # the newest BatterySample
         self.odometry: Any = None  # the newest OdometrySample of the navigation
+        self.dvl: Any = None  # the newest DvlSample; its velocity is along the body axes
         self.has: Mapping[str, bool] = {
             name: name in fitted for name in ("pressure", "magnetometer", "gps", "odometry")
         }
@@ -71,6 +74,9 @@ class SensorInputs:
             self.battery = sample
         elif topic == "odom":
             self.odometry = sample
+        elif topic == "dvl":
+            turn = self._turns["dvl"]
+            self.dvl = sample._replace(velocity=rotate(turn, sample.velocity)) if turn else sample
         else:
             return
         self.fresh.add(topic)

@@ -4,15 +4,16 @@ from typing import TYPE_CHECKING
 
 from hil.autopilots.contract import Autopilot, Report
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
-from hil.autopilots.inputs import SensorInputs
+from hil.autopilots.inputs import HOME, SensorInputs
 from hil.autopilots.motors import MotorOutputs
 from hil.common.clock import seconds_ns
-from hil.scenario.autopilot_records import AutopilotSettings
+from hil.scenario.autopilot_records import COMPANION_PORT, STEP, AutopilotSettings
 from hil.scenario.config import Scenario
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from hil.autopilots.companion import Companion
     from hil.autopilots.program import Program
 
 
@@ -34,7 +35,8 @@ def open_autopilot(
     if scenario.controller == "ardupilot":
         from hil.autopilots.ardupilot import ArduPilot
 
-        autopilot: Autopilot = ArduPilot(address, inputs, settings.lockstep, settings.rc, report)
+        companion = _companion(settings, inputs, world, report)
+        autopilot: Autopilot = ArduPilot(address, inputs, settings.lockstep, settings.rc, report, companion)
     else:
         from hil.autopilots.px4 import Px4
 
@@ -46,6 +48,15 @@ def open_autopilot(
         autopilot.close()
         raise
     return autopilot, motors
+
+
+def _companion(settings: AutopilotSettings, inputs: SensorInputs, world: World, report: Report) -> "Companion | None":
+    if settings.positions == "simulated":
+        return None
+    from hil.autopilots.companion import Companion
+
+    port = COMPANION_PORT + STEP["ardupilot"] * settings.instance
+    return Companion(settings.positions, inputs, world.origin or HOME, port, report)
 
 
 def start_program(scenario: Scenario, vehicle: Vehicle, world: World, report: Report) -> "Program | None":

@@ -17,6 +17,18 @@ MOST_ROTORS = 12
 
 Parameters = Mapping[str, float]
 
+# What makes ArduSub take its position of a companion's messages. Sources: 0 none, 1 barometer, 6 external navigation.
+_EXTERNAL = {
+    "SIM_GPS1_ENABLE": 0.0, "VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0, "EK3_SRC1_VELXY": 6.0, "EK3_SRC1_POSZ": 1.0,
+    "EK3_SRC1_VELZ": 0.0,
+}  # fmt: skip
+_POSITIONS: dict[str, Parameters] = {
+    "simulated": {},
+    "odometry": _EXTERNAL,
+    "dvl": _EXTERNAL,
+    "gps": {"SIM_GPS1_ENABLE": 0.0, "GPS1_TYPE": 14.0},  # 14: by MAVLink
+}
+
 
 def read_parameters(path: str) -> dict[str, float]:
     """Return the parameters of a file: a name and a value a line, apart by blanks or a comma; # begins a comment.
@@ -59,7 +71,10 @@ def parameter_file(settings: AutopilotSettings, controller: str, vehicle: Vehicl
 
 def all_parameters(settings: AutopilotSettings, controller: str, vehicle: Vehicle, motors: MotorMap) -> Parameters:
     """Return what the autopilot of that vehicle is started with: its file over what follows from the frame."""
-    own = ardusub_frame(motors) if controller == "ardupilot" else px4_geometry(vehicle, motors)
+    if controller == "ardupilot":
+        own = {**ardusub_frame(motors), **_POSITIONS[settings.positions]}
+    else:
+        own = dict(px4_geometry(vehicle, motors))
     path = parameter_file(settings, controller, vehicle)
     return {**own, **(read_parameters(path) if path else {})}
 

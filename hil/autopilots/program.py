@@ -10,6 +10,7 @@ from math import degrees
 
 from hil.autopilots.contract import Report
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
+from hil.autopilots.inputs import HOME
 from hil.autopilots.parameters import Parameters, all_parameters, format_parameters
 from hil.common.children import foreign_command, start_child
 from hil.common.errors import ConfigError, DeviceError
@@ -20,7 +21,6 @@ from hil.scenario.config import Scenario
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
-HOME = (50.0, 8.0)  # degrees; of a world without an origin
 SPEEDUP = 100  # more than any run reaches: simulated time is kept by us
 AIRFRAME = "1022"  # PX4's underwater vehicle, whose geometry is then set by parameters
 LAST_LINES = 5

@@ -1,7 +1,7 @@
 """The section [autopilot] of a scenario: the flight controller that is the vehicle's brain."""
 
 import os
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
@@ -10,6 +10,8 @@ from hil.links.address import parse_address
 Pulse = Annotated[int, Range(800, 2200)]
 PORTS = {"ardupilot": 9002, "px4": 4560}  # of the first instance
 STEP = {"ardupilot": 10, "px4": 1}  # from one instance to the next
+COMPANION_PORT = 5763  # of the first ArduPilot: its SERIAL2, MAVLink over TCP
+Positions = Literal["simulated", "odometry", "dvl", "gps"]
 
 
 class AutopilotSettings(NamedTuple):
@@ -21,7 +23,8 @@ class AutopilotSettings(NamedTuple):
     `instance` shifts the ports. `address` is where we listen (udp://, tcp://) or the device of a board, left out the
     interface's own on this machine; `baud` is that of a serial device. With `lockstep` simulated time waits for the
     autopilot. `silence` without outputs turns the thrusters to neutral. `rate` is that of PX4's HIL_SENSOR. `rc` are
-    pulse widths of a receiver's channels (ArduPilot, PX4's SITL).
+    pulse widths of a receiver's channels (ArduPilot, PX4's SITL). `positions` is what ArduPilot's estimator gets its
+    position of: a GPS that it simulates of the true one, or messages with samples of ours, as a companion sends them.
     """
 
     program: str = ""
@@ -35,6 +38,7 @@ class AutopilotSettings(NamedTuple):
     silence: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
     rate: Annotated[float, Range(10.0, 250.0, "Hz")] = 250.0
     rc: tuple[Pulse, ...] = ()
+    positions: Positions = "simulated"
 
     def validate(self) -> str | None:
         """Return why an address is invalid, None if all are."""

@@ -199,6 +199,16 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
         if scenario.controller not in AUTOPILOTS:
             words = f'belongs to controller = "ardupilot" or "px4", not to {scenario.controller!r}'
             raise ConfigError(f"{path}: autopilot: {words}")
+        positions = scenario.autopilot.positions
+        if positions != "simulated" and scenario.controller != "ardupilot":
+            raise ConfigError(
+                f'{path}: autopilot: positions: {positions!r} is for controller = "ardupilot"; PX4 gets odometry and '
+                "GPS whenever the sensors are fitted"
+            )
+        if positions != "simulated" and positions not in scenario.sensors:
+            raise ConfigError(
+                f"{path}: autopilot: positions: {positions!r} needs that sensor: add [sensors.{positions}]"
+            )
         scenario = scenario._replace(autopilot=scenario.autopilot.resolve_paths(folder))
     if any("class" in section for section in sensors.values()):
         from hil.ros.own import announce  # most vehicles have no sensor of a user's own

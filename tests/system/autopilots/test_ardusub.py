@@ -33,12 +33,17 @@ depth = 0
 [autopilot]
 program = "{program}"
 instance = {instance}
+positions = "{positions}"
 [sensors.imu]
 rate = 400
 [sensors.pressure]
 rate = 50
 drop_out = {drop_out}
 [sensors.altimeter]
+[sensors.odometry]
+rate = 20
+[sensors.gps]
+rate = 5
 """
 MANUAL, ALT_HOLD, GUIDED, POSHOLD = 19, 2, 4, 16
 
@@ -46,10 +51,15 @@ MANUAL, ALT_HOLD, GUIDED, POSHOLD = 19, 2, 4, 16
 class Dive:
     """One ArduSub with its vehicle and a ground station."""
 
-    def __init__(self, folder: Path, vehicle: str = "bluerov2_heavy", instance: int = 3, drop_out: float = 0.0) -> None:
+    def __init__(
+        self, folder: Path, vehicle: str = "bluerov2_heavy", instance: int = 3, drop_out: float = 0.0,
+        positions: str = "simulated",
+    ) -> None:  # fmt: skip
         world, path = folder / "stream.toml", folder / "dive.toml"
         world.write_text(WORLD)
-        text = SCENARIO.format(vehicle=vehicle, world=world, program=PROGRAM, instance=instance, drop_out=drop_out)
+        text = SCENARIO.format(
+            vehicle=vehicle, world=world, program=PROGRAM, instance=instance, drop_out=drop_out, positions=positions
+        )
         path.write_text(text)
         self.reports: list[str] = []
         self.run = AutopilotRun(load_scenario(str(path)), self.reports.append)
@@ -150,6 +160,47 @@ def test_it_drives_a_square_in_guided(dive: Dive) -> None:
     fly(dive.run, dive.station, mission(), 600.0)
     print(f"square: {', '.join(f'{miss:.2f}' for miss in misses)} m from the corners, and in 30 s of POSHOLD")
     assert max(misses) < 1.5
+
+
+@pytest.mark.parametrize(("positions", "most"), [("odometry", 1.0), ("dvl", 1.0)])
+def test_it_holds_its_position_under_water_without_gps(tmp_path: Path, positions: str, most: float) -> None:
+    dive = Dive(tmp_path, positions=positions)
+    strayed: list[float] = []
+
+    def mission() -> Mission:
+        yield from dive.dive(3.0)
+        yield from dive.command(SET_MODE, 1, POSHOLD)
+        yield 10.0
+        north, east, _ = dive.position
+        for _ in range(1200):
+            strayed.append(hypot(dive.position[0] - north, dive.position[1] - east))
+            yield 0.05
+
+    try:
+        fly(dive.run, dive.station, mission(), 400.0)
+    finally:
+        dive.close()
+    print(f"{positions}: {max(strayed):.2f} m off in a minute of POSHOLD, in a current of 0.3 m/s")
+    assert max(strayed) < most
+    assert dive.station.latest["GPS_RAW_INT"].fix_type <= 1
+
+
+def test_a_given_gps_has_a_position_at_the_surface_alone(tmp_path: Path) -> None:
+    dive = Dive(tmp_path, positions="gps")
+    fixes: list[int] = []
+
+    def mission() -> Mission:
+        yield lambda: dive.station.said("is using GPS")
+        fixes.append(dive.station.latest["GPS_RAW_INT"].fix_type)
+        yield from dive.dive(3.0)
+        fixes.append(dive.station.latest["GPS_RAW_INT"].fix_type)
+
+    try:
+        fly(dive.run, dive.station, mission(), 400.0)
+    finally:
+        dive.close()
+    assert fixes[0] >= 3
+    assert fixes[1] <= 1
 
 
 def test_it_survives_a_thruster_that_fails(dive: Dive) -> None:

@@ -1,0 +1,158 @@
+"""Positions for ArduSub as a companion computer on the vehicle gives them: MAVLink messages on a port of its own.
+
+    odometry   ODOMETRY of the navigation solution: position, attitude, velocity
+    dvl        VISION_POSITION_DELTA of the DVL's velocities, from which ArduSub counts its position on; none without
+               bottom lock
+    gps        GPS_INPUT of the GPS receiver; no fix under water
+
+Time in the messages is simulation time. Layouts: MAVLink common.xml; what ArduPilot reads of them:
+libraries/GCS_MAVLink/GCS_Common.cpp, libraries/AP_VisualOdom, libraries/AP_GPS/AP_GPS_MAV.cpp.
+"""
+
+import contextlib
+import errno
+import socket
+from collections.abc import Sequence
+from math import sqrt
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.autopilots import hil_messages as hil
+from hil.autopilots.contract import Report
+from hil.autopilots.inputs import SensorInputs
+from hil.common.clock import NS_PER_S, NS_PER_US
+from hil.common.vectors import Vector3
+from hil.links.contract import Counters
+from hil.links.mavlink.stream import MavlinkStream
+from sim.rotations import rotate
+from sim.sensors.extra_samples import FixSample
+from sim.sensors.samples import DvlSample, OdometrySample
+
+SYSTEM: int = 1
+COMPONENT: int = dialect.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
+BEAT_NS = NS_PER_S  # of simulated time: heartbeats, the origin until it is known, calls without an answer
+MOST_DELTA_NS = NS_PER_S // 2  # between two DVL samples that count as neighbours
+FULL_CONFIDENCE = 100.0  # %
+TOPICS = {"odometry": "odom", "dvl": "dvl", "gps": "gps"}
+GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG_VDOP
+
+
+class Companion:
+    """Sends one kind of positions to an ArduPilot's `port`. `origin` (degrees) is where NED positions begin.
+
+    `lost` counts messages for which the connection had no room.
+    """
+
+    def __init__(
+        self, positions: str, inputs: SensorInputs, origin: tuple[float, float], port: int, report: Report
+    ) -> None:
+        self.lost = 0
+        self._positions, self._topic = positions, TOPICS[positions]
+        self._inputs, self._origin, self._port, self._report = inputs, origin, port, report
+        self._socket: socket.socket | None = None
+        self._stream = MavlinkStream(SYSTEM, COMPONENT, Counters())
+        self._has_origin = False
+        self._beat_ns = 0
+        self._dvl_ns: int | None = None  # of the last sample with bottom lock
+
+    def advance(self, time_ns: int, truth: OdometrySample, host: str) -> None:
+        """Send what is new at `time_ns` since the autopilot's start; `host` is where the autopilot runs."""
+        is_new = self._topic in self._inputs.fresh
+        self._inputs.fresh.clear()
+        if time_ns < self._beat_ns - BEAT_NS:  # the autopilot has started again
+            self._beat_ns = 0
+        if time_ns >= self._beat_ns:
+            self._beat_ns = time_ns + BEAT_NS
+            if self._socket is None:
+                self._connect(host)
+            self._send([_heartbeat(), *([] if self._has_origin else [_set_origin(self._origin)])])
+            self._receive()
+        if is_new and self._socket:
+            self._send(self._messages(time_ns // NS_PER_US, truth))
+
+    def close(self) -> None:
+        """Close the connection. Closing twice is harmless."""
+        if self._socket:
+            self._socket.close()
+        self._socket = None
+
+    def _messages(self, time_us: int, truth: OdometrySample) -> list[Any]:
+        inputs = self._inputs
+        if self._positions == "odometry":
+            return [hil.odometry(time_us, inputs.odometry, hil.LOCAL_FRD)]
+        if self._positions == "gps":
+            return [gps_input(time_us, inputs.fix, rotate(truth.orientation, truth.nu[:3]))]
+        dvl, before_ns = inputs.dvl, self._dvl_ns
+        self._dvl_ns = dvl.time_ns if dvl.locked else None
+        if not dvl.locked or before_ns is None or not 0 < dvl.time_ns - before_ns <= MOST_DELTA_NS:
+            return []
+        return [position_delta(time_us, dvl, inputs.gyro, dvl.time_ns - before_ns)]
+
+    def _connect(self, host: str) -> None:
+        """Begin to connect; the loop that calls this never waits."""
+        opened = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
+        opened.setblocking(False)
+        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if opened.connect_ex((host, self._port)) not in (0, errno.EINPROGRESS):
+            opened.close()
+            return
+        self._socket, self._has_origin = opened, False
+        self._stream = MavlinkStream(SYSTEM, COMPONENT, Counters())
+        self._report(f"positions ({self._positions}) go to ArduPilot at tcp://{host}:{self._port}")
+
+    def _send(self, messages: Sequence[Any]) -> None:
+        if self._socket is None or not messages:
+            return
+        packets = b"".join([self._stream.pack(message) for message in messages])
+        try:
+            if self._socket.send(packets) < len(packets):
+                self.lost += 1
+        except BlockingIOError:
+            self.lost += len(messages)
+        except OSError:  # it has ended, or does not listen yet
+            self.close()
+
+    def _receive(self) -> None:
+        """Read what has come; ArduPilot confirms the origin, all else is of no interest."""
+        with contextlib.suppress(OSError):
+            while self._socket:
+                data = self._socket.recv(65_536)
+                if not data:
+                    self.close()
+                if self._has_origin:
+                    continue
+                kinds = [message.get_msgId() for message in self._stream.unpack(data) if hasattr(message, "get_msgId")]
+                self._has_origin = dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN in kinds
+
+
+def position_delta(time_us: int, sample: DvlSample, gyro: Vector3, delta_ns: int) -> Any:
+    """Return the VISION_POSITION_DELTA of a DVL's velocity (m/s, FRD) over `delta_ns`; `gyro` in rad/s."""
+    seconds = delta_ns / NS_PER_S
+    return dialect.MAVLink_vision_position_delta_message(
+        time_us, delta_ns // NS_PER_US, [seconds * x for x in gyro], [seconds * x for x in sample.velocity],
+        FULL_CONFIDENCE,
+    )  # fmt: skip
+
+
+def gps_input(time_us: int, fix: FixSample, velocity: Vector3) -> Any:
+    """Return the GPS_INPUT of a fix, or of its absence; `velocity` NED in m/s."""
+    if not fix.fix:
+        return dialect.MAVLink_gps_input_message(
+            time_us, 0, GPS_UNKNOWN, 0, 0, dialect.GPS_FIX_TYPE_NO_FIX, 0, 0, *[0.0] * 9, 0
+        )
+    horizontal, vertical = (sqrt(max(0.0, variance)) for variance in fix.variances)
+    return dialect.MAVLink_gps_input_message(
+        time_us, 0, 0, 0, 0, dialect.GPS_FIX_TYPE_3D_FIX, round(1e7 * fix.latitude), round(1e7 * fix.longitude),
+        fix.altitude, 1.0, 1.0, *velocity, 0.1, horizontal, vertical, 12,
+    )  # fmt: skip
+
+
+def _heartbeat() -> Any:
+    kind, autopilot = dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID
+    return dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
+
+
+def _set_origin(origin: tuple[float, float]) -> Any:
+    latitude, longitude = origin
+    return dialect.MAVLink_set_gps_global_origin_message(SYSTEM, round(1e7 * latitude), round(1e7 * longitude), 0)

@@ -1,0 +1,189 @@
+"""Positions for ArduSub: what is sent of which sensor, its units, the origin until it is confirmed, a second call."""
+
+import socket
+from collections.abc import Callable, Iterator
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.autopilots.companion import Companion, gps_input, position_delta
+from hil.autopilots.frames import map_motors
+from hil.autopilots.inputs import SensorInputs
+from hil.autopilots.parameters import all_parameters
+from hil.common.errors import ConfigError
+from hil.links.contract import Counters
+from hil.links.mavlink.stream import MavlinkStream
+from hil.scenario.autopilot_records import AutopilotSettings
+from hil.scenario.config import Scenario, load_scenario
+from sim.environment.world import load_world
+from sim.sensors.extra_samples import FixSample
+from sim.sensors.samples import DvlSample, OdometrySample
+from sim.vehicle.vehicle import load_vehicle
+
+SCENARIO = """
+vehicle = "bluerov2"
+world = "open_water"
+controller = "{controller}"
+master = {{}}
+[start]
+depth = 0
+[autopilot]
+positions = "{positions}"
+[sensors.imu]
+rate = 400
+[sensors.dvl]
+rate = 8
+orientation = [0, 0, 1.5707963267948966]
+{sensors}
+"""
+TRUTH = OdometrySample(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3, 0.01, 0.02, 0.03))
+SECOND = 1_000_000_000
+
+
+def scenario_of(folder: Path, positions: str, controller: str = "ardupilot", sensors: str = "") -> Scenario:
+    path = folder / "positions.toml"
+    path.write_text(SCENARIO.format(positions=positions, controller=controller, sensors=sensors))
+    return load_scenario(str(path))
+
+
+class Bench:
+    """A companion and the port that it calls, in one thread."""
+
+    def __init__(self, folder: Path, positions: str) -> None:
+        scenario = scenario_of(folder, positions, sensors="[sensors.gps]")
+        self.inputs = SensorInputs(scenario, load_world(scenario.world))
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        port = self.listener.getsockname()[1]
+        self.reports: list[str] = []
+        self.companion = Companion(positions, self.inputs, (50.0, 8.0), port, self.reports.append)
+        self.peer: socket.socket | None = None
+        self.stream = MavlinkStream(1, 1, Counters())
+
+    def messages(self, time_ns: int) -> list[Any]:
+        """Advance to this time; what the autopilot then gets."""
+        self.companion.advance(time_ns, TRUTH, "127.0.0.1")
+        if self.peer is None:
+            self.peer, _ = self.listener.accept()
+            self.peer.setblocking(False)
+        try:
+            return self.stream.unpack(self.peer.recv(4096))
+        except BlockingIOError:
+            return []
+
+    def close(self) -> None:
+        self.companion.close()
+        self.listener.close()
+        if self.peer:
+            self.peer.close()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Callable[[str], Bench]]:
+    made: list[Bench] = []
+
+    def make(positions: str) -> Bench:
+        made.append(Bench(tmp_path, positions))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def names(messages: list[Any]) -> list[str]:
+    return [message.get_type() for message in messages]
+
+
+def test_the_origin_is_set_until_it_is_confirmed(bench: Callable[[str], Bench]) -> None:
+    b = bench("odometry")
+    beat, origin = b.messages(0)
+    assert (beat.get_type(), beat.type) == ("HEARTBEAT", dialect.MAV_TYPE_ONBOARD_CONTROLLER)
+    assert (origin.latitude, origin.longitude, origin.altitude) == (500_000_000, 80_000_000, 0)
+    assert names(b.messages(SECOND)) == ["HEARTBEAT", "SET_GPS_GLOBAL_ORIGIN"]
+    assert b.peer
+    b.peer.sendall(b.stream.pack(dialect.MAVLink_gps_global_origin_message(500_000_000, 80_000_000, 0)))
+    b.messages(2 * SECOND)
+    assert names(b.messages(3 * SECOND)) == ["HEARTBEAT"]
+
+
+def test_odometry_goes_out_once_a_sample(bench: Callable[[str], Bench]) -> None:
+    b = bench("odometry")
+    b.messages(0)
+    b.inputs.update("odom", TRUTH)
+    (message,) = b.messages(50_000_000)
+    assert (message.frame_id, message.child_frame_id, message.time_usec) == (20, 12, 50_000)  # what ArduPilot reads
+    assert (message.x, message.y, message.z, message.vx) == (1.0, 2.0, 3.0, pytest.approx(0.1))
+    assert b.messages(60_000_000) == []
+
+
+def test_dvl_samples_are_deltas_between_neighbours_with_bottom_lock(bench: Callable[[str], Bench]) -> None:
+    b = bench("dvl")
+    b.messages(0)
+
+    def sample(time_ns: int, locked: bool = True) -> list[str]:
+        b.inputs.update("dvl", DvlSample(time_ns, (0.4, 0.0, 0.0) if locked else (nan,) * 3, 5.0, locked))
+        return names(b.messages(time_ns))
+
+    assert sample(100_000_000) == []  # nothing to compare it with
+    assert sample(200_000_000) == ["VISION_POSITION_DELTA"]
+    assert b.inputs.dvl.velocity == pytest.approx((0.0, 0.4, 0.0))  # its axes are turned to the right
+    assert sample(300_000_000, locked=False) == []
+    assert sample(400_000_000) == []
+    assert sample(500_000_000) == ["VISION_POSITION_DELTA"]
+    assert sample(990_000_000) == ["VISION_POSITION_DELTA"]
+    assert sample(1_600_000_000)[:1] == ["HEARTBEAT"]  # 0.61 s later: no neighbour
+
+
+def test_a_delta_is_velocity_and_turn_over_its_time() -> None:
+    message = position_delta(7, DvlSample(0, (0.4, -0.2, 0.1), 5.0, True), (0.1, 0.0, -0.2), 125_000_000)
+    assert (message.time_usec, message.time_delta_usec, message.confidence) == (7, 125_000, 100.0)
+    assert message.position_delta == pytest.approx([0.05, -0.025, 0.0125])
+    assert message.angle_delta == pytest.approx([0.0125, 0.0, -0.025])
+
+
+def test_a_fix_and_none(bench: Callable[[str], Bench]) -> None:
+    fix = FixSample(0, 50.1234567, -8.5, 12.3, (4.0, 9.0), True)
+    message = gps_input(7, fix, (1.0, -1.0, 0.25))
+    assert (message.fix_type, message.lat, message.lon, message.alt) == (3, 501_234_567, -85_000_000, 12.3)
+    assert (message.vn, message.ve, message.vd) == (1.0, -1.0, 0.25)
+    assert (message.horiz_accuracy, message.vert_accuracy) == (2.0, 3.0)
+    b = bench("gps")
+    b.messages(0)
+    b.inputs.update("gps", FixSample(0, nan, nan, nan, (4.0, 9.0), False))
+    (lost,) = b.messages(1)
+    assert (lost.get_type(), lost.fix_type, lost.satellites_visible) == ("GPS_INPUT", 1, 0)
+
+
+def test_it_calls_again_when_the_autopilot_has_started_again(bench: Callable[[str], Bench]) -> None:
+    b = bench("odometry")
+    b.messages(0)
+    assert b.peer
+    b.peer.close()
+    b.peer = None
+    for second in (1, 2, 3):  # until the connection's end shows
+        b.companion.advance(second * SECOND, TRUTH, "127.0.0.1")
+    assert "SET_GPS_GLOBAL_ORIGIN" in names(b.messages(0))
+    assert len(b.reports) == 2
+
+
+def test_ardusub_is_told_by_parameters(tmp_path: Path) -> None:
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    motors = map_motors("auto", vehicle)
+    found = {
+        positions: all_parameters(AutopilotSettings(positions=positions), "ardupilot", vehicle, motors)
+        for positions in ("simulated", "odometry", "dvl", "gps")
+    }
+    assert "SIM_GPS1_ENABLE" not in found["simulated"]
+    assert all(found[name]["SIM_GPS1_ENABLE"] == 0 for name in ("odometry", "dvl", "gps"))
+    assert found["dvl"]["EK3_SRC1_POSXY"] == found["odometry"]["EK3_SRC1_VELXY"] == 6
+    assert found["gps"]["GPS1_TYPE"] == 14
+
+
+def test_positions_need_their_sensor_and_ardupilot(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"positions: 'gps' needs that sensor: add \[sensors.gps\]"):
+        scenario_of(tmp_path, "gps")
+    with pytest.raises(ConfigError, match="positions: 'dvl' is for controller"):
+        scenario_of(tmp_path, "dvl", "px4")
