@@ -115,6 +115,10 @@ class Simulation:
         """The present thrust of each thruster in N."""
         return self._thrusters.thrusts
 
+    def motors(self, pwm_us: Sequence[int]) -> list[tuple[float, float]]:
+        """Return speed (rad/s) and current (A) of each thruster at these pulses (us, one a channel): ThrusterSet."""
+        return self._thrusters.motors(pwm_us)
+
     @property
     def wave_field(self) -> "WaveField | None":
         """The waves; None if there are none."""

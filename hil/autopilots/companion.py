@@ -52,7 +52,7 @@ class Companion:
         self._inputs, self._origin, self._port, self._report = inputs, origin, port, report
         self._socket: socket.socket | None = None
         self._stream = MavlinkStream(SYSTEM, COMPONENT, Counters())
-        self._has_origin = False
+        self._has_origin = self._has_answered = False  # by the autopilot at the other end
         self._beat_ns = 0
         self._dvl_ns: int | None = None  # of the last sample with bottom lock
 
@@ -98,8 +98,7 @@ class Companion:
             opened.close()
             return
         self._socket, self._has_origin = opened, False
-        self._stream = MavlinkStream(SYSTEM, COMPONENT, Counters())
-        self._report(f"positions ({self._positions}) go to ArduPilot at tcp://{host}:{self._port}")
+        self._stream, self._has_answered = MavlinkStream(SYSTEM, COMPONENT, Counters()), False
 
     def _send(self, messages: Sequence[Any]) -> None:
         if self._socket is None or not messages:
@@ -120,6 +119,9 @@ class Companion:
                 data = self._socket.recv(65_536)
                 if not data:
                     self.close()
+                elif not self._has_answered:
+                    self._has_answered = True
+                    self._report(f"positions ({self._positions}) go to ArduPilot's port {self._port}")
                 if self._has_origin:
                     continue
                 kinds = [message.get_msgId() for message in self._stream.unpack(data) if hasattr(message, "get_msgId")]

@@ -319,7 +319,7 @@ _ELSEWHERE = {
     **dict.fromkeys(("forward_sonar/image", "side_scan/image"), "images"),
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
     **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events"), "world"),
-    "joint_states": "joints",
+    **dict.fromkeys(("joint_states", "motors"), "joints"),
     "formation": "formation",
     "plan": "plan",
     **dict.fromkeys(("modem_tx", "modem_rx", "modem_range"), "modem"),

@@ -1,4 +1,4 @@
-"""Encode and decode sensor_msgs/JointState: the thrust of each thruster, the deflection of each fin."""
+"""Encode and decode the state of actuators: sensor_msgs/JointState, and a row of motors in a Float64MultiArray."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,6 +9,7 @@ from hil.ros.message import encode, header, read, time_of
 from sim.vehicle.vehicle import Vehicle
 
 _TYPE = "sensor_msgs/msg/JointState"
+_ROW = "std_msgs/msg/Float64MultiArray"
 
 
 class JointStates(NamedTuple):
@@ -47,5 +48,35 @@ def decode_joints(data: bytes) -> JointStates:
     return JointStates(time_of(message), tuple(names), efforts, positions)
 
 
+class MotorState(NamedTuple):
+    """One channel: its pulse width in effect (us), its rotor's speed (rad/s, with the sign of its thrust), current (A).
+
+    Speed and current are nan where the thruster's model does not know them, as of a fin.
+    """
+
+    pulse_us: float
+    speed: float
+    current: float
+
+
+def encode_motors(motors: Sequence[MotorState]) -> bytes:
+    """std_msgs/Float64MultiArray of a row for each channel, whose columns the second dimension's label names."""
+    columns = len(MotorState._fields)
+    rows = {"label": "channel", "size": len(motors), "stride": columns * len(motors)}
+    row = {"label": ",".join(MotorState._fields), "size": columns, "stride": columns}
+    values = [float(value) for motor in motors for value in motor]
+    return encode(_ROW, {"layout": {"dim": [rows, row], "data_offset": 0}, "data": values})
+
+
+@tolerant
+def decode_motors(data: bytes) -> tuple[MotorState, ...]:
+    """Return the motors of a message. One that does not have whole rows counts as malformed."""
+    values = read(_ROW, data)["data"]
+    columns = len(MotorState._fields)
+    if len(values) % columns:
+        raise MalformedError("not a whole row for each channel")
+    return tuple([MotorState(*values[start : start + columns]) for start in range(0, len(values), columns)])
+
+
 ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
-DECODERS: dict[str, Decoder] = {"joint_states": decode_joints}
+DECODERS: dict[str, Decoder] = {"joint_states": decode_joints, "motors": decode_motors}

@@ -137,7 +137,7 @@ class Ros(NamedTuple):
     """Interface to ROS 2 beyond the sensors: transforms, clock, services, image format.
 
     `transforms`: /tf, of every odometry sample, and /tf_static, of the sensors' places. `clock`, `wrench` and `joints`
-    are the rates of /clock, of the thrusters' wrench and of joint_states, 0 for none. `services`: arm, reset,
+    are the rates of /clock, of the thrusters' wrench, of joint_states and motors, 0 for none. `services`: arm, reset,
     set_pose, failures of thrusters.
     `frame_prefix` ("uuv1/") separates the frames of vehicles that share one /tf; of several only one has a `clock`.
     `images` is the format of a camera's pictures, `jpeg_quality` (of libjpeg, 1 to 95) that of JPEG. `domain` is that

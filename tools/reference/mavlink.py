@@ -45,8 +45,9 @@ def _messages() -> str:
     rows = [f"| {names[number]} | {rate:g} |\n" for number, rate in ordered]
     text = (
         "## Messages that are streamed\n\nUntil a ground station asks for another rate, up to 50 Hz. What the vehicle "
-        "does not\nmeasure is not sent. Currents and turns of ESCs, and the water's temperature, are not measured.\n"
-        "\n"
+        "does not\nmeasure is not sent. Pulse widths are new at `[ros] joints`, 10 Hz. Turns and currents of ESCs are "
+        "there where a\nthruster's model has them: both with the T200's `curve`, turns with a rotor's `dynamics`. "
+        "The water's temperature\nis not measured.\n\n"
     )
     return text + "| message | Hz |\n|---|---|\n" + "".join(rows)
 

@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.samples import State
 from hil.ros.commands import PoseCommand
+from hil.ros.joints import MotorState
 from sim.sensors.extra_samples import BatterySample, FixSample
 
 Wrench = tuple[float, float, float, float, float, float]
@@ -24,7 +25,8 @@ class Echo(NamedTuple):
 class Snapshot(NamedTuple):
     """Newest samples of the vehicle; None where it has no such sensor, or that is silent.
 
-    `state` is the navigation solution (NED, FRD). `pulses` are in us. `sensors` are the topics that it sends.
+    `state` is the navigation solution (NED, FRD). `pulses` are in us, `motors` what the slave knows of each channel.
+    `sensors` are the topics that it sends.
     """
 
     state: State
@@ -34,6 +36,7 @@ class Snapshot(NamedTuple):
     fix: FixSample | None = None
     leak: bool = False
     pulses: tuple[int, ...] = ()
+    motors: tuple[MotorState, ...] = ()
     sensors: frozenset[str] = frozenset()
     slave_load: float = 0.0  # share of one processor
     link_silent: bool = False

@@ -11,6 +11,7 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.protocols import newer_messages as newer
 from hil.gateways.mavlink.protocols import streams
 from hil.gateways.mavlink.snapshot import Origin, Snapshot
+from hil.ros.joints import MotorState
 from sim.rotations import rotate
 from sim.sensors.geodesy import TangentPlane
 
@@ -165,25 +166,45 @@ def servo_output(s: Snapshot, c: Context) -> Any:
 
 
 def esc_status(s: Snapshot, c: Context) -> list[Any]:
-    """Return ESC_STATUS of each four thrusters: the battery's voltage. Turns and currents are not measured."""
-    if s.battery is None:
-        return []
-    volts, none, unknown = [s.battery.voltage] * newer.ESCS, [0] * newer.ESCS, [math.nan] * newer.ESCS
-    first = range(0, len(s.pulses), newer.ESCS)
-    return [newer.EscStatus(c.now // NS_PER_US, none, volts, unknown, index) for index in first]
+    """Return ESC_STATUS of each four channels: turns a minute (0 if not known), battery's voltage, currents (nan)."""
+    volts = s.battery.voltage if s.battery else math.nan
+    return [
+        newer.EscStatus(
+            c.now // NS_PER_US, [_turns(motor) for motor in four], [volts] * newer.ESCS,
+            [motor.current for motor in four], newer.ESCS * number,
+        )
+        for number, four in enumerate(_fours(s))
+    ]  # fmt: skip
 
 
 def esc_telemetry(s: Snapshot, _: Context) -> list[Any]:
-    """Return ESC_TELEMETRY_1_TO_4 and its like: the battery's voltage; what is not measured is 0, their "none"."""
-    if s.battery is None:
-        return []
-    volts, none = [_clip(100.0 * s.battery.voltage, U16)] * newer.ESCS, [0] * newer.ESCS
+    """Return ESC_TELEMETRY_1_TO_4 and its like; what is not known is 0, their "none"."""
+    volts = [_clip(100.0 * s.battery.voltage, U16) if s.battery else 0] * newer.ESCS
+    none = [0] * newer.ESCS
     kinds = (
         dialect.MAVLink_esc_telemetry_1_to_4_message, dialect.MAVLink_esc_telemetry_5_to_8_message,
         dialect.MAVLink_esc_telemetry_9_to_12_message, dialect.MAVLink_esc_telemetry_13_to_16_message,
     )  # fmt: skip
-    used = -(-len(s.pulses) // newer.ESCS)
-    return [kind(none, volts, none, none, none, none) for kind in kinds[:used]]
+    messages = []
+    for kind, four in zip(kinds, _fours(s), strict=False):
+        currents = [_clip(100.0 * abs(motor.current), U16) for motor in four]
+        messages.append(kind(none, volts, currents, none, [min(abs(_turns(motor)), U16) for motor in four], none))
+    return messages
+
+
+def _fours(s: Snapshot) -> list[list[MotorState]]:
+    """Return the motors in fours, the last ones filled up; none while nothing is known of them but their pulses."""
+    motors = list(s.motors) or [MotorState(pulse, math.nan, math.nan) for pulse in s.pulses]
+    if not s.battery and all(math.isnan(motor.speed) and math.isnan(motor.current) for motor in motors):
+        return []
+    blank = MotorState(0.0, math.nan, math.nan)
+    motors += [blank] * (-len(motors) % newer.ESCS)
+    return [motors[first : first + newer.ESCS] for first in range(0, len(motors), newer.ESCS)]
+
+
+def _turns(motor: MotorState) -> int:
+    """Return turns a minute, with the sign of the thrust; 0 if not known."""
+    return 0 if math.isnan(motor.speed) else round(motor.speed * 60.0 / math.tau)
 
 
 def sys_status(s: Snapshot, c: Context) -> Any:

@@ -16,7 +16,7 @@ from hil.ros.commands import PoseCommand, encode_pose, encode_thrusts
 from hil.ros.frames import encode_wrench
 from sim.sensors.extra_samples import BatterySample, FixSample
 
-TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak")
+TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak", "motors")
 STALE_S = 1.0  # after which a vehicle whose position does not come counts as gone
 SLOW_STALE_S = 3.0  # the same of what comes once a second
 DVL_REACH = 0.05, 200.0  # m: its messages do not say it
@@ -58,6 +58,8 @@ class NetworkVehicle:
             self._is_known &= client.contact.present
             return None
         figures = client.diagnostics()
+        stamped = client.latest.get("motors")
+        motors = stamped.value if stamped and stamped.age_s <= STALE_S else ()
         battery, fix = self._newest("battery", SLOW_STALE_S), self._newest("gps", SLOW_STALE_S)
         pressure, leak = self._newest("pressure", STALE_S), self._newest("leak", SLOW_STALE_S)
         return Snapshot(
@@ -67,7 +69,8 @@ class NetworkVehicle:
             self._echo(),
             fix if isinstance(fix, FixSample) else None,
             bool(leak),
-            figures.pwm_us or (),
+            tuple([round(motor.pulse_us) for motor in motors]) or figures.pwm_us or (),
+            motors,
             self._sensors,
             (figures.cpu_s or 0.0) / max(figures.uptime_s or 0.0, 1.0),
             bool(figures.stm32_silent),

@@ -4,7 +4,7 @@ Loaded when the vehicle is ready.
 """
 
 from collections.abc import Callable
-from math import sqrt
+from math import nan, sqrt
 
 from hil.common.clock import NEVER_NS
 from hil.network.services import Server
@@ -77,8 +77,11 @@ class RosNode:
             wrench = self._loop.simulation.forces().thrusters
             payload = encode_wrench(sample_publisher.stamps.stamp(time_ns), wrench, f"{self._prefix}base_link")
             sample_publisher.put("thruster_wrench", payload)
-        if self._joints.passes(time_ns) and sample_publisher.has_subscribers(("joint_states",)):
-            self._publish_joints(time_ns)
+        if self._joints.passes(time_ns):
+            if sample_publisher.has_subscribers(("joint_states",)):
+                self._publish_joints(time_ns)
+            if sample_publisher.has_subscribers(("motors",)):
+                self._publish_motors()
         self.due_ns = min(self._clock.due_ns, self._wrench.due_ns, self._joints.due_ns)
 
     def _publish_joints(self, time_ns: int) -> None:
@@ -89,6 +92,15 @@ class RosNode:
         fins = simulation.equipment.fins if simulation.equipment else None
         states = joint_states(stamp_ns, simulation.vehicle, simulation.thrusts, fins.angles if fins else ())
         self._loop.sample_publisher.put("joint_states", encode_joints(states))
+
+    def _publish_motors(self) -> None:
+        from hil.ros.joints import MotorState, encode_motors
+
+        loop = self._loop
+        found = loop.simulation.motors(loop.pwm_us)
+        blank = [(nan, nan)] * (len(loop.pwm_us) - len(found))
+        rows = zip(loop.pwm_us, [*found, *blank], strict=True)
+        loop.sample_publisher.put("motors", encode_motors([MotorState(pulse, *motor) for pulse, motor in rows]))
 
     def add_figures(self, figures: Diagnostics) -> None:
         """Add the counters of the services."""

@@ -1,7 +1,7 @@
 """From pulse widths to thrust, and from the thrust of all thrusters to one wrench on the vehicle."""
 
 from collections.abc import Callable, Iterable, Sequence
-from math import exp, sqrt
+from math import exp, nan, sqrt
 from typing import TYPE_CHECKING, Any
 
 from hil.common.errors import ConfigError
@@ -123,6 +123,23 @@ class ThrusterSet:
     def battery(self) -> "BatteryState | None":
         """The battery's state; None if there is none."""
         return None
+
+    def motors(self, pwm_us: Sequence[int]) -> list[tuple[float, float]]:
+        """Return speed (rad/s, with the sign of the thrust) and current (A) of each at these pulses (us).
+
+        nan where the thruster's model does not know it. A T200's are those that its pulse settles at, at the voltage of
+        its supply; a failure changes the pulse.
+        """
+        pulses = self._pwm_us if self._failures is not None and self._pwm_us else pwm_us
+        curves: list[Any] = [thruster.curve for thruster in self._thrusters]
+        return [
+            curve.motor(pulse, self._supply(curve)) if hasattr(curve, "motor") else (nan, nan)
+            for curve, pulse in zip(curves, pulses, strict=False)
+        ]
+
+    def _supply(self, curve: Any) -> float:
+        """Return the voltage at a thruster with a `curve` that depends on it."""
+        return float(curve.supply)
 
     def fail(self, failures: "Iterable[Failure]") -> None:
         """Plan these failures, by their time since the first step. Raises ConfigError for an unknown thruster."""

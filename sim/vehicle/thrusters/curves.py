@@ -4,7 +4,7 @@ Each is a record with `thrust(thruster, pwm_us)` and its inverse `pulse(thruster
 dealt with pulses outside 800..2200 us and with the thruster's limits of thrust.
 """
 
-from math import sqrt
+from math import copysign, pi, sqrt
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from hil.common.schema import Range
@@ -145,6 +145,13 @@ class T200(NamedTuple):
         from sim.vehicle.thrusters.t200 import pulse_for
 
         return pulse_for(thrust, self.supply)
+
+    def motor(self, pwm_us: int, volts: float) -> tuple[float, float]:
+        """Return speed (rad/s, with the sign of the thrust) and current (A) at this pulse and voltage."""
+        from sim.vehicle.thrusters.t200 import performance
+
+        point = performance(pwm_us, volts)
+        return copysign(point.rpm * 2.0 * pi / 60.0, point.thrust), point.current
 
     def rows(self, pwm_us: int) -> "Rows":
         """Thrust and current at this pulse over the voltages of the table."""

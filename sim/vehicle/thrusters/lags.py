@@ -89,17 +89,17 @@ DYNAMICS = {"yoerger": Yoerger, "bessa": Bessa, "rotor_pi": RotorPi}
 
 
 class _RotorLag:
-    """Thrust through the speed of a rotor."""
+    """Thrust through the `speed` (rad/s) of a rotor."""
 
     def __init__(self, rotor: "_Braked | _PiRotor", full_speed: float, forward: float, reverse: float) -> None:
         self._advance = rotor.advance
         self._forward, self._reverse = forward / full_speed**2, reverse / full_speed**2  # N s²/rad²
-        self._speed = 0.0
+        self.speed = 0.0
 
     def step(self, target: float) -> float:
         """Return the thrust in N a step later."""
         wanted = sqrt(target / self._forward) if target > 0.0 else -sqrt(-target / self._reverse)
-        self._speed = speed = self._advance(self._speed, wanted)
+        self.speed = speed = self._advance(self.speed, wanted)
         return (self._forward if speed > 0.0 else self._reverse) * speed * abs(speed)
 
 

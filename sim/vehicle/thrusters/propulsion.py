@@ -1,6 +1,8 @@
 """Thrusters with more than lagged quadratic curves: other models, or a battery."""
 
+from collections.abc import Sequence
 from math import exp
+from typing import Any
 
 from sim.vehicle.battery import BatteryPack, BatteryState
 from sim.vehicle.thrusters.bank import ThrusterSet
@@ -29,6 +31,18 @@ class Propulsion(ThrusterSet):
     def battery(self) -> BatteryState | None:
         """The battery's state; None if there is none."""
         return self._pack.state if self._pack else None
+
+    def motors(self, pwm_us: Sequence[int]) -> list[tuple[float, float]]:
+        """Return speed and current of each: see ThrusterSet. A rotor with dynamics of its own has its present speed."""
+        found = super().motors(pwm_us)
+        speeds = [getattr(lag, "speed", speed) for lag, (speed, _) in zip(self._lags, found, strict=False)]
+        return [(speed, current) for speed, (_, current) in zip(speeds, found, strict=True)]
+
+    def _supply(self, curve: Any) -> float:
+        if self._pack is None:
+            return super()._supply(curve)
+        state = self._pack.state
+        return 0.0 if state.cut_off else state.voltage
 
     def _follow(self) -> list[float]:
         if self._pack:

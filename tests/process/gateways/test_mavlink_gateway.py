@@ -72,6 +72,24 @@ def test_parameters_are_read_and_set(ground: Ground) -> None:
     assert parameters.mavset(ground.link, "WP_SPEED", 0.5, retries=10)
 
 
+def test_pulse_widths_come_more_often_than_once_a_second(ground: Ground) -> None:
+    """With a stick that moves to and fro; the slave's diagnostics, which have them too, come once a second."""
+    ground.set_mode(Mode.MANUAL)
+    ground.arm()
+    assert ground.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, 1e5) == 0
+    seen: list[int] = []
+    began = time.monotonic()
+
+    def changes(message: Any) -> bool:
+        if message.servo1_raw not in seen[-1:]:
+            seen.append(message.servo1_raw)
+        return len(seen) > 12
+
+    ground.wait("SERVO_OUTPUT_RAW", changes, lambda: ground.sticks(x=300 if int(5 * time.monotonic()) % 2 else -300))
+    assert time.monotonic() - began < 9.0
+    assert any(pulse not in (0, 1500) for pulse in seen)
+
+
 def test_a_joystick_moves_it_and_silence_stops_it(ground: Ground) -> None:
     ground.set_mode(Mode.ALT_HOLD)
     ground.arm()

@@ -21,6 +21,7 @@ from hil.links.contract import Counters
 from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.stream import MavlinkStream
 from hil.ros.commands import PoseCommand
+from hil.ros.joints import MotorState
 from hil.scenario.mavlink_records import Mavlink
 from sim.sensors.extra_samples import BatterySample
 
@@ -42,6 +43,7 @@ class PointVehicle:
         self.settled: list[tuple[str, str]] = []
         self.leak = False
         self.battery: BatterySample | None = None
+        self.motors: tuple[MotorState, ...] = ()
 
     def move(self, seconds: float) -> None:
         """Move on by the last command."""
@@ -78,7 +80,9 @@ class PointVehicle:
         if not self.is_present:
             return None
         sensors = frozenset(("imu", "odom", "pressure"))
-        return Snapshot(self.state, self.battery, pulses=(1500,) * 6, leak=self.leak, sensors=sensors)
+        return Snapshot(
+            self.state, self.battery, pulses=(1500,) * 6, motors=self.motors, leak=self.leak, sensors=sensors
+        )
 
     def send(self, command: Command) -> None:
         self.commands.append(command)

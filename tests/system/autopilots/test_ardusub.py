@@ -44,6 +44,7 @@ drop_out = {drop_out}
 rate = 20
 [sensors.gps]
 rate = 5
+position = [0, 0, -0.4]
 """
 MANUAL, ALT_HOLD, GUIDED, POSHOLD = 19, 2, 4, 16
 

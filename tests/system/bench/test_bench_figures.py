@@ -137,6 +137,7 @@ def test_what_a_scenario_sends() -> None:
     assert found == {
         "diagnostics": 1.0, "imu": 100.0, "dvl": 4.0, "dvl_twist": 4.0, "altitude": 4.0, "pressure": 20.0,
         "odom": 50.0, "ground_truth": 20.0, "thruster_wrench": 5.0, "joint_states": 10.0,
+        "motors": 10.0,
     }  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """Parameters, missions, files, logs, streams and rights of the MAVLink vehicle, packet by packet."""
 
+import math
 import struct
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.protocols import ftp
 from hil.gateways.mavlink.protocols.parameters import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
+from hil.ros.joints import MotorState
 from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
@@ -220,6 +222,29 @@ def test_escs_of_all_thrusters_are_reported() -> None:
     assert {message.index for message in status} == {0, 4}, "six thrusters: two messages"
     assert list(first[0].voltage) == list(second[0].voltage) == [1590] * 4
     assert not bench.partner.take("ESC_TELEMETRY_9_TO_12")
+
+
+def test_escs_report_turns_and_currents_where_they_are_known() -> None:
+    bench = Bench()
+    known, astern = MotorState(1700.0, 200.0, 3.25), MotorState(1400.0, -100.0, 1.5)
+    bench.vehicle.motors = (known, astern, *[MotorState(1500.0, math.nan, math.nan)] * 3)
+    bench.run(2.0)
+    first, second = bench.partner.take("ESC_STATUS")[:2]
+    assert (first.index, second.index) == (0, 4)
+    assert first.rpm == [1910, -955, 0, 0]
+    assert first.current[:2] == [3.25, 1.5]
+    assert all(math.isnan(value) for value in (*first.current[2:], *first.voltage, *second.current))
+    telemetry = bench.partner.take("ESC_TELEMETRY_1_TO_4")[0]
+    assert (list(telemetry.rpm), list(telemetry.current)) == ([1910, 955, 0, 0], [325, 150, 0, 0])
+    assert list(telemetry.voltage) == [0] * 4
+
+
+def test_nothing_is_said_of_escs_of_which_nothing_is_known() -> None:
+    bench = Bench()
+    bench.vehicle.motors = (MotorState(1500.0, math.nan, math.nan),) * 6
+    bench.run(2.0)
+    assert not bench.partner.take("ESC_STATUS")
+    assert not bench.partner.take("ESC_TELEMETRY_1_TO_4")
 
 
 def test_groups_of_messages_and_messages_once() -> None:

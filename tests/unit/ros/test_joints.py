@@ -4,7 +4,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.ros import message
-from hil.ros.joints import JointStates, decode_joints, encode_joints, joint_states
+from hil.ros.joints import (
+    JointStates,
+    MotorState,
+    decode_joints,
+    decode_motors,
+    encode_joints,
+    encode_motors,
+    joint_states,
+)
 from sim.vehicle.vehicle import load_vehicle
 
 NAME = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FF), max_size=20)
@@ -20,6 +28,25 @@ def test_a_message_is_that_of_the_definition_and_comes_back(joints: list[tuple[s
     assert fields["name"] == list(states.names)
     assert fields["effort"] == states.efforts
     assert message.encode("sensor_msgs/msg/JointState", fields) == payload
+
+
+@given(st.lists(st.builds(MotorState, *[st.floats(allow_nan=False)] * 3), max_size=12))
+def test_motors_come_back_and_say_what_their_columns_are(motors: list[MotorState]) -> None:
+    payload = encode_motors(motors)
+    assert decode_motors(payload) == tuple(motors)
+    fields = message.decode("std_msgs/msg/Float64MultiArray", payload)
+    assert fields is not None
+    assert [row["label"] for row in fields["layout"]["dim"]] == ["channel", "pulse_us,speed,current"]
+    assert [row["size"] for row in fields["layout"]["dim"]] == [len(motors), 3]
+
+
+def test_motors_with_half_a_row_are_malformed() -> None:
+    payload = encode_motors([MotorState(1600.0, 100.0, 2.0)])
+    assert all(decode_motors(payload[:length]) is None for length in range(len(payload)))
+    layout = {"dim": [], "data_offset": 0}
+    assert (
+        decode_motors(message.encode("std_msgs/msg/Float64MultiArray", {"layout": layout, "data": [1.0] * 4})) is None
+    )
 
 
 def test_cut_and_contradicting_messages_are_malformed() -> None:

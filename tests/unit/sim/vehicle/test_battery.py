@@ -1,3 +1,4 @@
+import math
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from sim.assembly import make_thrusters
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.battery import Battery, BatteryPack
+from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters.t200 import VOLTS, performance
 from sim.vehicle.vehicle import load_vehicle
 
@@ -51,6 +53,34 @@ def test_the_voltage_solves_the_circuit(tmp_path: Path) -> None:
     assert full.battery is not None
     assert 11.5 < full.battery.voltage < 12.5
     assert full.thrusts[0] < 0.8 * performance(1900, 16.8).thrust
+
+
+def test_turns_and_currents_are_those_of_the_table_at_the_batterys_voltage(tmp_path: Path) -> None:
+    vehicle, _ = load_vehicle(vehicle_file(tmp_path))
+    thrusters = make_thrusters(vehicle, 0.0025)
+    pulses = (1700, 1300, 1500, 1900, 1100, 1600)
+    thrusters.step(pulses)
+    battery = thrusters.battery
+    assert battery is not None
+    motors = thrusters.motors(pulses)
+    assert sum(current for _, current in motors) == pytest.approx(battery.current)
+    assert [speed for speed, _ in motors[:2]] == pytest.approx(
+        [performance(1700, battery.voltage).rpm * math.pi / 30, -performance(1300, battery.voltage).rpm * math.pi / 30]
+    )
+    assert motors[2] == pytest.approx((0.0, 0.0), abs=0.1)
+    thrusters.fail([Failure(vehicle.thrusters[0].name, "off")])
+    thrusters.step(pulses)
+    assert thrusters.motors(pulses)[0] == (0.0, 0.0)
+    assert thrusters.motors(pulses)[1][1] > 0.5
+
+
+def test_without_a_battery_they_are_those_at_the_supply_and_unknown_of_other_curves(tmp_path: Path) -> None:
+    vehicle, _ = load_vehicle(vehicle_file(tmp_path, battery=""))
+    (speed, current), *_ = make_thrusters(vehicle, 0.0025).motors((1700,) * 6)
+    expected = performance(1700, 16.0)
+    assert (speed, current) == pytest.approx((expected.rpm * math.pi / 30, expected.current))
+    plain = make_thrusters(load_vehicle("bluerov2")[0], 0.0025).motors((1700,) * 6)
+    assert all(math.isnan(value) for motor in plain for value in motor)
 
 
 @pytest.mark.parametrize("resistance", [0.0, 0.05, 0.5])

@@ -1,4 +1,4 @@
-from math import atan, cos, exp, log, pi, sin, sqrt, tan, tanh
+from math import atan, cos, exp, isnan, log, pi, sin, sqrt, tan, tanh
 from typing import Any
 
 import pytest
@@ -140,6 +140,18 @@ def test_reverse_limit_and_half_thrust() -> None:
     for _ in range(round(half / 0.0001)):
         thrusters.step((1100,))
     assert thrusters.thrusts[0] == pytest.approx(-20.0, rel=2e-3)
+
+
+def test_the_present_speed_of_a_rotor_is_reported_and_no_current() -> None:
+    thruster = with_models(PLAIN, {"dynamics": YOERGER}, "test.toml")
+    thrusters = make_thrusters(PAPER._replace(thrusters=(thruster,)), 0.0025)
+    for pulse, sign in ((1800, 1.0), (1200, -1.0)):
+        for _ in range(200):
+            thrusters.step((pulse,))
+        ((speed, current),) = thrusters.motors((pulse,))
+        assert speed == pytest.approx(sign * FULL * sqrt(abs(thrusters.thrusts[0]) / 80.0))
+        assert abs(speed) > 100.0
+        assert isnan(current)
 
 
 def test_wrong_dynamics_are_named() -> None:
