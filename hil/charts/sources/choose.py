@@ -10,7 +10,7 @@ from hil.charts.chart_survey import Box, covered, survey_charts
 from hil.charts.grid import Extent
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.points import Points, is_points, read_points
-from hil.charts.sources.rasters import ENDINGS, Raster, open_raster
+from hil.charts.sources.rasters import DRIVERS, Raster, open_raster
 from hil.charts.sources.s57 import Cell, read_cell
 from hil.charts.sources.sign import Positive
 from hil.charts.sources.survey import Survey, block_means
@@ -56,7 +56,7 @@ def read_sources(
 
 def _open(path: str, positive: Positive, crs: str | None) -> Raster:
     ending = os.path.splitext(path)[1].lower()
-    if ending in ENDINGS:
+    if ending in DRIVERS:
         return open_raster(path, positive, crs)
     if ending[1:].isdigit():
         raise ConfigError(f"{path}: is an update; name the cell itself (.000), updates beside it are found")

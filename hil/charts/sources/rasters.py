@@ -1,4 +1,4 @@
-"""Depths from rasters: GeoTIFF, BAG, GEBCO's NetCDF, S-102, and whatever else GDAL reads, resampled by it."""
+"""Depths from rasters: GeoTIFF, BAG, GEBCO's NetCDF, S-102 and Esri's ASCII grid, read and resampled by GDAL."""
 
 import os
 import sys
@@ -17,20 +17,23 @@ from hil.common.tables import check_file
 Array = NDArray[np.float64]
 
 WGS84 = "EPSG:4326"
-ENDINGS = (".tif", ".tiff", ".bag", ".nc", ".asc", ".vrt", ".h5")
+# GDAL goes by what a file holds unless it is told; a WMS, a VRT and others name further files and hosts to be read.
+DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".bag": "BAG", ".nc": "netCDF", ".asc": "AAIGrid", ".h5": "S102"}
 NAMES = ("elevation", "depth", "z", "bathymetry")  # of the variable to take, where a file has several
 SAMPLED = 512  # pixels along a side, from which the sign of a raster without a name is seen
 COARSER = 1.5  # nodes farther apart than so many pixels get the mean of their pixels, others are interpolated
 
 
 class Raster(NamedTuple):
-    """A raster on the earth. `file` is GDAL's name of it, `crs` of its positions; `scale` makes depths in m of it.
+    """A raster on the earth. `file` and `driver` are GDAL's names of it and of its format, `crs` is of its positions.
 
-    `box`: where it lies, degrees, east beyond 180 where it crosses that; `spacing`: the side of a pixel, m.
+    `box`: where it lies, degrees, east beyond 180 where it crosses that; `spacing`: the side of a pixel, m; `scale` and
+    `offset` make depths in m of its numbers.
     """
 
     name: str
     file: str
+    driver: str
     crs: Any
     box: Box
     spacing: float
@@ -53,7 +56,7 @@ class Raster(NamedTuple):
         how = Resampling.average if step > COARSER * self.spacing else Resampling.bilinear
         try:
             with (
-                rasterio.open(self.file) as source,
+                rasterio.open(self.file, driver=self.driver) as source,
                 WarpedVRT(
                     source, src_crs=self.crs, crs=local, transform=where, width=len(east), height=len(north),
                     resampling=how, src_nodata=source.nodata, nodata=np.nan, dtype="float32",
@@ -68,21 +71,22 @@ class Raster(NamedTuple):
 def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) -> Raster:
     """Return the first band of `path`; `crs` (as EPSG:32605) of its positions if it says none itself.
 
-    Without either, positions in degrees are taken as WGS 84. A shift between vertical datums is not applied. Raises
-    ConfigError, MissingExtraError.
+    Without either, positions in degrees are taken as WGS 84. A shift between vertical datums is not applied. The ending
+    of its name, one of DRIVERS, says its format. Raises ConfigError, MissingExtraError.
     """
     try:
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
     except ImportError:
         raise MissingExtraError(f"{path}: rasters need rasterio: pip install 'uuv-hil[raster]'") from None
+    driver = DRIVERS[os.path.splitext(path)[1].lower()]
     check_file(path, sys.maxsize)  # of any size: only what is asked for is read
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)  # of a NetCDF as a whole; and see _placed
-            with rasterio.open(path) as source:
+            with rasterio.open(path, driver=driver) as source:
                 file = _depths_of(path, source.subdatasets) if source.subdatasets else path
-            with rasterio.open(file) as source:
+            with rasterio.open(file, driver=driver) as source:
                 return _placed(path, file, source, positive, crs)
     except (RasterioError, OSError) as error:
         raise ConfigError(f"{path}: cannot be read as a raster: {error}") from None
@@ -117,7 +121,8 @@ def _placed(path: str, file: str, source: Any, positive: Positive, crs: str | No
     local = np.column_stack(LocalPlane(float(latitude[0]), float(longitude[0])).to_local(latitude, longitude))
     spacing = float(np.hypot(*(local[1:] - local[0]).T).max())
     sign = -1.0 if _is_upwards(path, file, source, positive) else 1.0
-    return Raster(os.path.basename(path), file, where, box, spacing, sign * source.scales[0], sign * source.offsets[0])
+    scale, offset = sign * source.scales[0], sign * source.offsets[0]
+    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset)
 
 
 def known_crs(name: str) -> Any:

@@ -1,14 +1,16 @@
-"""Convert xacro to URDF with the package of that name; `$(find PACKAGE)` works without ROS."""
+"""Convert xacro to URDF in a process of its own; `$(find PACKAGE)` works without ROS."""
 
 import re
-import sys
+import subprocess
 from collections.abc import Iterable
-from types import ModuleType
-from typing import Any
 
+from hil.commands.vehicle.xacro_process import NO_LIBRARY
+from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import read_bytes
-from sim.vehicle.urdf.ros_packages import find_package
+from hil.common.text import clean
+
+MAX_SECONDS = 60.0
 
 
 def is_xacro(path: str) -> bool:
@@ -22,53 +24,31 @@ def is_xacro(path: str) -> bool:
 def expand(path: str, arguments: Iterable[str] = ()) -> bytes:
     """Return the URDF that the xacro file at `path` makes; `arguments` are NAME=VALUE or, as in ROS, NAME:=VALUE.
 
-    `$(find PACKAGE)` is looked for as sim/vehicle/urdf/ros_packages.py says. xacro evaluates expressions of the file
-    as Python:
-    expand files you trust. Raises ConfigError, MissingExtraError.
+    `$(find PACKAGE)` is looked for as sim/vehicle/urdf/ros_packages.py says. Raises ConfigError, MissingExtraError.
     """
-    try:
-        import xacro
-    except ImportError:
-        raise MissingExtraError("a xacro file needs the package xacro: pip install 'uuv-hil[master]'") from None
-    mappings = dict(_pair(argument) for argument in arguments)
-    before = {name: sys.modules.get(name) for name in ("ament_index_python", "ament_index_python.packages")}
-    sys.modules.update(_package_index(path))
-    try:
-        text: bytes = xacro.process_file(path, mappings=mappings).toxml(encoding="utf-8")
-    except Exception as error:
-        reason = getattr(error, "exc", None) or error  # xacro wraps what an expression raised, and says it twice
-        raise ConfigError(f"{path}: cannot be expanded: {' '.join(str(reason).split())}") from error
-    finally:
-        for name, module in before.items():
-            sys.modules.pop(name)
-            if module is not None:
-                sys.modules[name] = module
-    return text
+    command = module_command("hil.commands.vehicle.xacro_process", path, *map(_pair, arguments))
+    with start_child(
+        command, environment=package_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        try:
+            output, complaints = process.communicate(timeout=MAX_SECONDS)
+        except subprocess.TimeoutExpired:
+            raise ConfigError(f"{path}: not expanded within {MAX_SECONDS:g} s") from None
+        finally:
+            process.kill()  # does nothing to one that has ended
+    code = process.returncode
+    if code == NO_LIBRARY:
+        raise MissingExtraError("a xacro file needs the package xacro: pip install 'uuv-hil[master]'")
+    if code < 0:  # by a signal: at the limit on time
+        raise ConfigError(f"{path}: cannot be expanded: an expression of it takes too long")
+    if code:
+        reason = complaints.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
+        raise ConfigError(f"{path}: cannot be expanded: {clean(reason[0])}")
+    return bytes(output)
 
 
-def _pair(argument: str) -> tuple[str, str]:
+def _pair(argument: str) -> str:
     name, sign, value = re.split(r"(:?=)", argument, maxsplit=1) if "=" in argument else (argument, "", "")
     if not (name and sign):
         raise ConfigError(f"xacro argument {argument!r}: write NAME=VALUE")
-    return name, value
-
-
-def _package_index(path: str) -> dict[str, ModuleType]:
-    """Return what xacro asks for packages, answered from the folders around `path`."""
-
-    def share(name: str) -> str:
-        folder = find_package(name, path)
-        if folder is None:
-            raise LookupError(
-                f"no package {name!r} by AMENT_PREFIX_PATH, by ROS_PACKAGE_PATH or in the folders around {path}; "
-                f"give its path instead of $(find {name})"
-            )
-        return folder
-
-    package, packages = ModuleType("ament_index_python"), ModuleType("ament_index_python.packages")
-    for module in (package, packages):
-        stand_in: Any = module
-        stand_in.get_package_share_directory = share
-        stand_in.PackageNotFoundError = LookupError
-    package.packages = packages  # type: ignore[attr-defined]
-    return {"ament_index_python": package, "ament_index_python.packages": packages}
+    return f"{name}:={value}"

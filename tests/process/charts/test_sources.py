@@ -2,6 +2,7 @@ import bz2
 import gzip
 import lzma
 import os
+import socket
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -383,3 +384,22 @@ def test_a_netcdf_like_gebco_s_and_rasters_that_are_none(tmp_path: Path) -> None
         open_raster(str(bad))
     with pytest.raises(ConfigError, match=r"none.tif: no such file"):
         open_raster(str(tmp_path / "none.tif"))
+
+
+@pytest.mark.parametrize("kind", ["WMS", "VRT"])
+def test_a_raster_that_names_a_host_is_refused_unasked(kind: str, tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as host:
+        address = f"http://127.0.0.1:{host.getsockname()[1]}/a"
+        path = tmp_path / "a.tif"
+        path.write_text({
+            "WMS": f'<GDAL_WMS><Service name="TMS"><ServerUrl>{address}/${{z}}/${{x}}/${{y}}.tif</ServerUrl></Service>'
+            "<DataWindow><SizeX>64</SizeX><SizeY>64</SizeY><TileLevel>1</TileLevel></DataWindow></GDAL_WMS>",
+            "VRT": '<VRTDataset rasterXSize="9" rasterYSize="9"><GeoTransform>10,0.1,0,54,0,-0.1</GeoTransform>'
+            '<VRTRasterBand dataType="Float32" band="1"><SimpleSource>'
+            f"<SourceFilename>/vsicurl/{address}.tif</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>",
+        }[kind])  # fmt: skip
+        with pytest.raises(ConfigError, match="cannot be read as a raster"):
+            open_raster(str(path), "down")
+        host.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            host.accept()

@@ -1,6 +1,5 @@
 """A vehicle out of xacro, with macros, arguments and packages, and without ROS."""
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -8,7 +7,9 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from hil.cli import main
+from hil.commands.vehicle import xacro_expand
 from hil.commands.vehicle.xacro_expand import expand, is_xacro
+from hil.common.children import python_command
 from hil.common.errors import ConfigError, MissingExtraError
 from sim.vehicle.urdf.importer import read_urdf
 from sim.vehicle.urdf.text import find_mesh
@@ -43,7 +44,6 @@ def test_it_is_the_vehicle_of_the_urdf(hydra: Path) -> None:
     assert vehicle._replace(source="") == read_urdf(str(HYDRA))[0]._replace(source="")
     heavier, _ = read_urdf(str(hydra), text=expand(str(hydra), ["mass:=34"]))
     assert heavier.mass == pytest.approx(vehicle.mass + 10.0)
-    assert "ament_index_python" not in sys.modules
 
 
 @pytest.fixture
@@ -107,8 +107,25 @@ def test_what_cannot_be_expanded(text: str, arguments: list[str], words: str, tm
     assert "\n" not in str(caught.value)
 
 
-def test_without_the_package(hydra: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "xacro", None)
+@pytest.mark.parametrize("expression", ["9**9**9**9", "'a' * 10**10"])
+def test_an_expression_without_end(expression: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time and memory are bounded."""
+    monkeypatch.setattr(xacro_expand, "module_command", lambda *words: impatient(words))
+    path = tmp_path / "m.xacro"
+    path.write_text(f'<robot {NAMESPACE}><a b="${{{expression}}}"/></robot>')
+    with pytest.raises(ConfigError, match=r"cannot be expanded: (an expression of it takes too long|MemoryError)"):
+        expand(str(path))
+
+
+def impatient(words: tuple[str, ...]) -> list[str]:
+    """The command that expands, with a second of processor time."""
+    code = "import sys, hil.commands.vehicle.xacro_process as it; it.CPU_SECONDS = 1; sys.exit(it.main(*sys.argv[1:]))"
+    return python_command("-c", code, *words[1:])
+
+
+def test_without_the_package(hydra: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['xacro'] = None")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(MissingExtraError, match="pip install"):
         expand(str(hydra))
 
