@@ -18,7 +18,7 @@ SUN_AZIMUTH, SUN_ALTITUDE = np.radians(315.0), np.radians(45.0)
 MEAN_SHADE_SLOPE = 0.35  # heights are stretched until the steeper slopes are about this steep: then relief is seen
 MOST_NUMBERS = 350  # soundings beyond that are dots,
 MOST_DOTS = 10_000  # and beyond that they would hide the bed
-MOST_PIXELS = 2200  # along a side
+MOST_PIXELS = 1320  # along a side: as many as the figure has
 
 
 class Marks(NamedTuple):

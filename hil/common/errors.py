@@ -6,6 +6,7 @@
     ├── NetworkError          a session cannot listen or connect, or the other side went away
     ├── MissingExtraError     a package that this feature needs is not installed
     └── MissionError          the run ended without reaching what the scenario asked for
+        ├── NoPathError       the map at hand shows no path; a map of more of the world may
         └── DivergenceError   the simulated motion left the finite numbers
 
 Each message names the file, key or port it is about and ends with the remedy. What arrives over a wire
@@ -53,6 +54,10 @@ class MissionError(HilError):
     """The mission was run and did not end as the scenario asked."""
 
     exit_code = 6
+
+
+class NoPathError(MissionError):
+    """A map shows no path between two places, or not both of them: one of more of the world may."""
 
 
 class DivergenceError(MissionError):

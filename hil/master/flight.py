@@ -16,14 +16,15 @@ from hil.autonomy.control.controller import (
     wrap,
 )
 from hil.autonomy.paths.astar import path_length
+from hil.autonomy.paths.occupancy import Extent
 from hil.common.clock import seconds_ns
-from hil.common.errors import MissionError
+from hil.common.errors import MissionError, NoPathError
 from hil.common.schema import shortened
 from hil.master.follow import Follow
 from hil.master.planner import Done, Planner, PlanRequest, Point, ReceivedSamples, Samples, topics_of
 from hil.ros.topics import ALL
 from hil.scenario.config import Scenario
-from hil.scenario.world_map import known_map
+from hil.scenario.world_map import known_map, parts_of
 from sim.environment.world import World, load_world
 from sim.run_events import EventKind, EventLog, RunEvent, RunMonitor, merge_events
 from sim.sensors.samples import OdometrySample
@@ -111,11 +112,31 @@ def prepare(scenario: Scenario, world: World | None = None) -> Plan:
     began = time.monotonic()
     world = world or load_world(scenario.world)
     vehicle, _ = load_vehicle(scenario.vehicle)
-    planner = make_planner(scenario)
-    brief = make_brief(scenario, vehicle, world)
-    planner.begin(brief)
-    topics_of(planner)  # refuses what is no topic
+    planner, brief = _begin(scenario, vehicle, world)
     return Plan(planner, brief, world, time.monotonic() - began)
+
+
+def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner, PlanRequest]:
+    """Return a planner that has begun, and with what: a map of a larger part of the world where one shows no path."""
+    planner = make_planner(scenario)
+    topics_of(planner)  # refuses what is no topic
+    *smaller, largest = parts_of(world, scenario.master, scenario.start, planner.places)
+    for part in smaller:
+        brief = make_brief(scenario, vehicle, world, part)
+        try:
+            planner.begin(brief)
+            return planner, brief
+        except NoPathError:  # there may be one that leads farther round
+            planner = make_planner(scenario)
+    brief = make_brief(scenario, vehicle, world, largest)
+    try:
+        planner.begin(brief)
+    except NoPathError as error:
+        if not smaller:
+            raise
+        size = f"{largest.north - largest.south:.0f} m x {largest.east - largest.west:.0f} m"
+        raise NoPathError(f"{error}; the map shows {size} around: a coarser master.resolution shows more") from None
+    return planner, brief
 
 
 def make_planner(scenario: Scenario) -> Planner:
@@ -128,11 +149,15 @@ def make_planner(scenario: Scenario) -> Planner:
     return planner
 
 
-def make_brief(scenario: Scenario, vehicle: Vehicle, world: World) -> PlanRequest:
-    """Return the plan request for the scenario's planner. Raises ConfigError."""
+def make_brief(scenario: Scenario, vehicle: Vehicle, world: World, part: Extent | None = None) -> PlanRequest:
+    """Return the plan request for the scenario's planner, with the map of a part of the world. Raises ConfigError.
+
+    Left out, it is the first one that `parts_of` gives.
+    """
     length, width = vehicle.dimensions[:2]
     clearance = hypot(length, width) / 2 + scenario.master.margin
-    grid = known_map(scenario.master, vehicle, world)
+    part = part or parts_of(world, scenario.master, scenario.start)[0]
+    grid = known_map(scenario.master, vehicle, world, part)
     return PlanRequest(scenario.slave.node, vehicle, scenario.start, scenario.master, grid, clearance)
 
 

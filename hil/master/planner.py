@@ -49,7 +49,8 @@ class PlanRequest(NamedTuple):
     """Input of a planner before the run: the vehicle, its start, the task, and the map.
 
     `master` is the scenario's section: goal, depth, speed and so on. `map` shows what is known of the world at that
-    depth, obstacles in their true size: nothing if the scenario says `map = "unknown"`. `clearance` m is how far from
+    depth, obstacles in their true size: nothing if the scenario says `map = "unknown"`. Of a world of more than a
+    million cells it shows the part around start, goal and the planner's places. `clearance` m is how far from
     them the vehicle's middle must stay, its own size and the margin of the scenario. `node` is the vehicle's name.
     """
 
@@ -66,10 +67,12 @@ class Planner(ABC):
 
     It may set three attributes for display: `path`, the planned path (m north, m east); `progress`, the share of it
     already covered (0 to 1); `status`, a few words on what it is doing. `subscriptions` are the topics of sensors that
-    it needs besides "odom": only those are sent and given to it. `ALL` are all but pictures.
+    it needs besides "odom": only those are sent and given to it. `ALL` are all but pictures. `places` (m north, m east)
+    are those that it goes to besides the scenario's goal: of a large world the map shows only what is around them.
     """
 
     subscriptions: Sequence[str] = (ALL,)
+    places: Sequence[Point] = ()
     path: Sequence[Point] = ()
     progress: float = 0.0
     status: str = ""

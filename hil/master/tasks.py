@@ -41,6 +41,7 @@ class Tasks(Planner):
         self.mission = parse(mission, Mission, "Tasks")
         self._scheduler = Scheduler(self.mission, "Tasks")
         self.subscriptions = (self._settings.scan, *SIGNALS)
+        self.places = (self.mission.home, *(task.at for task in self.mission.task))
         self._vfh = vfh or {}
         self._goal: Point | None = None
 

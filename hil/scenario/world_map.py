@@ -1,13 +1,15 @@
 """Make the occupancy grid at the vehicle's depth that a planner knows before the dive."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.occupancy import Extent, OccupancyGrid
+from hil.autonomy.paths.occupancy import Extent, OccupancyGrid, Point
 from hil.common.errors import ConfigError
-from hil.scenario.records import Master
+from hil.scenario.map_parts import map_parts
+from hil.scenario.records import Master, Start
 from sim.environment.obstacles import Box, Cylinder, Obstacle
 from sim.environment.terrain import NO_DATA
 from sim.environment.world import World
@@ -18,15 +20,24 @@ Array = NDArray[np.float64]
 HALF_DIAGONAL = 0.7072  # cells: how far a cell's corner is from its middle
 
 
-def known_map(master: Master, vehicle: Vehicle, world: World) -> OccupancyGrid:
+def parts_of(world: World, master: Master, start: Start, places: Sequence[Point] = ()) -> list[Extent]:
+    """Return the parts of the world that its map may show, growing: all of it, or what is about start and goal.
+
+    `places` are others that a planner goes to.
+    """
+    wanted = [(start.north, start.east), *([master.goal] if master.goal else []), *places]
+    return map_parts(_extent(world), master.resolution, wanted)
+
+
+def known_map(master: Master, vehicle: Vehicle, world: World, part: Extent | None = None) -> OccupancyGrid:
     """The map that the scenario's `map` asks for: of the world, of nothing, or the one in a file. Raises ConfigError.
 
-    Obstacles that are `hidden` are not on it.
+    It shows a part of the world, all of it if left out. Obstacles that are `hidden` are not on it.
     """
     below = 0.5 * vehicle.dimensions[2] + master.seabed_margin
-    south, north, west, east = world.extent
+    part = part or _extent(world)
     if master.map == "unknown":
-        return OccupancyGrid.empty(Extent(south, west, north, east), master.resolution)
+        return OccupancyGrid.empty(part, master.resolution)
     if master.map != "known":
         return OccupancyGrid.read(master.map)
     seen = world._replace(
@@ -37,16 +48,15 @@ def known_map(master: Master, vehicle: Vehicle, world: World) -> OccupancyGrid:
             f"master: depth: at {master.depth:g} m the vehicle has not its {below:.2f} m of water above the seabed of "
             f"{world.name}, which is {world.depth:g} m deep; go higher, or lessen seabed_margin"
         )
-    return map_at(seen, master.depth, below, master.resolution)
+    return map_at(seen, master.depth, below, master.resolution, part)
 
 
-def map_at(world: World, depth: float, below: float, resolution: float) -> OccupancyGrid:
+def map_at(world: World, depth: float, below: float, resolution: float, part: Extent | None = None) -> OccupancyGrid:
     """The map of `world` in cells of `resolution` m for a vehicle at `depth` m that needs `below` m of water under it.
 
-    Occupied is what stands up to that depth and where the seabed is shallower, by the middles of cells; an obstacle too
-    thin to be sure to cover one is widened until it is. Raises ConfigError.
+    It shows all of the world, or a `part`. Occupied is what stands up to that depth and where the seabed is shallower,
+    by the middles of cells; an obstacle too thin to be sure to cover one is widened until it is. Raises ConfigError.
     """
-    south, north, west, east = world.extent
 
     def clearance(norths: Array, easts: Array) -> Array:
         free = np.full(norths.shape, np.inf)
@@ -55,7 +65,12 @@ def map_at(world: World, depth: float, below: float, resolution: float) -> Occup
                 lower(free, obstacle, norths, easts, max(0.0, HALF_DIAGONAL * resolution - _thickness(obstacle)))
         return np.where(_seabed(world, norths, easts) > depth + below, free, -1.0)
 
-    return OccupancyGrid.rasterise(clearance, Extent(south, west, north, east), resolution, vectorised=True)
+    return OccupancyGrid.rasterise(clearance, part or _extent(world), resolution, vectorised=True)
+
+
+def _extent(world: World) -> Extent:
+    south, north, west, east = world.extent
+    return Extent(south, west, north, east)
 
 
 def lower(free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: float = 0.0) -> None:

@@ -24,6 +24,7 @@ from the seabed to `NO_DATA` m, because nobody knows whether there is a way.
 import os
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from math import ceil, isnan, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -91,6 +92,19 @@ class Terrain:
                 if not depth >= least:
                     least = NO_DATA if isnan(depth) else min(least, depth)
         return least
+
+    def unmap(self) -> None:
+        """Give back the pages of a mapped file; they come again where they are looked at.
+
+        The kernel maps 64 KiB around each place, so looks at places all over a large world add up.
+        """
+        if isinstance(self.depths, memoryview):
+            from mmap import MADV_DONTNEED, mmap
+
+            file: object = self.depths.obj
+            if isinstance(file, mmap):
+                with suppress(OSError):  # locked in memory
+                    file.madvise(MADV_DONTNEED)
 
     def coordinates(self, north: float, east: float) -> tuple[float, float]:
         """Return a place as row and column, not rounded."""

@@ -123,6 +123,8 @@ def load_world(name_or_path: str) -> World:
         world = world._replace(ocean=read_ocean(ocean, path))
     if problem := world.buried():
         raise ConfigError(f"{path}: {problem}")
+    if world.terrain is not None:
+        world.terrain.unmap()  # what the obstacles stand on
     return world
 
 

@@ -27,21 +27,20 @@ static int hold(PyObject *object, Py_buffer *view, size_t record, const char *na
     return 0;
 }
 
-/* One unknown number a block of cells. */
+/* One unknown number a block of cells, of each size. */
 static int make_blocks(Ground *ground)
 {
     if (ground->rows == 0)
         return 1;
-    long rows = (ground->rows - 2) / BLOCK + 1;
-    ground->block_columns = (ground->columns - 2) / BLOCK + 1;
-    size_t count = (size_t)rows * (size_t)ground->block_columns;
-    ground->least = malloc(count * sizeof *ground->least);
-    if (ground->least == NULL) {
-        PyErr_NoMemory();
-        return 0;
+    for (int level = 0; level < LEVELS; level++) {
+        long rows = ((ground->rows - 2) >> SHIFT[level]) + 1;
+        ground->block_columns[level] = ((ground->columns - 2) >> SHIFT[level]) + 1;
+        ground->least[level] = calloc((size_t)rows * (size_t)ground->block_columns[level], sizeof(float));
+        if (ground->least[level] == NULL) {
+            PyErr_NoMemory();
+            return 0;
+        }
     }
-    for (size_t i = 0; i < count; i++)
-        ground->least[i] = NAN;
     return 1;
 }
 
@@ -67,6 +66,11 @@ static int fill(Caster *caster, PyObject *const objects[BUFFERS])
     geometry->count = (long)(caster->held[SOLIDS].len / (Py_ssize_t)sizeof(Solid));
     geometry->nodes = caster->held[NODES].buf;
     geometry->triangles = caster->held[TRIANGLES].buf;
+    geometry->near = malloc((size_t)(geometry->count + 1) * sizeof *geometry->near);
+    if (geometry->near == NULL) {
+        PyErr_NoMemory();
+        return 0;
+    }
     return make_blocks(ground);
 }
 
@@ -94,7 +98,9 @@ static void caster_dealloc(PyObject *self)
     Caster *caster = (Caster *)self;
     for (int i = 0; i < BUFFERS; i++)
         PyBuffer_Release(&caster->held[i]); /* does nothing to one that was never got */
-    free(caster->geometry.ground.least);
+    for (int level = 0; level < LEVELS; level++)
+        free(caster->geometry.ground.least[level]);
+    free(caster->geometry.near);
     PyObject_Free(self);
     Py_DECREF(type);
 }
@@ -126,7 +132,7 @@ static void answer(const Geometry *geometry, const double *origin, const double 
 enum { DIRECTIONS, DISTANCES, POINTS, NORMALS, OBJECTS, VIEWS };
 
 /* Gets the buffers, casts, and leaves the buffers to who called. */
-static int cast_views(const Geometry *geometry, PyObject *const *arguments, int count, Py_buffer *views)
+static int cast_views(Geometry *geometry, PyObject *const *arguments, int count, Py_buffer *views)
 {
     static const Py_ssize_t sizes[VIEWS] = {24, 8, 24, 24, 4}; /* bytes a ray */
     double origin[3], rotation[9], reach = PyFloat_AsDouble(arguments[3]);
@@ -143,6 +149,7 @@ static int cast_views(const Geometry *geometry, PyObject *const *arguments, int 
         }
     }
     const double *direction = views[DIRECTIONS].buf;
+    find_near(geometry, origin, reach);
     Answers to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
     for (Py_ssize_t ray = 0, rays = views[DIRECTIONS].len / 24; ray < rays; ray++, direction += 3) {
         double along[3];

@@ -28,6 +28,7 @@ typedef struct {
     long count;
     const Node *nodes;
     const Triangle *triangles;
+    long *near, near_count; /* which solids the rays of one origin may come to: room for all of them */
 } Geometry;
 
 typedef struct {
@@ -51,11 +52,18 @@ static void turn_back(const double *r, const double *v, double *out)
 
 /* --- solids */
 
-static int passes(const Solid *solid, const double *origin, const double *direction, double reach)
+static int is_beyond(const Solid *solid, const double *origin, double reach)
+{
+    double size = solid->reach, x = solid->position[0] - origin[0], y = solid->position[1] - origin[1];
+    return x * x + y * y > (size + reach) * (size + reach);
+}
+
+/* Of a solid that is not beyond reach. */
+static int passes(const Solid *solid, const double *origin, const double *direction)
 {
     double size = solid->reach, x = solid->position[0] - origin[0], y = solid->position[1] - origin[1];
     double dx = direction[0], dy = direction[1], across = dx * y - dy * x;
-    return x * x + y * y > (size + reach) * (size + reach) || across * across > size * size * (dx * dx + dy * dy);
+    return across * across > size * size * (dx * dx + dy * dy);
 }
 
 static double meet_half_space(const double *sizes, const double *origin, const double *direction, double reach)
@@ -155,15 +163,25 @@ static double meet_solid(const Geometry *geometry, const Solid *solid, const dou
     return near <= far ? near : INFINITY;
 }
 
+/* Of a world full of things most are out of reach of all rays of a sensor. */
+static void find_near(Geometry *geometry, const double *origin, double reach)
+{
+    geometry->near_count = 0;
+    for (long i = 0; i < geometry->count; i++)
+        if (!is_beyond(geometry->solids + i, origin, reach))
+            geometry->near[geometry->near_count++] = i;
+}
+
 static Hit trace(const Geometry *geometry, const double *origin, const double *direction, double reach)
 {
     Hit best = {INFINITY, NOTHING, 0};
     best.distance = meet_seabed(&geometry->ground, origin, direction, reach, &best.detail);
     if (best.distance < INFINITY)
         best.object = SEABED;
-    for (long i = 0; i < geometry->count; i++) {
+    for (long k = 0; k < geometry->near_count; k++) {
+        long i = geometry->near[k];
         const Solid *solid = geometry->solids + i;
-        if (passes(solid, origin, direction, reach))
+        if (passes(solid, origin, direction))
             continue;
         long detail;
         double distance = meet_solid(geometry, solid, origin, direction, least_of(reach, best.distance), &detail);

@@ -1,8 +1,8 @@
 /* The rays of sim/rays/seabed.py once more, to the last bit: same operations, same order, same names.
  *
  * That file is the specification and says how it works; here is only what makes it fast. One thing is added: the
- * cells are grouped in blocks, each with the least of its depths, and a ray that stays above a block passes it in one
- * stride. Nothing of Python is in this file.
+ * cells are grouped in blocks, and those in larger blocks, each with the least of its depths, and a ray that stays
+ * above a block passes it in one stride. Nothing of Python is in this file.
  */
 
 #include <math.h>
@@ -15,15 +15,16 @@
 
 enum { SURFACE, STEP_NORTH, STEP_EAST };
 enum { ABOVE = -1, BELOW = -2 };
-enum { BLOCK = 16 };  /* cells along each side of a block */
+enum { LEVELS = 2 };
+static const int SHIFT[LEVELS] = {4, 2};  /* a block of a level has 2^SHIFT cells along each side */
 
-/* sim/environment/terrain.py: depths of rows x columns nodes; no rows where there is none. `least` has a number a block, NAN
- * until somebody asks. */
+/* sim/environment/terrain.py: depths of rows x columns nodes; no rows where there is none. `least` has a number a block
+ * of each size, 0 until somebody asks: so memory is taken only where rays have come to. */
 typedef struct {
     const float *depths;
-    long rows, columns, block_columns;
+    long rows, columns, block_columns[LEVELS];
     double north_min, east_min, scale, outside;
-    float *least;
+    float *least[LEVELS];
 } Ground;
 
 static double least_of(double a, double b)
@@ -104,15 +105,15 @@ static double meet_cell(const Ground *ground, const Ray *ray, long row, long col
 }
 
 /* The least depth in a block, -INFINITY where a node has no data. */
-static double least_in_block(const Ground *ground, long block_row, long block_column)
+static double least_in_block(const Ground *ground, int level, long block_row, long block_column)
 {
-    float *known = ground->least + block_row * ground->block_columns + block_column;
-    if (!isnan(*known))
+    float *known = ground->least[level] + block_row * ground->block_columns[level] + block_column;
+    if (*known != 0.0f)
         return *known;
     float least = INFINITY;
-    long top = block_row * BLOCK, left = block_column * BLOCK;
-    for (long row = top; row <= top + BLOCK && row < ground->rows; row++)
-        for (long column = left; column <= left + BLOCK && column < ground->columns; column++) {
+    long size = 1L << SHIFT[level], top = block_row * size, left = block_column * size;
+    for (long row = top; row <= top + size && row < ground->rows; row++)
+        for (long column = left; column <= left + size && column < ground->columns; column++) {
             float depth = ground->depths[row * ground->columns + column];
             if (!(depth >= least))
                 least = isnan(depth) ? -INFINITY : depth;
@@ -120,11 +121,11 @@ static double least_in_block(const Ground *ground, long block_row, long block_co
     return *known = least;
 }
 
-/* From `*near` on to where the ray leaves the block, or to `far`; 1 if it has met something at `*near`. */
-static int walk_block(const Ground *ground, const Ray *ray, long top, long left, double *near, double far, long *side)
+/* From `*near` on to where the ray leaves the cells of rows `cells[0]` to `cells[1]` and columns `cells[2]` to `cells[3]`,
+ * or to `far`; 1 if it has met something at `*near`. */
+static int walk_cells(const Ground *ground, const Ray *ray, const long *cells, double *near, double far, long *side)
 {
-    long last_row = limited(top + BLOCK - 1, 0, ground->rows - 2);
-    long last_column = limited(left + BLOCK - 1, 0, ground->columns - 2);
+    long top = cells[0], last_row = cells[1], left = cells[2], last_column = cells[3];
     long row = limited((long)(ray->at[0] + ray->rate[0] * *near), top, last_row);
     long column = limited((long)(ray->at[1] + ray->rate[1] * *near), left, last_column);
     double next_x = crossing(ray, 0, row, 1), next_y = crossing(ray, 1, column, 1);
@@ -152,27 +153,35 @@ static int walk_block(const Ground *ground, const Ray *ray, long top, long left,
     }
 }
 
-static double walk(const Ground *ground, const Ray *ray, double near, double far, long *side)
+/* The same for blocks of a level, and what is in them. */
+static int walk(const Ground *ground, const Ray *ray, int level, const long *cells, double *near, double far, long *side)
 {
-    long last_row = (ground->rows - 2) / BLOCK, last_column = (ground->columns - 2) / BLOCK;
-    long row = limited((long)(ray->at[0] + ray->rate[0] * near), 0, ground->rows - 2) / BLOCK;
-    long column = limited((long)(ray->at[1] + ray->rate[1] * near), 0, ground->columns - 2) / BLOCK;
-    while (row >= 0 && row <= last_row && column >= 0 && column <= last_column) {
-        double next_x = crossing(ray, 0, row * BLOCK, BLOCK), next_y = crossing(ray, 1, column * BLOCK, BLOCK);
+    int shift = SHIFT[level];
+    long size = 1L << shift, first_row = cells[0] >> shift, last_row = cells[1] >> shift;
+    long first_column = cells[2] >> shift, last_column = cells[3] >> shift;
+    long row = limited((long)(ray->at[0] + ray->rate[0] * *near), cells[0], cells[1]) >> shift;
+    long column = limited((long)(ray->at[1] + ray->rate[1] * *near), cells[2], cells[3]) >> shift;
+    while (row >= first_row && row <= last_row && column >= first_column && column <= last_column) {
+        long top = row << shift, left = column << shift;
+        double next_x = crossing(ray, 0, top, size), next_y = crossing(ray, 1, left, size);
         double end = least_of(least_of(next_x, next_y), far);
-        double lowest = most_of(ray->at[2] + ray->rate[2] * near, ray->at[2] + ray->rate[2] * end);
-        if (!(lowest < least_in_block(ground, row, column)) && walk_block(ground, ray, row * BLOCK, column * BLOCK, &near, end, side))
-            return near;
+        double lowest = most_of(ray->at[2] + ray->rate[2] * *near, ray->at[2] + ray->rate[2] * end);
+        if (!(lowest < least_in_block(ground, level, row, column))) {
+            const long within[4] = {top, limited(top + size - 1, 0, ground->rows - 2), left,
+                                    limited(left + size - 1, 0, ground->columns - 2)};
+            if (level + 1 < LEVELS ? walk(ground, ray, level + 1, within, near, end, side)
+                                   : walk_cells(ground, ray, within, near, end, side))
+                return 1;
+        }
         if (end >= far)
             break;
         if (next_x <= next_y)
             row += ray->step[0], *side = STEP_NORTH;
         else
             column += ray->step[1], *side = STEP_EAST;
-        near = end;
+        *near = end;
     }
-    *side = SURFACE;
-    return INFINITY;
+    return 0;
 }
 
 static double meet_seabed(const Ground *ground, const double *origin, const double *direction, double reach, long *side)
@@ -200,10 +209,13 @@ static double meet_seabed(const Ground *ground, const double *origin, const doub
             return distance;
     }
     *side = near > into_row ? STEP_EAST : near > 0.0 ? STEP_NORTH : SURFACE;
-    double distance = walk(ground, &ray, near, far, side);
-    if (distance < INFINITY || far >= reach)
-        return distance;
-    distance = meet_flat(z, dz, depth, far, reach);
+    const long all[4] = {0, ground->rows - 2, 0, ground->columns - 2};
+    if (walk(ground, &ray, 0, all, &near, far, side))
+        return near;
+    *side = SURFACE;
+    if (far >= reach)
+        return INFINITY;
+    double distance = meet_flat(z, dz, depth, far, reach);
     int step = distance == far && z + dz * far > depth + ON_SURFACE;
     *side = step ? far < out_of_row ? STEP_EAST : STEP_NORTH : SURFACE;
     return distance;

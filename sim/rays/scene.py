@@ -103,7 +103,8 @@ class RayScene:
             self._caster = make_caster(self._geometry) if self._engine in ("", "C") else None
             if self._caster is None and self._engine == "C":
                 raise ConfigError("no rays in C here: python -m sim.native.build")
-        self._move(self._geometry.solids)
+        if self._moving:
+            self._move(self._geometry.solids)
         return self._geometry
 
     def _move(self, solids: "array[float]") -> None:
@@ -130,4 +131,6 @@ def _doubles(directions: Any) -> "memoryview[float]":
     view = memoryview(directions)
     if view.format != "d" or view.nbytes % 24:
         raise ValueError(f"directions: three doubles a ray are needed, found {view.nbytes} bytes of {view.format!r}")
-    return view.cast("B").cast("d")
+    is_plain = view.ndim == 1 and view.c_contiguous
+    doubles: memoryview[float] = view if is_plain else view.cast("B").cast("d")  # type: ignore[assignment]
+    return doubles

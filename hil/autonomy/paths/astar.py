@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.occupancy import Cell, OccupancyGrid, Point
-from hil.common.errors import MissionError
+from hil.common.errors import MissionError, NoPathError
 
 # What a diagonal move saves against two straight ones.
 _SAVING = 2.0 - sqrt(2.0)
@@ -86,9 +86,9 @@ def check_ends(grid: OccupancyGrid, start: Point, goal: Point) -> None:
     _check(grid, goal, "goal")
 
 
-def no_path_error(start: Point, goal: Point) -> MissionError:
+def no_path_error(start: Point, goal: Point) -> NoPathError:
     """Return the error to raise when no path from `start` to `goal` exists."""
-    return MissionError(f"no path from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
+    return NoPathError(f"no path from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
 
 
 def without_repeats(points: list[Point]) -> list[Point]:
@@ -99,10 +99,11 @@ def without_repeats(points: list[Point]) -> list[Point]:
 def _check(grid: OccupancyGrid, point: Point, what: str) -> None:
     if grid.is_free(point):
         return
-    fault = "inside an obstacle" if grid.contains(point) else "outside the map"
     nearest = grid.nearest_free(point)
     remedy = f"the nearest free point is {_text(nearest)}" if nearest else "the map has no free cell"
-    raise MissionError(f"the {what} {_text(point)} is {fault}; {remedy}")
+    if not grid.contains(point):
+        raise NoPathError(f"the {what} {_text(point)} is outside the map; {remedy}")
+    raise MissionError(f"the {what} {_text(point)} is inside an obstacle; {remedy}")
 
 
 def _text(point: Point) -> str:
@@ -177,7 +178,7 @@ class Jumps:
         for view in _VIEWS:
             table = np.empty_like(index)
             view(table)[...] = _next_turns(view(free), view(index), self._goal)
-            self._straight.append(memoryview(table.tobytes()).cast("i"))
+            self._straight.append(table.ravel().data)
         self._diagonal = []
         for direction in range(1, 8, 2):
             rows, columns = _DIRECTIONS[direction]
@@ -215,7 +216,7 @@ def _next_turns(free: NDArray[np.bool_], index: NDArray[np.int32], goal: int) ->
     wall = ~free
     opening = [_ahead(free, side, 0) & _ahead(wall, side, -1) for side in (-1, 1)]
     turn = free & (opening[0] | opening[1] | (index == goal))
-    columns = np.arange(free.shape[1])
+    columns = np.arange(free.shape[1], dtype=np.int32)
     stops = np.where(turn | wall, columns, columns[-1])
     at_or_after = np.minimum.accumulate(stops[:, ::-1], axis=1)[:, ::-1]
     after = np.append(at_or_after[:, 1:], at_or_after[:, -1:], axis=1)

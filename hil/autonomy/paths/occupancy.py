@@ -18,7 +18,7 @@ Cell = tuple[int, int]  # row, column: counted to the north and to the east
 
 LARGEST_YAML = 1 << 20  # bytes; one of map_server has some hundred
 LARGEST_IMAGE = 1 << 28  # bytes: 16,384 x 16,384 cells
-STRIP = 1 << 20  # cells that are looked at together: what is computed of them takes some tens of MB
+STRIP = 1 << 17  # cells that are looked at together: what is computed of them takes some MB
 LONGEST_HEADER = 1 << 16  # bytes, of which nearly all may be comments
 FINEST, COARSEST = 1e-3, 1e3  # m, of a cell
 FARTHEST = 1e5  # m north and east, as in a world

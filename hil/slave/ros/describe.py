@@ -57,7 +57,9 @@ def known_map(scenario: Scenario) -> bytes:
         raise MissingExtraError("the map needs numpy where the slave runs: pip install 'uuv-hil[master]'") from None
     from hil.ros.world import GridMap, encode_map
 
-    grid = world_map.known_map(scenario.master, load_vehicle(scenario.vehicle)[0], load_world(scenario.world))
+    master, world = scenario.master, load_world(scenario.world)
+    part = world_map.parts_of(world, master, scenario.start)[0]
+    grid = world_map.known_map(master, load_vehicle(scenario.vehicle)[0], world, part)
     cells = grid.cells.astype("u1")
     south, west = grid.origin
     return encode_map(to_wall_ns(now_ns()), GridMap(cells.tobytes(), cells.shape[1], grid.resolution, south, west))

@@ -153,8 +153,9 @@ def nodes(world: World, most: int = MOST_NODES) -> tuple[Any, Any, Any]:
         south, north, west, east = world.extent
         return np.array([south, north]), np.array([west, east]), np.full((2, 2), world.depth)
     grid = world.terrain.grid
-    depths = np.asarray(world.terrain.depths, dtype=float).reshape(grid.rows, grid.columns)
     stride = max(1, ceil(max(grid.rows, grid.columns) / most))
-    norths = grid.north_min + grid.resolution * np.arange(grid.rows)
-    easts = grid.east_min + grid.resolution * np.arange(grid.columns)
-    return norths[::stride], easts[::stride], depths[::stride, ::stride]
+    mapped = np.asarray(world.terrain.depths).reshape(grid.rows, grid.columns)  # of a file, whose pages it may be
+    depths = mapped[::stride, ::stride].astype(float)
+    norths = grid.north_min + grid.resolution * np.arange(0, grid.rows, stride)
+    easts = grid.east_min + grid.resolution * np.arange(0, grid.columns, stride)
+    return norths, easts, depths

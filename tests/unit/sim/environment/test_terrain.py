@@ -181,3 +181,14 @@ def test_obstacles_stand_on_the_relief(tmp_path: Path) -> None:
     assert load_world(world_file(tmp_path, pile.format(20) + slope)).cylinder
     with pytest.raises(ConfigError, match=r"the obstacle at \(0, 0\) has its top in the seabed"):
         load_world(world_file(tmp_path, pile.format(0) + slope))
+
+
+def test_depths_are_the_same_after_their_pages_were_given_back(tmp_path: Path) -> None:
+    (tmp_path / "bay.f32").write_bytes(array("f", [10.0 + i for i in range(12)]).tobytes())
+    world = load_world(world_file(tmp_path, FILE))
+    assert world.terrain is not None
+    before = [world.seabed(0.1 * k - 4.0, 0.05 * k + 2.0) for k in range(10)]
+    world.terrain.unmap()
+    assert [world.seabed(0.1 * k - 4.0, 0.05 * k + 2.0) for k in range(10)] == before
+    assert len(set(before)) == 10
+    Terrain(Grid(0.0, 0.0, 1.0, 2, 2), array("f", [1.0] * 4), 1.0).unmap()  # of no file: nothing to do

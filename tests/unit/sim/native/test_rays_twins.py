@@ -104,15 +104,35 @@ def test_hits_are_equal(seed: int) -> None:
 
 @pytest.mark.usefixtures("native")
 def test_blocks_change_nothing_on_a_large_grid() -> None:
-    """The C strides over blocks of 16 x 16 cells: over hundreds of cells, with edges that are no multiples of that."""
+    """The C strides over blocks of 16 x 16 and 4 x 4 cells, also where those end at an edge, at a hole or at land."""
     grid = covering((0.0, 333.0, 0.0, 275.0), 1.0)
-    terrain = Terrain(grid, Fractal(20.0, 3.0, 0.6, seed=5).depths(grid), 20.0)
-    world, chance = World("large", "test", EXTENT, 20.0, terrain=terrain), random.Random(4)
+    deep = Fractal(20.0, 3.0, 0.6, seed=5).depths(grid)
+    land = array("f", [max(0.0, depth - 16.0) for depth in deep])  # 0 m is what a block without a number has
+    land[7000] = nan
+    chance = random.Random(4)
+    for depths, down in ((deep, 9.0), (land, 0.4)):
+        world = World("large", "test", EXTENT, 20.0, terrain=Terrain(grid, depths, 20.0))
+        native, plain = RayScene(world, "C"), RayScene(world, "python")
+        for _ in range(4):
+            origin = (chance.uniform(0.0, 333.0), chance.uniform(0.0, 275.0), down)
+            rays = random_rays(chance)
+            assert native.ranges(origin, rays, 500.0) == plain.ranges(origin, rays, 500.0)
+
+
+@pytest.mark.usefixtures("native")
+def test_things_out_of_reach_change_nothing() -> None:
+    """Of 400 piles a sensor with a reach of 15 m meets the few that are near, with the numbers that they have."""
+    chance = random.Random(7)
+    piles = tuple(Cylinder(chance.uniform(-200.0, 200.0), chance.uniform(-200.0, 200.0), 3.0) for _ in range(400))
+    world = World("piles", "test", (-200.0, 200.0, -200.0, 200.0), 20.0, cylinder=piles)
     native, plain = RayScene(world, "C"), RayScene(world, "python")
-    for _ in range(3):
-        origin = (chance.uniform(0.0, 333.0), chance.uniform(0.0, 275.0), 9.0)
-        rays = random_rays(chance)
-        assert native.ranges(origin, rays, 500.0) == plain.ranges(origin, rays, 500.0)
+    met = set[int]()
+    for _ in range(5):
+        origin, rays = (chance.uniform(-150.0, 150.0), chance.uniform(-150.0, 150.0), 5.0), random_rays(chance)
+        hits, expected = native.hits(origin, rays, 15.0), plain.hits(origin, rays, 15.0)
+        assert (hits.distances, hits.objects) == (expected.distances, expected.objects)
+        met.update(hits.objects)
+    assert len(met) > 5
 
 
 @pytest.mark.usefixtures("native")

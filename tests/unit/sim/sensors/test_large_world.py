@@ -2,6 +2,7 @@
 
 import os
 import tracemalloc
+from array import array
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from sim.environment.relief import Fractal
 from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World, load_world
+from sim.rays.scene import RayScene
 from sim.sensors.imaging.scenery import Scenery
 
 SIDE = 10_001
@@ -35,16 +37,39 @@ def test_brightness_by_curvature_is_that_of_the_whole_grid() -> None:
         np.testing.assert_allclose(found, whole[rows[part], columns[part]], atol=2e-4)
 
 
-def test_a_world_of_100_million_nodes_is_not_read(tmp_path: Path) -> None:
+def resident_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def large(tmp_path: Path) -> World:
+    """A world of 100 million nodes, all 0 m deep, that takes no room on the disk."""
     (tmp_path / "large.toml").write_text(
         'name = "large"\nsource = ""\nextent = [-25000.0, 25000.0, -25000.0, 25000.0]\ndepth = 30.0\n'
         '[terrain]\nfile = "large.f32"\nnorth_min = -25000.0\neast_min = -25000.0\nresolution = 5.0\n'
         f"rows = {SIDE}\ncolumns = {SIDE}\n"
     )
     with open(tmp_path / "large.f32", "wb") as file:
-        os.truncate(file.fileno(), 4 * SIDE * SIDE)  # takes no room on the disk
+        os.truncate(file.fileno(), 4 * SIDE * SIDE)
+    return load_world(str(tmp_path / "large.toml"))
+
+
+def test_rays_take_memory_only_where_they_come_to(tmp_path: Path) -> None:
+    """One number a block of 4 x 4 cells were 25 MB."""
+    world = large(tmp_path)
+    directions = array("d", [0.6, 0.0, 0.8, 0.0, -1.0, 0.0, 0.0, 0.999, 0.0447])
+    RayScene(World("flat", "", world.extent, 30.0)).ranges((0.0, 0.0, -1.0), directions, 50.0)
+    before = resident_mb()
+    scene = RayScene(world)
+    distances = scene.ranges((2.0, 3.0, -1.0), directions, 50.0)
+    assert resident_mb() - before < 5.0
+    np.testing.assert_allclose(distances, [1.25, np.inf, 1.0 / 0.0447], rtol=1e-12)
+
+
+def test_a_world_of_100_million_nodes_is_not_read(tmp_path: Path) -> None:
+    world = large(tmp_path)
     tracemalloc.start()
-    scenery = Scenery(load_world(str(tmp_path / "large.toml")), 2)
+    scenery = Scenery(world, 2)
     points = np.random.default_rng(1).uniform(-30.0, 30.0, (3, 10_000)).astype(np.float32)
     bent = scenery._bent(points)
     peak = tracemalloc.get_traced_memory()[1]

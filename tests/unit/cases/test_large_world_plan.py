@@ -1,0 +1,99 @@
+"""Planning and drawing in a world of 50 km x 50 km at 5 m: only what is near is looked at."""
+
+import os
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.autonomy.paths.astar import path_length
+from hil.cases.variant import write_toml
+from hil.common.errors import NoPathError
+from hil.master.flight import make_brief, prepare
+from hil.scenario.config import Scenario, load_scenario
+from hil.view.scene.world import nodes
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
+
+SIDE, STEP = 10_001, 5.0
+HALF = 0.5 * (SIDE - 1) * STEP
+NEAR = slice(4700, 5301)  # rows and columns that hold water, 30 m deep; all else is land, and takes no room on the disk
+
+
+def scenario(folder: Path, wall: float = 0.0, **master: Any) -> Scenario:
+    """In water of 3 km x 3 km; a wall through the middle begins at the south edge and is `wall` m long."""
+    depths = np.full((NEAR.stop - NEAR.start, NEAR.stop - NEAR.start), 30.0, "<f4")
+    if wall:
+        depths[: int(wall / STEP), 298:303] = 1.0
+    with open(folder / "large.f32", "wb") as file:
+        os.truncate(file.fileno(), 4 * SIDE * SIDE)
+        for row, line in enumerate(depths, NEAR.start):
+            file.seek(4 * (row * SIDE + NEAR.start))
+            file.write(line.tobytes())
+    terrain = {
+        "file": "large.f32", "north_min": -HALF, "east_min": -HALF, "resolution": STEP, "rows": SIDE, "columns": SIDE,
+    }  # fmt: skip
+    world = {"name": "large", "source": "", "extent": [-HALF, HALF, -HALF, HALF], "depth": 30.0, "terrain": terrain}
+    write_toml(str(folder / "large.toml"), world)
+    table = {
+        "vehicle": "paper_six", "world": "large.toml", "start": {"north": -100.0, "east": -400.0, "depth": 5.0},
+        "master": {"goal": [-100.0, 400.0], "depth": 5.0, "resolution": 2.0, **master},
+    }  # fmt: skip
+    write_toml(str(folder / "scenario.toml"), table)
+    return load_scenario(str(folder / "scenario.toml"))
+
+
+def peak_mb(work: Callable[[], Any]) -> float:
+    tracemalloc.start()
+    work()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / 1e6
+
+
+def test_a_path_is_planned_on_the_part_about_start_and_goal(tmp_path: Path) -> None:
+    """The map of all of it would have 625 million cells, and was refused."""
+    plan = prepare(scenario(tmp_path))
+    assert path_length(plan.planner.path) == pytest.approx(800.0)
+    assert plan.brief.map.cells.size < 500_000
+    assert plan.brief.map.contains((-290.0, -590.0))
+    assert peak_mb(lambda: prepare(load_scenario(str(tmp_path / "scenario.toml")))) < 60.0
+
+
+def test_a_part_has_the_cells_that_the_map_of_all_has(tmp_path: Path) -> None:
+    loaded = scenario(tmp_path, wall=1500.0)
+    world = load_world(loaded.world)
+    small = world._replace(extent=(-500.0, 500.0, -600.0, 600.0))
+    vehicle = load_vehicle(loaded.vehicle)[0]
+    part, whole = make_brief(loaded, vehicle, world).map, make_brief(loaded, vehicle, small).map
+    rows, columns = np.indices(part.cells.shape)[:, ::7, ::7].reshape(2, -1)
+    places = [part.centre((int(row), int(column))) for row, column in zip(rows, columns, strict=True)]
+    inside = [place for place in places if whole.contains(place)]
+    assert len(inside) > 2000
+    assert {part.is_free(place) for place in inside} == {True, False}
+    assert all(part.is_free(place) == whole.is_free(place) for place in inside)
+
+
+def test_a_detour_beyond_the_first_part_is_found(tmp_path: Path) -> None:
+    """A wall of 2.6 km hides the goal but for its north end, 1.2 km off the straight line."""
+    plan = prepare(scenario(tmp_path, wall=2600.0))
+    assert max(north for north, _ in plan.planner.path) > 1090.0
+    assert 2500.0 < path_length(plan.planner.path) < 2800.0
+
+
+def test_no_path_names_what_was_looked_at(tmp_path: Path) -> None:
+    with pytest.raises(NoPathError, match=r"obstacles part them.* m around: a coarser master.resolution shows"):
+        prepare(scenario(tmp_path, wall=3010.0))
+
+
+def test_the_view_thins_the_bed_out_before_it_computes(tmp_path: Path) -> None:
+    world = load_world(scenario(tmp_path).world)
+    norths, easts, depths = nodes(world)
+    assert depths.shape == (len(norths), len(easts))
+    assert max(depths.shape) <= 400
+    for row, column in ((0, 0), (190, 195), (200, 200)):
+        assert depths[row, column] == world.seabed(norths[row], easts[column])
+    assert peak_mb(lambda: nodes(world)) < 8.0
