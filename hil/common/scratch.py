@@ -34,11 +34,12 @@ class ScratchFolder:
             except OSError as error:
                 remedy = "free some space, or choose another folder with TMPDIR"
                 raise DeviceError(f"{base}: no folder can be made: {error.strerror}; {remedy}") from None
-            self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
-            _lock(self._lock, wait=True)
-            if os.path.exists(self.path):  # else another took it for abandoned before it was locked
-                return
-            os.close(self._lock)
+            with suppress(FileNotFoundError):  # another process took it for abandoned before it was opened
+                self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
+                _lock(self._lock, wait=True)
+                if os.path.exists(self.path):  # or before it was locked
+                    return
+                os.close(self._lock)
 
     def __enter__(self) -> "ScratchFolder":
         return self

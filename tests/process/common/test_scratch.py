@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,25 @@ def test_one_that_is_taken_for_abandoned_before_it_is_locked(tmp_path: Path, mon
         assert {folder.path, others[0].path} == {str(path) for path in tmp_path.iterdir()}
     others[0].close()
     assert not list(tmp_path.iterdir())
+
+
+def test_one_that_is_taken_for_abandoned_before_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another process that makes one may come between the making and the opening."""
+    real = tempfile.mkdtemp
+    others: list[ScratchFolder] = []
+
+    def make(prefix: str, dir: str) -> str:  # noqa: A002
+        made = real(prefix=prefix, dir=dir)
+        if not others:
+            monkeypatch.setattr(tempfile, "mkdtemp", real)
+            others.append(ScratchFolder("other", str(tmp_path)))
+            assert not os.path.exists(made)
+        return made
+
+    monkeypatch.setattr(tempfile, "mkdtemp", make)
+    with ScratchFolder("test", str(tmp_path)) as folder:
+        assert {folder.path, others[0].path} == {str(path) for path in tmp_path.iterdir()}
+    others[0].close()
 
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
