@@ -30,7 +30,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 @pytest.fixture(autouse=True)
 def _own_scenario(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """What a scenario says of ROS holds for the whole process: here until the end of the test that has loaded it."""
+    """Restore the process-wide ROS settings that a test's scenario has loaded."""
     monkeypatch.setattr(dialect, "_chosen", (dialect.FROM_ENVIRONMENT, "jazzy"))
     before = dict(topics.TOPICS)
     yield

@@ -30,7 +30,7 @@ from tests.support.processes import Program
 PYTHON, TOML = blocks("python"), blocks("toml")
 # Who runs the Python of a page: blocks of a file with a name are modules, of which the next TOML makes use (here);
 # pages that talk to a vehicle are run beside a slave.
-RUN_BESIDE_A_SLAVE = "tests/process/client/test_python_docs.py"
+RUN_BESIDE_A_SLAVE = "tests/system/docs/test_python_docs.py"
 RUNNERS = {
     "docs/how-to/python.md": RUN_BESIDE_A_SLAVE, "docs/tutorials/two_machines.md": RUN_BESIDE_A_SLAVE,
     "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
@@ -99,7 +99,7 @@ WHOLE: dict[str, Callable[[str], Any]] = {
 
 
 def reader_of(table: dict[str, Any]) -> Callable[[str], Any] | None:
-    """What reads a block that is a whole file; None for a part of a scenario."""
+    """Return the reader of a block that is a whole file; None for a part of a scenario."""
     return next((load for key, load in WHOLE.items() if key in table), None)
 
 
@@ -148,7 +148,7 @@ def test_the_example_of_a_planner_flies_somewhere_free(modules: Path) -> None:
 
 
 def test_a_place_in_a_pile_is_no_success(modules: Path) -> None:
-    """What the README showed before: along a pile for ten seconds, and "there"."""
+    """The README once showed this: along a pile for ten seconds, and "there"."""
     outcome = fly_example(north=8.0, east=7.0, depth=2.0)
     assert outcome.reached
     assert not outcome.success

@@ -55,7 +55,7 @@ class Bench:
         self.silent = False
 
     def reset(self) -> None:
-        """As by its reset pin: everything it knew is gone."""
+        """Reset the STM32 as its reset pin does: all state is lost."""
         self.end.stm32 = Stm32(6)
 
     @property

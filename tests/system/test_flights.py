@@ -30,7 +30,7 @@ FLIGHTS = {
 
 
 def missing(stm32: str, port: str, protocol: str) -> str:
-    """What this machine lacks for such a flight, if anything."""
+    """Return what this machine lacks for such a flight, or ""."""
     if stm32 == "qemu" and not shutil.which("qemu-system-arm"):
         return "qemu-system-arm"
     if stm32 == "native" and not native_compiler():

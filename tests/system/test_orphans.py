@@ -92,7 +92,7 @@ def test_runs_on_all_cores(tmp_path: Path, name: str) -> None:
 
 
 def workers(program: Program) -> list[int]:
-    """Those of joblib's processes that have begun to work, so that they belong to the program."""
+    """Return joblib's processes that have begun to work, so that they belong to the program."""
     return [pid for pid in descendants(program.process.pid) if "LokyProcess" in command_line(pid)]
 
 

@@ -14,7 +14,7 @@ from tests.support.processes import free_port
 
 @pytest.mark.parametrize(("seconds", "is_read"), [("0", True), ("0.6", False)])
 def test_the_report_of_a_link_that_is_never_read(seconds: str, is_read: bool, tmp_path: Path) -> None:
-    """Where this fails with the sleep, the library has been mended, and `hil.network.unread_links` may go."""
+    """A failure with the sleep means that the library has been mended: `hil.network.unread_links` may go then."""
     (block,) = blocks("python", page=ROOT / "docs" / "upstream" / "zenoh_pause.md")
     script = tmp_path / block.file
 

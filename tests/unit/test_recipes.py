@@ -92,7 +92,7 @@ def test_a_vehicle(tmp_path: Path) -> None:
 
 
 def test_a_message() -> None:
-    """Of each topic there is a definition, which its message is made and read by."""
+    """Each topic has a definition, by which its message is made and read."""
     for topic in topics.TOPICS.values():
         assert definition(topic.type)
 

@@ -45,7 +45,7 @@ def test_every_room_says_what_it_is_for() -> None:
 
 
 def test_a_folder_holds_at_most_20_modules() -> None:
-    """What is installed, the tools, the tests and what supports them."""
+    """The limit holds for installed packages, tools, tests and what supports them."""
     roots = [rooms.ROOT / name for name in (*rooms.PACKAGES, "tools", "tests")]
     count = Counter(path.parent for root in roots for path in root.rglob("*.py") if path.stem != "__init__")
     assert len(count) > 100
@@ -82,7 +82,7 @@ def test_no_module_is_named_like_a_dependency() -> None:
 
 
 def test_the_ways_are_those_of_the_imports() -> None:
-    """Of two rooms that follow on the way, one imports the other, or the slave reaches it by a table of names."""
+    """One of two rooms in a row imports the other, or the slave reaches it by a table of names."""
     known = rooms.arrows() | {("hil.slave", "firmware_stub")}
     for way in (rooms.COMMAND, rooms.SAMPLE):
         for one, other in pairwise(way):

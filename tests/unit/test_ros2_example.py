@@ -79,7 +79,7 @@ def test_the_view_shows_topics_of_the_vehicle_with_their_types() -> None:
 
 
 class StandIn:
-    """Of rclpy.node.Node what the example uses; `sent` are the commands by topic."""
+    """The part of rclpy.node.Node that the example uses; `sent` are the commands by topic."""
 
     def __init__(self, _name: str) -> None:
         self.sent: dict[str, Any] = {}

@@ -1,8 +1,10 @@
 """The words of the code: names use the terms of the field, and docstrings state what a thing is or does."""
 
 import ast
+import functools
 import re
 from collections.abc import Iterator
+from pathlib import PurePath
 
 from tools.pages.rooms import ROOT
 
@@ -26,9 +28,21 @@ FRAGMENTS = {
 }  # fmt: skip
 
 
-def _names(tree: ast.AST) -> Iterator[tuple[bool, str]]:
+@functools.cache
+def _definitions(room: str) -> dict[str, list[ast.AST]]:
+    """Return the nodes of each file of a room: those that define names, and those that may have a docstring."""
+    kinds = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.arg, ast.Name, ast.Attribute)
+    return {
+        path.relative_to(ROOT).as_posix(): [
+            node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, kinds)
+        ]
+        for path in sorted((ROOT / room).rglob("*.py"))
+    }
+
+
+def _names(nodes: list[ast.AST]) -> Iterator[tuple[bool, str]]:
     """Yield each name that is defined, and whether it is that of a function."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
             yield not isinstance(node, ast.ClassDef), node.name
         elif isinstance(node, ast.arg):
@@ -39,6 +53,7 @@ def _names(tree: ast.AST) -> Iterator[tuple[bool, str]]:
             yield False, node.attr
 
 
+@functools.cache
 def _words(name: str) -> set[str]:
     return {word.lower() for word in re.findall(r"[A-Z]?[a-z0-9]+|[A-Z]+", name)}
 
@@ -48,10 +63,9 @@ def test_names_are_free_of_the_old_words() -> None:
     found = []
     for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests"):
         old = METAPHORS if room == "tests" else METAPHORS | VAGUE
-        for path in sorted((ROOT / room).rglob("*.py")):
-            where = path.relative_to(ROOT).as_posix()
-            found += [where] if _words(path.stem) & old else []
-            for is_function, name in _names(ast.parse(path.read_text(encoding="utf-8"))):
+        for where, nodes in _definitions(room).items():
+            found += [where] if _words(PurePath(where).stem) & old else []
+            for is_function, name in _names(nodes):
                 is_alone = room != "tests" and is_function and name.strip("_") in WITH_OBJECT
                 if (_words(name) & old or is_alone) and (where, name) not in FILE_METHODS:
                     found.append(f"{where}: {name}")
@@ -59,13 +73,13 @@ def test_names_are_free_of_the_old_words() -> None:
 
 
 def test_docstrings_begin_with_a_statement() -> None:
-    """First lines in packages, tools, and what supports tests: "Return ...", "Error of ...", "True if ..."."""
+    """First lines in packages, tools and tests: "Return ...", "Error of ...", "True if ..."."""
     found = []
-    for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests/support"):
-        for path in sorted((ROOT / room).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests"):
+        for where, nodes in _definitions(room).items():
+            for node in nodes:
                 if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
-                    text = ast.get_docstring(node) or ""
+                    text = ast.get_docstring(node, clean=False) or ""
                     if text and text.split()[0].rstrip(",:;") in FRAGMENTS:
-                        found.append(f"{path.relative_to(ROOT).as_posix()}: {text.splitlines()[0]}")
+                        found.append(f"{where}: {text.strip().splitlines()[0]}")
     assert not found, "\n".join(found)

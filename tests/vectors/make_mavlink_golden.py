@@ -142,14 +142,14 @@ def packet(name: str, mavlink: Any, message: Any) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """As JSON has it."""
+    """Return the value as JSON has it."""
     if isinstance(value, list):
         return [plain(item) for item in value]
     return None if value != value else value
 
 
 def golden() -> dict[str, Any]:
-    """What the file holds."""
+    """Return the contents of the file."""
     for mavlink in (HOST, GROUND, BOARD):
         mavlink.seq = 0
     return {

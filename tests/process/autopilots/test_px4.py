@@ -233,7 +233,7 @@ def test_a_board_on_a_serial_line_is_flown_by_the_clock(tmp_path: Path) -> None:
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is missed for ten seconds is reported after a fifth of one."""
+    """Shorten the time after which missing input is reported from ten seconds to a fifth of one."""
     monkeypatch.setattr("hil.autopilots.px4.ABSENT_NS", 200_000_000)
 
 

@@ -88,7 +88,7 @@ def test_the_clock_of_the_processor_is_reported(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_the_slave_took_is_what_the_readme_shows(name: str) -> None:
-    """And the recommendation leaves it room."""
+    """The recommendation leaves room above the measured memory."""
     asked = boards.load_board(name).recommended
     shown = (Path(boards.__file__).parents[1] / "README.md").read_text()
     (memory,), (cpu,) = (re.findall(rf"slave {row} .* ([0-9.]+){unit}", shown) for row, unit in

@@ -9,12 +9,10 @@ import pytest
 
 from hil.cases import fidelity, table
 from hil.cases.case import CASES, find_case
-from hil.cases.path_planning import PathPlanning, hidden_piles
+from hil.cases.path_planning import hidden_piles
 from hil.cases.record import Result, Run, Track
-from hil.cases.report import write_report
 from hil.cases.single import radius_of, shortest
 from hil.cases.task_scheduling import TaskScheduling, visit_orders
-from hil.cases.variant import write_variant
 from hil.commands import case as command
 from hil.common.errors import ConfigError
 from hil.master.flight import prepare
@@ -28,7 +26,7 @@ RADIUS = radius_of(SIX)
 
 
 def check(result: Result, at_work: float = 0.0) -> None:
-    """What holds for every flight of one vehicle that succeeds and is `at_work` s in one place."""
+    """Check what holds for every flight of one vehicle that succeeds and is `at_work` s in one place."""
     assert result.success, result.reason
     assert not result.collided
     assert result.least_clearance > RADIUS
@@ -37,33 +35,6 @@ def check(result: Result, at_work: float = 0.0) -> None:
     assert 10.0 < result.energy / result.duration < 300.0  # W
     assert result.cross_track_rms < result.cross_track_max < 1.5
     assert 0.0 < result.planner_cpu < 0.1
-
-
-def test_sil_and_hil_side_by_side(tmp_path: Path) -> None:
-    """A short way with a slave as a process and an emulated STM32, and the report of both."""
-    short = write_variant("path_planning", str(tmp_path), {"master.goal": [3.5, -1.0], "start.heading": -0.3})
-    case = PathPlanning()
-    case.scenario = short
-    runs = []
-    for mode in ("sil", "hil"):
-        folder = tmp_path / mode
-        folder.mkdir()
-        runs.append(case.fly(mode, 1, str(folder)))
-    sil, hil = (run.result for run in runs)
-    assert sil.success
-    assert hil.success, hil.reason
-    assert 0.0 < hil.master_cpu < 0.5
-    assert 0.0 < hil.delay_p50 <= hil.delay_p99
-    assert math.isnan(sil.delay_p50)
-    found = fidelity.compare(*runs)
-    assert found.path_max < 0.3
-    assert abs(found.time) < 0.15
-    assert "thrusters neutral" in (tmp_path / "hil" / "slave1.log").read_text()
-    files = write_report(str(tmp_path / "report.md"), {"path_planning": runs}, str(tmp_path / "pictures_of_it"))
-    assert all(Path(file).stat().st_size > 1000 for file in files)
-    text = Path(files[0]).read_text()
-    for words in ("**The paper.** Figures 8 and 9", "| seed 1 | SIL | HIL |", "(pictures_of_it/path_planning.png)"):
-        assert words in text
 
 
 def test_piles_leave_a_way_past_them() -> None:

@@ -26,7 +26,8 @@ def from_tutorial(language: str) -> str:
 def scenario(tmp_path: Path) -> Path:
     (tmp_path / "straight.py").write_text(from_tutorial("python"))
     path, _ = write_scenario(tmp_path)
-    path.write_text(path.read_text().replace("goal = [8, 7]\n", "") + from_tutorial("toml"))
+    text = path.read_text().replace("goal = [8, 7]\n", "") + from_tutorial("toml")
+    path.write_text(text.replace("north = 4\neast = 4", "north = 6\neast = 3"))
     return path
 
 
@@ -50,7 +51,7 @@ def test_it_flies_in_simulated_time_and_over_the_network(tmp_path: Path, scenari
     assert outcome["reached"]
     assert outcome["reason"] == "there"
     assert outcome["success"]
-    assert 3.5 < outcome["travelled"] < 6.0  # 4.5 m as the crow flies
+    assert 1.5 < outcome["travelled"] < 2.6  # it ends 0.5 m from the target, which is 2.2 m away
     assert outcome["least_clearance"] > 0.3
 
 

@@ -14,7 +14,6 @@ from hil.commands import demo
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
-from tests.support.charts.dive import check_dive
 from tests.support.charts.small_cell import bay
 from tests.support.processes import free_port
 
@@ -90,7 +89,3 @@ def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.commands.demo.find_spec", lambda name: None if name == "scipy" else True)
     with pytest.raises(MissingExtraError, match=r"needs scipy: pip install 'uuv-hil\[master,chart,imaging\]'"):
         demo.main(["--world", "BAY.000", "--output", str(tmp_path)])
-
-
-def test_a_short_flight_over_a_small_chart(tmp_path: Path) -> None:
-    check_dive(tmp_path, bay().write(tmp_path / "BAY.000"))

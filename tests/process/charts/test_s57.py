@@ -169,7 +169,7 @@ def test_a_chart_that_ends_too_early_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damage", ["a directory that does not advance", "entries that overlap", "a huge count"])
 def test_hostile_charts_are_refused_within_limits(tmp_path: Path, damage: str) -> None:
-    """What made a reader of our own hang, take gigabytes, or raise a MemoryError."""
+    """These charts made a reader of our own hang, take gigabytes, or raise a MemoryError."""
     whole = bay().data()
     if damage == "a directory that does not advance":  # a record of 24 bytes whose entries have no width
         data = whole + b"00024 D     00024   0000"
@@ -248,7 +248,7 @@ def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
 
 
 def test_a_geometry_that_is_none_is_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As GEOS refuses it, whose errors are no RuntimeErrors: it was a traceback in the process that reads."""
+    """GEOS refuses it with an error that is no RuntimeError: it was a traceback in the process that reads."""
 
     def refuse(*_: object) -> None:
         raise shapely.errors.GEOSException("Points of LinearRing do not form a closed linestring")

@@ -84,7 +84,7 @@ def test_a_mission_spares_the_network_what_its_planner_does_not_use(tmp_path: Pa
 
 
 def test_what_is_listened_to_by_name_and_with_all_comes_once(endpoint: str) -> None:
-    """As for a planner that does not say what it listens to."""
+    """A planner that names no topics listens to all of them."""
     with VehicleClient(endpoint, "uuv1", topics=("odom", "ground_truth", ALL)) as client:
         assert wait_for(lambda: client.received["odom"] > 0)
         before = dict(client.received)

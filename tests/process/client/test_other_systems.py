@@ -121,6 +121,7 @@ def test_the_mavlink_gateway_without_them(tmp_path: Path) -> None:
 
 def test_a_planner_without_them_flies_a_mission(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
+    scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]"))
     words = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}")
     with Program(tmp_path, "slave", scenario), Program(tmp_path, *words, command=COMMAND) as master:
         assert master.wait() == 0, master.output

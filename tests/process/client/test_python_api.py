@@ -183,7 +183,7 @@ def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
         assert next(vehicle.samples("camera/image_raw/compressed", timeout=60.0))
 
         def is_told(ask: Callable[[], object], told: str) -> bool:
-            """What it sends is asked for then; who gets no turn in time answers nothing."""
+            """True if the error names what the vehicle sends; a query that gets no answer in time leaves that out."""
             with pytest.raises(NetworkError) as caught:
                 ask()
             return bool(re.search(told, str(caught.value)))
@@ -237,7 +237,7 @@ def test_through_a_router(tmp_path: Path) -> None:
 
 
 def test_a_router_is_distinguished_from_a_slave(tmp_path: Path) -> None:
-    """Who dials it as if it were a slave hears how to; a slave whose router is down, what to start."""
+    """A client that dials a router learns how to ask for a vehicle; a slave without its router, what to start."""
     port = free_port()
     scenario, _ = write_scenario(tmp_path)
     options = ("--connect", f"tcp/127.0.0.1:{port}", "--output", tmp_path / "run", "--wait", 1)

@@ -8,6 +8,8 @@ import pytest
 import zenoh
 
 from hil.client.client import VehicleClient
+from hil.common.clock import NS_PER_S
+from hil.network import stall
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
 from hil.ros.topics import TOPICS
@@ -61,7 +63,11 @@ class WithoutSamples(Relay):
         self._buffers[far] = data
 
 
-def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_again(tmp_path: Path) -> None:
+def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stall, "LEASES", 1)
+    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is told after 1.75 s instead of 5 s
     scenario, port = write_scenario(tmp_path)
     reports: list[str] = []
     with (

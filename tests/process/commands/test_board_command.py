@@ -157,7 +157,7 @@ def test_installing_again(root: Path, scenario: str, capsys: pytest.CaptureFixtu
 
 
 def test_what_somebody_changed_stays(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """What was there before it comes back when it is taken away."""
+    """A file that was there before the installation comes back when the changed one is taken away."""
     plant(root, RULES[1:], "# from before\n")
     before = files(root)
     assert install(root, scenario, "--yes") == 0
@@ -175,7 +175,7 @@ def test_what_somebody_changed_stays(root: Path, scenario: str, capsys: pytest.C
 
 
 def test_what_somebody_put_back_is_no_change(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """So it is too where an installation ended before it came to a file."""
+    """The same holds where an installation ended before it came to a file."""
     plant(root, RULES[1:], "# from before\n")
     before = files(root)
     assert install(root, scenario, "--yes") == 0

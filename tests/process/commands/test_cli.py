@@ -28,7 +28,7 @@ PathFinder.find_spec = lambda name, *more: None if name.split(".")[0] in hidden 
 
 
 def run_without(tmp_path: Path, packages: str, *arguments: object) -> str:
-    """What the command says that ends with the exit code of a missing extra."""
+    """Return the line of a command that ends with the exit code of a missing extra."""
     (tmp_path / "sitecustomize.py").write_text(HIDING)
     environment = {"PYTHONPATH": str(tmp_path), "HIDDEN": packages}
     with Program(tmp_path, *arguments, environment=environment) as program:

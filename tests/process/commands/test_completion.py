@@ -25,7 +25,7 @@ PATIENCE_S = 60.0
 
 
 def completions(line: str, folder: Path) -> list[str]:
-    """What may follow a line, by argcomplete's protocol: the answer comes on a descriptor of its own."""
+    """Return what may follow a line, by argcomplete's protocol: the answer comes on a descriptor of its own."""
     answers = folder / "answers"
     environment = {
         **os.environ, "_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)),

@@ -29,7 +29,7 @@ def opened(server: FoxgloveServer, query: str = "", **options: Any) -> ClientCon
 
 
 def messages(socket: Any, last: str) -> list[dict[str, Any]]:
-    """What the server sends until a message of that kind."""
+    """Return the messages of the server up to the first of that kind."""
     found: list[dict[str, Any]] = []
     while not found or found[-1]["op"] != last:
         received = socket.recv(30)

@@ -43,7 +43,7 @@ def test_an_agent_tells_an_event_and_returns_6(tmp_path: Path) -> None:
 def test_a_case_tells_an_event_and_returns_6(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As above, in the table and in the results; the report's pictures are drawn elsewhere."""
+    """The event is in the table and in the results; the pictures of the report are tested elsewhere."""
     monkeypatch.setattr(case, "write_report", lambda *_: [])
     monkeypatch.setattr(PathPlanning, "vary", lambda _self, _seed: ({"master.depth_margin": 0.0}, {}))
     assert main(["case", "path_planning", "--jobs", "1", "--output", str(tmp_path)]) == 6
@@ -56,7 +56,7 @@ def test_a_case_tells_an_event_and_returns_6(
 
 
 def test_plot_shows_an_event(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a recording of ten seconds; times in the diagnostics are of the wall clock."""
+    """The recording takes ten seconds; times in the diagnostics are of the wall clock."""
     began = 1_795_000_000_000_000_000
     hit = RunEvent("collision", began + 4_000_000_000, 1_000_000_000, (2.5, 1.5, 2.0), "the pile")
     figures = reported(run_events=1, run_event_list=(hit,))

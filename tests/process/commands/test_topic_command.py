@@ -62,7 +62,7 @@ def test_flow_style_is_what_yaml_says_it_is(text: str) -> None:
 
 
 def test_words_that_yaml_1_1_takes_for_bools() -> None:
-    """As ROS's own tools do; a text is in quotes, and is written so."""
+    """Texts are printed in quotes as ROS's own tools do, and read so."""
     assert parse_values("{a: off, b: ON, c: No, d: yes, e: 'off', no: n}") == {
         "a": False, "b": True, "c": False, "d": True, "e": "off", "no": "n",
     }  # fmt: skip

@@ -77,7 +77,7 @@ def test_a_terminal_of_ascii_alone(environment: dict[str, str]) -> None:
 
 
 def test_ctrl_c_while_modules_load() -> None:
-    """As early as a handler can be: the command's own module is what loads first."""
+    """The handler is there before the command's own module is loaded, which comes first."""
     code = """
 import os, signal, sys
 sys.argv = ["/usr/bin/uuv-hil"]

@@ -208,7 +208,7 @@ def test_a_can_bus_without_iproute2(board: Path, capsys: pytest.CaptureFixture[s
 
 
 def disabled(root: Path) -> None:
-    """As the firmware of a Raspberry Pi has it; a recorded machine may lack /sys/fs/cgroup."""
+    """Disable memory groups as a Raspberry Pi's firmware does; a recorded machine may lack /sys/fs/cgroup."""
     append(root, "proc/cmdline", "cgroup_disable=memory")
 
 
@@ -256,7 +256,7 @@ def test_a_firmware_that_does_not_answer_is_no_good_news(board: Path, capsys: py
 
 
 def test_notes_are_no_problems(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What was, what may be, and what only matters to masters elsewhere."""
+    """Notes tell of the past, of what may happen, and of what only matters to masters elsewhere."""
     plant(board, THROTTLED, "throttled=0x50000\n")
     plant(board, GOVERNOR.format(0), "ondemand\n")
     plant(board, "sys/class/thermal/thermal_zone0/temp", "77000\n")

@@ -35,7 +35,7 @@ def test_every_line_of_the_core_is_run(core: str) -> None:
 
 
 def coverage(core: str) -> dict[str, dict[int, int]]:
-    """How often each line of each portable file was run so far."""
+    """Return how often each line of each portable file was run so far."""
     folder = os.path.dirname(core)
     data = [os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(".gcda")]
     done = subprocess.run(["gcov", "--json-format", "--stdout", *data], capture_output=True, check=True, cwd=folder)

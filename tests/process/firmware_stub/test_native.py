@@ -122,7 +122,7 @@ def test_a_signal_ends_it_neutral(stm32: NativeStm32, device: str, number: signa
 
 
 def test_nobody_reads_and_it_goes_on(stm32: NativeStm32, device: str) -> None:
-    """As on a UART what nobody reads is lost: who opens the port later reads no old reports for long."""
+    """Bytes that nobody reads are lost, as on a UART: a program that opens the port later reads few old reports."""
     fd = os.open(device, os.O_RDWR | os.O_NOCTTY)
     order = uuv_hil()
     for sequence in range(400):

@@ -61,7 +61,7 @@ def test_a_pose_is_set_and_reset(client: Client, fleet: Fleet) -> None:
 
 
 def efforts(fleet: Fleet) -> dict[str, float]:
-    """What each thruster gives (N)."""
+    """Return the force of each thruster (N)."""
     joints = fleet["uuv1"].newest("joint_states")
     return dict(zip(joints.names, map(abs, joints.efforts), strict=True))
 

@@ -52,7 +52,7 @@ def test_noise_makes_nobody_a_partner() -> None:
 
 
 def test_those_beyond_the_most_are_refused_and_counted() -> None:
-    """Who is served stays served."""
+    """The connected peers stay connected."""
     datagrams, stream = UdpIn("127.0.0.1", 0), TcpIn("127.0.0.1", 0)
     ends = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MOST_PARTNERS + 2)]
     calls: list[socket.socket] = []
@@ -84,7 +84,7 @@ def test_a_connection_is_made_again() -> None:
 
 
 def _meet(out: TcpOut, port: int) -> bool:
-    """Whether a packet comes through to a peer that then goes away."""
+    """True if a packet comes through to a peer that then goes away."""
     server = TcpIn("127.0.0.1", port)
 
     def meet() -> Any:

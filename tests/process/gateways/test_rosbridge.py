@@ -217,6 +217,6 @@ def test_a_message_that_is_too_large_ends_that_connection_only(looker: Bridge, b
 
 
 def test_payloads_of_commands_are_those_of_ros_2() -> None:
-    """What the test above sends, by the other way."""
+    """The payload is that of the test above, encoded by the other way."""
     payload = ros_message.encode("geometry_msgs/msg/Twist", {"linear": {"x": 0.5}})
     assert payload == ros.encode_twist((0.5, 0, 0), (0, 0, 0))

@@ -145,7 +145,7 @@ def test_a_manifest_of_an_earlier_release(root: Path, scenario: str) -> None:
 
 
 def test_whose_a_file_was(root: Path, scenario: str) -> None:
-    """And who might read it: nobody may read it in the manifest who could not."""
+    """The manifest holds owner and mode, and nobody can read it who could not read the file."""
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
     place, manifest = root / LIMITS[1:], root / MANIFEST[1:]
     place.chmod(0o600)

@@ -58,7 +58,7 @@ def has_all_it_took(device: Wire, host: Wire, frames: int) -> bool:
 
 class TestSocketCan:
     def test_no_such_interface(self) -> None:
-        """Where the kernel has no CAN at all it says that."""
+        """The error says so where the kernel has no CAN at all."""
         with pytest.raises(
             DeviceError, match=r"^can:socketcan:can77: (no such interface|this kernel has no CAN)"
         ) as caught:

@@ -16,7 +16,7 @@ PULSES = (1101, 1202, 1303)
 
 
 def value(name: str, thrusters: int = len(PULSES)) -> int:
-    """What a macro of the header comes to, by Python, whose arithmetic is that of C here."""
+    """Evaluate a macro of the header by Python, whose arithmetic is that of C here."""
     found = re.search(rf"^#define UUV_HIL_FRAME_{name}(?:\(n\))? (.*?)(?: /\*.*)?$", HEADER.read_text(), re.MULTILINE)
     assert found, name
     return int(eval(re.sub(r"\b(0x[0-9A-F]+|\d+)u", r"\1", found[1]), {"n": thrusters}))

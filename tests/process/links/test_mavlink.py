@@ -191,7 +191,7 @@ def test_commands_overtaken_on_the_way_are_refused() -> None:
 
 
 def test_a_report_overtaken_on_the_way_does_not_count() -> None:
-    """As on UDP: neither its pulses nor its counters go back; those of a device that has restarted do."""
+    """Old pulses and counters are ignored, as on UDP; those of a device that has restarted are not."""
     clock = Clock(10_000 * MS)
     device, host = device_end(clock=clock), host_end()
     reported = []

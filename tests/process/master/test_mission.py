@@ -53,7 +53,7 @@ class Contact:
 
 
 class Vehicle:
-    """What a mission asks of its client: a vehicle that goes where it is told to, at once."""
+    """A client's interface as a mission uses it: a vehicle that goes where it is told to, at once."""
 
     node, endpoint = "uuv1", "tcp/nowhere:1"
 
@@ -244,7 +244,7 @@ def test_start_up_is_measured_by_the_first_sample_of_that_slave(clock: Clock) ->
 def test_others_are_told_the_path_at_once_and_then_once_a_second(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock, plan: Plan
 ) -> None:
-    """And at once again when it is a new one."""
+    """A new path is sent at once again."""
     began = clock.now
 
     def at_each() -> None:

@@ -1,13 +1,10 @@
 """Planners of a fleet under TLS: who exchanges reports with them, and who gets nothing."""
 
-import signal
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
-from hil.cases.target_hunting import members_on_free_ports
 from hil.cases.variant import write_variant
 from hil.commands.keys import add_machine, init
 from hil.common.errors import ConfigError
@@ -19,7 +16,7 @@ from hil.network.security import Security
 from hil.network.session import Session
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
-from tests.support.processes import Program, free_port, wait_for
+from tests.support.processes import free_port, wait_for
 
 PLANNERS = ("planner1", "planner2", "planner3")
 
@@ -108,65 +105,6 @@ def test_a_planner_still_commands_its_vehicle_and_sees_it(keys: Path) -> None:
         planner.subscribe("uuv1", "odom", lambda topic, _, __: got.append(topic), 8)
         command, odom = planner.publisher("uuv1", TOPICS["cmd_vel"]), slave.publisher("uuv1", TOPICS["odom"])
         assert wait_for(lambda: (command.put(b"", 0), odom.put(b"", 0)) and heard and got)
-
-
-def test_vehicles_and_planners_with_a_key_each_hunt_under_tls(keys: Path, tmp_path: Path) -> None:
-    vehicles = [f"vehicle{number}" for number in (1, 2, 3)]
-    for name in vehicles:
-        add_machine(str(keys), name, [])
-    changes = {
-        "member": members_on_free_ports("target_hunting")[:3],
-        "security.slave": str(keys / "uuv"),
-        "security.master": str(keys / PLANNERS[0]),
-        "security.may_command": list(PLANNERS),
-    }
-    scenario = write_variant("target_hunting", str(tmp_path), changes)
-    members = load_scenario(scenario).member
-    with ExitStack() as stack:
-        agents = []
-        for member, vehicle, planner in zip(members, vehicles, PLANNERS, strict=True):
-            own = "--set", f'security.slave="{keys / vehicle}"', "--set", f'security.master="{keys / planner}"'
-            stack.enter_context(Program(tmp_path, "slave", scenario, "--member", member.node, *own))
-            agents.append(stack.enter_context(Program(tmp_path, "agent", scenario, "--member", member.node, *own)))
-        for agent in agents:
-            agent.expect(r"[1-9]\d*% of the plan")
-        for agent in agents:
-            agent.process.send_signal(signal.SIGINT)
-        for agent in agents:
-            assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
-
-
-def test_a_fleet_under_tls_hunts_behind_a_router(keys: Path, tmp_path: Path) -> None:
-    """Each vehicle has a key of its own, which the router knows by `vehicles`."""
-    vehicles = [f"behind{number}" for number in (1, 2, 3)]
-    for name in (*vehicles, "hub"):
-        add_machine(str(keys), name, [])
-    router = f"tcp/127.0.0.1:{free_port()}"
-    changes = {
-        "member": members_on_free_ports("target_hunting")[:3],
-        "network.mode": "routed",
-        "network.router": router,
-        "security.slave": str(keys / vehicles[0]),
-        "security.vehicles": vehicles[1:],
-        "security.master": str(keys / PLANNERS[0]),
-        "security.router": str(keys / "hub"),
-        "security.may_command": list(PLANNERS),
-    }
-    scenario = write_variant("target_hunting", str(tmp_path), changes)
-    with ExitStack() as stack:
-        hub = stack.enter_context(Program(tmp_path, "router", "--scenario", scenario, "--listen", router))
-        hub.expect("forwarding")
-        agents = []
-        for member, vehicle, planner in zip(load_scenario(scenario).member, vehicles, PLANNERS, strict=True):
-            own = "--set", f'security.slave="{keys / vehicle}"', "--set", f'security.master="{keys / planner}"'
-            stack.enter_context(Program(tmp_path, "slave", scenario, "--member", member.node, *own))
-            agents.append(stack.enter_context(Program(tmp_path, "agent", scenario, "--member", member.node, *own)))
-        for agent in agents:
-            agent.expect(r"[1-9]\d*% of the plan")
-        for agent in agents:
-            agent.process.send_signal(signal.SIGINT)
-        for agent in agents:
-            assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
 
 
 def test_a_modem_has_no_security(keys: Path, tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_samples_come_again_when_the_library_does_not_read_a_link(tmp_path: Path
 
 
 def test_it_connects_again_when_the_vehicle_never_appears() -> None:
-    """What was declared first may have been lost on the way, as now and then on a busy machine."""
+    """The first declaration may be lost on the way, as now and then on a busy machine."""
     endpoint, reports = f"tcp/127.0.0.1:{free_port()}", list[str]()
     with listen(endpoint), VehicleClient(endpoint, "uuv1", part="observer", report=reports.append) as client:
         assert wait_for(lambda: client.contact.reconnections)

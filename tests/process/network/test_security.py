@@ -51,7 +51,7 @@ def slave(keys: Path) -> Iterator[tuple[Session, str, list[str]]]:
 
 
 def meets(session: Session) -> list[Presence]:
-    """Who the session sees of the node; filled in while one waits."""
+    """Return a list that receives the presences of the node as the session sees them."""
     seen: list[Presence] = []
     watch_presence(session, "uuv1", lambda presence, alive: seen.append(presence) if alive else None)
     return seen

@@ -161,7 +161,7 @@ def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
 
 
 def test_one_call_is_answered_a_turn() -> None:
-    """And the descriptor stays readable while another waits."""
+    """The descriptor stays readable while another call waits."""
     with unattended() as (server, master):
         patient = (master, "/uuv1/arm", SET_BOOL, None, PATIENCE_S)
         threads = [threading.Thread(target=call, args=patient) for _ in range(3)]

@@ -64,7 +64,7 @@ def test_a_black_hole_is_seen_by_both_and_data_flow_again(ends: tuple[End, End, 
     publisher = master.session.publisher("uuv1", TOPICS["cmd_vel"])
 
     def command(seconds: float) -> int:
-        """How many of them were obeyed."""
+        """Publish commands for some seconds; return how many of them were obeyed."""
         before, end = len(commanded), time.monotonic() + seconds
         while time.monotonic() < end:
             publisher.put(ros.encode_twist((0.1, 0, 0), (0, 0, 0)), to_wall_ns(now_ns()))
@@ -138,7 +138,7 @@ def test_a_late_joiner_gets_the_last_state() -> None:
 
 
 def sockets() -> dict[str, str]:
-    """What is open in this process by descriptor."""
+    """Return the open sockets of this process by descriptor."""
     found = {}
     for name in os.listdir("/proc/self/fd"):
         with suppress(OSError):
@@ -147,7 +147,7 @@ def sockets() -> dict[str, str]:
 
 
 def lingering(besides: Collection[str]) -> list[bool]:
-    """Of each connected TCP socket of this process, `besides` those that other tests have left to the library."""
+    """Return for each connected TCP socket of this process, but for those in `besides`, whether it lingers."""
     found = []
     for name, place in sockets().items():
         with suppress(OSError):

@@ -58,7 +58,7 @@ def test_a_port_that_only_root_may_have_is_reported_with_the_remedy() -> None:
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_port_that_another_has_is_named_and_who_that_may_be(number: int) -> None:
-    """As rmw_zenohd has it, at all addresses of both kinds."""
+    """The port is taken at all addresses of both kinds, as rmw_zenohd takes it."""
     port = free_port()
     with (
         socket.create_server(("::", port + number), family=socket.AF_INET6, dualstack_ipv6=True),

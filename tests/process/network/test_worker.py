@@ -57,7 +57,7 @@ def test_what_raises_loses_its_item_and_is_reported_once(monkeypatch: pytest.Mon
 
 
 def wakeups(name: str) -> int:
-    """How often a thread of this process has slept."""
+    """Return how often a thread of this process has slept."""
     thread = next(thread for thread in threading.enumerate() if thread.name == name)
     return psutil.Process(thread.native_id).num_ctx_switches().voluntary
 

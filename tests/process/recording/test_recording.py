@@ -253,7 +253,7 @@ def test_sequence_numbers_wrap_as_the_format_has_them(tmp_path: Path) -> None:
 
 
 def test_a_file_without_an_index_is_in_the_order_of_its_log_times(tmp_path: Path) -> None:
-    """As rosbags reads it: a recorder that was killed leaves such a file, and messages come by several ways."""
+    """Rosbags reads it in that order: a recorder that was killed leaves such a file, with messages of several ways."""
     began = time.time_ns()
     with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
         for number in range(0, 60, 2):

@@ -9,6 +9,8 @@ from itertools import pairwise
 import pytest
 import zenoh
 
+from hil.common.clock import NS_PER_S
+from hil.network import stall
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
 from hil.recording import tap as recording_tap
@@ -31,7 +33,7 @@ def collect(tap: Tap, enough: Callable[[list[Message]], object], seconds: float 
 
 
 def met(*audiences: Callable[[], bool]) -> object:
-    """Whether there is somebody who listens to each: before, what is said is nobody's."""
+    """True once somebody subscribes to each key: what is published before reaches nobody."""
     return wait_for(lambda: all(is_heard() for is_heard in audiences))
 
 
@@ -134,7 +136,9 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
         listener.undeclare()  # type: ignore[no-untyped-call]
 
 
-def test_a_session_over_which_nothing_comes_any_more_is_opened_again_once() -> None:
+def test_a_session_over_which_nothing_comes_any_more_is_opened_again_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stall, "LEASES", 1)
+    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is told after 1.75 s, the next after 3.5 s
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         publisher = slave.publisher("uuv1", TOPICS["imu"])
@@ -145,7 +149,7 @@ def test_a_session_over_which_nothing_comes_any_more_is_opened_again_once() -> N
 
         assert wait_for(heard)
         assert wait_for(lambda: (tap.receive(), tap.reconnections)[1])
-        silent = time.monotonic() + 8.0  # without a message since it was opened there is no next time
+        silent = time.monotonic() + 4.5  # without a message since it was opened there is no next time
         while time.monotonic() < silent:
             assert tap.receive() == []
             time.sleep(0.05)

@@ -32,7 +32,7 @@ def spoken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def nodes_and_topics(session: Session) -> tuple[list[str], set[str], list[tuple[str, int]]]:
-    """What is there to ROS: nodes, topics that are published, and what tells entities apart."""
+    """Return what ROS sees: nodes, published topics, and what distinguishes entities."""
     entities = [entity for key in session.tokens(graph.ALL) if (entity := graph.read_token(key))]
     nodes = [entity.node for entity in entities if entity.kind == "NN"]
     return nodes, {e.topic for e in entities if e.kind == "MP"}, [(e.session, e.ident) for e in entities]

@@ -46,7 +46,7 @@ NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
 
 
 def read_by_the_rules(key: str) -> dict[str, Any]:
-    """As rmw_zenoh_cpp takes a token apart, in its order of parts and with its numbers (rmw/types.h)."""
+    """Decode a token as rmw_zenoh_cpp does, in its order of parts and with its numbers (rmw/types.h)."""
     order = (
         "admin",
         "domain",
@@ -125,7 +125,7 @@ def test_round_trip(kind: Any, node: list[str], topic: list[str], ident: int, qo
 
 @given(st.text(max_size=60), st.sampled_from(list(OTHERS)), st.integers(0, 12))
 def test_noise_never_raises(noise: str, key: str, place: int) -> None:
-    """And what is read of it is an entity, whose own token says the same."""
+    """A decoded token is an entity, whose own token is the same."""
     parts = key.split("/")
     parts[min(place, len(parts) - 1)] = noise
     for text in (noise, "/".join(parts)):

@@ -23,7 +23,7 @@ WAYS = ("to the slave", "through rmw_zenohd", "through uuv-hil router")
 
 
 class Vehicle:
-    """What a slave has on the network, and no more."""
+    """The network interface of a slave without its simulation."""
 
     def __init__(self, endpoint: str, router: str = "") -> None:
         self.session = listen(endpoint, Network(mode="routed", router=router) if router else Network())
@@ -106,7 +106,7 @@ def test_a_master_of_ours_is_at_home_there_too(site: Site) -> None:
 
 
 def test_rmw_zenohd_may_dial_the_vehicle_instead() -> None:
-    """As ROS connects machines: a router each, whose contexts know nothing of the vehicle."""
+    """Two machines are connected as ROS does it: a router each, whose contexts know nothing of the vehicle."""
     own, hub = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     vehicle = Vehicle(own)
     config = zenoh.Config.from_json5(router_settings(hub))

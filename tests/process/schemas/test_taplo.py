@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def lint(folder: Path, text: str) -> str:
-    """What taplo says of a file; empty if it fits."""
+    """Return taplo's findings about a file; empty if there are none."""
     (folder / "file.toml").write_text(text)
     assert TAPLO
     done = subprocess.run([TAPLO, "lint", "file.toml"], cwd=folder, capture_output=True, text=True, check=False)

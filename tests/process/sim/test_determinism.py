@@ -21,7 +21,7 @@ STEPS = 100_000  # four minutes at 400 Hz
 
 
 def fingerprint(steps: int) -> str:
-    """Which step it was, and every bit of every sample and of the end state."""
+    """Return the number of the step and every bit of every sample and of the end state."""
     vehicle, _ = load_vehicle("paper_six")
     world = load_world("paper_field")._replace(current=(0.02, -0.01, 0.0))
     suite = fit(imu=ImuModel(4.0), dvl=DvlModel(1.0), odometry=OdometryModel(1.0), ground_truth=GroundTruthModel(1.0))

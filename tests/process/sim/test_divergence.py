@@ -57,7 +57,7 @@ class Broken:
 
 
 def fly(simulation: Simulation, steps: int = 2000) -> str:
-    """What ends it; its state is the last finite one."""
+    """Step until the simulation diverges; return exit code and error. The state stays the last finite one."""
     try:
         for _ in range(steps):
             simulation.step(NEUTRAL)

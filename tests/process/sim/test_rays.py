@@ -194,7 +194,7 @@ def test_a_sphere_off_its_middle(make: Make) -> None:
 
 
 def test_an_upright_cylinder_gives_exact_ranges(make: Make) -> None:
-    """Of the world: from 6 m down to the seabed at 12 m, seen from beside, from above and past its top."""
+    """The cylinder reaches from 6 m down to the seabed at 12 m; rays come from beside, from above and past its top."""
     world = DEEP._replace(depth=12.0, cylinder=(Cylinder(10.0, 0.0, 2.0, top=6.0),))
     scene = make(world)
     beside = scene.hits((0.0, 1.2, 9.0), rays((1.0, 0.0, 0.0)), 100.0)

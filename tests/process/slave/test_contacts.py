@@ -27,7 +27,7 @@ LAST, FIRST = (1 << 63) - 1, -(1 << 63)
 
 
 class Slave(NamedTuple):
-    """What there is of a vehicle to get in touch with, and a session that has dialled it."""
+    """A vehicle's network session without a slave loop, and a second session that has dialled it."""
 
     endpoint: str
     command_receiver: CommandReceiver
@@ -36,7 +36,7 @@ class Slave(NamedTuple):
 
     @property
     def said(self) -> Diagnostics:
-        """What the contacts add to the diagnostics now."""
+        """Return the diagnostics that the contacts add now."""
         said = Diagnostics()
         self.contacts.add_figures(said)
         return said

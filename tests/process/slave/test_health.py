@@ -79,7 +79,7 @@ def test_no_thread_of_ours_has_a_lower_class_of_scheduling_than_the_loop(tmp_pat
         pid = slave.process.pid
 
         def classes() -> dict[int, int]:
-            """Of each thread that runs our code: the library names its own otherwise."""
+            """Return the scheduling class of each thread that runs our code: the library renames its own."""
             process, found = psutil.Process(pid), {}
             for thread, *_ in process.threads():
                 with suppress(psutil.Error, OSError):  # it has just ended

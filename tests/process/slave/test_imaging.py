@@ -104,7 +104,7 @@ def test_down_is_down(watched: VehicleClient) -> None:
 
 
 def test_points_are_those_of_the_depth_image(watched: VehicleClient) -> None:
-    """Of the same instant, through the pinhole of the same camera, in the frame that is z ahead, x right, y down."""
+    """A cloud and a depth image of one instant agree through the camera's pinhole, in its frame: z ahead, y down."""
 
     def both() -> tuple[Any, Any] | None:
         cloud, picture = (watched.latest[f"camera/depth/{name}"].value for name in ("points", "image_raw"))
@@ -173,7 +173,7 @@ def steps_skipped_by_a_kill(program: Program, client: VehicleClient, restarts: i
 
 
 def camera(client: VehicleClient, what: Literal["requested", "dropped", "took_ms"]) -> float:
-    """Of the pictures of the camera, as last reported."""
+    """Return a figure of the camera's pictures, as last reported."""
     figures: dict[str, float] = client.diagnostics()[f"imaging_{what}"]
     return figures["camera"]
 
@@ -203,7 +203,7 @@ def test_pictures_are_made_for_those_who_watch(tmp_path: Path) -> None:
 
 
 def test_a_first_picture_that_is_lost_does_not_end_them(tmp_path: Path) -> None:
-    """As the first one shows what there is to listen to."""
+    """The first picture only shows which topics there are to subscribe to."""
     program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 20\nwidth = 40\nheight = 30\ndrop_out = 0.9\n")
     with program, VehicleClient(endpoint, "uuv1") as client:
         client.watch("camera/camera_info")

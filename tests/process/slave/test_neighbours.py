@@ -68,14 +68,14 @@ def write(folder: Path, network: str = "") -> tuple[Path, int, int]:
 
 
 class Onlooker:
-    """What vehicle one sees, and a hand that moves vehicle two."""
+    """A viewer of vehicle one, which can move vehicle two."""
 
     def __init__(self, client: VehicleClient, hand: Session, two: Program) -> None:
         self.client, self._hand, self.two = client, hand, two
         client.watch(*TOPICS)
 
     def middle(self) -> float:
-        """How deep the middle of its picture is, m; inf before the first."""
+        """Return the depth (m) in the middle of its picture; inf before the first."""
         latest = self.client.latest.get("camera/depth/image_raw")
         if latest is None:
             return float("inf")

@@ -44,7 +44,7 @@ class Vehicle:
         return self.sample_publisher._publishers[topic].sequence
 
     def falls_silent(self) -> bool:
-        """Whether soon nothing is sent any more."""
+        """True if soon nothing is sent any more."""
 
         def excluded_topics() -> bool:
             before = self.sample_publisher.sent
@@ -59,7 +59,7 @@ class Vehicle:
             time.sleep(0.001)
 
     def until(self, true: Callable[[], bool]) -> bool:
-        """Whether that comes true while it goes on measuring."""
+        """True if that comes true while the publisher goes on measuring."""
 
         def stepped() -> bool:
             self.step()
@@ -82,7 +82,7 @@ class Heard(defaultdict[str, list[int]]):
         self[topic].append(stamp.sequence)
 
     def all_of(self, topic: str, last: int) -> bool:
-        """Whether all from the first to the last has come."""
+        """True if all from the first to the last have come."""
         return bool(wait_for(lambda: self[topic] == list(range(self[topic][0], last + 1))))
 
 
@@ -140,7 +140,7 @@ def test_one_listener_to_one_of_its_messages_is_enough(endpoint: str) -> None:
 
 
 def test_what_is_silent_is_no_outlet(endpoint: str) -> None:
-    """Who listens to /tf does not get odometry from it where transforms are not wanted."""
+    """A subscriber to /tf gets no odometry where transforms are switched off."""
     with listen(endpoint) as session, open_master_session(endpoint) as other:
         other.subscribe_keys("0/tf/*/*", lambda *_: None, 8)
         sample_publisher = SamplePublisher(session, "uuv1", 0, excluded_topics=("/tf",))

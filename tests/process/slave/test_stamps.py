@@ -109,7 +109,7 @@ def test_the_wall_clock_is_read_as_it_is() -> None:
 
 
 def test_a_slave_that_was_stopped_tells_the_right_time_again(tmp_path: Path) -> None:
-    """As it was, its stamps were too old for good by all that it had missed."""
+    """Stamps used to stay too old by the time for which the slave was stopped."""
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")

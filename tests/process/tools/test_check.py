@@ -25,6 +25,13 @@ def test_leaves(left): pass
 """
 
 
+@pytest.fixture(autouse=True)
+def _fewer_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Load the plugin alone that the part's arguments need: pytest starts in half the time."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    monkeypatch.setenv("PYTEST_PLUGINS", "xdist.plugin")
+
+
 def outcome(folder: Path, *files: str, jobs: str = "0") -> tuple[list[str], list[str]]:
     for number, text in enumerate(files):
         (folder / f"test_{number}.py").write_text(text)

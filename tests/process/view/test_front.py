@@ -32,7 +32,7 @@ def connect(served: Front) -> socket.socket:
 
 
 def is_closed(connection: socket.socket) -> bool:
-    """Whether the other end has closed it; what it says before that is read."""
+    """True if the other end has closed it; what comes before that is read."""
     connection.setblocking(False)
     try:
         while connection.recv(4096):

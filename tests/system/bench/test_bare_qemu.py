@@ -30,7 +30,7 @@ def test_it_answers_in_the_protocol_of_the_link() -> None:
 @pytest.mark.qemu
 @needs_qemu
 def test_it_is_not_above_what_the_product_takes_of_it() -> None:
-    """And what the firmware takes is not split at a place where nobody looked."""
+    """The share of the firmware is not split at a place that nobody measured."""
     with Bench("paper_field", {"stm32": "qemu"}) as bench:
         result = measure(bench, Plan(seconds=2.0, steps=0))
     assert 0.0 < result.wire < result.at(0.5)

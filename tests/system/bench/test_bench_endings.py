@@ -81,7 +81,7 @@ def of_folder(folder: Path) -> list[int]:
 
 
 def shown(terminal: int, words: str) -> bool:
-    """Whether it shows those in time."""
+    """True if the terminal shows those words in time."""
     said, deadline = "", time.monotonic() + PATIENCE_S
     while words not in said and select.select((terminal,), (), (), deadline - time.monotonic())[0]:
         said += os.read(terminal, 4096).decode()
@@ -89,7 +89,7 @@ def shown(terminal: int, words: str) -> bool:
 
 
 def is_ready(folder: Path) -> bool:
-    """Whether a slave in it is."""
+    """True if a slave of that benchmark is ready."""
     return any("ready" in log.read_text() for log in folder.glob("uuv-hil-scratch-bench-*/slave-*.log"))
 
 

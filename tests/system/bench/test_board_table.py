@@ -199,7 +199,7 @@ def test_runs_before_one_that_fails_are_kept(
 
 
 def test_budgets_of_a_slave_elsewhere(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Those of the board that it says it is; else somebody has to say which."""
+    """The budgets are those of the board that the slave reports; else an option has to name it."""
     slave = {"board": "BeagleBone Black"}
     monkeypatch.setattr(bench_table, "fly", lambda *_: flown(**slave))
     words = ["bench", "table", "--repeat", "1", "--check", "--connect", "tcp/127.0.0.1:1"]

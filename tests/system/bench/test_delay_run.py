@@ -182,7 +182,7 @@ def test_a_slave_that_is_killed_is_no_result() -> None:
 
 
 def test_nor_is_one_elsewhere(tmp_path: Path) -> None:
-    """And without an echo there is no floor."""
+    """Without an echo there is no floor."""
     with Bench("paper_field") as bench:
         slave = bench.start_slave()
         command = [*program(), "bench", "delay", "--connect", bench.endpoint, "--steps", "2", "--seconds"]

@@ -50,7 +50,7 @@ def victim(monkeypatch: pytest.MonkeyPatch) -> Iterator[Victim]:
 
 
 def stream(seconds: float, watch: Callable[[float], None] = lambda _: None) -> Listening:
-    """Of a slave of its own."""
+    """Listen to a slave of its own."""
     with Bench("paper_field") as bench:
         slave = bench.start_slave()
         with Listener(bench.endpoint, bench.scenario) as listener:
@@ -58,7 +58,7 @@ def stream(seconds: float, watch: Callable[[float], None] = lambda _: None) -> L
 
 
 def at(share: float, number: int, victim: Victim) -> Callable[[float], None]:
-    """What hits it when so much is done."""
+    """Return a watcher that sends the victim a signal when that share is done."""
     return lambda done: victim.hit(number) if done >= share else None
 
 

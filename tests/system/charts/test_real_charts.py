@@ -62,7 +62,7 @@ ERRORS = [
 
 @pytest.mark.parametrize(("name", "ours", "linear", "radial"), ERRORS)
 def test_soundings_that_were_held_out(name: str, ours: float, linear: float, radial: float) -> None:
-    """As the page says, better than the others; nowhere deeper than a sounding, nor too deep in the mean."""
+    """The grid is better than the others, as the page says; nowhere below a sounding, nor too deep on average."""
     survey, found = built(name)
     report = found.report
     assert report.rmse == pytest.approx(ours, rel=0.02)

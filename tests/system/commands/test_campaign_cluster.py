@@ -69,7 +69,7 @@ def write_own(folder: Path, module: str, speed: float = 0.3, absolute: bool = Fa
 
 @pytest.fixture
 def plain_imports(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """What workers and users add to the modules and the path of this process goes with the test."""
+    """Remove the modules and paths that workers and users add to this process."""
     before = set(sys.modules)
     monkeypatch.setattr(sys, "path", [*sys.path])
     yield
@@ -90,7 +90,7 @@ def importing(folder: Path) -> Iterator[None]:
 
 
 def sent(folder: Path, scenario: Path) -> tuple[Bundle, dict[str, object]]:
-    """What is sent of it, and a run where it was written."""
+    """Return the bundle that is sent to a worker, and the result of a run in the original folder."""
     with importing(folder):
         bundle = collect(str(scenario), [{}, {"master.speed": 0.5}])
         row = run_one(str(scenario), {}, 3)
@@ -131,7 +131,7 @@ def test_what_goes_wrong_on_a_worker_names_the_users_files(tmp_path: Path) -> No
 def test_names_are_those_of_the_folder_where_the_campaign_was_started(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of the scenario, and of what is changed in it; a worker runs in another folder."""
+    """Names in the scenario and in its changes are found from there; a worker runs in another folder."""
     folder = tmp_path / "user"
     write_own(folder, "campaign_own_relative")
     shutil.move(folder / "mine.toml", folder / "six.toml")  # only the change names it

@@ -62,7 +62,7 @@ def start_server(folder: Path, port: int, target: str) -> subprocess.Popen[bytes
 
 
 def answers(port: int, query: str) -> list[Any]:
-    """What the server finds for a query; nothing while it starts."""
+    """Return the server's results of a query; nothing while it starts."""
     text = urllib.parse.urlencode({"query": query})
     try:
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/v1/query?{text}", timeout=60) as answer:
@@ -72,6 +72,6 @@ def answers(port: int, query: str) -> list[Any]:
 
 
 def uptime(port: int) -> int:
-    """How many times the server has read the figures."""
+    """Return how many times the server has read the figures."""
     found = answers(port, "count_over_time(uuv_hil_up[5m])")
     return int(found[0]["value"][1]) if found else 0

@@ -12,7 +12,7 @@ from tests.system.docs import (
 FOLLOWING = test_tutorials, test_tutorials_of_machines, test_how_to_fly, test_how_to_look, test_how_to_connect
 # Pages whose programs another test runs.
 ELSEWHERE = {
-    "docs/how-to/python.md": "tests/process/client/test_python_docs.py",
+    "docs/how-to/python.md": "tests/system/docs/test_python_docs.py",
     "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
     "docs/how-to/install.md": "tests/system/boards/test_install_script.py",  # what CI's machine can install
 }

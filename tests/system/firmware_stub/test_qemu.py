@@ -129,7 +129,7 @@ class TestQemu:
             talk()
 
     def test_its_clock_goes_as_ours(self, stm32: QemuStm32) -> None:
-        """Of one age to the next; QEMU loses ticks, it never makes up any."""
+        """The clock is compared from one report to the next; QEMU loses ticks and never makes up any."""
         link = link_to(stm32)
         link.send(ThrusterCommand(1, True, FULL))
         first = wait(link, lambda report: report.sequence == 1)
@@ -159,7 +159,7 @@ def test_without_qemu_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.fixture
 def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where temporary folders are made."""
+    """Return a folder in which temporary folders are made from now on."""
     folders = tmp_path / "temporary"
     folders.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folders))

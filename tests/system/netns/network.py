@@ -102,7 +102,7 @@ class Network:
 
 
 class Lines:
-    """What a process says, with the instants at which it was seen; it writes to `file`."""
+    """The output of a process, line by line, with the instants at which it was seen; the process writes to `file`."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

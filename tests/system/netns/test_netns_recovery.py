@@ -109,7 +109,7 @@ class Run:
 
 
 class Fault(NamedTuple):
-    """How it begins and ends, for how long, and who can see it."""
+    """A fault: how it begins and ends, for how long, and which side can see it."""
 
     begin: Callable[[Run], object]
     end: Callable[[Run], object]

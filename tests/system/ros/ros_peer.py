@@ -60,7 +60,7 @@ def _write(path: str, text: str) -> None:
 
 
 class Peer:
-    """That library, with the newest message of each topic."""
+    """The peer library with the newest message of each topic."""
 
     def __init__(self, port: int, folder: str) -> None:
         self._sdk = import_module("zenoh_ros2_sdk")
@@ -101,7 +101,7 @@ class Peer:
         }
 
     def late(self) -> int:
-        """How many transforms a late subscriber to /tf_static is given."""
+        """Return how many transforms a late subscriber to /tf_static gets."""
         self._kept.append(self._subscribe("/tf_static", "tf2_msgs/msg/TFMessage", qos=LATCHED))
         self.wait({"/tf_static"}, 60.0)
         found = self.newest.get("/tf_static")

@@ -20,13 +20,13 @@ SETTLED_S = 0.5  # in which the slave takes up most of what was declared
 
 
 def steps(figures: Diagnostics) -> tuple[float, float]:
-    """How many there were, and how many of them were late."""
+    """Return how many steps there were, and how many of them were late."""
     count = or_nan(figures.uptime_s) * or_nan(figures.loop_rate_hz)
     return count, (1.0 - or_nan(figures.within_2ms)) * count
 
 
 def next_figures(client: VehicleClient) -> Diagnostics:
-    """Those that come next but one: of a time that has ended when this is called."""
+    """Return the diagnostics after the next, whose period began after this call."""
     for _ in range(2):
         before = client.received["diagnostics"]
         assert wait_for(lambda: client.received["diagnostics"] > before)  # noqa: B023
@@ -34,7 +34,7 @@ def next_figures(client: VehicleClient) -> Diagnostics:
 
 
 def late_share(before: Diagnostics, after: Diagnostics) -> float:
-    """Of the steps in between."""
+    """Return the share of late steps between two diagnostics."""
     (count, late), (count_after, late_after) = steps(before), steps(after)
     return max(0.0, late_after - late) / (count_after - count)
 

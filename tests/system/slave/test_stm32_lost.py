@@ -122,7 +122,7 @@ def test_what_has_come_and_was_not_taken_up_is_closed() -> None:
 
 
 def test_a_machine_that_does_not_answer_any_more_keeps_nobody_waiting() -> None:
-    """As one that has left the network: attempts to connect are neither taken up nor refused."""
+    """The machine has left the network: attempts to connect are neither accepted nor refused."""
     device = TcpWire()
     said: list[str] = []
     driver = open_driver("device", Link(port=device.name), 6, True, 1, said.append)

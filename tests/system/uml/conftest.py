@@ -72,7 +72,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def _why_not(config: pytest.Config) -> str:
-    """Why the tests of this folder are not run; "" if they are."""
+    """Return why the tests of this folder are skipped; "" if they are run."""
     if "uml" not in " ".join(map(str, config.invocation_params.args)):
         return "takes a minute; run it with: pytest -m uml"
     if not shutil.which("tc", path="/usr/sbin:/sbin:" + os.environ.get("PATH", "")):

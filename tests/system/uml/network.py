@@ -46,7 +46,7 @@ def namespace(name: str) -> Iterator[None]:
 
 @contextmanager
 def within(name: str) -> Iterator[None]:
-    """What this thread opens is opened in that namespace."""
+    """Open what this thread opens in that namespace."""
     with open("/proc/thread-self/ns/net") as home, open(f"/run/netns/{name}") as away:
         _enter(away.fileno())
         try:

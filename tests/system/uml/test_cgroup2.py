@@ -59,7 +59,7 @@ def swap() -> Iterator[None]:
 
 
 def share_of_a_core(place: Confinement) -> float:
-    """That a process gets which never rests: its own time over that which passes."""
+    """Measure the share of a core that a process gets which never rests: its own time over the elapsed time."""
     process = subprocess.Popen(place.command(["sh", "-c", "while :; do :; done"]))
     time.sleep(0.1)
     before = read_threads([process.pid])
@@ -71,7 +71,7 @@ def share_of_a_core(place: Confinement) -> float:
 
 
 def most_of_a_core(place: Confinement, expected: float) -> float:
-    """Of up to ten measurements, until one comes up to it: a busy machine may keep the guest from some periods."""
+    """Return the largest of up to ten shares, or the first that is enough: a busy machine may stop the guest."""
     most = 0.0
     for _ in range(10):
         most = max(most, share_of_a_core(place))
@@ -137,7 +137,7 @@ def members(group: Path) -> set[int]:
 
 
 def as_on_a_raspberry_pi() -> None:
-    """What the other kernel does: a share of a core, but no less memory."""
+    """Check the other kernel: it limits the share of a core, but not the memory."""
     with mounted():
         with Confinement(Limits(cpu_share=0.25)) as place:
             print(place.by, most_of_a_core(place, 0.25))

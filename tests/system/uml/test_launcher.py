@@ -109,6 +109,6 @@ def test_registers_that_outgrew_it() -> None:
 
 
 def processes() -> int:
-    """How many processes of a guest of ours there still are; those that were killed may take a moment."""
+    """Return how many processes of our guest there still are; those that were killed may take a moment."""
     listed = subprocess.run(["ps", "-eo", "stat,args"], capture_output=True, text=True).stdout
     return sum("linux.uml mem=" in line and not line.startswith("Z") for line in listed.splitlines())

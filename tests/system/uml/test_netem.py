@@ -107,7 +107,7 @@ def on_a_bench(judge: Callable[[Bench], None]) -> Callable[[], None]:
 
 @on_a_bench
 def test_delay_loss_and_overtaking(bench: Bench) -> None:
-    """What is lost is counted by nobody but missed; what is overtaken is refused; the watchdog stays quiet."""
+    """Lost messages are only counted as missed, late ones are refused, and the watchdog stays quiet."""
     stm32 = bench.end.stm32
     with shaped("shore", POOR), shaped("vehicle", POOR, "vehicle"):
         sent = bench.run(3.0)

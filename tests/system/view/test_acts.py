@@ -15,7 +15,7 @@ CLICK_UP, DRAG_RIGHT = 60, 90  # pixels of the scene
 
 
 def thrust(vehicle: Vehicle, thruster: str) -> float:
-    """What a thruster gives now (N)."""
+    """Return the force of a thruster now (N)."""
     stamped = vehicle.client.latest.get("joint_states")
     return abs(dict(zip(stamped.value.names, stamped.value.efforts, strict=True))[thruster]) if stamped else 0.0
 
@@ -56,7 +56,7 @@ def drag(page: ViewPage, begin: tuple[float, float], right: float) -> None:
 
 
 def moved(vehicle: Vehicle, start: tuple[float, ...]) -> tuple[float, float]:
-    """How far north and east the vehicle is of `start` (m)."""
+    """Return how far north and east of `start` the vehicle is (m)."""
     position = vehicle.ground_truth.position
     return position[0] - start[0], position[1] - start[1]
 

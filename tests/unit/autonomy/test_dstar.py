@@ -14,7 +14,7 @@ from hil.common.errors import MissionError
 
 
 def length(planner: DStarLite | None, grid: OccupancyGrid, start: Point, goal: Point) -> float:
-    """Of the way, -1 if there is none."""
+    """Return the length of the path, -1 if there is none."""
     try:
         path = (planner.plan if planner else plan)(grid, start, goal)
     except MissionError:

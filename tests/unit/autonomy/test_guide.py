@@ -31,7 +31,7 @@ SPREAD = math.radians(240.0)
 
 
 def scan(discs: list[Disc], position: Point, heading: float, noise: Callable[[], float] = lambda: 0.0) -> Scan:
-    """What a laser with 240 degrees and 91 beams sees up to 8 m."""
+    """Return what a laser with 240 degrees and 91 beams measures up to 8 m."""
     north, east, radius = np.array(discs or [(1e6, 1e6, 1.0)]).T
     angles = heading - SPREAD / 2.0 + SPREAD / (BEAMS - 1) * np.arange(BEAMS)
     along = np.outer(np.cos(angles), north - position[0]) + np.outer(np.sin(angles), east - position[1])

@@ -16,7 +16,7 @@ Point = tuple[float, float]
 
 
 class Track:
-    """What a run looked like, one entry a step."""
+    """A run with one entry a step."""
 
     def __init__(self) -> None:
         self.points: list[Point] = []

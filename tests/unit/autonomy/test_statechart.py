@@ -62,7 +62,7 @@ when = "range < 3"
 
 
 class Parts(NamedTuple):
-    """What a chart is made of, as it is read from a file."""
+    """The parts of a chart, as they are read from a file."""
 
     initial: str
     state: tuple[State, ...]

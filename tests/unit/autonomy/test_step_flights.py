@@ -19,7 +19,7 @@ CURRENT = (0.2, 0.2, 0.0)
 
 
 def heavier(vehicle: Vehicle, share: float) -> Vehicle:
-    """That much more mass, trimmed to weigh what it did: a full sample box."""
+    """Return the vehicle with that much more mass, trimmed to weigh the same: a full sample box."""
     added = vehicle.mass * share
     return vehicle._replace(mass=vehicle.mass + added, volume=vehicle.volume + added / 1025.0)
 
@@ -39,7 +39,7 @@ def error(moments: list[Moment], wanted: float) -> float:
 
 
 def restlessness(moments: list[Moment]) -> float:
-    """How much the surge force goes up and down in a second, N/s, over the last third: sample noise, or chatter."""
+    """Return how much the surge force changes in a second, N/s, over the last third: sample noise, or chatter."""
     last = late(moments)
     travelled = sum(abs(b.wrench[0] - a.wrench[0]) for a, b in pairwise(last))
     return travelled / (last[-1].time - last[0].time)
@@ -65,7 +65,7 @@ def test_a_step_of_speed_depth_and_heading(family: str, name: str) -> None:
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize(("family", "left"), [("cascade", 0.01), ("sliding_mode", 0.01), ("restoring_pd", 0.15)])
 def test_in_a_current_that_nobody_tells_it_of(family: str, left: float, name: str) -> None:
-    """What integrates leaves nothing; the PD law what its page says, drag of the current over inertia and d."""
+    """Controllers that integrate leave no error; the PD law leaves what its page says: the current's drag."""
     vehicle = rig(family, name, current=CURRENT)
     vehicle.fly(6.0, lambda time: STILL)
     ahead = vehicle.fly(10.0, lambda time: STILL._replace(surge=0.3))

@@ -24,7 +24,7 @@ def test_servo_packets(channels: int) -> None:
 
 
 def scan(text: str, section: str, key: str) -> str:
-    """What ArduPilot finds: the section anywhere, the key anywhere behind it, then what stands two characters on."""
+    """Return what ArduPilot finds: the section anywhere, the key anywhere behind it, the value two characters on."""
     start = text.index(section) + len(section) + 1
     start = text.index(key, start)
     return text[start + len(key) + 2 :]

@@ -31,7 +31,7 @@ def test_every_share_of_whole_percents_is_that_rank(count: int) -> None:
 
 
 def test_all_quantiles_are_of_one_definition() -> None:
-    """Of a histogram of what was measured, of cyclictest's, of loopback's and of delays: small whole numbers here."""
+    """The histograms are those of measurements, cyclictest, loopback and delays: small whole numbers here."""
     for count, share in ((100, 0.07), (100, 0.55), (100, 0.99), (7, 0.5), (1000, 0.999)):
         histogram, values = Histogram(), [number % 8 for number in range(count)]
         for value in values:

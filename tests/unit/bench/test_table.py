@@ -26,7 +26,7 @@ HEALTH = {
 
 
 class Client:
-    """What the table reads of a client."""
+    """The part of a client that the table reads."""
 
     def __init__(self, dialled_ns: int, health: Diagnostics, offset_ns: int) -> None:
         self.delays = DelayMeter()

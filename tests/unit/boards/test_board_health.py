@@ -68,7 +68,7 @@ def test_a_processor_that_is_not_held_back(tmp_path: Path, kind: str, state: str
 
 @pytest.mark.parametrize("name", REAL)
 def test_the_limit_is_where_the_firmware_starts(tmp_path: Path, name: str) -> None:
-    """What the firmware calls a limit that is reached must not lie below the board's own."""
+    """The firmware's limit must not lie below the board's own."""
     tree, board = tree_of(name, tmp_path), boards.load_board(recorded.expected_board(name))
     warmth = temperature(tree, board)
     if warmth is not None and FIRMWARE[3] in throttling(tree, board).now:

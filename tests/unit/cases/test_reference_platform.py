@@ -132,7 +132,7 @@ def test_equation_8_as_printed_jumps_and_ours_does_not() -> None:
 
 
 def test_equation_2_with_its_n_forgets_its_start() -> None:
-    """As printed, n' = -1/tau, a bias of 1 would be at 1 - t / tau, wherever it began."""
+    """With n' = -1/tau, as printed, a bias of 1 would be at 1 - t / tau, wherever it began."""
     process = ErrorProcess(ErrorModel(bias=1.0, bias_time=10.0), 1.0, Random(2))
     bias = [process.measure(0.0) for _ in range(20_000)]
     mean = sum(bias) / len(bias)

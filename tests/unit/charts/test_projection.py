@@ -9,7 +9,7 @@ A, E2 = 6_378_137.0, 0.00669437999014  # WGS 84
 
 
 def radii(latitude: float) -> tuple[float, float]:
-    """Of curvature along the meridian and across it."""
+    """Return the radii of curvature along the meridian and across it."""
     w = sqrt(1.0 - E2 * sin(radians(latitude)) ** 2)
     return A * (1.0 - E2) / w**3, A / w
 

@@ -55,7 +55,7 @@ def fly(client: Spoken, told: Action, seconds: float) -> list[State]:
 
 
 def farthest(track: list[State], way: list[Position]) -> float:
-    """How far (m) the vehicle came away from the nearest of some points of the way."""
+    """Return the largest distance (m) of the vehicle from the nearest of some points of the path."""
     return max(min(dist(state.position, point) for point in way) for state in track)
 
 

@@ -30,7 +30,7 @@ class Clock:
         return round(self.now_s * NS_PER_S)
 
     def wait(self, seconds: float) -> bool:
-        """As the event of closing: True at the end."""
+        """Wait as the event of closing does; return True at the end."""
         self.now_s += seconds
         late = [at_s for at_s in self.held_up if at_s <= self.now_s]
         self.now_s += sum(self.held_up.pop(at_s) for at_s in late)

@@ -152,7 +152,7 @@ def test_one_meaning_of_one_name() -> None:
 
 
 def test_one_definition_of_one_option() -> None:
-    """What several commands offer under one name and with one meaning is written once, in a function that adds it."""
+    """An option that several commands offer with one meaning is defined once, in a function that adds it."""
     places: dict[tuple[str, str], list[str]] = defaultdict(list)
     for path in sorted(FOLDER.rglob("*.py")):
         for call in ast.walk(ast.parse(path.read_text())):

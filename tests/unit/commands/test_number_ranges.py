@@ -20,7 +20,7 @@ HOSTILE = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**400, -(10**400))
 
 
 def records() -> Iterator[type[Any]]:
-    """Those with at least one range, which are read from files or messages."""
+    """Yield the records with at least one range, which are read from files or messages."""
     for package in PACKAGES:
         for found in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
             if found.name in PASSED_OVER or ".native._" in found.name or ".images" in found.name:

@@ -29,7 +29,7 @@ class CapturedError(Exception):
 
 
 class AcceptedError(Exception):
-    """What a parser made of a command line."""
+    """Raised with what a parser made of a command line."""
 
 
 class Option(NamedTuple):

@@ -217,7 +217,7 @@ def run_python(events: list[Event], end_ms: int) -> tuple[list[ThrusterTelemetry
 
 
 def run_image(events: list[Event], end_ms: int, slice_ms: float = 0.0) -> tuple[bytes, list[list[int]], str]:
-    """What the image says, its pulses after each event, and a digest of its RAM at the end."""
+    """Return the output of the image, its pulses after each event, and a digest of its RAM at the end."""
     board, pulses = UnicornBoard(IMAGE, 6), []
     for event in [*events, Event(end_ms, b"")]:
         at_ns = round(event.at_ms * MS)

@@ -1,4 +1,4 @@
-"""What waits for a client of a websocket is bounded, also where it must not be dropped."""
+"""The queue of a websocket client is bounded, also for messages that must not be dropped."""
 
 import asyncio
 from typing import Any, cast

@@ -20,7 +20,7 @@ Open = Callable[..., tuple[Wire, FaultyWire]]
 
 
 def struck(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list[bytes], Tally]:
-    """What comes out of CHUNKS, sent one by one."""
+    """Return what comes out of CHUNKS, sent one by one."""
     far, near = instant_pair(opened, faults, seed)
     received = []
     for chunk in CHUNKS:
@@ -30,7 +30,7 @@ def struck(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list[bytes
 
 
 def near_share(count: int, share: float, of: int) -> bool:
-    """Whether so many of so many is that share, within five standard deviations."""
+    """True if so many of so many is that share, within five standard deviations."""
     return bool(abs(count - share * of) < 5 * (of * share * (1 - share)) ** 0.5)
 
 

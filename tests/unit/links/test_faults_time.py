@@ -35,7 +35,7 @@ def test_a_frame_takes_its_time_on_the_wire(opened: ExitStack, downward: bool) -
 
 
 def least_ns(opened: ExitStack, baud: int, downward: bool) -> int:
-    """Of many frames: a machine that others use too wakes those who wait late, never early."""
+    """Return the least time of many frames: a busy machine wakes those who wait late, never early."""
     far, near = pty_pair(opened, Faults(baud=baud))
     sender, receiver = (near, far) if downward else (far, near)
     with one_cpu():

@@ -294,7 +294,7 @@ def test_the_tachometer_goes_round() -> None:
 
 
 class Vesc(CanLinkContract):
-    """What crosses on VESC's protocol."""
+    """The parts of commands and reports that VESC's protocol carries."""
 
     protocol = "vesc"
     commands_carry = ("armed", "pwm_us")

@@ -16,7 +16,7 @@ class Bed:
         self.answers = self.samples = 0
 
     def run(self, seconds: float, samples: int = 0, answers: int = 1, is_deaf: bool = False) -> list[float]:
-        """So many of each come between two looks; when (s from now on) it says that it is time to connect again."""
+        """Add so many of each before each check; return when (s from now on) the detector reports a stall."""
         began, told = self.now_ms, []
         while self.now_ms < began + 1000 * seconds:
             self.now_ms += LOOK_MS

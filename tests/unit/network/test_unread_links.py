@@ -27,7 +27,7 @@ def test_a_process_that_was_held_up_has_not_read_a_sound_link() -> None:
 
 
 def test_a_link_on_which_nothing_waits_is_read() -> None:
-    """As nothing has come: the peer, or the network between, is held up."""
+    """Nothing has come: the peer, or the network between, is held up."""
     links, idle = UnreadLinks(LEASE_S), (1, 2)
     for _ in range(3):
         for _ in range(3):

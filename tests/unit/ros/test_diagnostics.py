@@ -103,7 +103,7 @@ def _ends_in_raw(node: ast.expr) -> bool:
 
 
 def test_names_in_docs_are_in_the_table() -> None:
-    """Where a document names one as `vehicle.diagnostics.NAME`."""
+    """Documents name a figure as `vehicle.diagnostics.NAME`."""
     for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
         for name in re.findall(r"diagnostics\.([a-z]\w+)", path.read_text()):
             assert name in {*Diagnostics.FIGURES, "py", "md"}, f"{path.name}: {name}"

@@ -48,7 +48,7 @@ def xyz(fields: dict[str, float]) -> tuple[float, float, float]:
 
 
 def test_type_hashes_are_those_of_the_other_implementation() -> None:
-    """Of rosbags, as are those of the definitions, see test_ros_types."""
+    """The hashes are those of rosbags, as are those of the definitions, see test_ros_types."""
     assert {name: TYPE_HASHES[name] for name in GOLDEN["hashes"]} == GOLDEN["hashes"]
     assert {name: types.type_hash(name) for name in TYPE_HASHES} == TYPE_HASHES
 

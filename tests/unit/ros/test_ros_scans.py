@@ -37,7 +37,7 @@ def test_golden_bytes() -> None:
 
 @pytest.mark.parametrize("name", ["laser", "scanning_sonar"])
 def test_angles_grow_to_port(name: str) -> None:
-    """What the sensor saw at 30 deg to starboard is the first of the message, at -30 deg in FLU."""
+    """A return at 30 deg to starboard is the first of the message, at -30 deg in FLU."""
     message = read(name, SCAN)
     assert message.header.frame_id == f"uuv1/{name}_link"
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (7, 9)

@@ -231,7 +231,7 @@ def test_there_is_a_sample_of_each() -> None:
 @pytest.mark.parametrize("prefix", ["", "uuv1/"])
 @pytest.mark.parametrize("name", SAMPLES)
 def test_each_goes_out_on_its_topic_and_comes_back(name: str, prefix: str) -> None:
-    """As a message of the type that the topic says: others read it with that type's definition."""
+    """Each is a message of its topic's type: others read it with that type's definition."""
     ((topic, payload),) = list(ros.encoder(name)(SAMPLES[name], prefix))
     assert topic == name
     message = STORE.deserialize_cdr(payload, TOPICS[topic].type)

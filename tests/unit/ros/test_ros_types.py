@@ -76,7 +76,7 @@ _register()
 
 
 def theirs(name: str) -> str:
-    """What rosbags calls it."""
+    """Return the name of the type in rosbags."""
     return name if name in STORE.types else name.replace("/srv/", "/srv/msg/")
 
 
@@ -175,7 +175,7 @@ def test_the_slaves_constants_are_those_of_the_definitions() -> None:
 
 
 def test_full_text_reads_alone() -> None:
-    """As a recording carries it: everything that a type is made of, once."""
+    """A recording carries the text with all types in it, each once."""
     text = types.full_text("nav_msgs/msg/Odometry")
     assert text.startswith("std_msgs/Header header\nstring child_frame_id\n")
     read = get_types_from_msg(text, "nav_msgs/msg/Odometry")
@@ -305,7 +305,7 @@ def test_a_list_of_bools() -> None:
 
 @given(st.sampled_from(MESSAGES), st.binary(max_size=300))
 def test_noise_never_raises(name: str, noise: bytes) -> None:
-    """And what is read of it is a message that can be sent again."""
+    """Whatever is decoded is a message that can be sent again."""
     for data in (noise, HEADER + noise):
         found = ros_message.decode(name, data)
         assert found is None or repr(ros_message.decode(name, ros_message.encode(name, found))) == repr(found)

@@ -27,5 +27,5 @@ def test_samples_go_out_on_the_topics_that_are_declared_for_them() -> None:
 
 
 def test_pictures_are_declared_with_the_first_one() -> None:
-    """What a camera sends depends on its options."""
+    """The topics of a camera depend on its options."""
     assert [sample_topics(name) for name in PICTURES] == [(), (), ()]

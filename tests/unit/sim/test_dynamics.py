@@ -57,7 +57,7 @@ def test_coriolis_anchor() -> None:
     [(0, 129.2, 0.910), (1, 85.0, sqrt(85.0 / 217.0)), (2, 120.0, 0.7136), (5, 10.0, sqrt(10.0 / 1.5))],
 )
 def test_terminal_rates(axis: int, force: float, rate: float) -> None:
-    """Where (linear + quadratic |v|) v equals the force: von Benzon's table 4 within 1 %, and units that fit."""
+    """The rate is where (linear + quadratic |v|) v equals the force: von Benzon's table 4 within 1 %."""
     wrench = [force if i == axis else 0.0 for i in range(6)]
     dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=True), 1000.0, 9.82)
     state = State((0.0, 0.0, DEEP))
@@ -68,7 +68,7 @@ def test_terminal_rates(axis: int, force: float, rate: float) -> None:
 
 
 def explicit_added_mass_peak(mass: float, added: float) -> float:
-    """How others have it: the added mass times the last acceleration, as a force. Peak over 1 s at 10 N."""
+    """Return the peak over 1 s at 10 N where added mass times the last acceleration is a force, as others have it."""
     acceleration, peak = 0.0, 0.0
     for _ in range(100):
         acceleration = (10.0 - added * acceleration) / mass
@@ -185,7 +185,7 @@ def test_munk_moment_goes_with_its_share(share: float) -> None:
 
 @pytest.mark.parametrize("shares", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.7, 0.1, 0.4)])
 def test_no_share_of_the_munk_moment_makes_energy(shares: tuple[float, float, float]) -> None:
-    """Of a free body that tumbles without drag, added mass coupled: what the moments give, the forces take."""
+    """The work of moments and forces on a free body cancels, without drag and with coupled added mass."""
     matrix = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
               0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
     dynamics = Dynamics(bare([float(x) for x in matrix], munk_share=shares), 1000.0, 9.8, "rk4")

@@ -152,7 +152,7 @@ def test_a_vehicle_with_little_inertia_flies_at_the_longest_step() -> None:
 
 @pytest.mark.parametrize("dt_ns", [10_000_000, 2_500_000])
 def test_thrust_comes_half_a_step_early_and_no_more(dt_ns: int) -> None:
-    """What the thrusters' docstring says: ahead by the speed times dt / 2, which no longer grows at top speed."""
+    """The lead is the speed times dt / 2, as the thrusters' docstring says; it no longer grows at top speed."""
 
     def flight(dt_ns: int, seconds: float) -> tuple[float, float]:
         run = Simulation(

@@ -214,7 +214,7 @@ LEVEL = from_euler(0.0, 0.0, 0.0)
 
 
 def seen(distance: float, heading: float = 0.0, count: int = 1) -> OpticalChannel:
-    """What became of `count` messages over that distance, in clear ocean water."""
+    """Return the fates of `count` messages over that distance, in clear ocean water."""
     channel = OpticalChannel(OpticalModem(), seed=2)
     places = {"a": Pose((0.0, 0.0, 5.0), LEVEL), "b": Pose((distance, 0.0, 5.0), from_euler(0.0, 0.0, heading))}
     for number in range(count):

@@ -293,7 +293,7 @@ def test_surge_step() -> None:
 
 
 def their_coast(speed: float, seconds: float) -> tuple[float, float]:
-    """How far (m) theirs goes by itself from `speed` m/s, straight ahead, and how fast it still is (m/s)."""
+    """Return how far (m) theirs goes by itself from `speed` m/s, straight ahead, and its last speed (m/s)."""
     dynamics = Dynamics(REMUS, 1026.0, GRAVITY, forces=[hull_of(REMUS)])
     way, dt = 0.0, 0.01
 

@@ -34,7 +34,7 @@ def pick(row: Row, keys: str) -> list[float]:
 
 
 class LeftOut:
-    """What those authors leave out in a current, as a force to take away.
+    """The force that those authors leave out in a current, taken away.
 
     In turning axes the water's own velocity turns, so nu_r' = nu' + omega x (R' current), and the added mass
     feels that; they take nu_r' for nu'.

@@ -47,7 +47,7 @@ class Clock:
         age_ms: float = 0.0,
         topic: str = "cmd_vel",
     ) -> bool:
-        """Whether it is obeyed."""
+        """Deliver a command; return True if it is obeyed."""
         stamp = ros.pack_attachment(sequence, to_wall_ns(self.now_ns) - round(age_ms * MS), gid)
         command_receiver.on_message(topic, ros.encode_twist((0.5, 0, 0), (0, 0, 0)), stamp)
         return command_receiver.take_latest() is not None
@@ -167,7 +167,7 @@ def test_a_flood_lets_the_reader_rest(command_receiver: CommandReceiver, clock: 
 def test_a_flood_of_who_is_refused_neither_hides_the_master_nor_replaces_it(
     command_receiver: CommandReceiver, clock: Clock, rate: int, known: bool
 ) -> None:
-    """What has come while the reader rested waits in a ring of eight, as on the network."""
+    """Messages that come while the reader rests wait in a ring of eight, as on the network."""
     if known:
         command_receiver.ranks.update({GID: 0, OTHER: 0})
     ring: deque[tuple[int, bytes]] = deque(maxlen=8)
@@ -191,7 +191,7 @@ def test_a_flood_of_who_is_refused_neither_hides_the_master_nor_replaces_it(
 
 @pytest.mark.parametrize("gid", [GID, OTHER], ids=["master", "other"])
 def test_under_overload_silence_proves_nothing(command_receiver: CommandReceiver, clock: Clock, gid: bytes) -> None:
-    """Whether the master is silent, or all it says is lost among thousands of others."""
+    """Under overload a master's missing commands may be lost among thousands of others."""
     command_receiver.ranks[OTHER] = 0
     clock.deliver(command_receiver, 1)
     for sequence in range(1, 6001):  # 0.6 s
@@ -302,7 +302,7 @@ def test_age_follows_drifting_clocks() -> None:
 def commands(
     command_receiver: CommandReceiver, clock: Clock, first: int, seconds: float, age_ms: float, each: int = 1
 ) -> list[bool]:
-    """Which of those that come twenty times a second are obeyed; `each`: so many numbers apart."""
+    """Return which of the commands that come twenty times a second are obeyed; `each`: so many numbers apart."""
     obeyed = []
     for sequence in range(first, first + round(20 * seconds) * each, each):
         clock.wait(50)

@@ -52,7 +52,7 @@ class SamplePublisher:
         self.said.append(trace)
 
     def wake_publisher(self) -> None:
-        """What is said has gone out already."""
+        """Do nothing: all samples have gone out already."""
 
 
 class Bed:

@@ -95,7 +95,7 @@ class Vehicle:
         self.loop.pilot.command(VelocityCommand(surge=surge), STANDS_NS)
 
     def run(self, steps: int) -> None:
-        """As the loop does, with as many updates of the controller."""
+        """Run steps as the loop does, with as many updates of the controller."""
         assert self.loop.pilot
         for _ in range(steps):
             command, _ = self.loop.pilot.update(STANDS_NS, 0.0025)

@@ -33,7 +33,7 @@ def test_what_a_simulation_costs(
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_what_a_step_costs(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of Python and C, and of numpy, which also has to fly the same path."""
+    """Costs are measured of Python, C and numpy, which also has to fly the same path."""
     monkeypatch.setattr(sys, "argv", ["step_cost.py", "--vehicle", name, "--rounds", "1"])
     monkeypatch.setattr(step_cost, "STEPS", 5)
     assert step_cost.main() == 0

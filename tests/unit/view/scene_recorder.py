@@ -4,7 +4,7 @@ from typing import Any
 
 
 class Handle:
-    """What was added; `removed` once it is gone."""
+    """An added item; `removed` is set once it has been taken away."""
 
     def __init__(self) -> None:
         self.removed = False

@@ -135,7 +135,7 @@ def test_the_push_of_the_waves() -> None:
 
 
 def test_pushed_mass_of_a_trimmed_vehicle() -> None:
-    """What weighs nothing displaces its own mass, and the moment is about the origin."""
+    """A weightless vehicle displaces its own mass, and the moment is about the origin."""
     body = VEHICLE._replace(
         added_mass=(0.0,) * 6, neutrally_buoyant=True, mass=11.0, center_of_buoyancy=(0.1, 0.0, 0.0)
     )

@@ -109,7 +109,7 @@ def test_whole_steps_are_equal(
 
 
 def test_a_failure_among_waves_is_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What fins, sea and propeller had come to in C is gone on with in Python."""
+    """Python continues from the states of fins, waves and propeller that the C code had reached."""
     both = twins(monkeypatch, MIXED, REMUS, depth=1.0)
     ride(both, 133)
     for simulation in both:

@@ -14,7 +14,7 @@ TWINS = ["sim/native/kernel.h", "sim/native/rays_seabed.h"]
 
 
 def compiles(compiler: str, header: str, folder: Path, *flags: str, method: str = "") -> bool:
-    """Whether `header` is accepted with these flags; `method` stands for a processor's FLT_EVAL_METHOD."""
+    """True if `header` is accepted with these flags; `method` stands for a processor's FLT_EVAL_METHOD."""
     shim = folder / "shim.h"
     shim.write_text(f"#include <float.h>\n#undef FLT_EVAL_METHOD\n#define FLT_EVAL_METHOD {method}\n" if method else "")
     source = folder / "twin.c"

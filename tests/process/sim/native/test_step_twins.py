@@ -104,7 +104,7 @@ class Ride:
             self.touches += self.both[0].touching
 
     def place(self, position: Sequence[float]) -> None:
-        """As the slave's loop does, with any attitude, and at speed."""
+        """Place both, as the slave's loop does, with any attitude, and at speed."""
         quaternion = normalise([self.chance.uniform(-1.0, 1.0) for _ in range(4)])
         nu = [self.chance.uniform(-2.0, 2.0) for _ in range(6)]
         for simulation in self.both:
@@ -218,7 +218,7 @@ def test_a_state_in_c_is_written_whole() -> None:
 def test_every_imu_sample_is_equal(
     position: tuple[float, float, float], turn: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of any state, be it one of Python or of C."""
+    """The state may be one of Python or of C."""
     scenes = twins(monkeypatch, FLAT, sensors={})
     units = []
     for native, scene in zip("01", scenes, strict=True):

@@ -258,7 +258,7 @@ def test_more_ground_than_a_texture_takes(context: Any, monkeypatch: pytest.Monk
 
 
 def test_nodes_within_and_beyond_the_grid() -> None:
-    """Of 5 nodes every 2 m, the camera at the second: all that is wanted, then the edge once more and far away."""
+    """There are 5 nodes every 2 m; the camera is at the second. Beyond the edge it is repeated, then one far away."""
     numbers, places = opengl.nodes(1.0, 5, 2.0, -0.5, 3.0, 100.0)
     assert (numbers.tolist(), places.tolist()) == ([0, 1, 2, 3], [-2.0, 0.0, 2.0, 4.0])
     numbers, places = opengl.nodes(1.0, 5, 2.0, -9.0, 9.0, 100.0)

@@ -80,7 +80,7 @@ def test_arming() -> None:
 
 
 def test_a_host_that_knows_no_arming() -> None:
-    """As AM32 with REQUIRE_ARMING 1 and 0."""
+    """The ESC is AM32's, with REQUIRE_ARMING 1 and 0."""
     master = host()
     raw_only = records(f for f in frames(master.encode(ThrusterCommand(1, True, PULSES))) if f.id >> 8 & 0xFFFF == 1030)
     assert device().feed(raw_only) == [ThrusterCommand(0, False, PULSES)]
@@ -197,7 +197,7 @@ def test_wrong_settings_are_named(role: Any, channels: int, settings: dict[str, 
 
 
 class DroneCan(CanLinkContract):
-    """What crosses on DroneCAN."""
+    """The parts of commands and reports that DroneCAN carries."""
 
     commands_carry = ("armed", "pwm_us")
     reports_carry = ("sequence", "armed", "timed_out", "pwm_us", "frames", "errors", "watchdog_trips")

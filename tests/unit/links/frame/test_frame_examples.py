@@ -135,7 +135,7 @@ def test_the_host_learns_which_command_a_report_answers(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_disarmed_means_neutral(name: str) -> None:
-    """Whether the frame has a bit for it or not."""
+    """Disarmed is neutral, whether the frame has a bit for it or not."""
     device, stm32 = open_frame("device", 2, name), Stm32(2)
     (command,) = device.feed(open_frame("host", 2, name).encode(ThrusterCommand(9, False, (1900, 1100))))
     assert isinstance(command, ThrusterCommand)

@@ -29,7 +29,7 @@ def test_a_thousand_strings(name: str, role: Role) -> None:
 @examples(30)
 @given(st.lists(st.binary(min_size=1, max_size=64), max_size=20), st.integers(0, 200))
 def test_one_byte_repeated_and_long_pieces(name: str, pieces: list[bytes], times: int) -> None:
-    """What costs a careless decoder quadratic time or memory; and the frame behind it is heard."""
+    """These bytes cost a careless decoder quadratic time or memory; the frame behind them is decoded."""
     protocol = open_frame("device", 3, name)
     command = ThrusterCommand(1, True, (1200, 1500, 1801))
     for piece in pieces:

@@ -42,7 +42,7 @@ def test_without_an_id_each_end_hears_the_other(tmp_path: Path) -> None:
 
 
 def test_a_sequence_between_length_and_id(tmp_path: Path) -> None:
-    """As MAVLink has it: the constants of the header are not in one piece."""
+    """The constants of the header are not in one piece in MAVLink's layout."""
     header = '{ name = "length" }, { name = "sequence" }, { name = "id" }'
     text = (
         frame_file(PULSES, header=header)

@@ -24,7 +24,7 @@ def with_pymavlink(stamp: int, port: int, pulses: list[int], number: int, system
 
 
 def fields(message: Any) -> tuple[Any, ...]:
-    """Of a message of pymavlink."""
+    """Return the fields of a message of pymavlink."""
     pulses = tuple(getattr(message, f"servo{i}_raw") for i in range(1, 17))
     sender = message.get_srcSystem(), message.get_srcComponent()
     return message.time_usec, pulses, message.port, message.get_seq(), *sender

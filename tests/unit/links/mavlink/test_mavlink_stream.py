@@ -285,7 +285,7 @@ def test_our_timestamps_rise_with_every_packet_and_never_go_back() -> None:
 
 
 def test_pymavlinks_own_check_is_silenced_by_a_forged_timestamp() -> None:
-    """Why we have our own: this fails the day pymavlink is mended, and ours can go."""
+    """This is why we check signatures: the test fails the day pymavlink is mended, and ours can go."""
     receiver = signed_peer()
     good = signed_peer()
     assert receiver.names(good.arm()) == ["COMMAND_LONG"]

@@ -91,7 +91,7 @@ def test_of_one_wavelength_the_coefficients_are_those_of_the_water(monkeypatch: 
 
 
 def test_of_broad_colours_scene_and_veil_go_different_ways() -> None:
-    """What Akkaynak & Treibitz found: the two coefficients differ, and the scene's falls with range."""
+    """Akkaynak & Treibitz found that the two coefficients differ, and the scene's falls with range."""
     near, far = jerlov("I", distance=1.0), jerlov("I", distance=20.0)
     assert near.attenuation[0] > 1.2 * near.backscatter[0]
     assert near.attenuation[0] > 1.2 * far.attenuation[0]

@@ -132,7 +132,7 @@ def test_field_of_view() -> None:
 
 
 def test_a_lens_that_distorts() -> None:
-    """What the lens puts in a pixel is what the pixel looks at; a plane is then still a plane."""
+    """A pixel looks where the lens maps it; a plane is then still a plane."""
     lens = (-0.2, 0.03, 0.001, -0.0005, -0.001)
     x, y = np.meshgrid(np.linspace(-0.8, 0.8, 33), np.linspace(-0.6, 0.6, 25))
     u, v = undistorted(x, y, lens)
@@ -291,7 +291,7 @@ def test_things_look_the_same_from_elsewhere() -> None:
 
 
 def test_shade(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What looks up is 1 / 0.6 times as bright as a wall; what is beneath the surface sees it bright."""
+    """A face that looks up is 1 / 0.6 times as bright as a wall; from below the surface is bright."""
     monkeypatch.setattr(scenery, "_SCALES", ())
     world = FLAT._replace(box=(Box(5.0, 0.0, 2.0, 2.0, top=9.0),))
     sample = camera(world, TRUE._replace(exposure=1.0, width=161, height=121)).sample(0, State((0.0, 0.0, 7.0)))

@@ -101,7 +101,7 @@ def test_a_sphere_and_a_cylinder_give_exact_ranges() -> None:
 
 
 def test_the_bin_of_a_thing_is_that_of_its_range() -> None:
-    """Of a pile 17.03 m ahead: the first bin that echoes begins at 17.0 m; the others lie behind it."""
+    """The first bin that echoes a pile 17.03 m ahead begins at 17.0 m; the others lie behind it."""
     world = DEEP._replace(cylinder=(Cylinder(18.03, 0.0, 1.0),))
     column = image(forward(world).sample(0, AHEAD))[:, 32]
     assert np.nonzero(column)[0][0] == 170
@@ -124,7 +124,7 @@ def test_a_step_echoes_where_it_is() -> None:
 
 @pytest.mark.parametrize("distance", [5.0, 10.0, 40.0])
 def test_a_wall_fades_as_the_equation_says(distance: float) -> None:
-    """Of a thin beam: mu dO / r² 10^(-2 alpha r / 10)."""
+    """A thin beam fades by mu dO / r² 10^(-2 alpha r / 10)."""
     model = TRUE._replace(beams=1, sector=radians(1.0), beam_height=radians(0.5), rays=9)
     sonar = forward(facing_wall(distance), model)
     total = image(sonar.sample(0, AHEAD)).sum()

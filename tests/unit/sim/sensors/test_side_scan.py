@@ -115,7 +115,7 @@ def test_a_device_is_of_its_sensor() -> None:
 
 
 def test_numpys_rays_give_the_same_pictures(binaries: Path) -> None:
-    """As those in C, to the last byte: sonars and camera, over rough ground with things on it."""
+    """Pictures by numpy's rays equal those by C to the last byte: sonars and camera, rough ground with obstacles."""
     grid = covering(EXTENT, 1.0)
     terrain = Terrain(grid, Fractal(15.0, 1.5, seed=4).depths(grid), 20.0)
     world = FLAT._replace(terrain=terrain, cylinder=(Cylinder(15.0, 5.0, 1.0),), box=(Box(8.0, -4.0, 2.0, 2.0, 0.4),))

@@ -117,7 +117,7 @@ def test_voltage_below_and_above_the_table() -> None:
 
 @pytest.mark.parametrize(("key", "seconds"), [("", 1.0), ("cut_off_delay = 0.25", 0.25), ("cut_off_delay = 0", 0.0)])
 def test_sag_cuts_off_for_good_after_its_delay(key: str, seconds: float, tmp_path: Path) -> None:
-    """Of one sag without a break, not of several that add up to as much; and then it stays off."""
+    """The delay is of one sag without a break, not of several that add up; then it stays off."""
     vehicle, _ = load_vehicle(vehicle_file(tmp_path, TOML.replace("cut_off = 11.0", f"cut_off = 14.5\n{key}")))
     dt = 0.0025
     thrusters = make_thrusters(vehicle, dt)

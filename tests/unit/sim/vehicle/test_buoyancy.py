@@ -40,7 +40,7 @@ def energy(dynamics: Dynamics, state: State) -> float:
 
 
 def others_lift(depth: float, height: float, full: float) -> float:
-    """How a much used simulator has it: half the lift just below the surface, nothing at it."""
+    """Return the lift of a widely used simulator: half of it just below the surface, none at it."""
     if depth > 0.5 * height:
         return full
     return full * (depth + 0.5 * height) / height if depth > 0.0 else 0.0

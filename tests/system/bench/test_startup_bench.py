@@ -1,0 +1,29 @@
+"""`uuv-hil bench startup` with one start of each kind."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil.bench.startup_run import AT_MASTER, PHASES, floors
+from hil.cli import main
+from tests.support.busy import retried_when_busy
+
+
+@retried_when_busy("starts are compared, of which there is one of each kind")
+def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "startup.json"
+    assert main(["bench", "startup", "--repeat", "1", "--output", str(path), "--most", "30"]) == 0
+    record = json.loads(path.read_text())
+    assert "dropped (posix_fadvise)" in record["details"]["cold"][0]
+    for kind in ("warm", "cold"):
+        figures = {
+            name: record["figures"][f"{name} [{kind}]"]["median"] for name in (*PHASES.values(), AT_MASTER, "all")
+        }
+        assert sum(figures.values()) == pytest.approx(2 * figures["all"])
+        assert figures["interpreter"] > 1.0
+        assert figures[AT_MASTER] > 45.0, "odometry is measured 20 times a second: not the IMU's first sample"
+        assert record["figures"][f"bare interpreter [{kind}]"]["median"] < figures["all"]
+        assert all(f"{name} [{kind}]" in record["figures"] for name in floors())
+    assert main(["bench", "startup", "--repeat", "1", "--warm-only", "--most", "0.001"]) == 1
+    assert "LIMIT BROKEN" in capsys.readouterr().out
