@@ -121,7 +121,7 @@ def test_blocks_change_nothing_on_a_large_grid() -> None:
 
 @pytest.mark.usefixtures("native")
 def test_things_out_of_reach_change_nothing() -> None:
-    """Of 400 piles a sensor with a reach of 15 m meets the few that are near, with the numbers that they have."""
+    """A sensor with a reach of 15 m meets only the near ones of 400 piles, with the numbers that they have."""
     chance = random.Random(7)
     piles = tuple(Cylinder(chance.uniform(-200.0, 200.0), chance.uniform(-200.0, 200.0), 3.0) for _ in range(400))
     world = World("piles", "test", (-200.0, 200.0, -200.0, 200.0), 20.0, cylinder=piles)
