@@ -98,6 +98,7 @@ EXTRAS = {
     "moderngl": "opengl",
     "rasterio": "raster",
     "pymavlink": "mavlink",
+    "av": "video",
     "can": "can",
     "msgpack": "can",
     "unicorn": "unicorn",

@@ -41,6 +41,16 @@ def parse_endpoint(text: str) -> MavlinkEndpoint:
     raise ConfigError(f"{text!r} is not a MAVLink endpoint; there are {FORMS}")
 
 
+def rtp_target(text: str) -> tuple[str, int] | None:
+    """Return host and UDP port of HOST:PORT, None for "". Raises ConfigError."""
+    if not text:
+        return None
+    host, _, port = text.rpartition(":")
+    if not host or not (port.isascii() and port.isdigit() and 0 < int(port) <= 65_535):
+        raise ConfigError(f"{text!r}: expected HOST:PORT of a ground station, such as 127.0.0.1:5600")
+    return host.strip("[]"), int(port)
+
+
 class Mavlink(NamedTuple):
     """Vehicle that MAVLink ground stations and companion software know, served by a process beside the slave.
 
@@ -51,8 +61,8 @@ class Mavlink(NamedTuple):
     Ground stations on other machines may only look unless `commands_from` is "network". `signing_key`, a passphrase
     or 64 hexadecimal digits, signs all packets and refuses unsigned ones. `parameters` is the file of stored
     parameters ("": one of this user's for the node), `logs` the folder that MAVFTP offers. `video_port` is that of the
-    camera's picture as MJPEG over HTTP on this machine, 0 for none. With `start` the slave starts the process; else
-    `uuv-hil mavlink` does.
+    camera's picture as MJPEG over HTTP on this machine, 0 for none; `rtp` ("HOST:PORT") gets it as H.264. With `start`
+    the slave starts the process; else `uuv-hil mavlink` does.
     """
 
     endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")
@@ -63,6 +73,7 @@ class Mavlink(NamedTuple):
     parameters: str = ""
     logs: str = "recordings"
     video_port: Annotated[int, Range(0, 65_535)] = 0
+    rtp: str = ""
     start: bool = True
 
     def validate(self) -> str | None:
@@ -72,4 +83,8 @@ class Mavlink(NamedTuple):
                 parse_endpoint(text)
         except ConfigError as error:
             return f"endpoints: {error}"
+        try:
+            rtp_target(self.rtp)
+        except ConfigError as error:
+            return f"rtp: {error}"
         return None if self.endpoints else "endpoints: none is given; name at least one"

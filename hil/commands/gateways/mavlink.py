@@ -2,7 +2,9 @@
 
 import argparse
 import os
+from collections.abc import Callable
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 from hil.client.client import Stamped, VehicleClient
 from hil.commands.listening import add_connect, add_take_over, presence, scenario_and_endpoints
@@ -11,7 +13,11 @@ from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.settings import Network
 from hil.scenario.config import Scenario
-from hil.scenario.mavlink_records import Mavlink, parse_endpoint
+from hil.scenario.mavlink_records import Mavlink, parse_endpoint, rtp_target
+
+if TYPE_CHECKING:
+    from hil.gateways.mavlink.rtp import RtpVideo
+    from hil.gateways.mavlink.video import VideoServer
 
 EXAMPLES = """\
 An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOST:PORT (several of them),
@@ -36,6 +42,7 @@ def main(arguments: list[str]) -> int:
     settings = _settings(options, scenario)
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     from hil.gateways.mavlink.assembly import camera_of, defaults_of, origin_of, parameter_file
+    from hil.gateways.mavlink.camera import h264, mjpeg
     from hil.gateways.mavlink.endpoints.opening import open_link
     from hil.gateways.mavlink.gateway import Gateway
     from hil.gateways.mavlink.protocols.parameters import ParameterTable
@@ -49,14 +56,16 @@ def main(arguments: list[str]) -> int:
         session = stack.enter_context(open_master_session(*endpoints, network=network, security=security))
         node = options.vehicle or (scenario.slave.node if scenario else "uuv1")
         video = stack.enter_context(VideoServer(settings.video_port)) if settings.video_port else None
+        rtp = _open_rtp(stack, settings.rtp, camera_of(scenario, ()).rate)
         client = stack.enter_context(
             VehicleClient(
                 session, node, rank=int(options.take_over), network=network, security=security, report=_print,
-                on_sample=video.on_sample if video else _ignore, topics=("odom",),
+                on_sample=_shown_by(video, rtp), topics=("odom",),
             )
         )  # fmt: skip
         if video:
             video.on_viewer = lambda: client.watch(PICTURES)
+        client.watch(*([PICTURES] if rtp else []))
         port = stack.enter_context(NetworkVehicle(client, _print))
         stored = settings.parameters or parameter_file(node)
         table = ParameterTable(stored, port.parameters, port.set_parameter, defaults_of(scenario))
@@ -64,7 +73,8 @@ def main(arguments: list[str]) -> int:
         for fault in table.faults:
             print(fault, flush=True)
         settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
-        picture = camera_of(scenario, video.address) if video else None
+        streams = [*([h264(rtp.port)] if rtp else []), *([mjpeg(video.address)] if video else [])]
+        picture = camera_of(scenario, tuple(streams)) if streams else None
         gateway = Gateway(port, settings, table, links, origin_of(scenario), picture, _print, signing)
         link_names = ", ".join([link.name for link in links])
         print(
@@ -97,6 +107,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--video-port", metavar="PORT", type=PORT, help="port of the camera's picture, MJPEG over HTTP; 0: none [0]"
     )
+    parser.add_argument(
+        "--rtp",
+        metavar="HOST:PORT",
+        type=checked(_rtp),
+        help="ground station that gets the camera's picture as H.264 in RTP, such as 127.0.0.1:5600 [none]",
+    )
     parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
     parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
     add_take_over(parser)
@@ -108,6 +124,30 @@ def _endpoint(text: str) -> str:
     return text
 
 
+def _rtp(text: str) -> str:
+    rtp_target(text)
+    return text
+
+
+def _open_rtp(stack: ExitStack, target: str, rate: float) -> "RtpVideo | None":
+    host_and_port = rtp_target(target)
+    if host_and_port is None:
+        return None
+    from hil.gateways.mavlink.rtp import RtpVideo
+
+    return stack.enter_context(RtpVideo(*host_and_port, rate))
+
+
+def _shown_by(*viewers: "VideoServer | RtpVideo | None") -> Callable[[str, Stamped], None]:
+    there = [viewer for viewer in viewers if viewer]
+
+    def show(topic: str, stamped: Stamped) -> None:
+        for viewer in there:
+            viewer.on_sample(topic, stamped)
+
+    return show
+
+
 def _settings(options: argparse.Namespace, scenario: Scenario | None) -> Mavlink:
     """Return the settings of the scenario, changed by options."""
     settings = (scenario.mavlink if scenario else None) or Mavlink()
@@ -116,14 +156,11 @@ def _settings(options: argparse.Namespace, scenario: Scenario | None) -> Mavlink
         "system": options.system,
         "commands_from": options.commands_from,
         "video_port": options.video_port,
+        "rtp": options.rtp,
         "logs": options.logs,
         "parameters": options.parameters,
     }
     return settings._replace(**{key: value for key, value in given.items() if value is not None})
-
-
-def _ignore(_topic: str, _sample: Stamped) -> None:
-    """Do nothing with a sample: the newest are kept by the client."""
 
 
 def _print(line: str) -> None:

@@ -4,7 +4,7 @@ import os
 from math import degrees
 from typing import Any
 
-from hil.gateways.mavlink.camera import CameraInfo
+from hil.gateways.mavlink.camera import CameraInfo, Stream
 from hil.gateways.mavlink.snapshot import Origin
 from hil.scenario.config import Scenario
 from sim.environment.world import load_world
@@ -45,10 +45,10 @@ def defaults_of(scenario: Scenario | None) -> dict[str, float]:
     return defaults
 
 
-def camera_of(scenario: Scenario | None, address: str) -> CameraInfo:
-    """Return what is known of the camera whose picture is at `address`."""
+def camera_of(scenario: Scenario | None, streams: tuple[Stream, ...]) -> CameraInfo:
+    """Return what is known of the camera whose picture these `streams` have."""
     fitted = scenario.sensors.get("camera") if scenario else None
     if fitted is None:
-        return CameraInfo(address)
+        return CameraInfo(streams)
     model: Any = fitted.model
-    return CameraInfo(address, model.width, model.height, model.rate, degrees(model.field_of_view))
+    return CameraInfo(streams, model.width, model.height, model.rate, degrees(model.field_of_view))

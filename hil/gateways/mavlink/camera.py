@@ -11,14 +11,34 @@ from hil.links.mavlink.reports import MAVLINK_VERSION
 COMPONENT: int = dialect.MAV_COMP_ID_CAMERA
 
 
-class CameraInfo(NamedTuple):
-    """Address and properties of a camera's picture: pixels, rate (Hz), angle of view (degrees); 0 if not known yet."""
+class Stream(NamedTuple):
+    """One stream of the picture: what it is called, its address or (RTP) its UDP port, and MAVLink's words for it."""
 
+    name: str
     address: str
+    kind: int
+    encoding: int
+
+
+class CameraInfo(NamedTuple):
+    """Streams and properties of a camera's picture: pixels, rate (Hz), angle of view (degrees); 0 if not known yet."""
+
+    streams: tuple[Stream, ...]
     width: int = 0
     height: int = 0
     rate: float = 0.0
     angle: float = 0.0
+
+
+def mjpeg(address: str) -> Stream:
+    """Return the stream of MJPEG over HTTP, for which MAVLink has no word: the address says it."""
+    kind, encoding = dialect.VIDEO_STREAM_TYPE_RTSP, dialect.VIDEO_STREAM_ENCODING_UNKNOWN
+    return Stream("MJPEG", address, kind, encoding)
+
+
+def h264(port: int) -> Stream:
+    """Return the stream of H.264 in RTP to this UDP port of the ground station."""
+    return Stream("H.264", str(port), dialect.VIDEO_STREAM_TYPE_RTPUDP, dialect.VIDEO_STREAM_ENCODING_H264)
 
 
 def heartbeat() -> Any:
@@ -36,19 +56,26 @@ def information(info: CameraInfo, now: int) -> Any:
     )  # fmt: skip
 
 
-def stream_information(info: CameraInfo) -> Any:
-    """Return VIDEO_STREAM_INFORMATION. MAVLink has no word for MJPEG over HTTP: the address says it."""
-    return dialect.MAVLink_video_stream_information_message(
-        1, 1, dialect.VIDEO_STREAM_TYPE_RTSP, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING, info.rate, info.width,
-        info.height, 0, 0, round(info.angle), b"MJPEG", info.address.encode(), dialect.VIDEO_STREAM_ENCODING_UNKNOWN,
-    )  # fmt: skip
+def stream_information(info: CameraInfo) -> list[Any]:
+    """Return a VIDEO_STREAM_INFORMATION of each stream."""
+    return [
+        dialect.MAVLink_video_stream_information_message(
+            number, len(info.streams), stream.kind, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING, info.rate, info.width,
+            info.height, 0, 0, round(info.angle), stream.name.encode(), stream.address.encode(), stream.encoding,
+        )
+        for number, stream in enumerate(info.streams, 1)
+    ]  # fmt: skip
 
 
-def stream_status(info: CameraInfo) -> Any:
-    """Return VIDEO_STREAM_STATUS."""
-    return dialect.MAVLink_video_stream_status_message(
-        1, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING, info.rate, info.width, info.height, 0, 0, round(info.angle)
-    )
+def stream_status(info: CameraInfo) -> list[Any]:
+    """Return a VIDEO_STREAM_STATUS of each stream."""
+    return [
+        dialect.MAVLink_video_stream_status_message(
+            number, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING, info.rate, info.width, info.height, 0, 0,
+            round(info.angle),
+        )
+        for number, _ in enumerate(info.streams, 1)
+    ]  # fmt: skip
 
 
 def settings(now: int) -> Any:

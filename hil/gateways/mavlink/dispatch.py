@@ -43,7 +43,7 @@ Handler = Callable[[Peer, Any, int], None]
 
 
 class Dispatcher:
-    """Handles the packets of all peers for one vehicle. `picture` is what the camera's address is, None without one."""
+    """Handles the packets of all peers for one vehicle. `picture` is the camera with its streams, None without one."""
 
     def __init__(
         self,
@@ -245,15 +245,15 @@ class Dispatcher:
             e7 = round(origin.latitude * 1e7), round(origin.longitude * 1e7)
             return [dialect.MAVLink_gps_global_origin_message(*e7, round(1000.0 * origin.altitude))]
         if self.picture and number in CAMERA_MESSAGES:
-            return [self._camera_message(number, now)]
+            return self._camera_messages(number, now)
         return self.messages(number, self.core.context(now, now))
 
-    def _camera_message(self, number: int, now: int) -> Any:
+    def _camera_messages(self, number: int, now: int) -> list[Any]:
         assert self.picture
         if number == dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION:
-            return camera.information(self.picture, now)
+            return [camera.information(self.picture, now)]
         if number == dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS:
-            return camera.settings(now)
+            return [camera.settings(now)]
         if number == dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS:
             return camera.stream_status(self.picture)
         return camera.stream_information(self.picture)

@@ -8,11 +8,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.gateways.mavlink import camera
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.protocols import ftp
 from hil.gateways.mavlink.protocols.parameters import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
 from hil.ros.joints import MotorState
+from hil.scenario.mavlink_records import Mavlink
 from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
@@ -245,6 +247,27 @@ def test_nothing_is_said_of_escs_of_which_nothing_is_known() -> None:
     bench.run(2.0)
     assert not bench.partner.take("ESC_STATUS")
     assert not bench.partner.take("ESC_TELEMETRY_1_TO_4")
+
+
+def test_each_stream_of_the_camera_is_described() -> None:
+    bench = Bench()
+    streams = (camera.h264(5600), camera.mjpeg("http://127.0.0.1:8090/"))
+    bench.dispatcher.picture = camera.CameraInfo(streams, 640, 480, 5.0, 60.0)
+    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 269) == ACCEPTED
+    found = bench.partner.take("VIDEO_STREAM_INFORMATION")
+    assert [(one.stream_id, one.count, one.uri) for one in found] == [(1, 2, "5600"), (2, 2, "http://127.0.0.1:8090/")]
+    assert (found[0].type, found[0].encoding) == (dialect.VIDEO_STREAM_TYPE_RTPUDP, dialect.VIDEO_STREAM_ENCODING_H264)
+    assert (found[0].resolution_h, found[0].framerate, found[0].hfov) == (640, 5.0, 60)
+    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 270) == ACCEPTED
+    assert [one.stream_id for one in bench.partner.take("VIDEO_STREAM_STATUS")] == [1, 2]
+
+
+@pytest.mark.parametrize("text", ["5600", "host", "host:0", "host:70000", ":5600"])
+def test_a_wrong_target_of_the_video_is_named(text: str) -> None:
+    words = Mavlink(rtp=text).validate()
+    assert words
+    assert repr(text) in words
+    assert Mavlink(rtp="192.168.2.1:5600").validate() is None
 
 
 def test_groups_of_messages_and_messages_once() -> None:
