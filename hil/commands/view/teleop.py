@@ -67,7 +67,7 @@ def _steer(vehicle: Vehicle, steering: Steering, pad: Gamepad | None, keyboard_f
                 message = _act(vehicle, key) or message
                 keys.press(key, now_ns())
         reason = steering.update(0, pad.message() if pad else keys.message(now_ns()))
-        line.show(f"{_state(vehicle)}  {reason or message}")
+        line.show(f"{_state(vehicle)}  {(pad.problem if pad else '') or reason or message}")
     line.clear()
 
 
