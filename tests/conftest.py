@@ -20,6 +20,8 @@ pytest.register_assert_rewrite(
     "tests.support.links.mavlink_peer",
     "tests.support.processes",
     "tests.support.firmware.stm32_contract",
+    "tests.support.flights.level_flight",
+    "tests.support.clients.imaging_slave",
 )
 
 

@@ -1,65 +1,10 @@
-"""Vehicles fly level under their own controller as fast as they go, or their file says up to which speed."""
+"""Vehicles that can stop and turn fly level at their top speed; tests/system/sim/test_level_flight.py has more."""
 
 import pytest
 
-from hil.common.schema import preset_names
-from sim.vehicle.vehicle import load_vehicle
-from tests.support.flights.level_flight import FIELD, OPEN, fly_level, top_speed
-
-NAMES = preset_names("sim/vehicles")
-LIMITS = {name: load_vehicle(name)[0].attitude_limit_speed for name in NAMES}
-# Those that steer by fins pitch in order to dive, and need room.
-SWIMMERS = [name for name in NAMES if load_vehicle(name)[0].fins]
-LEVEL = [name for name in NAMES if LIMITS[name] is None and name not in SWIMMERS]
-TIPPING = [name for name in NAMES if LIMITS[name] is not None]
-MOST_TILT = 10.0  # deg
-MOST_OFF_DEPTH = 0.2  # m
-
-
-@pytest.mark.parametrize("share", [0.75, 1.0, 1.5])
-@pytest.mark.parametrize("name", LEVEL)
-def test_it_is_level_up_to_its_top_speed_in_the_field(name: str, share: float) -> None:
-    """Round the obstacles; also where it is asked for more than it has."""
-    found = fly_level(name, share * top_speed(name))
-    assert found.tilt < MOST_TILT
-    assert found.depth_error < MOST_OFF_DEPTH
-    assert found.speed > 0.8 * min(share, 1.0) * top_speed(name)
+from tests.support.flights.level_flight import LEVEL, check_level
 
 
 @pytest.mark.parametrize("name", LEVEL)
-def test_it_is_level_at_its_top_speed_in_open_water(name: str) -> None:
-    found = fly_level(name, top_speed(name), OPEN, 90.0)
-    assert found.tilt < MOST_TILT
-    assert found.depth_error < MOST_OFF_DEPTH
-    assert found.speed > 0.8 * top_speed(name)  # which the controller's limits may keep it from
-
-
-@pytest.mark.parametrize("name", SWIMMERS)
-def test_a_torpedo_keeps_its_attitude_at_its_top_speed(name: str) -> None:
-    """At its depth from the start; it trims and turns by its fins."""
-    found = fly_level(name, top_speed(name), OPEN, 20.0)
-    assert found.tilt < 20.0
-
-
-@pytest.mark.parametrize("scenario", [FIELD, OPEN])
-@pytest.mark.parametrize("name", TIPPING)
-def test_the_file_says_up_to_which_speed_a_published_set_is_level(name: str, scenario: str) -> None:
-    """0.05 m/s to either side of it: what a scenario is warned of is neither invented nor hidden."""
-    limit = LIMITS[name]
-    assert limit is not None
-    assert limit < top_speed(name)
-    assert fly_level(name, limit, scenario, 150.0).tilt < MOST_TILT
-
-
-@pytest.mark.parametrize("name", TIPPING)
-def test_beyond_that_speed_it_is_not(name: str) -> None:
-    limit = LIMITS[name]
-    assert limit is not None
-    assert fly_level(name, limit + 0.05, FIELD, 150.0).tilt > MOST_TILT
-
-
-@pytest.mark.parametrize(("name", "published"), [("bluerov2", 1.5), ("bluerov2_heavy", 0.8)])
-def test_the_recommended_ones_are_not_among_those_that_tip(name: str, published: float) -> None:
-    """bluerov2 at the 1.5 m/s that are given for it; the heavy one at what its drag, found in a tank, lets it do."""
-    assert name in LEVEL
-    assert top_speed(name) > published
+def test_it_is_level_at_its_top_speed_in_the_field(name: str) -> None:
+    check_level(name, 1.0)

@@ -6,12 +6,11 @@ from matplotlib.axes import Axes
 
 from hil.common.schema import preset_names
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.flights.level_flight import FIELD, OPEN, LevelFlight, fly_level, top_speed
-from tests.unit.test_level_flight import MOST_TILT
+from tests.support.flights.level_flight import FIELD, MOST_TILT, OPEN, LevelFlight, fly_level, top_speed
 from tools.validations.sheet import Finding, Sheet, label
 
 SHARES = (0.5, 0.75, 1.0)
-TEST = "unit/test_level_flight.py::{}"
+TEST = "system/sim/test_level_flight.py::{}"
 
 
 def level_flight(panels: Sequence[Axes]) -> list[Finding]:

@@ -1,16 +1,13 @@
 """A slave with sensors that make pictures: a second process, and a loop that does not notice it."""
 
-import functools
 import io
-import itertools
-import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,39 +15,21 @@ from PIL import Image
 
 from hil.client.client import VehicleClient
 from hil.recording.reader import read_messages
-from hil.ros.diagnostics import Diagnostics, or_nan
+from hil.ros.diagnostics import or_nan
 from sim.environment.world import load_world
-from tests.support import processes
-from tests.support.busy import retry_when_busy
+from tests.support.clients.imaging_slave import (
+    HEIGHT,
+    PICTURES,
+    SENSORS,
+    WIDTH,
+    has_all,
+    kill_and_wait,
+    start,
+    wait_for,
+)
 from tests.support.processes import ROOT, Program, is_running, write_scenario
 
-# The process has nice 10: where many others work, its turn comes late.
-wait_for = functools.partial(processes.wait_for, seconds=200.0)
 pytestmark = pytest.mark.timeout(280)
-
-WIDTH, HEIGHT = 64, 48
-SENSORS = f"""
-[ros]
-images = "both"
-[sensors.camera]
-rate = 10
-width = {WIDTH}
-height = {HEIGHT}
-depth_noise = 0
-points = true
-[sensors.forward_sonar]
-rate = 5
-beams = 64
-"""
-PICTURES = (
-    "camera/image_raw", "camera/image_raw/compressed", "camera/camera_info", "camera/depth/image_raw",
-    "camera/depth/points", "forward_sonar/image",
-)  # fmt: skip
-
-
-def start(folder: Path, sensors: str = SENSORS, environment: dict[str, str] | None = None) -> tuple[Program, str]:
-    scenario, port = write_scenario(folder, top=sensors)
-    return Program(folder, "slave", scenario, environment=environment), f"tcp/127.0.0.1:{port}"
 
 
 @pytest.fixture
@@ -71,10 +50,6 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VehicleClient]
         client.watch(*PICTURES)
         assert wait_for(lambda: has_all(client)), program.output
         yield client
-
-
-def has_all(client: VehicleClient) -> bool:
-    return all(client.received[topic] > 2 for topic in PICTURES)
 
 
 def imaging_pid(client: VehicleClient) -> int:
@@ -143,46 +118,8 @@ def test_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:
 def test_a_killed_process_is_reported_and_started_again(slave: tuple[Program, VehicleClient]) -> None:
     program, client = slave
     assert wait_for(lambda: has_all(client)), client.received
-    kills = itertools.count(1)
-
-    def goes_on() -> None:
-        before, began = newest(client), time.monotonic()
-        calm, passed = newest(client), time.monotonic() - began
-        skipped = steps_skipped_by_a_kill(program, client, next(kills))
-        assert skipped <= 2 * (or_nan(calm.steps_skipped) - or_nan(before.steps_skipped)) / passed + 20
-
-    retry_when_busy(goes_on, "steps left out in a second, before and while its child is started again")
+    kill_and_wait(program, client, 1)
     assert "signal 9; started again in 0.5 s" in program.output
-
-
-def steps_skipped_by_a_kill(program: Program, client: VehicleClient, restarts: int) -> float:
-    """Kills the imaging process and waits for the next one's pictures: steps that the loop left out, a second.
-
-    A loop that waited for the half second until the next one starts would leave out some 50 of 400.
-    """
-    then, began = newest(client), time.monotonic()
-    os.kill(then.imaging_pid or 0, signal.SIGKILL)
-    program.expect(rf"(?s)(WARNING: the imaging process ended, signal 9; started again in .*){{{restarts}}}")
-    before = client.received["camera/image_raw"], client.received["imu"]
-    assert wait_for(lambda: client.received["camera/image_raw"] > before[0] + 3)
-    assert client.received["imu"] > before[1] + 50, "the loop goes on"
-    now = newest(client)
-    assert now.imaging_restarts == restarts
-    assert now.imaging_pid != then.imaging_pid
-    return (or_nan(now.steps_skipped) - or_nan(then.steps_skipped)) / (time.monotonic() - began)
-
-
-def camera(client: VehicleClient, what: Literal["requested", "dropped", "took_ms"]) -> float:
-    """Return a figure of the camera's pictures, as last reported."""
-    figures: dict[str, float] = client.diagnostics()[f"imaging_{what}"]
-    return figures["camera"]
-
-
-def newest(client: VehicleClient) -> Diagnostics:
-    """The diagnostics of this moment, not of up to a second ago: the second of two that come."""
-    before = client.received["diagnostics"]
-    assert wait_for(lambda: client.received["diagnostics"] > before + 1)
-    return client.diagnostics()
 
 
 IDLE = 0.03  # of a core, of a process that makes no pictures; those below take four times as much where it is calm
@@ -233,19 +170,6 @@ def test_it_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: in
     assert wait_for(lambda: not is_running(pid))
     assert "Traceback" not in program.output
     assert "the imaging process ended" not in program.output
-
-
-def test_a_slow_process_drops_pictures(tmp_path: Path) -> None:
-    program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 50\nwidth = 1200\nheight = 900\ndepth = false\n")
-    with program, VehicleClient(endpoint, "uuv1") as client:
-        assert wait_for(client.diagnostics)
-        calm = max(or_nan(newest(client).real_time_factor) for _ in range(2))
-        client.watch("camera/camera_info")
-        assert wait_for(lambda: client.received["camera/camera_info"] > 2)
-        assert wait_for(lambda: camera(client, "dropped") > 10)
-        assert wait_for(lambda: camera(client, "took_ms") > 20.0)
-        assert wait_for(lambda: or_nan(client.diagnostics().real_time_factor) > 0.7 * calm), "it waits for none"
-        assert camera(client, "requested") > camera(client, "dropped")
 
 
 def start_with_pillow(folder: Path, text: str) -> Program:

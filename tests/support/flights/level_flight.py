@@ -5,12 +5,20 @@ from typing import NamedTuple
 
 from hil.cases.simulated import SimulatedVehicle, fly
 from hil.commands.vehicle.command import top
+from hil.common.schema import preset_names
 from hil.master.flight import prepare
 from hil.scenario.config import load_scenario
 from sim.vehicle.vehicle import load_vehicle
 
 # What a vehicle is asked that can stop and turn, and what one that has to keep moving.
 FIELD, OPEN = "paper_field", "open_water"
+NAMES = preset_names("sim/vehicles")
+LIMITS = {name: load_vehicle(name)[0].attitude_limit_speed for name in NAMES}
+# Those that steer by fins pitch in order to dive, and need room.
+SWIMMERS = [name for name in NAMES if load_vehicle(name)[0].fins]
+LEVEL = [name for name in NAMES if LIMITS[name] is None and name not in SWIMMERS]
+MOST_TILT = 10.0  # deg
+MOST_OFF_DEPTH = 0.2  # m
 
 
 class LevelFlight(NamedTuple):
@@ -56,3 +64,11 @@ def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = i
 
     fly(asked, plan, vehicle, [watch])
     return found
+
+
+def check_level(name: str, share: float, scenario: str = FIELD, seconds: float = inf) -> None:
+    """Fly a preset, asked for that share of its top speed, and check attitude, depth, and the speed it reaches."""
+    found = fly_level(name, share * top_speed(name), scenario, seconds)
+    assert found.tilt < MOST_TILT
+    assert found.depth_error < MOST_OFF_DEPTH
+    assert found.speed > 0.8 * min(share, 1.0) * top_speed(name)  # which the controller's limits may keep it from

@@ -145,7 +145,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(root)
 
 
-@examples(150)
+@examples(75)
 @given(data=st.data())
 def test_any_text_in_any_file(recorded: str, data: st.DataObject) -> None:
     for finding in examine(Garbled(recorded, lambda: data.draw(st.none() | garbage))):

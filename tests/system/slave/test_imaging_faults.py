@@ -1,0 +1,61 @@
+"""A slave whose imaging process is slow or killed: the loop goes on at its rate."""
+
+import itertools
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.client.client import VehicleClient
+from hil.ros.diagnostics import or_nan
+from tests.support.busy import retry_when_busy
+from tests.support.clients.imaging_slave import PICTURES, camera, has_all, kill_and_wait, newest, start, wait_for
+from tests.support.processes import Program
+
+
+@pytest.fixture
+def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
+    program, endpoint = start(tmp_path)
+    with program:
+        program.expect("ready")
+        with VehicleClient(endpoint, "uuv1") as client:
+            client.watch(*PICTURES)
+            yield program, client
+
+
+def steps_skipped_by_a_kill(program: Program, client: VehicleClient, restarts: int) -> float:
+    """Kill the imaging process and wait for the next one's pictures; return the steps a second that the loop left out.
+
+    A loop that waited for the half second until the next one starts would leave out some 50 of 400.
+    """
+    began = time.monotonic()
+    then, now = kill_and_wait(program, client, restarts)
+    return (or_nan(now.steps_skipped) - or_nan(then.steps_skipped)) / (time.monotonic() - began)
+
+
+def test_a_slow_process_drops_pictures(tmp_path: Path) -> None:
+    program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 50\nwidth = 1200\nheight = 900\ndepth = false\n")
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        assert wait_for(client.diagnostics)
+        calm = max(or_nan(newest(client).real_time_factor) for _ in range(2))
+        client.watch("camera/camera_info")
+        assert wait_for(lambda: client.received["camera/camera_info"] > 2)
+        assert wait_for(lambda: camera(client, "dropped") > 10)
+        assert wait_for(lambda: camera(client, "took_ms") > 20.0)
+        assert wait_for(lambda: or_nan(client.diagnostics().real_time_factor) > 0.7 * calm), "it waits for none"
+        assert camera(client, "requested") > camera(client, "dropped")
+
+
+def test_the_loop_goes_on_while_a_killed_process_is_started_again(slave: tuple[Program, VehicleClient]) -> None:
+    program, client = slave
+    assert wait_for(lambda: has_all(client)), client.received
+    kills = itertools.count(1)
+
+    def goes_on() -> None:
+        before, began = newest(client), time.monotonic()
+        calm, passed = newest(client), time.monotonic() - began
+        skipped = steps_skipped_by_a_kill(program, client, next(kills))
+        assert skipped <= 2 * (or_nan(calm.steps_skipped) - or_nan(before.steps_skipped)) / passed + 20
+
+    retry_when_busy(goes_on, "steps left out in a second, before and while its child is started again")
