@@ -4,8 +4,9 @@ A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. The ou
 `commands/`, in a file named like the command with _ for its spaces. Its symbolic links are followed as the machine
 itself would: an absolute one starts at the folder, and .. does not leave it.
 
-psutil reads only the machine it runs on, so it cannot serve here: `uuv-hil doctor --root` and the tests read recorded
-machines by the same code. In the slave it would also cost start-up and memory (hil/slave/health/usage.py).
+psutil cannot serve here: `uuv-hil doctor --root` and the tests read recorded machines by the same code. It can be led
+to another /proc (PROCFS_PATH), but not to another /sys, /dev or /etc, and there it finds no process (tried with 7.2.2).
+In the slave it would also cost start-up and memory (hil/slave/health/usage.py).
 """
 
 import os

@@ -8,9 +8,9 @@ from hil.scenario.config import AUTOPILOTS, Scenario, load_single
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 EXAMPLES = """\
-motors      turn each motor alone in the simulation, and say which way the vehicle goes
-link        exchange states and outputs with the autopilot: losses, round trip, jitter, rate; thrusters neutral
-parameters  print the parameters that make the autopilot right for this vehicle, as a file for it
+`motors` turns each motor alone in the simulation, and says which way the vehicle goes. `link` exchanges states and
+outputs with the autopilot, thrusters neutral: losses, round trip, jitter, rate. `parameters` prints the parameters that
+make the autopilot right for this vehicle, as a file for it.
 
 examples:
   uuv-hil autopilot motors ardusub

@@ -42,11 +42,17 @@ class HelpFormatter(argparse.HelpFormatter):
             for line in lines
         )
 
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        """Return the lines of an option's help; argparse breaks file names and commands at their hyphens."""
+        from textwrap import wrap  # by argparse, too, only where help is asked for
+
+        return wrap(" ".join(text.split()), width, break_on_hyphens=False)
+
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         lines: list[str] = []
         for is_prose, group in groupby(text.splitlines(), lambda line: line[:1] not in ("", " ")):
             if is_prose:
-                lines += super()._fill_text(" ".join(group), width, indent).splitlines()
+                lines += [f"{indent}{line}" for line in self._split_lines(" ".join(group), width - len(indent))]
             else:
                 lines += [piece for line in group for piece in wrap_command(line, width)]
         return "\n".join(lines)

@@ -255,6 +255,24 @@ def test_long_examples_are_broken_as_a_shell_reads_them(monkeypatch: pytest.Monk
     ]
 
 
+def test_help_breaks_no_word_at_its_hyphens(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file name or a command that goes over two lines cannot be copied."""
+    monkeypatch.setenv("COLUMNS", "60")
+    about = "Write what each member of the fleet says to ~/.cache/uuv-hil/fleet.log."
+    command = new_parser("x", about, "Before it is called the first time, do pip install 'uuv-hil[cluster]'.")
+    command.add_argument("--logs", help="as the page says, docs/how-to/qgroundcontrol.md")
+    text = command.format_help()
+    for word in ("~/.cache/uuv-hil/fleet.log.", "'uuv-hil[cluster]'", "docs/how-to/qgroundcontrol.md"):
+        assert word in text
+
+
+def test_help_sets_no_table_as_prose() -> None:
+    """A paragraph of an epilog is wrapped; rows with columns in it would run together."""
+    for words, module in commands():
+        prose = [line for line in (parser_of(module).epilog or "").splitlines() if line[:1] not in ("", " ")]
+        assert not [line for line in prose if re.search(r"\w   *\w", line)], words
+
+
 def test_every_file_that_is_written_is_tried_first() -> None:
     """By the metavar of the option, in every command."""
     written = [
