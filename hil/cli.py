@@ -105,6 +105,9 @@ EXTRAS = {
     "distributed": "cluster",
     "ray": "cluster",
 }
+# What is a board, or measures one: real-time scheduling, pseudo terminals, /proc.
+LINUX_ONLY = ("demo", "slave", "stm32", "loopback", "board", "doctor")
+UNIX = ("fcntl", "termios", "pwd")  # modules that Windows lacks
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -163,6 +166,10 @@ def _dispatch(words: list[str]) -> int:
 
 def _run(name: str, arguments: list[str]) -> int:
     """One subcommand's exit code. Raises HilError, also for a missing package of an extra."""
+    if name in LINUX_ONLY and sys.platform != "linux":
+        from hil.common.process import require_linux
+
+        require_linux(name)
     try:
         gc.disable()  # nothing that modules leave while they load is garbage
         run: Callable[[list[str]], int] = import_module(COMMANDS[name][0]).main
@@ -170,6 +177,8 @@ def _run(name: str, arguments: list[str]) -> int:
         streams.raise_on_ctrl_c()
         return run(arguments)
     except ModuleNotFoundError as error:
+        if error.name in UNIX:
+            raise DeviceError(f"this system has no {error.name}: the command runs on Linux and macOS") from None
         if error.name not in EXTRAS:
             raise
         extra = EXTRAS[error.name]

@@ -91,8 +91,11 @@ def worker_options() -> Iterator[dict[str, Any]]:
     """Provide options of `joblib.Parallel` with which the processes of loky end with this one.
 
     These look for modules in the current folder no more than our own programs do; but under Python 3.10, which cannot
-    be told so, until they have taken over this process's `sys.path`.
+    be told so, until they have taken over this process's `sys.path`. Only Linux can end them with this process.
     """
+    if sys.platform != "linux":
+        yield {}
+        return
     before = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
     try:

@@ -3,6 +3,7 @@
 import atexit
 import os
 import socket
+import sys
 from functools import cache
 from itertools import cycle, islice
 from random import SystemRandom
@@ -22,8 +23,11 @@ def free_ports(count: int) -> list[int]:
 
 @cache
 def _own_block(pid: int) -> tuple[int, "cycle[int]"]:
-    """Reserve a block of ports for this process by an abstract socket name; return all ports if none is left."""
-    blocks = list(range(_FIRST, _END, _BLOCK))
+    """Reserve a block of ports for this process by an abstract socket name, which only Linux has.
+
+    Return all ports if none is left.
+    """
+    blocks = list(range(_FIRST, _END, _BLOCK)) if sys.platform == "linux" else []
     for first in SystemRandom().sample(blocks, len(blocks)):
         holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:

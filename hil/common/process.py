@@ -1,6 +1,17 @@
-"""Identity of a machine's boot, and a check that a package was loaded from bytecode."""
+"""What a machine and its boot are, and a check that a package was loaded from bytecode."""
 
 import os
+import sys
+
+from hil.common.errors import DeviceError
+
+ELSEWHERE = "on this system run sim, master, view, topic, the gateways, and what needs no board"
+
+
+def require_linux(what: str) -> None:
+    """Raise DeviceError, in one line, on a system that cannot do `what`."""
+    if sys.platform != "linux":
+        raise DeviceError(f"{what} runs on Linux only, and this is {sys.platform}; {ELSEWHERE}")
 
 
 def boot_id() -> str:
@@ -16,8 +27,6 @@ def boot_id() -> str:
 
 def bytecode_compiled(package: str) -> bool:
     """Return whether every loaded module came from compiled bytecode on disk, or from C."""
-    import sys
-
     modules = [m for name, m in sys.modules.items() if name == package or name.startswith(package + ".")]
     python = [module for module in modules if not (getattr(module, "__file__", None) or "").endswith(".so")]
     cached = [getattr(module, "__cached__", None) for module in python]

@@ -92,7 +92,7 @@ def output_file(text: str) -> str:
     try:
         if there and stat.S_ISFIFO(os.stat(text).st_mode) and not os.path.realpath(text).startswith("/proc/"):
             raise OSError(0, "it is a pipe")
-        os.close(os.open(text, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK, 0o666))
+        os.close(os.open(text, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0), 0o666))
         if not there:
             os.remove(text)
     except (OSError, ValueError) as error:

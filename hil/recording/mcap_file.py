@@ -19,6 +19,9 @@ PULSES = Topic("pulses", "std_msgs/msg/Int64MultiArray", 0, "data")
 # From which step on stamps count simulation time from which instant (ns since 1970).
 EPOCHS = Topic("epochs", "std_msgs/msg/Int64MultiArray", 0, "data")
 
+BINARY: int = getattr(os, "O_BINARY", 0)  # Windows' files would be texts
+_to_disk = getattr(os, "fdatasync", os.fsync)  # Linux'
+
 
 class Message(NamedTuple):
     """One message on a topic ("/uuv1/imu"): `data` in CDR, its number from its publisher, and two wall instants (ns).
@@ -143,7 +146,7 @@ class _Stream:
     """Buffer of what the library writes, until `commit` writes it at once, with an end behind it."""
 
     def __init__(self, path: str) -> None:
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY, 0o644)
         self._pending = bytearray()
         self.size = 0  # of what is on disk, without the end
         self.total = 0  # with what is pending
@@ -168,7 +171,7 @@ class _Stream:
         self._pending.clear()
 
     def sync(self) -> None:
-        os.fdatasync(self._descriptor)
+        _to_disk(self._descriptor)
 
     def close(self) -> None:
         os.close(self._descriptor)
@@ -178,5 +181,6 @@ def _write_all(descriptor: int, data: bytes, at: int) -> None:
     """Write all bytes, usually by one system call; a disk that fills up takes a part, then raises."""
     view = memoryview(data)
     while view:
-        written = os.pwrite(descriptor, view, at)
+        os.lseek(descriptor, at, os.SEEK_SET)  # Windows has no pwrite
+        written = os.write(descriptor, view)
         view, at = view[written:], at + written

@@ -125,7 +125,8 @@ class Recorder:
 
     def _run(self) -> None:
         try:
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not that of a real-time thread that made us
+            if hasattr(os, "sched_setscheduler"):  # Linux; not that of a real-time thread that made us
+                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
             while not self._stop.wait(DRAIN_PERIOD_S):
                 self._drain(now_ns())
             self._drain(now_ns(), is_last=True)
@@ -184,8 +185,7 @@ class Recorder:
             os.unlink(self._closed.pop(0).path)
 
     def _check_space(self) -> None:
-        disk = os.statvfs(self.folder)
-        if disk.f_bavail * disk.f_frsize < self._options.keep_free * _MIB:
+        if _free_bytes(self.folder) < self._options.keep_free * _MIB:
             raise OSError(0, f"less than [recording] keep_free = {self._options.keep_free:g} MiB is free")
 
     def _write_index(self) -> None:
@@ -251,3 +251,13 @@ def _make(folder: str) -> None:
 def _read(path: str) -> str:
     with open(path, encoding="utf-8") as file:
         return file.read()
+
+
+def _free_bytes(folder: str) -> int:
+    """Return how much this user may still write on the disk of a folder. Raises OSError."""
+    if hasattr(os, "statvfs"):
+        disk = os.statvfs(folder)
+        return disk.f_bavail * disk.f_frsize
+    from shutil import disk_usage  # Windows; a slave that records does without its modules
+
+    return disk_usage(folder).free

@@ -7,7 +7,6 @@ A line of JSON says what there is; the coordinates follow as float64, in the sam
 
 import json
 import os
-import resource
 import sys
 import tempfile
 import warnings
@@ -31,9 +30,12 @@ UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings where an updat
 def main(path: str, updates: str) -> int:
     """Write the chart; the exit code."""
     die_with_parent()
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if sys.platform != "win32":  # which has no such limits
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+        resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     warnings.simplefilter("ignore")  # what GDAL overlooks in a chart is no error
     try:
         import pyogrio  # noqa: F401 - whether they are there

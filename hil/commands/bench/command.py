@@ -8,6 +8,7 @@ from importlib import import_module
 from hil.commands.bench.options import show
 from hil.common.columns import aligned
 from hil.common.errors import EXIT_CODES, ConfigError
+from hil.common.process import require_linux
 from hil.common.schema import nearest
 from hil.common.stop import stop_signals
 
@@ -36,6 +37,8 @@ def main(arguments: list[str]) -> int:
         return 0
     if name not in BENCHMARKS:
         raise ConfigError(f"no benchmark {name!r}{nearest(name, list(BENCHMARKS))}; there are: {', '.join(BENCHMARKS)}")
+    if name != "compare":
+        require_linux(f"bench {name}")
     for number in stop_signals():
         signal.signal(number, signal.default_int_handler)  # so that each ends the processes that were started
     run: Callable[[list[str]], int] = import_module(BENCHMARKS[name][0]).main

@@ -46,7 +46,9 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("campaign", __doc__, EXAMPLES)
     add_scenario(parser)
     parser.add_argument("--seeds", type=SEEDS, default=10, metavar="N", help="seeds 1 to N [%(default)s]")
-    parser.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,...", help="values of a key to try; repeatable")
+    parser.add_argument(
+        "--vary", action="append", default=[], metavar="KEY=A,B,...", help="values of a key to try; repeatable"
+    )
     parser.add_argument("--jobs", type=JOBS, default=-1, metavar="N", help="processes at once [all cores]")
     parser.add_argument(
         "--backend", metavar="NAME", default="loky", help="joblib's: loky, threading, dask, ray [%(default)s]"

@@ -1,8 +1,8 @@
 """A descriptor that wakes a waiting loop at an instant."""
 
 import os
+import time
 from struct import Struct
-from time import CLOCK_MONOTONIC
 
 from hil.common.clock import NEVER_NS, NS_PER_S, NS_PER_US
 from hil.common.errors import DeviceError
@@ -24,7 +24,7 @@ class Timer:
         import ctypes  # loaded for links with faults only
 
         self._libc = ctypes.CDLL(None, use_errno=True)
-        self.fd: int = self._libc.timerfd_create(CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
+        self.fd: int = self._libc.timerfd_create(time.CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
         if self.fd < 0:
             raise DeviceError(f"timerfd: {os.strerror(ctypes.get_errno())}; raise the limit of open files: ulimit -n")
         self.lead_ns = 50 * NS_PER_US

@@ -10,13 +10,17 @@ import sys
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
-from hil.common.children import ROOT
+from hil.common.children import ROOT, worker_options
 from tests.support.processes import PATIENCE_S, Program, free_port, write_scenario
 
 BLOCK = """
-import functools, importlib, os, pkgutil, select, signal, socket, sys, sysconfig, time
-import zenoh, numpy, psutil  # others' own affair
+import functools, importlib, os, pkgutil, select, selectors, signal, socket, ssl, shutil, sys, sysconfig, time
+import zenoh, numpy, psutil, asyncio  # others' own affair
+selectors.DefaultSelector = selectors.SelectSelector
+usage = shutil.disk_usage("/")
+shutil.disk_usage = lambda folder: usage  # Windows' needs no statvfs
 socket.socketpair = functools.partial(socket.socketpair, socket.AF_UNIX)  # they have it, of another family
 sysconfig.get_config_vars()  # while this still is Linux
 
@@ -24,7 +28,7 @@ GONE = {"fcntl", "termios", "resource", "pty", "tty", "pwd", "grp", "syslog"}
 NAMES = {
     os: "sched_setscheduler sched_param sched_getaffinity sched_setaffinity SCHED_FIFO SCHED_OTHER SCHED_BATCH pipe2 "
         "eventfd eventfd_read eventfd_write EFD_NONBLOCK EFD_CLOEXEC register_at_fork fork forkpty getuid geteuid "
-        "getgid uname sysconf getloadavg O_NONBLOCK O_CLOEXEC O_NOFOLLOW statvfs mkfifo openpty",
+        "getgid uname sysconf getloadavg O_NONBLOCK O_CLOEXEC O_NOFOLLOW statvfs mkfifo openpty pread pwrite fdatasync",
     select: "epoll poll",
     signal: "SIGHUP SIGKILL SIGUSR1 pthread_sigmask pthread_kill sigwait setitimer",
     time: "clock_gettime clock_gettime_ns CLOCK_MONOTONIC CLOCK_BOOTTIME CLOCK_REALTIME",
@@ -72,6 +76,26 @@ COMMAND = [
 ]
 
 
+# Each command is asked for its help. Prints those that only Linux has.
+HELP = """
+import contextlib, io
+sys.platform = "win32"
+from hil.cli import COMMANDS, main
+for name in COMMANDS:
+    said, wrong = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(wrong):
+        try:
+            code = main([name, "--help"])
+        except SystemExit as end:
+            code = end.code
+    if code == 3:
+        assert "runs on Linux" in wrong.getvalue(), (name, wrong.getvalue())
+        print(name)
+    else:
+        assert code == 0 and "usage:" in said.getvalue(), (name, code, wrong.getvalue())
+"""
+
+
 def run(code: str, *arguments: str) -> str:
     command = [sys.executable, "-c", BLOCK + code, *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
@@ -81,6 +105,47 @@ def run(code: str, *arguments: str) -> str:
 
 def test_client_gateways_and_planners_import_nothing_that_only_linux_has() -> None:
     assert int(run(IMPORT).split()[1]) > 100
+
+
+def test_each_command_runs_or_says_that_it_needs_linux() -> None:
+    assert run(HELP).split() == ["demo", "slave", "teleop", "loopback", "stm32", "board", "doctor"]
+
+
+def test_benchmarks_are_compared_and_not_measured_elsewhere(tmp_path: Path) -> None:
+    with Program(tmp_path, "bench", "jitter", command=COMMAND) as program:
+        assert program.wait() == 3, program.output
+    assert "bench jitter runs on Linux only, and this is darwin" in program.output
+    with Program(tmp_path, "bench", "compare", "a.json", "b.json", command=COMMAND) as program:
+        assert program.wait() == 2, program.output
+    assert "a.json: no such file" in program.output
+
+
+def test_a_simulated_flight_and_its_picture(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    words = ("sim", scenario, "--fast", "--plot", tmp_path / "flight.png", "--output", tmp_path / "flight.csv")
+    with Program(tmp_path, *words, command=COMMAND) as program:
+        assert program.wait() == 0, program.output
+    assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_recording_made_without_them_is_a_whole_file(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    words = ("record", "--connect", f"tcp/127.0.0.1:{port}", "-o", tmp_path / "dive", "--seconds", "2")
+    with Program(tmp_path, "slave", scenario), Program(tmp_path, *words, command=COMMAND) as recorder:
+        assert recorder.wait() == 0, recorder.output
+    (file,) = (tmp_path / "dive").glob("*.mcap")
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count > 10
+
+
+def test_workers_are_tied_to_nothing_that_only_linux_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker that does not find its parent in /proc ends itself. joblib's own pool needs what is taken away here."""
+    monkeypatch.setattr(sys, "platform", "darwin")
+    with worker_options() as options:
+        assert options == {}
 
 
 def test_a_client_without_them_commands_a_slave(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ IDLE_NS = 60 * NS_PER_S  # after which a session that nobody uses is closed
 BURST_AT_ONCE = 40  # packets of one burst; the client asks for the next
 MOST_CRC = 1 << 28  # bytes
 PARAMETERS = "@PARAM/param.pck"
+ONLY_A_FILE: int = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)  # Linux and macOS; Windows
 PACK_MAGIC = 0x671B
 PACK_TYPES = {INT8: (1, "<b"), INT16: (2, "<h"), INT32: (3, "<i"), REAL32: (4, "<f")}
 
@@ -55,7 +56,8 @@ class _Session:
         """Return up to `size` bytes from `offset` on."""
         if self.descriptor < 0:
             return self.content[offset : offset + size]
-        return os.pread(self.descriptor, size, offset)
+        os.lseek(self.descriptor, offset, os.SEEK_SET)  # Windows has no pread
+        return os.read(self.descriptor, size)
 
     def close(self) -> None:
         """Close the file."""
@@ -155,7 +157,7 @@ class FtpServer:
             real = self._real(path)
             if real is None or not os.path.isfile(real):
                 return _nak(request, NOT_FOUND)
-            descriptor = os.open(real, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+            descriptor = os.open(real, os.O_RDONLY | ONLY_A_FILE)
             session = _Session(descriptor, b"", os.fstat(descriptor).st_size, now)
         self._sessions[partner, request.session] = session
         return _ack(request, session.size.to_bytes(4, "little"))
