@@ -1,4 +1,4 @@
-"""What a machine and its boot are, and a check that a package was loaded from bytecode."""
+"""Identity of a machine's boot, and checks of its system and of a package's bytecode."""
 
 import os
 import sys
