@@ -33,6 +33,7 @@ PYTHON, TOML = blocks("python"), blocks("toml")
 RUN_BESIDE_A_SLAVE = "tests/system/docs/test_python_docs.py"
 RUNNERS = {
     "docs/how-to/python.md": RUN_BESIDE_A_SLAVE, "docs/tutorials/two_machines.md": RUN_BESIDE_A_SLAVE,
+    "docs/tutorials/ros1.md": "tests/system/gateways/test_ros1_debian.py",
     "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
     "docs/reference/links.md": "beside an STM32", "docs/reference/sensors.md": "alone",
 }  # fmt: skip

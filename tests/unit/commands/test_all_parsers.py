@@ -29,6 +29,7 @@ OTHER_NAMES = {
 OTHER_MEANINGS = {
     ("uuv-hil foxglove", "--listen"): "a websocket, no zenoh endpoint",
     ("uuv-hil rosbridge", "--listen"): "a websocket, no zenoh endpoint",
+    ("uuv-hil ros1", "--listen"): "a node of ROS 1, no zenoh endpoint",
     ("uuv-hil view", "--listen"): "a web page, no zenoh endpoint",
     ("uuv-hil gateway", "--listen"): "lines of JSON, no zenoh endpoint",
     ("uuv-hil bench echo", "--listen"): "an address without a port, which is any that is free",

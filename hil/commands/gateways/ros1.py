@@ -1,0 +1,80 @@
+"""`uuv-hil ros1`: serve vehicles to a ROS 1 network (Noetic), and command them from there."""
+
+import argparse
+import re
+import select
+from contextlib import ExitStack
+
+import hil
+from hil.commands.listening import add_fleet, add_take_over, presence, reach_of
+from hil.common.errors import MissingExtraError
+from hil.common.options import add_serving, new_parser
+from hil.common.stop import StopSignals
+from hil.network.settings import Network
+
+EXAMPLES = """\
+It is a node of ROS 1 at the master of ROS_MASTER_URI (`roscore`, not started here). It publishes the topics of vehicles
+in the types of Noetic, and their parameters. With --command it also takes /NAME/cmd_vel and the other commands, answers
+services, and sets parameters.
+
+A ROS 1 network has no authentication: with --command every node of it commands. The node listens on this machine only,
+unless --listen names an address; others reach it by ROS_HOSTNAME or ROS_IP, as with every node of ROS 1.
+
+examples:
+  uuv-hil ros1 --connect tcp/192.168.3.116:7447
+  uuv-hil ros1 --scenario mine.toml --command
+  uuv-hil ros1 --listen 0.0.0.0:0                     nodes on other machines, too; 0 is any free port
+"""
+LISTEN = "127.0.0.1:0"
+POLL_S = 0.02
+
+
+def main(arguments: list[str]) -> int:
+    """Serve until told to stop; the exit code."""
+    parser = new_parser("ros1", __doc__, EXAMPLES)
+    add_fleet(parser)
+    add_serving(parser, LISTEN)
+    add_take_over(parser)
+    parser.add_argument("--command", action="store_true", help="let nodes of ROS 1 command the vehicles")
+    parser.add_argument("--name", metavar="NODE", type=_node_name, default="uuv_hil", help="its name [%(default)s]")
+    options = parser.parse_args(arguments)
+    scenario, (endpoints, routed, keys) = reach_of(options)
+    try:
+        from hil.gateways.ros1.bridge import Ros1Bridge, master_uri
+    except ImportError as error:
+        raise MissingExtraError(f"ROS 1 needs {error.name}: pip install 'uuv-hil[ros1]'") from None
+    from hil.gateways.commanding import Commanding
+    from hil.recording.tap import Tap, save_processor
+
+    master = master_uri()
+    save_processor()
+    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+    with StopSignals() as stop_fd, ExitStack() as opened:
+        fleet = opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over))
+        commanding = Commanding(fleet)
+        bridge = opened.enter_context(
+            Ros1Bridge(options.name, options.listen, master, commanding, options.command, _print)
+        )
+        tap = opened.enter_context(Tap(endpoints, network, security))
+        _print(f"/{options.name} at {bridge.api} serves {', '.join(endpoints)} to {master}; Ctrl-C ends it")
+        if options.command:
+            _print("every node of that ROS network may command")
+        names: list[str] | None = None
+        while not bridge.ended and not select.select((stop_fd,), (), (), POLL_S)[0]:
+            bridge.show(tap.receive())
+            if fleet.names != names:
+                names = fleet.names
+                _print(presence(names, endpoints))
+        if bridge.ended:
+            _print(f"ends: {bridge.ended}")
+    return 0
+
+
+def _node_name(text: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,99}", text):
+        raise argparse.ArgumentTypeError(f"expected letters, digits and _, a letter first, found {text[:60]!r}")
+    return text
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)

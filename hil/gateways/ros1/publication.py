@@ -1,0 +1,111 @@
+"""A topic that the gateway publishes to subscribers of ROS 1, each over a connection of its own."""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+
+from hil.gateways.ros1.messages import Kind, UnreadableError, to_ros1
+from hil.gateways.ros1.tcpros import encode_header, frame, require_type
+from hil.recording.mcap_file import Message
+
+MOST_WAITING, MOST_BYTES = 100, 8 << 20  # messages and bytes that wait for a subscriber; then the oldest are dropped
+
+
+class Subscriber:
+    """One connection to a subscriber. One that does not read loses the oldest messages and holds up nobody."""
+
+    def __init__(self, caller: str) -> None:
+        self.caller = caller
+        self.sent = self.sent_bytes = self.dropped = 0
+        self._waiting: deque[bytes] = deque()
+        self._bytes = 0
+        self._wake = asyncio.Event()
+
+    def put(self, data: bytes) -> None:
+        """Let a message be sent, with its length before it."""
+        self._waiting.append(data)
+        self._bytes += len(data)
+        while len(self._waiting) > 1 and (len(self._waiting) > MOST_WAITING or self._bytes > MOST_BYTES):
+            self._bytes -= len(self._waiting.popleft())
+            self.dropped += 1
+        self._wake.set()
+
+    async def send(self, writer: asyncio.StreamWriter) -> None:
+        """Send what comes until the connection breaks."""
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._waiting:
+                data = self._waiting.popleft()
+                self._bytes -= len(data)
+                writer.write(data)
+                await writer.drain()
+                self.sent += 1
+                self.sent_bytes += len(data)
+
+
+class Publication:
+    """One topic. With `keep` a new subscriber gets the last so many different messages (0: none)."""
+
+    def __init__(self, topic: str, kind: Kind, keep: int, on_subscriber: Callable[[str], None]) -> None:
+        self.topic = topic
+        self.kind = kind
+        self.unreadable = 0
+        self.subscribers: set[Subscriber] = set()
+        self._on_subscriber = on_subscriber
+        self._last: deque[Message] = deque(maxlen=keep)
+        self._sequence = 0
+
+    def publish(self, message: Message) -> None:
+        """Send a message of ROS 2 to all subscribers; one that is no message of its type is counted."""
+        if self._last.maxlen and message.data not in [each.data for each in self._last]:
+            self._last.append(message)
+        if self.subscribers:
+            data = self._encode(message)
+            for subscriber in self.subscribers if data else ():
+                subscriber.put(data)
+
+    async def serve(
+        self, node: str, header: dict[str, str], reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        """Serve a connection whose header named this topic, until it ends. Raises PeerError."""
+        require_type(header, self.topic, self.kind.name, self.kind.md5sum)
+        reply = {
+            "callerid": node,
+            "latching": str(int(bool(self._last.maxlen))),
+            "md5sum": self.kind.md5sum,
+            "message_definition": self.kind.definition,
+            "topic": self.topic,
+            "type": self.kind.name,
+        }
+        writer.write(encode_header(reply))
+        subscriber = Subscriber(header.get("callerid", "?")[:256])
+        for message in self._last:
+            if data := self._encode(message):
+                subscriber.put(data)
+        self.subscribers.add(subscriber)
+        self._on_subscriber(self.topic)
+        sending = asyncio.create_task(subscriber.send(writer))
+        ended = asyncio.create_task(_until_closed(reader))
+        try:
+            await asyncio.wait((sending, ended), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self.subscribers.discard(subscriber)
+            for task in (sending, ended):
+                task.cancel()
+            await asyncio.gather(sending, ended, return_exceptions=True)
+
+    def _encode(self, message: Message) -> bytes:
+        """Return a message with its length before it; nothing for one that is none."""
+        self._sequence += 1
+        try:
+            return frame(to_ros1(self.kind.type, message.data, self._sequence))
+        except UnreadableError:
+            self.unreadable += 1
+            return b""
+
+
+async def _until_closed(reader: asyncio.StreamReader) -> None:
+    """Wait until a peer closes the connection; what it sends is nothing that TCPROS knows."""
+    while await reader.read(4096):
+        pass

@@ -1,0 +1,52 @@
+# mypy: disable-error-code="import-not-found"
+"""A node of rospy, run by Debian's Python: subscribes, drives, calls, and prints what came as a line of JSON."""
+
+import json
+import time
+
+import rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image, Imu
+from std_srvs.srv import SetBool, Trigger
+from tf2_ros import Buffer, TransformListener
+
+PATIENCE_S = 60.0
+
+
+def main() -> None:
+    rospy.init_node("pilot", anonymous=True)
+    found = {}
+    frames = Buffer()
+    TransformListener(frames)
+    found["accelerations"] = [
+        rospy.wait_for_message("/uuv1/imu", Imu, PATIENCE_S).linear_acceleration.z for _ in range(2)
+    ]
+    found["clock"] = rospy.wait_for_message("/clock", Clock, PATIENCE_S).clock.to_sec()
+    image = rospy.wait_for_message("/uuv1/camera/image_raw", Image, PATIENCE_S)
+    found["image"] = [image.width, image.height, image.encoding, len(image.data), len(set(image.data)) > 1]
+    deadline = time.monotonic() + PATIENCE_S
+    while not frames.can_transform("map", "imu_link", rospy.Time(0)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    found["depth"] = frames.lookup_transform("map", "imu_link", rospy.Time(0)).transform.translation.z
+    speeds = []
+    rospy.Subscriber("/uuv1/ground_truth", Odometry, lambda odom: speeds.append(odom.twist.twist.linear.x))
+    commands = rospy.Publisher("/uuv1/cmd_vel", Twist, queue_size=1)
+    command = Twist()
+    command.linear.x = 0.5
+    while not (speeds and speeds[-1] > 0.3) and time.monotonic() < deadline:
+        commands.publish(command)
+        time.sleep(0.05)
+    found["speed"] = speeds[-1]
+    rospy.wait_for_service("/uuv1/arm", PATIENCE_S)
+    arm = rospy.ServiceProxy("/uuv1/arm", SetBool, persistent=True)
+    found["armed"] = [arm(False).success, arm(True).message]
+    found["reset"] = rospy.ServiceProxy("/uuv1/reset", Trigger)().success
+    found["gain"] = rospy.get_param("/uuv1/gains/surge/p")
+    found["urdf"] = rospy.get_param("/uuv1/robot_description")[:500]
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
