@@ -3,6 +3,7 @@
 from hil.charts.build import Built, Report
 from hil.charts.grid import Grid
 from hil.charts.sources.survey import Survey
+from sim.environment.obstacles import STANDING, Box, Cylinder
 
 Facts = tuple[tuple[str, str], ...]  # name, text
 
@@ -11,14 +12,17 @@ BRIDGES = "; bridges are drawn, but their decks are above the water"
 
 def describe(survey: Survey, built: Built) -> Facts:
     """Return what a world was made of and how good it is."""
-    report, standing = built.report, len(built.placed.cylinders) + len(built.placed.boxes)
+    report = built.report
+    obstacles: tuple[Cylinder | Box, ...] = (*built.placed.cylinders, *built.placed.boxes)
+    floating = sum(obstacle.bottom < STANDING for obstacle in obstacles)
     return (
         ("source", survey.source),
         *facts(built.placed.grid, report),
         ("area", f"{percent(report.water)} water, {percent(report.land)} land, {percent(report.unknown)} unknown"),
         ("limits", f"{percent(report.clamped)} of the water held by depth areas; "
                    f"{report.off_limits} soundings deeper than theirs"),
-        ("obstacles", f"{standing} standing on the bed, {report.beds_under} of which the bed was lowered for"
+        ("obstacles", f"{len(obstacles) - floating} standing on the bed, {report.beds_under} of which the bed was "
+                      f"lowered for; {floating} floating"
                       + (BRIDGES if survey.bridges else "")),
     )  # fmt: skip
 

@@ -1,7 +1,9 @@
-"""Obstructions, wrecks, rocks, piles and islets of a chart: positions and heights.
+"""Obstructions, wrecks, rocks, piles, islets, structures and what floats, of a chart: positions and heights.
 
-A chart gives most of them as points, without a size. The radii here are ours, on the large side of what such
-things measure. Where no depth is given, WATLEV tells how the water's level lies to them.
+A chart gives most of them as points, without a size. The radii and draughts here are ours, on the large side of what
+such things measure. Where no depth is given, WATLEV tells how the water's level lies to them. Of shore constructions,
+causeways and dams the parts with water on both sides stand in it: piers and moles; the others are the land's edge.
+Structures and what floats keep their outline, an area as a rectangle where that has about the same size.
 """
 
 from typing import NamedTuple
@@ -15,20 +17,32 @@ from hil.charts.gridding import Surface
 from hil.charts.polygons import Edges, fill
 from hil.charts.sources.s57 import Feature
 from hil.charts.sources.survey import Hazard, Survey, first_in_cell
-from sim.environment.obstacles import Box, Cylinder
+from sim.environment.obstacles import STANDING, Box, Cylinder
 
 Array = NDArray[np.float64]
 
 RADII = {
     "OBSTRN": 2.0, "WRECKS": 8.0, "UWTROC": 2.0, "PILPNT": 0.4, "PYLONS": 3.0, "MORFAC": 1.0, "LNDARE": 5.0,
+    "SLCONS": 1.0, "CAUSWY": 3.0, "DAMCON": 3.0, "PONTON": 1.0, "HULKES": 4.0, "FLODOC": 4.0,
 }  # fmt: skip
+DRAUGHTS = {"PONTON": 1.0, "HULKES": 4.0, "FLODOC": 5.0}  # m
+DRAUGHT = 1.0  # m, of others that float
+STRUCTURES = {"SLCONS", "CAUSWY", "DAMCON"}
 OUT_OF_WATER = -100.0  # as sim.environment.obstacles has it
-STANDS_UP = {"PILPNT", "PYLONS", "MORFAC", "LNDARE"}  # they come out of the water unless WATLEV says otherwise
+STANDS_UP = {
+    "PILPNT",
+    "PYLONS",
+    "MORFAC",
+    "LNDARE",
+    *STRUCTURES,
+}  # they come out of the water unless WATLEV says otherwise
 # Always under water (WATLEV 3) says nothing of how deep. The others (S-57 appendix A, attribute 187):
 # partly submerged at high water, always dry, covers and uncovers, awash.
 TOPS = {1.0: OUT_OF_WATER, 2.0: OUT_OF_WATER, 4.0: 0.0, 5.0: 0.0}
 FLOATING = 7.0
 BURIED = 0.01  # m: what rises less is not there
+RECTANGULAR = 0.6  # share of its rectangle that an area must have to be one
+SIMPLER = 0.5  # m that the line of a structure may be off what the chart draws
 LEAST_HEIGHT = 1.0  # m above the bed of what is only known to be there
 
 
@@ -41,16 +55,24 @@ class Placed(NamedTuple):
 
 
 def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
-    """Return the hazards that one object is, its `points` and `edges` on the plane; none for what floats."""
-    if feature.kind not in RADII or feature.number("WATLEV") == FLOATING:
+    """Return the hazards that one object is, its `points` and `edges` on the plane; none for land."""
+    if feature.kind not in RADII or (feature.kind == "LNDARE" and feature.is_area):
         return []
-    if feature.kind == "LNDARE" and feature.is_area:
-        return []
-    top, radius = _top(feature), RADII[feature.kind]
+    top, radius, bottom, is_structure = _top(feature), RADII[feature.kind], STANDING, feature.kind in STRUCTURES
+    if feature.kind in DRAUGHTS or feature.number("WATLEV") == FLOATING:
+        top, bottom = OUT_OF_WATER, DRAUGHTS.get(feature.kind, DRAUGHT)
     if feature.is_area:
-        return [Hazard(feature.kind, np.concatenate(edges), radius, top, edges)] if edges else []
+        line = np.concatenate([np.empty((0, 2)), *edges])
+        return [Hazard(feature.kind, line, radius, top, edges, bottom, is_structure)] if edges else []
+    lines = [_simplified(line) for line in edges] if is_structure or bottom < STANDING else edges
     places = [points[i : i + 1] for i in range(len(points))]
-    return [Hazard(feature.kind, line, radius, top) for line in (*places, *edges)]
+    return [Hazard(feature.kind, line, radius, top, (), bottom, is_structure) for line in (*places, *lines)]
+
+
+def _simplified(line: Array) -> Array:
+    from shapely import LineString
+
+    return np.asarray(LineString(line).simplify(SIMPLER).coords) if len(line) > 2 else line
 
 
 def _top(feature: Feature) -> float | None:
@@ -74,7 +96,9 @@ def place(hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array) -> Placed
     cylinders: list[Cylinder] = []
     boxes: list[Box] = []
     for hazard in standing:
-        if len(hazard.line) == 1 or hazard.edges:
+        if hazard.edges and (hazard.banks or hazard.bottom < STANDING):
+            boxes += _outlined(hazard, grid, limit)
+        elif len(hazard.line) == 1 or hazard.edges:
             cylinders += _cylinder(hazard, grid, limit)
         else:
             boxes += _boxes(hazard, grid, limit)
@@ -91,7 +115,10 @@ def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
     known = [
         (*hazard.line.mean(axis=0), hazard.top)
         for hazard in survey.hazards
-        if hazard.top is not None and hazard.top > 0.0 and (len(hazard.line) == 1 or hazard.edges)
+        if hazard.top is not None
+        and hazard.top > 0.0
+        and hazard.bottom == STANDING
+        and (len(hazard.line) == 1 or hazard.edges)
     ]
     if not known:
         return np.empty((0, 3))
@@ -106,7 +133,9 @@ def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
 
 
 def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
-    """Raise the bed of `grid` to the top of an area; False for what has no area, or none that holds a node."""
+    """Raise the bed of `grid` to the top of an area; False for what floats, has no area, or none that holds a node."""
+    if hazard.bottom < STANDING:
+        return False
     part, inside = fill(hazard.edges, grid.north, grid.east)
     if not inside.any():
         return False
@@ -135,7 +164,7 @@ def _cylinder(hazard: Hazard, grid: Grid, limit: Grid) -> list[Cylinder]:
     if top is None:
         return []
     north, east, radius, top = _rounded(*middle, radius, top)
-    return [Cylinder(north, east, radius, top)]
+    return [Cylinder(north, east, radius, top, bottom=hazard.bottom)]
 
 
 def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
@@ -145,10 +174,38 @@ def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
         middle, along = 0.5 * (start + end), end - start
         top = _height(hazard, middle, grid, limit)
         length, heading = float(np.hypot(*along)), float(np.arctan2(along[1], along[0]))
-        if top is not None and length > 0.0:
+        if top is not None and length > 0.0 and (not hazard.banks or _is_between_waters(middle, along, hazard, grid)):
             size = length + 2.0 * hazard.radius
             north, east, size, width, heading, top = _rounded(*middle, size, 2.0 * hazard.radius, heading, top)
-            boxes.append(Box(north, east, size, width, heading, top))
+            boxes.append(Box(north, east, size, width, heading, top, bottom=hazard.bottom))
+    return boxes
+
+
+def _is_between_waters(middle: Array, along: Array, hazard: Hazard, grid: Grid) -> bool:
+    """True if a cell away from a piece of a line there is water on either side."""
+    across = np.array([-along[1], along[0]]) / np.hypot(*along) * (hazard.radius + grid.resolution)
+    return bool((grid.at(np.stack([middle - across, middle + across])) > 0.0).all())
+
+
+def _outlined(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
+    """Return an area as a rectangle where it is about one, else its outline, piece by piece."""
+    from shapely import LineString, polygonize
+
+    boxes: list[Box] = []
+    for polygon in polygonize([LineString(edge) for edge in hazard.edges]).geoms:
+        rectangle = polygon.minimum_rotated_rectangle
+        if polygon.area < RECTANGULAR * rectangle.area:
+            ring = hazard._replace(line=_simplified(np.asarray(polygon.exterior.coords)), banks=False)
+            boxes += _boxes(ring, grid, limit)
+            continue
+        corners = np.asarray(rectangle.exterior.coords)
+        sides = np.diff(corners[:3], axis=0)
+        size, width = np.hypot(*sides.T)
+        top = _height(hazard, corners[:4].mean(axis=0), grid, limit)
+        if top is not None:
+            heading = float(np.arctan2(sides[0, 1], sides[0, 0]))
+            north, east, size, width, heading, top = _rounded(*corners[:4].mean(axis=0), size, width, heading, top)
+            boxes.append(Box(north, east, size, width, heading, top, bottom=hazard.bottom))
     return boxes
 
 

@@ -35,7 +35,8 @@ def write_world(
     lines += ["", "[terrain]", *_keys(terrain)]
     for name, obstacles in (("cylinder", placed.cylinders), ("box", placed.boxes)):
         for obstacle in obstacles:
-            lines += ["", f"[[{name}]]", *_keys(obstacle._asdict())]
+            usual = obstacle._field_defaults  # to leave them out makes a file that is read sooner
+            lines += ["", f"[[{name}]]", *_keys({k: v for k, v in obstacle._asdict().items() if v != usual.get(k)})]
     write_file(path, ("\n".join(lines) + "\n").encode())
 
 

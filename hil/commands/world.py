@@ -164,9 +164,11 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
         write_geotiff(grid, world.origin, path)
         return "heights in m" + ("" if world.origin else ", without a place on the earth: the world has no origin")
     if ending == ".sdf":
-        from hil.charts.exports.gazebo import write_gazebo
+        from hil.charts.exports.gazebo import MOST_NODES, spacing, write_gazebo
 
-        return f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm"
+        note, apart = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", spacing(grid)
+        is_coarser = apart > 1.001 * grid.resolution
+        return note + (f"; one every {apart:.3g} m, as {MOST_NODES} a side are the most" if is_coarser else "")
     from hil.charts.exports.mesh import write_glb, write_stl
 
     (write_stl if ending == ".stl" else write_glb)(grid, path)

@@ -246,7 +246,8 @@ class Flight:
         if len(self.planner.path) > 1:
             self._off_track.add(distance_to_path(here, self.planner.path))
         least, deep = self._least_clearance, depth + self._below
-        self._least_clearance = min(least, self._world.clearance(north, east, deep, min(least, RELIEF_WITHIN_M)))
+        clearance = self._world.clearance(north, east, deep, min(least, RELIEF_WITHIN_M), 2.0 * self._below)
+        self._least_clearance = min(least, clearance)
 
 
 class _Spread:

@@ -64,7 +64,7 @@ def encode_obstacles(time_ns: int, world: World) -> bytes:
 
 
 def _marker(time_ns: int, number: int, obstacle: Cylinder | Box, world: World) -> Message:
-    bottom = world.seabed(obstacle.north, obstacle.east)
+    bottom = world.foot(obstacle, obstacle.north, obstacle.east)
     height = max(bottom - obstacle.top, _LEAST_HEIGHT)
     if isinstance(obstacle, Cylinder):
         kind, across, along, yaw = _CYLINDER, 2.0 * obstacle.radius, 2.0 * obstacle.radius, 0.0

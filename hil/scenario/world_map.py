@@ -54,14 +54,15 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: Extent | Non
 def map_at(world: World, depth: float, below: float, resolution: float, part: Extent | None = None) -> OccupancyGrid:
     """The map of `world` in cells of `resolution` m for a vehicle at `depth` m that needs `below` m of water under it.
 
-    It shows all of the world, or a `part`. Occupied is what stands up to that depth and where the seabed is shallower,
-    by the middles of cells; an obstacle too thin to be sure to cover one is widened until it is. Raises ConfigError.
+    It shows all of the world, or a `part`. Occupied is what stands up to that depth, what hangs down to `below` m above
+    it, and where the seabed is shallower, by the middles of cells; an obstacle too thin to be sure to cover one is
+    widened until it is. Raises ConfigError.
     """
 
     def clearance(norths: Array, easts: Array) -> Array:
         free = np.full(norths.shape, np.inf)
         for obstacle in world.obstacles():
-            if obstacle.top < depth:
+            if obstacle.top < depth and obstacle.bottom > depth - below:
                 lower(free, obstacle, norths, easts, max(0.0, HALF_DIAGONAL * resolution - _thickness(obstacle)))
         return np.where(_seabed(world, norths, easts) > depth + below, free, -1.0)
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from hil.common.vectors import Vector3
 from sim.dynamics import State
+from sim.environment.obstacles import Obstacle
 from sim.environment.world import World
 from sim.matrices import Matrix
 from sim.rotations import rotate_inverse
@@ -34,6 +35,7 @@ _PLACES = (
 _ROAM = 2.0  # m: how far the shallowest seabed around is known
 _PASSES = 4  # pushes a step: in a valley one gives the next
 _ROUNDING = 1e-3  # m
+_NEAR = 20.0  # m: obstacles farther away are left out until the vehicle has come half that far
 SEABED = "the seabed"
 
 
@@ -104,6 +106,10 @@ class Contact:
         self._footprint = Footprint(world.terrain, self.radius, self.half_height) if world.terrain else None
         self._last: Sequence[float] | None = None  # where it was free
         self._obstacles = world.obstacles()
+        # Those within _NEAR m of that place, and how far all others are at least from there.
+        self._near: Sequence[Obstacle] = ()
+        self._near_place = (inf, inf)
+        self._beyond = 0.0
         # As long as the vehicle is within `_free` m of this place it cannot touch any of them.
         self._north = self._east = 0.0
         self._free = 0.0 if self._obstacles else inf
@@ -167,18 +173,33 @@ class Contact:
         state.position = list(place)
 
     def _resolve_obstacles(self, state: State) -> None:
-        self._free = inf
+        self._free = self._find_near(state)
         self._north, self._east, _ = state.position
-        for obstacle in self._obstacles:
+        for obstacle in self._near:
             north, east, down = state.position
             distance, out_north, out_east = obstacle.separation(north, east)
             self._free = min(self._free, max(0.0, distance - self.radius))
             into_side, into_top = self.radius - distance, down + self.half_height - obstacle.top
-            if into_side > 0.0 and into_top > 0.0:
-                if into_top < into_side:  # it came from above
+            into_bottom = obstacle.bottom - (down - self.half_height)
+            if into_side > 0.0 and into_top > 0.0 and into_bottom > 0.0:
+                if into_side <= into_top and into_side <= into_bottom:
+                    self._push(state, into_side, (out_north, out_east, 0.0), obstacle.label)
+                elif into_top <= into_bottom:  # it came from above
                     self._push(state, into_top, (0.0, 0.0, -1.0), obstacle.label)
                 else:
-                    self._push(state, into_side, (out_north, out_east, 0.0), obstacle.label)
+                    self._push(state, into_bottom, (0.0, 0.0, 1.0), obstacle.label)
+
+    def _find_near(self, state: State) -> float:
+        """Look anew for what is near, once the vehicle is half out of that; return how far (m) the rest is at least."""
+        north, east, _ = state.position
+        (from_north, from_east), limit = self._near_place, self.radius + _NEAR
+        away = sqrt((north - from_north) ** 2 + (east - from_east) ** 2)
+        if not away < 0.5 * _NEAR:
+            apart = [(obstacle.separation(north, east)[0], obstacle) for obstacle in self._obstacles]
+            self._near = [obstacle for distance, obstacle in apart if distance <= limit]
+            self._near_place, away = (north, east), 0.0
+            self._beyond = min([distance for distance, _ in apart if distance > limit], default=inf)
+        return max(0.0, self._beyond - self.radius - away)
 
     def _push(self, state: State, depth: float, normal: Sequence[float], what: str) -> None:
         """Move it out of `what` by `depth` m along `normal` (NED, away from it); stop its motion against it."""
@@ -207,4 +228,4 @@ def starts_inside(vehicle: Vehicle, world: World, position: Sequence[float]) -> 
         aground = Footprint(world.terrain, radius, 0.5 * height).deepest(position)[0] > 0.0
     else:
         aground = lowest > world.depth
-    return aground or world.clearance(north, east, lowest) < radius
+    return aground or world.clearance(north, east, lowest, height=height) < radius

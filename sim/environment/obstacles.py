@@ -1,4 +1,4 @@
-"""Upright obstacles: each has a horizontal outline and reaches from its `top` down to the seabed."""
+"""Upright obstacles: each has a horizontal outline and reaches from its `top` down to its `bottom`, or the seabed."""
 
 from math import cos, sin, sqrt
 from typing import Annotated, NamedTuple, Protocol
@@ -9,6 +9,9 @@ Coordinate = Annotated[float, Range(-1e5, 1e5, "m")]
 Length = Annotated[float, Range(0.01, 1e4, "m")]
 # The depth of the upper end. The default stands 100 m out of the water: nothing passes over.
 Top = Annotated[float, Range(-100.0, 11_000.0, "m")]
+# The depth of the lower end. The default is below any seabed: it stands on that.
+STANDING = 20_000.0
+Bottom = Annotated[float, Range(-100.0, STANDING, "m")]
 Heading = Annotated[float, Range(-6.2832, 6.2832, "rad")]
 
 # Distance in m (negative inside) and the horizontal unit vector away from the obstacle, north and east.
@@ -23,6 +26,10 @@ class Obstacle(Protocol):
         """The depth of its upper end in m."""
 
     @property
+    def bottom(self) -> float:
+        """The depth of its lower end in m, below the seabed where it stands on that."""
+
+    @property
     def label(self) -> str:
         """Name for messages: its own, or its kind and place."""
 
@@ -31,7 +38,10 @@ class Obstacle(Protocol):
 
 
 class Cylinder(NamedTuple):
-    """A pile: the centre of its axis and its radius. What is `hidden` is on no planner's map; `name` is for reports."""
+    """A pile: the centre of its axis and its radius. With a `bottom` it hangs or floats.
+
+    What is `hidden` is on no planner's map; `name` is for reports.
+    """
 
     north: Coordinate
     east: Coordinate
@@ -39,6 +49,7 @@ class Cylinder(NamedTuple):
     top: Top = -100.0
     hidden: bool = False
     name: str = ""
+    bottom: Bottom = STANDING
 
     @property
     def label(self) -> str:
@@ -57,6 +68,7 @@ class Cylinder(NamedTuple):
 class Box(NamedTuple):
     """A block: its centre and its sizes along its own two axes, the first of which points at `heading`.
 
+    With a `bottom` it hangs or floats.
     What is `hidden` is on no planner's map; `name` is for reports.
     """
 
@@ -68,6 +80,7 @@ class Box(NamedTuple):
     top: Top = -100.0
     hidden: bool = False
     name: str = ""
+    bottom: Bottom = STANDING
 
     @property
     def label(self) -> str:
@@ -99,6 +112,7 @@ class Wall(NamedTuple):
     inward_east: float
     offset: float
     top: float = -100.0
+    bottom: float = STANDING
 
     @property
     def label(self) -> str:

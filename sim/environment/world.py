@@ -60,9 +60,11 @@ class World(NamedTuple):
             return "extent: give north_min, north_max, east_min, east_max, each pair growing"
         placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
         for obstacle in placed:
-            at = f"({obstacle.north:g}, {obstacle.east:g})"
-            if not (north_min <= obstacle.north <= north_max and east_min <= obstacle.east <= east_max):
-                return f"the obstacle at {at} is outside the extent"
+            north, east = obstacle.north, obstacle.east
+            if obstacle.bottom <= obstacle.top:
+                return f"the obstacle at ({north:g}, {east:g}) has its bottom above its top"
+            if not (north_min <= north <= north_max and east_min <= east <= east_max):
+                return f"the obstacle at ({north:g}, {east:g}) is outside the extent"
         return None
 
     def seabed(self, north: float, east: float) -> float:
@@ -81,13 +83,20 @@ class World(NamedTuple):
                 return f"the obstacle at ({obstacle.north:g}, {obstacle.east:g}) has its top in the seabed"
         return None
 
-    def clearance(self, north: float, east: float, depth: float = inf, within: float = _RELIEF_WITHIN) -> float:
+    def foot(self, obstacle: Obstacle, north: float, east: float) -> float:
+        """Return the depth (m) at which an obstacle at a place ends: that of the seabed, unless it hangs above."""
+        return min(obstacle.bottom, self.seabed(north, east))
+
+    def clearance(
+        self, north: float, east: float, depth: float = inf, within: float = _RELIEF_WITHIN, height: float = inf
+    ) -> float:
         """Distance in m from a point to the nearest obstacle's side, negative inside it, inf if there is none.
 
-        Only obstacles that reach up to `depth` m count, and with them a relief where it does, no farther than `within`
-        m away. If `depth` is left out, all obstacles count and no relief.
+        Only obstacles count that are between `depth` m and `height` m above it, and with them a relief that reaches up
+        to `depth`, no farther than `within` m away. If `depth` is left out, all obstacles count and no relief.
         """
-        near = (o.separation(north, east)[0] for o in self.obstacles() if o.top < depth)
+        highest = depth - height if height < inf else -inf
+        near = (o.separation(north, east)[0] for o in self.obstacles() if o.top < depth and o.bottom > highest)
         least = min(near, default=inf)
         if self.terrain is None or depth == inf:
             return least

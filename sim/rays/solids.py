@@ -21,7 +21,6 @@ SPHERE, CYLINDER, BOX, HALF_SPACE, MESH = range(5)
 KIND, REACH, POSITION, ROTATION, SIZES, ROOT, ROW = 0, 1, 2, 5, 14, 20, 21
 
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-_DOWN = 20_000.0  # m: below any seabed
 
 
 class Solid(NamedTuple):
@@ -84,15 +83,16 @@ def hull(vehicle: "Vehicle") -> Solid:
 
 
 def standing(obstacle: Obstacle) -> Solid:
-    """Return an obstacle of a world: from its top down into the seabed."""
+    """Return an obstacle of a world: from its top down to its bottom, which is below the seabed where it stands."""
     if isinstance(obstacle, Cylinder):
         place = (obstacle.north, obstacle.east, obstacle.top)
-        return Solid(CYLINDER, obstacle.radius, place, _UPRIGHT, (obstacle.radius, 0.0, _DOWN))
+        length = obstacle.bottom - obstacle.top
+        return Solid(CYLINDER, obstacle.radius, place, _UPRIGHT, (obstacle.radius, 0.0, length))
     if isinstance(obstacle, Box):
         x, y = 0.5 * obstacle.size_north, 0.5 * obstacle.size_east
         turned = matrix(from_euler(0.0, 0.0, obstacle.heading))
         place = (obstacle.north, obstacle.east, obstacle.top)
-        return Solid(BOX, sqrt(x * x + y * y), place, turned, (-x, x, -y, y, 0.0, _DOWN))
+        return Solid(BOX, sqrt(x * x + y * y), place, turned, (-x, x, -y, y, 0.0, obstacle.bottom - obstacle.top))
     if isinstance(obstacle, Wall):
         return half_space((obstacle.inward_north, obstacle.inward_east, 0.0), obstacle.offset)
     raise TypeError(f"rays know no {type(obstacle).__name__}")

@@ -41,9 +41,7 @@ def height_map(grid: Grid) -> tuple[NDArray[np.uint16], float, float]:
 
     Heights in m of 0 and of its brightest.
     """
-    side = 3
-    while side < min(max(grid.depths.shape), MOST_NODES):
-        side = 2 * side - 1
+    side = _side(grid)
     rows, columns = np.linspace(grid.north[0], grid.north[-1], side), np.linspace(grid.east[0], grid.east[-1], side)
     places = np.meshgrid(rows, columns, indexing="ij")
     inside = np.column_stack(
@@ -54,6 +52,20 @@ def height_map(grid: Grid) -> tuple[NDArray[np.uint16], float, float]:
     high = max(high, low + 0.01)  # a flat bed, too, has a range
     levels = np.rint((np.nan_to_num(heights, nan=high) - low) / (high - low) * LEVELS)
     return levels[::-1].astype(np.uint16), low, high
+
+
+def spacing(grid: Grid) -> float:
+    """Return how far the nodes of the height map are apart at most (m)."""
+    south, north, west, east = grid.extent
+    return max(north - south, east - west) / (_side(grid) - 1)
+
+
+def _side(grid: Grid) -> int:
+    """Return the nodes along a side of the height map."""
+    side = 3
+    while side < min(max(grid.depths.shape), MOST_NODES):
+        side = 2 * side - 1
+    return side
 
 
 def _sdf(world: World, grid: Grid, low: float, high: float, stem: str) -> str:
@@ -128,6 +140,7 @@ def _obstacles(world: World, grid: Grid) -> Iterator[str]:
         bed = float(grid.at(np.array([[obstacle.north, obstacle.east]]))[0])
         if not np.isfinite(bed):
             continue
+        bed = min(bed, obstacle.bottom)
         top = max(obstacle.top, -5.0)
         height = bed - top
         if height > 0.0:

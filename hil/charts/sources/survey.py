@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hil.charts.gridding import Indices
 from hil.charts.polygons import Edges
+from sim.environment.obstacles import STANDING
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,8 @@ class Sheet(NamedTuple):
 class Hazard(NamedTuple):
     """Object on the seabed. `top` is the depth of its upper end in m, None if only known to be there.
 
+    What floats reaches down to `bottom` m. With `banks` it counts only where water is on both sides of it.
+
     A point (`line` with one place) stands with `radius` m around it, a line is as wide; an area rises from the
     bed inside its edges.
     """
@@ -42,6 +45,8 @@ class Hazard(NamedTuple):
     radius: float
     top: float | None
     edges: Edges = ()
+    bottom: float = STANDING
+    banks: bool = False
 
 
 # Depths (m, nan where none is known) at the crossings of growing norths and easts (m)

@@ -73,7 +73,7 @@ def encode_scene(scenario: Scenario, world: World, vehicle: Vehicle) -> bytes:
 
 
 def _obstacle(m: Any, obstacle: Any, world: World) -> Any:
-    bottom = world.seabed(obstacle.north, obstacle.east)
+    bottom = world.foot(obstacle, obstacle.north, obstacle.east)
     height = max(bottom - obstacle.top, 0.1)
     middle = obstacle.east, obstacle.north, -(bottom - 0.5 * height)
     if isinstance(obstacle, Cylinder):

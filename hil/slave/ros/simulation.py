@@ -159,7 +159,7 @@ class SimulationServices:
             motion = [_xyz(swap_world(_three(rotate(attitude, part)))) for part in (nu[:3], nu[3:])]
         else:
             obstacle = self._obstacles[name]
-            bottom = simulation.world.seabed(obstacle.north, obstacle.east)
+            bottom = simulation.world.foot(obstacle, obstacle.north, obstacle.east)
             north, east, down = obstacle.north, obstacle.east, 0.5 * (bottom + obstacle.top)
             w, x, y, z = from_euler(0.0, 0.0, getattr(obstacle, "heading", 0.0))
             motion = [_xyz((0.0, 0.0, 0.0)), _xyz((0.0, 0.0, 0.0))]

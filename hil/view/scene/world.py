@@ -94,7 +94,7 @@ class WorldScene:
         )  # fmt: skip
 
     def _draw_obstacle(self, number: int, obstacle: Cylinder | Box) -> None:
-        bottom = self.seabed(obstacle.north, obstacle.east)
+        bottom = self.world.foot(obstacle, obstacle.north, obstacle.east)
         top = max(obstacle.top, -0.5)  # what stands out of the water is cut, or it would hide the vehicles
         height, middle = max(bottom - top, 0.1), (obstacle.north, obstacle.east, 0.5 * (bottom + top))
         name, place = f"/obstacles/{number}", to_scene([middle])[0]

@@ -22,6 +22,7 @@ from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import open_raster
 from hil.commands import world as command
 from hil.common.errors import ConfigError
+from sim.environment.obstacles import STANDING
 from tests.support.charts.s57_encoder import Encoder, square
 from tests.support.charts.small_cell import EAST, NORTH, SHORE, SOUTH, WEST, bay, bed
 
@@ -125,7 +126,8 @@ def test_a_chart_as_a_survey(tmp_path: Path) -> None:
     assert extent[1] - extent[0] == pytest.approx(1113.0, abs=2.0)
     assert extent[3] - extent[2] == pytest.approx(1049.0, abs=2.0)
     assert "ENC BAY edition 1 update 0 1:10000" in survey.source
-    assert sorted(h.kind for h in survey.hazards) == ["PILPNT", "UWTROC"], "what floats does not stand on the bed"
+    kinds = {hazard.kind: hazard.bottom for hazard in survey.hazards}
+    assert kinds == {"OBSTRN": 1.0, "PILPNT": STANDING, "UWTROC": STANDING}, "one of them floats"
     assert len(survey.contours) == 1
     assert (survey.guides[:, 2] == 0.0).all()
     assert len(survey.guides) > 20
@@ -154,7 +156,7 @@ def test_the_larger_scale_is_believed_where_charts_overlap(tmp_path: Path) -> No
     paths = [bay().write(tmp_path / "FINE.000"), coarse.write(tmp_path / "COARSE.000")]
     both, extent = read_sources(paths, None, 20.0)
     assert both.sheets[-1].name == "FINE"
-    assert sorted(h.kind for h in both.hazards) == ["PILPNT", "UWTROC"]
+    assert sorted(h.kind for h in both.hazards) == ["OBSTRN", "PILPNT", "UWTROC"]
     west_of = LocalPlane(*both.origin or (0.0, 0.0)).to_local(np.array([54.002]), np.array([WEST]))[1][0]
     pieces = [line for line, depth in both.contours if depth == 42.0]
     assert len(pieces) == 1

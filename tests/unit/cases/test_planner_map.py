@@ -181,3 +181,11 @@ def test_nothing_thin_slips_between_the_middles_of_cells() -> None:
         assert not grid.inflate(1.0).is_free(pile[:2])
         assert not grid.line_is_free((14.0, 1.0), (14.0, 9.0)), "the plate is a wall"
         assert grid.cells.sum() < 25
+
+
+def test_what_hangs_is_on_the_map_of_the_depths_that_it_reaches() -> None:
+    pontoon = Box(10.0, 5.0, 4.0, 4.0, bottom=2.0)
+    world = World("some", "made up", (0.0, 20.0, 0.0, 10.0), 10.0, box=(pontoon,))
+    assert not map_at(world, 1.0, 0.3, 0.5).is_free((10.0, 5.0))
+    assert not map_at(world, 2.2, 0.3, 0.5).is_free((10.0, 5.0)), "0.3 m are wanted between"
+    assert map_at(world, 2.4, 0.3, 0.5).is_free((10.0, 5.0))

@@ -20,7 +20,7 @@ from hil.ros import encoders as ros
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Master, Start
 from hil.scenario.world_map import known_map
-from sim.environment.obstacles import Cylinder
+from sim.environment.obstacles import STANDING, Cylinder
 from sim.environment.world import World
 from sim.rotations import from_euler
 from sim.sensors.extra_samples import BatterySample, LaserSample
@@ -42,7 +42,13 @@ ranges = st.one_of(st.floats(0.0, 30.0), st.sampled_from([math.inf, -math.inf, m
 places = st.tuples(st.floats(-5.0, 25.0), st.floats(-5.0, 25.0), st.floats(0.0, 10.0))
 piles = st.lists(
     st.builds(
-        Cylinder, st.floats(4.0, 16.0), st.floats(4.0, 16.0), st.floats(0.2, 2.0), st.just(-100.0), st.just(False)
+        Cylinder,
+        st.floats(4.0, 16.0),
+        st.floats(4.0, 16.0),
+        st.floats(0.2, 2.0),
+        st.just(-100.0),
+        st.just(False),
+        bottom=st.just(STANDING),
     ),
     max_size=7,
 )

@@ -12,7 +12,7 @@ from PIL import Image
 
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.charts.exports.free_water import free_water
-from hil.charts.exports.gazebo import height_map, write_gazebo
+from hil.charts.exports.gazebo import height_map, spacing, write_gazebo
 from hil.charts.exports.geotiff import write_geotiff
 from hil.charts.exports.mesh import triangulate, write_glb, write_stl
 from hil.charts.exports.png import write_png
@@ -211,3 +211,9 @@ def test_free_water(tmp_path: Path) -> None:
     assert not free_water(world, grid, 15.5, 1.0).is_free((30.5, 45.5))
     found.write_pgm(str(tmp_path / "map.pgm"))
     assert (OccupancyGrid.read(str(tmp_path / "map.yaml")).cells == found.cells).all()
+
+
+def test_a_height_map_says_when_it_is_coarser_than_the_grid() -> None:
+    """Gazebo takes 2^n + 1 nodes a side, and we give it 2,049 at most."""
+    for side, apart in ((100, 99.0 / 128.0), (2049, 1.0), (9999, 9998.0 / 2048.0)):
+        assert spacing(Grid(np.broadcast_to(np.float32(9.0), (side, 2)), 0.0, 0.0, 1.0)) == pytest.approx(apart)

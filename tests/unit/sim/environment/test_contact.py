@@ -118,3 +118,41 @@ def test_over_a_stump_there_is_a_way() -> None:
     assert starts_inside(VEHICLE, SEA, (9.0, 9.0, 9.95))
     assert not starts_inside(VEHICLE, SEA, (-5.0, 0.0, 5.0))
     assert not starts_inside(VEHICLE, SEA, (0.0, 0.0, 5.0))
+
+
+def test_it_passes_below_what_hangs_and_stops_at_its_underside() -> None:
+    """A pontoon 2 m deep: clear of it below, pushed down from it when it rises, and out of its side from beside."""
+    pontoon = Box(0.0, 0.0, 6.0, 6.0, top=-1.0, bottom=2.0)
+    world = World("harbour", "test", (-20.0, 20.0, -20.0, 20.0), 10.0, box=(pontoon,))
+    inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
+    half, radius = 0.5 * VEHICLE.dimensions[2], Contact(VEHICLE, world, inverse).radius
+    for place, free in (((0.0, 0.0, 2.01 + half), True), ((0.0, 0.0, 1.9 + half), False), ((3.1, 0.0, 1.0), False)):
+        contact, state = Contact(VEHICLE, world, inverse), State(place)
+        state.nu = [0.0, 0.0, -0.5, 0.0, 0.0, 0.0]
+        assert contact.resolve(state) != free
+        assert starts_inside(VEHICLE, world, place) != free
+        if place[2] > 2.0 and not free:
+            assert state.position == pytest.approx((0.0, 0.0, 2.0 + half))
+            assert state.nu[2] == pytest.approx(0.0)
+        elif not free:
+            assert state.position == pytest.approx((3.0 + radius, 0.0, 1.0))
+    assert world.clearance(0.0, 0.0, 5.0, height=1.0) == float("inf")
+    assert world.clearance(0.0, 0.0, 5.0) == -3.0
+    assert world.foot(pontoon, 0.0, 0.0) == 2.0
+    assert world.foot(pontoon._replace(bottom=50.0), 0.0, 0.0) == 10.0
+
+
+def test_what_is_met_on_a_long_way_does_not_depend_on_what_was_near_before() -> None:
+    """Across 300 piles in 400 m: the same contacts as with a Contact that has never been elsewhere."""
+    random = Random(3)
+    piles = tuple(Cylinder(random.uniform(-200, 200), random.uniform(-200, 200), 1.0) for _ in range(300))
+    world = World("piles", "test", (-200.0, 200.0, -200.0, 200.0), 30.0, cylinder=piles)
+    inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
+    contact, touched = Contact(VEHICLE, world, inverse), 0
+    for step in range(4000):
+        place = (0.1 * step - 200.0, 150.0 * (step / 4000.0) - 60.0, 5.0)
+        state, fresh = State(place), State(place)
+        assert contact.resolve(state) == Contact(VEHICLE, world, inverse).resolve(fresh)
+        assert state.position == fresh.position
+        touched += contact.touching
+    assert touched > 10

@@ -122,3 +122,12 @@ def test_gaps_of_the_field() -> None:
                 along, across = x * box.size_north, y * box.size_east
                 at = box.north + c * along - s * across, box.east + s * along + c * across
                 assert all(other.separation(*at)[0] >= 1.5 for other in obstacles if other is not box)
+
+
+def test_a_thing_ends_below_its_top(tmp_path: Path) -> None:
+    (tmp_path / "w.toml").write_text(
+        'name = "w"\nsource = ""\nextent = [-5, 5, -5, 5]\ndepth = 9\n'
+        "[[cylinder]]\nnorth = 1\neast = 2\nradius = 1\ntop = 3\nbottom = 2.5\n"
+    )
+    with pytest.raises(ConfigError, match=r"the obstacle at \(1, 2\) has its bottom above its top"):
+        load_world(str(tmp_path / "w.toml"))

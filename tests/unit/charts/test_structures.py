@@ -1,0 +1,85 @@
+"""Structures and floating things of a chart: which stand in the world, in which shape, and how deep they reach."""
+
+import numpy as np
+import pytest
+
+from hil.charts.grid import Grid
+from hil.charts.hazards import OUT_OF_WATER, Placed, hazards_of, place
+from hil.charts.sources.s57 import Feature
+from sim.environment.obstacles import STANDING, Box
+
+Lines = tuple[tuple[tuple[float, float], ...], ...]
+SHORE = 60.0  # m north; beyond is land
+
+
+def placed(kind: str, lines: Lines = (), is_area: bool = False, **attributes: float) -> Placed:
+    """In water 8 m deep up to the shore; a grid of 5 m."""
+    depths = np.full((21, 21), 8.0, np.float32)
+    depths[13:] = -1.0
+    grid = Grid(depths, 0.0, 0.0, 5.0)
+    edges = tuple(np.array(line) for line in lines)
+    points = np.empty((0, 2))
+    if not lines:
+        points = np.array([[20.0, 30.0]])
+    hazards = hazards_of(Feature(kind, attributes, points, edges, is_area), points, edges)
+    return place(tuple(hazards), grid, np.full((21, 21), 3.0))
+
+
+def ring(*corners: tuple[float, float]) -> Lines:
+    return ((*corners, corners[0]),)
+
+
+def test_a_pier_stands_in_the_water_and_a_quay_is_the_land_s_edge() -> None:
+    """From the shore 40 m to the south; the wall along the shore has water on one side alone."""
+    pier, quay = ((58.0, 50.0), (20.0, 50.0)), ((59.0, 10.0), (59.0, 90.0))
+    for kind in ("SLCONS", "CAUSWY", "DAMCON"):
+        (box,) = placed(kind, (pier, quay), WATLEV=2.0).boxes
+        assert (box.north, box.east) == (39.0, 50.0)
+        assert box.size_north == pytest.approx(38.0 + box.size_east)
+        assert (box.top, box.bottom) == (OUT_OF_WATER, STANDING)
+        assert abs(np.sin(box.heading)) < 1e-3
+
+
+def test_what_covers_and_what_is_always_under_water() -> None:
+    pier: Lines = (((50.0, 50.0), (20.0, 50.0)),)
+    assert placed("SLCONS", pier, WATLEV=4.0).boxes[0].top == 0.0
+    assert placed("SLCONS", pier, WATLEV=3.0).boxes[0].top == 3.0, "up to the shoal limit, as of a wreck"
+    assert placed("SLCONS", pier).boxes[0].top == OUT_OF_WATER
+
+
+def test_a_pontoon_floats_above_the_bed() -> None:
+    for kind, draught in (("PONTON", 1.0), ("HULKES", 4.0), ("FLODOC", 5.0)):
+        result = placed(kind, ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
+        (box,) = result.boxes
+        assert sorted((box.size_north, box.size_east)) == [8.0, 30.0]
+        assert (box.north, box.east, box.bottom) == (24.0, 35.0, draught)
+        assert result.grid.depths.max() == result.grid.at(np.array([[24.0, 35.0]]))[0] == 8.0, "the bed is as it was"
+    (point,) = placed("OBSTRN", WATLEV=7.0).cylinders
+    assert (point.top, point.bottom) == (OUT_OF_WATER, 1.0)
+
+
+def test_an_area_that_is_no_rectangle_keeps_its_outline() -> None:
+    """Two fingers of 2 m on a stem: between them there is water."""
+    comb = ring(
+        (10.0, 10.0), (40.0, 10.0), (40.0, 12.0), (12.0, 12.0), (12.0, 40.0), (40.0, 40.0), (40.0, 42.0), (10.0, 42.0)
+    )  # fmt: skip
+    boxes = placed("PONTON", comb, True).boxes
+    assert len(boxes) == 8
+
+    def apart(north: float, east: float) -> float:
+        return min(box.separation(north, east)[0] for box in boxes)
+
+    assert apart(30.0, 26.0) > 10.0
+    assert all(apart(north, 11.0) <= 0.0 for north in (11.0, 25.0, 39.0))
+    assert apart(11.0, 25.0) <= 0.0
+
+
+def test_a_line_of_many_corners_is_drawn_with_few() -> None:
+    """An arc of 10 degrees in 50 pieces is within half a metre of its chord."""
+    angles = np.linspace(0.0, np.radians(10.0), 51)
+    arc = tuple(
+        zip((10.0 + 100.0 * np.sin(angles)).tolist(), (30.0 + 100.0 * (1.0 - np.cos(angles))).tolist(), strict=True)
+    )
+    boxes: tuple[Box, ...] = placed("PONTON", (arc,)).boxes
+    assert len(boxes) <= 3
+    assert max(min(box.separation(*point)[0] for box in boxes) for point in arc) <= 0.0
