@@ -169,7 +169,7 @@ def _dispatch(words: list[str]) -> int:
 def _run(name: str, arguments: list[str]) -> int:
     """One subcommand's exit code. Raises HilError, also for a missing package of an extra."""
     if name in LINUX_ONLY and sys.platform != "linux":
-        from hil.common.process import require_linux
+        from hil.common.errors import require_linux
 
         require_linux(name)
     try:

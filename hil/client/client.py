@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.delay import DelayMeter
 from hil.client.liveness import LivenessMonitor
-from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.common.clock import NS_PER_S, boot_id, now_ns, to_wall_ns
 from hil.common.errors import NetworkError
-from hil.common.process import boot_id
 from hil.network.presence import fetch_last
 from hil.network.publisher import Publisher
 from hil.network.roles import open_master_session

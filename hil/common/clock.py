@@ -53,6 +53,17 @@ def process_start_ns() -> int:
     return ticks * NS_PER_S // os.sysconf("SC_CLK_TCK") - boot_to_monotonic
 
 
+def boot_id() -> str:
+    """Return the identifier of this boot; processes that see the same one share a clock."""
+    try:
+        with open("/proc/sys/kernel/random/boot_id", encoding="utf-8") as file:
+            return file.read().strip()
+    except FileNotFoundError:  # not Linux
+        import uuid
+
+        return f"machine {uuid.getnode():x}"
+
+
 LEARN_NS = 300  # by which the time to wake up is corrected each time
 MOST_LEAD_NS = 100_000
 MOST_FRESH = 1024  # instants that a loop leaves uncounted, of which the slave's has 400 a second

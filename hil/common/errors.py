@@ -13,6 +13,8 @@ Each message names the file, key or port it is about and ends with the remedy. W
 never raises any of these: it is decoded, or counted and dropped.
 """
 
+import sys
+
 STOPPED = 130  # the exit code of what a person or a signal has ended, as of a shell after Ctrl-C
 EXIT_CODES = (
     "exit codes: 0 done, 1 a check found a problem, 2 a wrong file or option, 3 a device, 4 the network, 5 a missing "
@@ -62,3 +64,12 @@ class NoPathError(MissionError):
 
 class DivergenceError(MissionError):
     """The state of a simulated vehicle is not finite any more; the message names the time and the term."""
+
+
+ELSEWHERE = "on this system run sim, master, view, topic, the gateways, and what needs no board"
+
+
+def require_linux(what: str) -> None:
+    """Raise DeviceError, in one line, on a system that cannot do `what`."""
+    if sys.platform != "linux":
+        raise DeviceError(f"{what} runs on Linux only, and this is {sys.platform}; {ELSEWHERE}")

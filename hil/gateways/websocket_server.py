@@ -4,15 +4,13 @@ Programs may look without the token, web pages may not, and who commands needs i
 """
 
 import asyncio
-import threading
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, Generic, TypeVar
 
 from aiohttp import web
 
-from hil.common.errors import NetworkError
-from hil.common.stop import cancel_tasks
+from hil.common.server_thread import ServerThread
 from hil.gateways.access import Access
 from hil.gateways.websocket_client import SocketClient
 
@@ -24,7 +22,7 @@ HEARTBEAT_S = 5.0  # after which a client that does not answer is gone
 T = TypeVar("T", bound=SocketClient)
 
 
-class WebSocketServer(ABC, Generic[T]):
+class WebSocketServer(ServerThread, Generic[T]):
     """Serves at `host`:`port` (0: any free one; see `port`) in a thread of its own. Use as a context.
 
     `access` holds the token; `name` is that of the command and of what is served, `protocols` are the subprotocols.
@@ -35,27 +33,14 @@ class WebSocketServer(ABC, Generic[T]):
         self._name = name
         self._protocols = tuple(protocols)
         self._clients: set[T] = set()
-        self._loop = asyncio.new_event_loop()
         self._runner: web.AppRunner | None = None
-        try:
-            self.port: int = self._loop.run_until_complete(self._start(host, port))
-        except OSError as error:
-            self._loop.run_until_complete(self._stop())
-            raise NetworkError(
-                f"cannot serve at {host}:{port}: {error.strerror}; choose another with --listen"
-            ) from None
-        self.access = Access(self.port)
-        self._thread = threading.Thread(target=self._loop.run_forever, name=name, daemon=True)
-        self._thread.start()
+        super().__init__(name, host, port)
 
     def __enter__(self) -> "Any":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        asyncio.run_coroutine_threadsafe(self._stop(), self._loop).result(10.0)
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-        self._loop.close()
+    def __exit__(self, *error: object) -> None:
+        super().__exit__(*error)
         self.access.close()
 
     @abstractmethod
@@ -68,12 +53,13 @@ class WebSocketServer(ABC, Generic[T]):
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
         await web.TCPSite(self._runner, host, port).start()
-        return int(self._runner.addresses[0][1])
+        listening = int(self._runner.addresses[0][1])
+        self.access = Access(listening)
+        return listening
 
     async def _stop(self) -> None:
         if self._runner:
             await self._runner.cleanup()
-        await cancel_tasks()
 
     async def _serve(self, request: web.Request) -> web.StreamResponse:
         """Serve one client until it goes."""

@@ -16,9 +16,8 @@ from contextlib import suppress
 from operator import attrgetter
 
 from hil import __version__
-from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.common.clock import NS_PER_S, boot_id, now_ns, to_wall_ns
 from hil.common.errors import ConfigError
-from hil.common.process import boot_id
 from hil.common.schema import find_preset
 from hil.recording.index import write_index
 from hil.recording.mcap_file import FileSummary, Message, RecordingFile

@@ -8,8 +8,8 @@ from math import atan2, cos, isfinite, sin
 from typing import NamedTuple
 
 from hil.common.vectors import Vector3
-from hil.ros.cdr import HEADER, Layout, MalformedError, Reader, Writer, text, tolerant
-from hil.ros.encoders import Decoder, Encoder, pack_stamped, swap_attitude, swap_body, swap_world
+from hil.ros.cdr import HEADER, Layout, MalformedError, Writer, text, tolerant
+from hil.ros.encoders import Decoder, Encoder, array_values, pack_stamped, swap_attitude, swap_body, swap_world
 from hil.ros.frames import decode_wrench
 
 MOST_DEPTH = 11_000.0  # m
@@ -105,12 +105,7 @@ def encode_thrusts(thrusts: Sequence[float]) -> bytes:
 @tolerant
 def decode_thrusts(data: bytes) -> tuple[float, ...]:
     """Return the thrusts in N; the names of dimensions are left."""
-    reader = Reader(data)
-    for _ in range(reader.count()):
-        reader.string()
-        reader.numbers("I", 2)
-    reader.numbers("I")
-    return tuple(_bounded(reader.numbers("d", reader.count()), MOST_FORCE))
+    return tuple(_bounded(array_values(data, "d"), MOST_FORCE))
 
 
 def _bounded(values: Sequence[float], most: float) -> Sequence[float]:

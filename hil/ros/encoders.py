@@ -179,12 +179,20 @@ def encode_int64_array(values: Sequence[int]) -> bytes:
 @tolerant
 def decode_int64_array(data: bytes) -> tuple[int, ...]:
     """Return the values; the names of dimensions are left."""
+    return array_values(data, "q")
+
+
+def array_values(data: bytes, kind: str) -> tuple[Any, ...]:
+    """Return the values of a std_msgs multi-array, whose elements are of this `kind` of struct.
+
+    Raises MalformedError if the message does not hold what it announces.
+    """
     reader = Reader(data)
-    for _ in range(reader.count()):
+    for _ in range(reader.count()):  # dimensions
         reader.string()
         reader.numbers("I", 2)
-    reader.count()
-    return reader.numbers("q", reader.count())
+    reader.numbers("I")  # the offset
+    return reader.numbers(kind, reader.count())
 
 
 def encode_diagnostics(time_ns: int, statuses: Sequence[Status], hardware_id: str = "") -> bytes:

@@ -9,7 +9,6 @@ import asyncio
 import json
 import logging
 import secrets
-import threading
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from importlib.resources import files
@@ -19,8 +18,7 @@ from typing import Any
 from aiohttp import ClientSession, WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 
-from hil.common.errors import NetworkError
-from hil.common.stop import cancel_tasks
+from hil.common.server_thread import ServerThread
 
 COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
@@ -36,7 +34,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 OnStick = Callable[[int, StickMessage | None], Mapping[str, Any]]
 
 
-class Front:
+class Front(ServerThread):
     """Serves at `host`:`port` (0: any free one) in a thread of its own. Use as a context.
 
     `scene_port` is where viser listens, `secret` what it wants to be told, `token` what a browser has to know. Raises
@@ -58,35 +56,21 @@ class Front:
         self._clients = 0
         self._admitted: set[asyncio.Protocol] = set()  # open connections on which the token was shown
         self._listener: asyncio.Server | None = None
-        self._loop = asyncio.new_event_loop()
         self._runner: web.AppRunner | None = None
-        try:
-            self.port: int = self._loop.run_until_complete(self._start(host, port, tls))
-        except OSError as error:
-            self._loop.run_until_complete(self._stop())
-            raise NetworkError(
-                f"cannot listen on {host}:{port}: {error.strerror}; choose another place with --listen"
-            ) from None
-        self._thread = threading.Thread(target=self._loop.run_forever, name="view front", daemon=True)
-        self._thread.start()
+        self._tls = tls
+        super().__init__("view front", host, port)
 
     def __enter__(self) -> "Front":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        asyncio.run_coroutine_threadsafe(self._stop(), self._loop).result(10.0)
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-        self._loop.close()
-
-    async def _start(self, host: str, port: int, tls: SSLContext | None) -> int:
+    async def _start(self, host: str, port: int) -> int:
         app = web.Application(middlewares=[self._admit])
         app.router.add_get("/", self._page)
         app.router.add_get("/stick", self._stick)
         app.router.add_get("/scene{path:(/.*)?}", self._pass_on)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=_logger())
         await self._runner.setup()
-        self._listener = await self._loop.create_server(self._accept, host, port, ssl=tls)
+        self._listener = await self._loop.create_server(self._accept, host, port, ssl=self._tls)
         return int(self._listener.sockets[0].getsockname()[1])
 
     def _accept(self) -> asyncio.BaseProtocol:
@@ -111,7 +95,6 @@ class Front:
             self._listener.close()
         if self._runner:
             await self._runner.cleanup()
-        await cancel_tasks()
 
     @web.middleware
     async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -15,7 +15,7 @@ from sim.interpolation import PiecewiseLinear
 Velocity = tuple[float, float, float]
 Current = Callable[[int, float], Velocity]
 
-# Degrees an hour: P. Schureman, Manual of Harmonic Analysis and Prediction of Tides, US FusedStep and Geodetic
+# Degrees an hour: P. Schureman, Manual of Harmonic Analysis and Prediction of Tides, US Coast and Geodetic
 # Survey, Special Publication 98 (1958), table 2.
 TIDAL_SPEEDS: dict[Constituent, float] = {
     "M2": 28.9841042, "S2": 30.0, "N2": 28.4397295, "K1": 15.0410686, "O1": 13.9430356,

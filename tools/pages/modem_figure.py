@@ -8,7 +8,7 @@ Curves are the formulas of sim/modems; points are messages that went through sim
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import exp, log10
 from typing import Any
@@ -71,22 +71,22 @@ def by_light(modem: OpticalModem, distance: float) -> Point:
 
 def lost_by_sound(modem: AcousticModem, distance: float) -> float:
     """Return the share of messages that did not come through the water."""
-    channel = AcousticChannel(modem, DEPTH, seed=1)
     places = {"a": (0.0, 0.0, 10.0), "b": (distance, 0.0, 10.0)}
-    for number in range(MESSAGES):
-        channel.send(20 * number * NS, "a", bytes(SIZE), places)
-        channel.receive(20 * (number + 1) * NS - 1)
-    return 1.0 - channel.counts["delivered"] / MESSAGES
+    return _lost(AcousticChannel(modem, DEPTH, seed=1), places, 20 * NS)
 
 
 def lost_by_light(modem: OpticalModem, distance: float) -> float:
     """Return the share of messages that did not come through the water."""
-    channel = OpticalChannel(modem, seed=1)
     places = {"a": Pose((0.0, 0.0, 10.0), LEVEL), "b": Pose((distance, 0.0, 10.0), LEVEL)}
+    return _lost(OpticalChannel(modem, seed=1), places, NS)
+
+
+def _lost(channel: Any, places: Mapping[str, Any], period_ns: int) -> float:
+    """Send messages from a to b, one each period; return the share that did not come."""
     for number in range(MESSAGES):
-        channel.send(number * NS, "a", bytes(SIZE), places)
-        channel.receive((number + 1) * NS - 1)
-    return 1.0 - channel.counts["delivered"] / MESSAGES
+        channel.send(number * period_ns, "a", bytes(SIZE), places)
+        channel.receive((number + 1) * period_ns - 1)
+    return float(1.0 - channel.counts["delivered"] / MESSAGES)
 
 
 def _steps(first: float, last: float, count: int = 400) -> list[float]:

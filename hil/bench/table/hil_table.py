@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 from hil.client.client import VehicleClient
 from hil.client.delay import HOPS, Quantiles, find_doubts, quantiles
+from hil.common.clock import boot_id
 from hil.common.columns import aligned
-from hil.common.process import boot_id
 from hil.common.text import json_value
 from hil.master.flight import Outcome
 from hil.ros.diagnostics import Diagnostics, or_nan, shown

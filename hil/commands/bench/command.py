@@ -7,8 +7,7 @@ from importlib import import_module
 
 from hil.commands.bench.options import show
 from hil.common.columns import aligned
-from hil.common.errors import EXIT_CODES, ConfigError
-from hil.common.process import require_linux
+from hil.common.errors import EXIT_CODES, ConfigError, require_linux
 from hil.common.schema import nearest
 from hil.common.stop import stop_signals
 

@@ -23,6 +23,7 @@ from hil.commands.bench.options import (
     show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
+from hil.common.clock import boot_id
 from hil.common.errors import ConfigError
 from hil.common.options import (
     ENDPOINT,
@@ -32,7 +33,6 @@ from hil.common.options import (
     changes_of,
     new_parser,
 )
-from hil.common.process import boot_id
 from hil.common.schema import preset_names
 from hil.ros.diagnostics import Diagnostics, shown
 

@@ -7,8 +7,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from boards.tree import Tree
-from hil.common import process
-from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, now_ns, schedule_below_loop, to_wall_ns
+from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, boot_id, now_ns, schedule_below_loop, to_wall_ns
 from hil.common.stamps import wall_offset_ns
 from hil.links.address import wire_kind
 from hil.links.contract import PWM_NEUTRAL_US
@@ -260,11 +259,11 @@ def _fixed_figures(startup: dict[str, int], notes: list[str], board: "Board | No
     """Return what does not change while the slave runs."""
     figures = Diagnostics()
     figures.board = board.name if board else own_name()
-    figures.boot_id = process.boot_id()
+    figures.boot_id = boot_id()
     figures.cores = os.cpu_count() or 1
     figures.ram_mib = usage.ram_mib()
     figures.python = sys.version.split()[0]
-    figures.bytecode_compiled = process.bytecode_compiled("hil")
+    figures.bytecode_compiled = bytecode_compiled("hil")
     figures.exec_wall_ns = to_wall_ns(startup["exec"])
     figures.realtime = "; ".join(notes)
     figures.link_protocol = link.protocol
@@ -274,3 +273,11 @@ def _fixed_figures(startup: dict[str, int], notes: list[str], board: "Board | No
         if name != "exec":
             figures[f"startup_{name}_ms"] = (instant - startup["exec"]) / NS_PER_MS
     return figures
+
+
+def bytecode_compiled(package: str) -> bool:
+    """Return whether every loaded module came from compiled bytecode on disk, or from C."""
+    modules = [m for name, m in sys.modules.items() if name == package or name.startswith(package + ".")]
+    python = [module for module in modules if not (getattr(module, "__file__", None) or "").endswith(".so")]
+    cached = [getattr(module, "__cached__", None) for module in python]
+    return bool(cached) and all(path is not None and os.path.exists(path) for path in cached)

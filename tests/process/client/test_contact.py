@@ -9,9 +9,8 @@ import pytest
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.client.liveness import LivenessMonitor
-from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.common.clock import NS_PER_S, boot_id, now_ns, to_wall_ns
 from hil.common.errors import NetworkError
-from hil.common.process import boot_id
 from hil.network.clock_offset import ClockOffset
 from hil.network.opening import listen
 from hil.network.presence import declare_presence

@@ -127,3 +127,8 @@ def test_a_sleeper_learns_what_waking_up_takes(monkeypatch: pytest.MonkeyPatch) 
     assert keeper.lead_ns == MOST_LEAD_NS
     keeper.deadline_ns = now_ns() - 1
     assert keeper.timeout() == 0.0
+
+
+def test_the_boot_is_identified() -> None:
+    assert len(clock.boot_id()) == 36
+    assert clock.boot_id() == clock.boot_id()

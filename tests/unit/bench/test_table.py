@@ -10,7 +10,7 @@ import pytest
 from hil.bench.table import hil_table as table
 from hil.client.client import Stamped
 from hil.client.delay import DelayMeter, quantiles
-from hil.common.process import boot_id
+from hil.common.clock import boot_id
 from hil.master.flight import Outcome
 from hil.ros.diagnostics import Diagnostics
 from sim.run_events import RunEvent

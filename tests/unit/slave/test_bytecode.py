@@ -1,20 +1,15 @@
-"""Identity of a machine's boot, and the origin of modules."""
+"""A slave reports whether its modules were loaded from bytecode, which decides how soon it starts."""
 
 import sys
 from types import ModuleType
 
 import pytest
 
-from hil.common import process
-
-
-def test_the_machine() -> None:
-    assert len(process.boot_id()) == 36
-    assert process.boot_id() == process.boot_id()
+from hil.slave.health.reporter import bytecode_compiled
 
 
 def test_bytecode_of_what_is_not_loaded() -> None:
-    assert not process.bytecode_compiled("no_such_package")
+    assert not bytecode_compiled("no_such_package")
 
 
 def test_what_is_in_c_needs_no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,6 +18,6 @@ def test_what_is_in_c_needs_no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None
     twin.__file__, late.__file__ = "_twin.abi3.so", "late.py"
     monkeypatch.setitem(sys.modules, package.__name__, package)
     monkeypatch.setitem(sys.modules, twin.__name__, twin)
-    assert process.bytecode_compiled("made_up")
+    assert bytecode_compiled("made_up")
     monkeypatch.setitem(sys.modules, late.__name__, late)
-    assert not process.bytecode_compiled("made_up")
+    assert not bytecode_compiled("made_up")
