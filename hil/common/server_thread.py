@@ -21,17 +21,17 @@ class ServerThread(ABC):
         try:
             self.port: int = self._loop.run_until_complete(self._start(host, port))
         except OSError as error:
-            self._loop.run_until_complete(self._end())
+            self._loop.run_until_complete(self._stop_all())
             self._loop.close()
-            remedy = "choose another place with --listen"
-            raise NetworkError(f"cannot listen on {host}:{port}: {error.strerror}; {remedy}") from None
+            raise self._refusal(host, port, error) from None
         self._thread = threading.Thread(target=self._loop.run_forever, name=name, daemon=True)
         self._thread.start()
 
     def __exit__(self, *_: object) -> None:
-        asyncio.run_coroutine_threadsafe(self._end(), self._loop).result(STOP_WITHIN_S)
+        asyncio.run_coroutine_threadsafe(self._stop_all(), self._loop).result(STOP_WITHIN_S)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
+        self._loop.run_until_complete(self._loop.shutdown_default_executor())
         self._loop.close()
 
     @abstractmethod
@@ -42,6 +42,10 @@ class ServerThread(ABC):
     async def _stop(self) -> None:
         """Close what `_start` has opened, also where it has failed half-way."""
 
-    async def _end(self) -> None:
+    def _refusal(self, host: str, port: int, error: OSError) -> NetworkError:
+        """Return the error for a port that is taken."""
+        return NetworkError(f"cannot listen on {host}:{port}: {error.strerror}; choose another place with --listen")
+
+    async def _stop_all(self) -> None:
         await self._stop()
         await cancel_tasks()

@@ -4,17 +4,17 @@ import asyncio
 import os
 import re
 import socket
-import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 from urllib.parse import urlsplit
 
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import ConfigError, HilError
+from hil.common.errors import ConfigError, HilError, NetworkError
+from hil.common.server_thread import ServerThread
 from hil.common.text import clean
 from hil.gateways.commanding import Commanding
 from hil.gateways.ros1.messages import kind_of, service_of
-from hil.gateways.ros1.node import Node, cannot_listen
+from hil.gateways.ros1.node import Node
 from hil.gateways.ros1.parameters import ParameterMirror
 from hil.recording.mcap_file import Message
 from hil.ros import message as ros_message
@@ -60,7 +60,7 @@ def own_host(listen: str, master: str) -> str:
         return socket.gethostname()
 
 
-class Ros1Bridge:
+class Ros1Bridge(ServerThread):
     """Serves vehicles to the ROS 1 network of `master`, as the node `name`, in a thread of its own. Use as a context.
 
     With `may_command` it takes commands, offers services, and sets parameters. `report` gets lines for a person, in
@@ -81,26 +81,12 @@ class Ros1Bridge:
         self._may_command = may_command
         self._print = report
         self._reported: dict[str, int] = {}
-        self._loop = asyncio.new_event_loop()
+        self._tasks: set[asyncio.Task[None]] = set()
         self._node = Node(f"/{name}", own_host(listen[0], master), master, self._report)
-        try:
-            self._loop.run_until_complete(self._start(*listen))
-        except OSError as error:
-            self._loop.run_until_complete(self._node.stop())
-            self._loop.close()
-            raise cannot_listen(*listen, error) from None
-        self._thread = threading.Thread(target=self._loop.run_forever, name="ros1", daemon=True)
-        self._thread.start()
+        super().__init__("ros1", *listen)
 
     def __enter__(self) -> "Ros1Bridge":
         return self
-
-    def __exit__(self, *_: object) -> None:
-        asyncio.run_coroutine_threadsafe(self._stop(), self._loop).result(10.0)
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-        self._loop.run_until_complete(self._loop.shutdown_default_executor())
-        self._loop.close()
 
     @property
     def api(self) -> str:
@@ -113,20 +99,25 @@ class Ros1Bridge:
         if batch:
             self._loop.call_soon_threadsafe(self._show, batch)
 
-    async def _start(self, host: str, port: int) -> None:
-        await self._node.start(host, port)
+    async def _start(self, host: str, port: int) -> int:
+        listening = await self._node.start(host, port)
         self._parameters = ParameterMirror(self._commanding, self._node.master, self._may_command, self._print)
         self._node.on_parameter = lambda key, value: self._do(self._parameters.update(key, value))
         self._node.on_shutdown = self._end
         self._node.master.on_connected = self._greet_master
-        self._tasks: set[asyncio.Task[None]] = set()
         self._do(self._node.master.watch())
         self._do(self._watch())
+        return listening
 
     async def _stop(self) -> None:
         for task in list(self._tasks):
             task.cancel()
         await self._node.stop()
+
+    def _refusal(self, host: str, port: int, error: OSError) -> NetworkError:
+        """Return the error for ports that are taken: the interface has one, TCPROS the next."""
+        ports = f"{port} and {port + 1}" if port else "a port"
+        return NetworkError(f"cannot listen at {host}, {ports}: {error.strerror}; choose others with --listen")
 
     def _do(self, work: Any) -> None:
         task = self._loop.create_task(work)

@@ -9,8 +9,6 @@ from typing import Any
 import aiohttp
 from aiohttp import web
 
-from hil.common.errors import NetworkError
-from hil.common.stop import cancel_tasks
 from hil.gateways.commanding import Commanding
 from hil.gateways.ros1 import xmlrpc
 from hil.gateways.ros1.master import Item, Master
@@ -44,8 +42,11 @@ class Node:
         self._connections = 0
         self._commanding: Commanding | None = None
 
-    async def start(self, listen: str, port: int) -> None:
-        """Listen for the interface at `port`, for TCPROS at the next (0: any free ones). Raises OSError."""
+    async def start(self, listen: str, port: int) -> int:
+        """Listen for the interface at `port`, for TCPROS at the next (0: any free ones); return the first.
+
+        Raises OSError.
+        """
         self._session = aiohttp.ClientSession(auto_decompress=False)
         app = web.Application(client_max_size=xmlrpc.LARGEST)
         app.router.add_post("/{path:.*}", lambda request: xmlrpc.answer(request, self._methods()))
@@ -54,7 +55,8 @@ class Node:
         self._server: asyncio.Server | None = None
         await web.TCPSite(self._runner, listen, port).start()
         self._server = await asyncio.start_server(self._connected, listen, port + 1 if port else 0)
-        self.api = f"http://{self._host}:{self._runner.addresses[0][1]}/"
+        interface = int(self._runner.addresses[0][1])
+        self.api = f"http://{self._host}:{interface}/"
         self._port = int(self._server.sockets[0].getsockname()[1])
         self.caller = Caller(self.name, self._session)
         service_api = f"rosrpc://{self._host}:{self._port}"
@@ -62,6 +64,7 @@ class Node:
             self._master_uri, self.caller, self.api, service_api, lambda line: self._report("master", line)
         )
         self.master.on_publishers = self._set_publishers
+        return interface
 
     async def stop(self) -> None:
         """Unregister, and close all connections."""
@@ -72,7 +75,6 @@ class Node:
             await subscription.close()
         await self._session.close()
         await self._runner.cleanup()
-        await cancel_tasks()
 
     def publish(self, topic: str, kind: Kind, keep: int, on_subscriber: Callable[[str], None]) -> Publication | None:
         """Return the publication of a topic, which is registered if it is new; None for one too many."""
@@ -186,9 +188,3 @@ class Node:
     def _shutdown(self, _: str, reason: str = "") -> int:
         self.on_shutdown(str(reason)[:200])
         return 0
-
-
-def cannot_listen(host: str, port: int, error: OSError) -> NetworkError:
-    """Return the error for ports that are taken."""
-    ports = f"{port} and {port + 1}" if port else "a port"
-    return NetworkError(f"cannot listen at {host}, {ports}: {error.strerror}; choose others with --listen")
