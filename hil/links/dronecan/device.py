@@ -7,8 +7,17 @@ from hil.links.can_thrusters import SPAN_US, WRAP, MotorHook, deflection, propel
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.dronecan.allocation import Allocatee
 from hil.links.dronecan.node import PRIORITY_LOW, PRIORITY_MEDIUM, DroneCanNode
-from hil.links.dronecan.settings import ARMED, SOFTWARE, TIMED_OUT, TRIPS_SHIFT, DeviceSettings
-from hil.links.dronecan.transfer import Transfer, pack_anonymous
+from hil.links.dronecan.parameters import Parameter, ParameterStore
+from hil.links.dronecan.settings import (
+    ARMED,
+    FULL_RPM_RANGE,
+    MOST_ESCS,
+    SOFTWARE,
+    TIMED_OUT,
+    TRIPS_SHIFT,
+    DeviceSettings,
+)
+from hil.links.dronecan.transfer import MAX_NODE_ID, Transfer, pack_anonymous
 from hil.links.dronecan.types import (
     ALLOCATION,
     ARMING_STATUS,
@@ -19,15 +28,23 @@ from hil.links.dronecan.types import (
     HEALTH_OK,
     HEALTH_WARNING,
     RAW_COMMAND,
+    RPM_COMMAND,
+    STATUS_EXTENDED,
     BatteryInfo,
     EscStatus,
+    EscStatusExtended,
     NodeInfo,
     pack_allocation,
     pack_battery_info,
     pack_esc_status,
+    pack_status_extended,
     unpack_allocation,
     unpack_raw_command,
+    unpack_rpm_command,
 )
+
+EXTENDED_PERIOD_NS = NS_PER_S
+ZERO_C_K = 273.15
 
 
 class DroneCanDevice(DroneCanNode):
@@ -41,21 +58,33 @@ class DroneCanDevice(DroneCanNode):
         battery_values: Callable[[], BatteryInfo | None] | None = None,
     ) -> None:
         unique_id = bytes.fromhex(settings.unique_id)
-        super().__init__(settings.node_id, NodeInfo("org.uuv-hil.stm32", unique_id, SOFTWARE, (1, 0)))
+        super().__init__(0, NodeInfo("org.uuv-hil.stm32", unique_id, SOFTWARE, (1, 0)))
         self._channels = channels
         self._neutral = (PWM_NEUTRAL_US,) * channels
-        self._rpm_per_us = settings.full_rpm / SPAN_US
-        self._require_arming = settings.require_arming
-        self._armed = not settings.require_arming
+        self.parameters = ParameterStore(
+            (
+                Parameter("CAN_NODE", settings.node_id, (0, MAX_NODE_ID)),
+                Parameter("ESC_INDEX", settings.esc_index, (0, MOST_ESCS - channels)),
+                Parameter("FULL_RPM", settings.full_rpm, FULL_RPM_RANGE),
+                Parameter("REQUIRE_ARMING", settings.require_arming),
+            ),
+            settings.stored,
+        )
+        self._unique_id = unique_id
+        self._preferred = settings.preferred_node_id
+        self._allocatee: Allocatee | None = None
+        self._is_restarting = False
+        self._pulses = self._neutral
+        self._start()
         self._motor_values = motor_values
         self._listen(RAW_COMMAND, self._on_command)
+        self._listen(RPM_COMMAND, self._on_rpm_command)
         self._listen(ARMING_STATUS, self._on_arming)
         self._battery_values = battery_values or (lambda: settings.battery)
         if battery_values or settings.battery:
             self._repeat("battery", round(settings.battery_period * NS_PER_S), self._battery)
-        self._allocatee = None if settings.node_id else Allocatee(unique_id, settings.preferred_node_id)
-        if self._allocatee:
-            self._listen(ALLOCATION, self._on_allocation)
+        self._repeat("extended", EXTENDED_PERIOD_NS, self._extended)
+        self._listen(ALLOCATION, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
         """Return a report as one esc.Status a thruster, behind NodeStatus if that changes; only reports are encoded."""
@@ -66,6 +95,7 @@ class DroneCanDevice(DroneCanNode):
             self.vendor_code = code
             self.health = HEALTH_WARNING if message.timed_out else HEALTH_OK
             output.append(self._status())
+        self._pulses = message.pwm_us
         for index, pulse in enumerate(message.pwm_us):
             status = pack_esc_status(self._esc_status(index, pulse, message.errors))
             output.append(self._broadcast(ESC_STATUS, PRIORITY_MEDIUM, status))
@@ -73,11 +103,37 @@ class DroneCanDevice(DroneCanNode):
 
     def tick(self, now_ns: int) -> bytes:
         """Return NodeStatus and BatteryInfo, or requests for a node number until there is one."""
+        if self._is_restarting:
+            self._start()
         output = super().tick(now_ns)
         if self._allocatee:
             output += self._request_node_id(self._allocatee, now_ns)
             self.deadline_ns = min(self.deadline_ns, self._allocatee.due_ns)
         return output
+
+    def _start(self) -> None:
+        """Begin as after power-up, with the parameters that are stored."""
+        self._is_restarting = False
+        self._started_ns = -1
+        self.vendor_code, self.health = 0, HEALTH_OK
+        self.parameters.restart()
+        self._on_parameters()
+        self._armed = not self._require_arming
+        node_id = int(self.parameters["CAN_NODE"])
+        self._allocatee = None if node_id else Allocatee(self._unique_id, self._preferred)
+        self._enter(node_id)
+
+    def _on_parameters(self) -> None:
+        """Apply parameters that may have changed; a node number is one of the next start."""
+        self._rpm_per_us = self.parameters["FULL_RPM"] / SPAN_US
+        self._require_arming = bool(self.parameters["REQUIRE_ARMING"])
+        self._first = int(self.parameters["ESC_INDEX"])
+
+    def _restart(self) -> ThrusterCommand:
+        """Restart at the next tick, when this is answered; the thrusters stop now."""
+        self._is_restarting = True
+        self.deadline_ns = 0
+        return ThrusterCommand(0, False, self._neutral)
 
     def _request_node_id(self, allocatee: Allocatee, now_ns: int) -> bytes:
         request = allocatee.request(now_ns)
@@ -89,17 +145,34 @@ class DroneCanDevice(DroneCanNode):
         microseconds = deflection(pulse)
         values = self._motor_values(index, pulse)
         percent = round(100 * abs(microseconds / SPAN_US) ** 3)  # power goes with the cube of speed
-        return EscStatus(errors, *values, round(microseconds * self._rpm_per_us), percent, index)
+        return EscStatus(errors, *values, round(microseconds * self._rpm_per_us), percent, index + self._first)
+
+    def _extended(self) -> bytes:
+        """Return a StatusExtended of each thruster; a propeller's angle is not known here, and 0."""
+        output = []
+        for index, pulse in enumerate(self._pulses):
+            percent = round(100 * abs(deflection(pulse)) / SPAN_US)
+            celsius = round(self._motor_values(index, pulse).temperature_k - ZERO_C_K)
+            status = EscStatusExtended(percent, percent, celsius, 0, 0, index + self._first)
+            output.append(self._broadcast(STATUS_EXTENDED, PRIORITY_LOW, pack_status_extended(status)))
+        return b"".join(output)
 
     def _battery(self) -> bytes:
         battery = self._battery_values()
         return self._broadcast(BATTERY_INFO, PRIORITY_LOW, pack_battery_info(battery)) if battery else b""
 
     def _on_command(self, transfer: Transfer) -> ThrusterCommand:
-        raw = unpack_raw_command(transfer.payload)[: self._channels]
-        pulses = [PWM_NEUTRAL_US + round(value * SPAN_US / FULL_RAW) for value in raw]
-        pulses += self._neutral[len(pulses) :]
-        return ThrusterCommand(0, self._armed, tuple(pulses))
+        raw = unpack_raw_command(transfer.payload)[self._first : self._first + self._channels]
+        return self._command([PWM_NEUTRAL_US + round(value * SPAN_US / FULL_RAW) for value in raw])
+
+    def _on_rpm_command(self, transfer: Transfer) -> ThrusterCommand:
+        rpm = unpack_rpm_command(transfer.payload)[self._first : self._first + self._channels]
+        deflections = [round(value / self._rpm_per_us) for value in rpm]
+        return self._command([PWM_NEUTRAL_US + min(max(value, -SPAN_US), SPAN_US) for value in deflections])
+
+    def _command(self, pulses: list[int]) -> ThrusterCommand:
+        """Return the command with these pulses (us); thrusters that it leaves out stop."""
+        return ThrusterCommand(0, self._armed, (*pulses, *self._neutral[len(pulses) :]))
 
     def _on_arming(self, transfer: Transfer) -> ThrusterCommand | None:
         if len(transfer.payload) != ARMING_STATUS.max_size:

@@ -16,19 +16,24 @@ from hil.links.dronecan.types import (
     FULLY_ARMED,
     NODE_STATUS,
     RAW_COMMAND,
+    RPM_COMMAND,
+    STATUS_EXTENDED,
     BatteryInfo,
+    EscStatusExtended,
     NodeInfo,
     pack_allocation,
     pack_raw_command,
+    pack_rpm_command,
     unpack_allocation,
     unpack_battery_info,
     unpack_esc_status,
     unpack_node_status,
+    unpack_status_extended,
 )
 
 
 class DroneCanHost(DroneCanNode):
-    """Host end. `battery` is the last BatteryInfo of any node."""
+    """Host end. `battery` is the last BatteryInfo of any node, `extended` the last StatusExtended by ESC index."""
 
     def __init__(self, channels: int, settings: HostSettings) -> None:
         info = NodeInfo("org.uuv-hil.host", bytes.fromhex(settings.unique_id), SOFTWARE, (0, 0))
@@ -36,6 +41,9 @@ class DroneCanHost(DroneCanNode):
         self.battery: BatteryInfo | None = None
         self._us_per_rpm = SPAN_US / settings.full_rpm
         self._own_device = settings.own_device
+        self._first = settings.esc_index
+        self._commands_rpm = settings.command == "rpm"
+        self.extended: dict[int, EscStatusExtended] = {}
         self._answers = Answers(channels)
         self._rounds = Rounds(channels)
         self._errors = [0] * channels  # the error count of each controller
@@ -45,6 +53,7 @@ class DroneCanHost(DroneCanNode):
         self._listen(ESC_STATUS, self._on_esc)
         self._listen(NODE_STATUS, self._on_node)
         self._listen(BATTERY_INFO, self._on_battery)
+        self._listen(STATUS_EXTENDED, self._on_extended)
         self._allocator = Allocator() if settings.allocate else None
         if self._allocator:
             self._allocator.see(self.node_id)
@@ -58,8 +67,12 @@ class DroneCanHost(DroneCanNode):
         if message.armed != self._armed:
             self._armed = message.armed
             output = self._arming()
+        before = [0] * self._first  # controllers that are not ours
+        if self._commands_rpm:
+            rpm = [round((pulse - PWM_NEUTRAL_US) / self._us_per_rpm) for pulse in pulses]
+            return output + self._broadcast(RPM_COMMAND, PRIORITY_HIGH, pack_rpm_command(before + rpm))
         raw = [round((pulse - PWM_NEUTRAL_US) * FULL_RAW / SPAN_US) for pulse in pulses]
-        return output + self._broadcast(RAW_COMMAND, PRIORITY_HIGH, pack_raw_command(raw))
+        return output + self._broadcast(RAW_COMMAND, PRIORITY_HIGH, pack_raw_command(before + raw))
 
     def tick(self, now_ns: int) -> bytes:
         """Return NodeStatus and ArmingStatus if they are due."""
@@ -78,10 +91,11 @@ class DroneCanHost(DroneCanNode):
         if status is None:
             self.counters.malformed += 1
             return None
-        if status.esc_index >= len(self._errors):
+        thruster = status.esc_index - self._first
+        if not 0 <= thruster < len(self._errors):
             return None  # not one of our thrusters
-        self._errors[status.esc_index] = status.error_count
-        pulses = self._rounds.add_report(status.esc_index, pulse_at(status.rpm * self._us_per_rpm))
+        self._errors[thruster] = status.error_count
+        pulses = self._rounds.add_report(thruster, pulse_at(status.rpm * self._us_per_rpm))
         return None if pulses is None else self._telemetry(pulses, transfer.source)
 
     def _telemetry(self, pulses: tuple[int, ...], source: int) -> ThrusterTelemetry:
@@ -102,6 +116,13 @@ class DroneCanHost(DroneCanNode):
         self._codes[transfer.source] = status.vendor_code
         if self._allocator:
             self._allocator.see(transfer.source)
+
+    def _on_extended(self, transfer: Transfer) -> None:
+        status = unpack_status_extended(transfer.payload)
+        if status is None:
+            self.counters.malformed += 1
+        else:
+            self.extended[status.esc_index] = status
 
     def _on_battery(self, transfer: Transfer) -> None:
         battery = unpack_battery_info(transfer.payload)

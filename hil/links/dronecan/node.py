@@ -1,4 +1,4 @@
-"""Functions of every DroneCAN node: status messages, node information, and message handlers.
+"""Functions of every DroneCAN node: status messages, node information, parameters, restart, and message handlers.
 
 Source: dronecan.github.io, Specification, 5. Application level conventions and 6. Application level functions.
 """
@@ -8,6 +8,21 @@ from typing import NamedTuple
 
 from hil.common.clock import NS_PER_S
 from hil.links.contract import Counters, Message, Protocol
+from hil.links.dronecan.parameters import ParameterStore
+from hil.links.dronecan.services import (
+    EXECUTE_OPCODE,
+    GET_SET,
+    GET_TRANSPORT_STATS,
+    RESTART_NODE,
+    TransportStats,
+    is_restart,
+    pack_description,
+    pack_done,
+    pack_opcode_result,
+    pack_transport_stats,
+    unpack_get_set,
+    unpack_opcode,
+)
 from hil.links.dronecan.transfer import (
     TRANSFER_ID,
     DataType,
@@ -56,14 +71,24 @@ class DroneCanNode(Protocol):
         self.node_id = 0
         self.health = HEALTH_OK
         self.vendor_code = 0
+        self.parameters = ParameterStore()
         self._now_ns = 0
         self._started_ns = -1
         self._receiver = Receiver(self.counters)
         self._handlers: dict[int, Callable[[Transfer], Message | None]] = {}
         self._transfer_ids: dict[int, int] = {}
         self._replies: list[bytes] = []
+        self._transfers = [0, 0]  # sent, received
+        self._frames = [0, 0]
         self._periodic: dict[str, Periodic] = {}
         self._due_ns: dict[str, int] = {}
+        self._services: dict[DataType, Callable[[Transfer], Message | None]] = {
+            GET_NODE_INFO: self._answer_info_request,
+            GET_TRANSPORT_STATS: self._answer_stats_request,
+            GET_SET: self._answer_get_set,
+            EXECUTE_OPCODE: self._answer_opcode,
+            RESTART_NODE: self._answer_restart,
+        }
         self._repeat("status", STATUS_PERIOD_NS, self._status)
         if node_id:
             self._enter(node_id)
@@ -72,9 +97,11 @@ class DroneCanNode(Protocol):
         """Return the messages completed by whole records of CAN frames. Never raises."""
         self.counters.dropped_bytes += len(data) % RECORD_SIZE
         messages = []
+        self._frames[1] += len(data) // RECORD_SIZE
         for frame in unpack_frames(data):
             transfer = self._receiver.feed_frame(frame, self._now_ns) if frame.extended else None
             if transfer is not None:
+                self._transfers[1] += 1
                 message = self._handlers[transfer.key](transfer)
                 if message is not None:
                     messages.append(message)
@@ -100,10 +127,15 @@ class DroneCanNode(Protocol):
         return b"".join(output)
 
     def _enter(self, node_id: int) -> None:
-        """Use the node number `node_id` from now on, and send the status at once."""
+        """Use the node number `node_id` from now on (0: none), and send the status at once."""
+        for kind, answer in self._services.items():
+            key = service_key(kind, self.node_id, request=True)
+            if self._handlers.pop(key, None):
+                del self._receiver.kinds[key]
+            if node_id:
+                self._serve(service_key(kind, node_id, request=True), kind, answer)
         self.node_id = node_id
         self._due_ns["status"] = self.deadline_ns = 0
-        self._serve(service_key(GET_NODE_INFO, node_id, request=True), GET_NODE_INFO, self._answer_info_request)
 
     def _repeat(self, name: str, period_ns: int, encode: Callable[[], bytes]) -> None:
         self._periodic[name] = Periodic(period_ns, encode)
@@ -122,7 +154,17 @@ class DroneCanNode(Protocol):
         if not self.node_id:
             return b""
         can_id = frame_id(message_key(kind), priority, self.node_id)
-        return pack_transfer(can_id, payload, self._next_transfer_id(kind), kind.seed)
+        return self._counted(pack_transfer(can_id, payload, self._next_transfer_id(kind), kind.seed))
+
+    def _respond(self, kind: DataType, request: Transfer, payload: bytes) -> None:
+        """Answer a request to a service."""
+        can_id = frame_id(service_key(kind, request.source, request=False), request.priority, self.node_id)
+        self._replies.append(self._counted(pack_transfer(can_id, payload, request.transfer_id, kind.seed)))
+
+    def _counted(self, records: bytes) -> bytes:
+        self._transfers[0] += 1
+        self._frames[0] += len(records) // RECORD_SIZE
+        return records
 
     def _next_transfer_id(self, kind: DataType) -> int:
         number = self._transfer_ids.get(kind.id, 0)
@@ -137,6 +179,36 @@ class DroneCanNode(Protocol):
         return self._broadcast(NODE_STATUS, PRIORITY_LOW, pack_node_status(self._node_status()))
 
     def _answer_info_request(self, request: Transfer) -> None:
-        can_id = frame_id(service_key(GET_NODE_INFO, request.source, request=False), request.priority, self.node_id)
-        payload = pack_node_info(self._node_status(), self.info)
-        self._replies.append(pack_transfer(can_id, payload, request.transfer_id, GET_NODE_INFO.seed))
+        self._respond(GET_NODE_INFO, request, pack_node_info(self._node_status(), self.info))
+
+    def _answer_stats_request(self, request: Transfer) -> None:
+        errors = self.counters.malformed + self.counters.checksum_errors
+        stats = TransportStats(self._transfers[0], self._transfers[1], errors, self._frames[0], self._frames[1], 0)
+        self._respond(GET_TRANSPORT_STATS, request, pack_transport_stats(stats))
+
+    def _answer_get_set(self, request: Transfer) -> None:
+        asked = unpack_get_set(request.payload)
+        if asked is None:
+            self.counters.malformed += 1
+            return
+        answer = self.parameters.answer(asked)
+        if asked.value is not None:
+            self._on_parameters()
+        self._respond(GET_SET, request, pack_description(answer))
+
+    def _answer_opcode(self, request: Transfer) -> None:
+        done = self.parameters.execute(unpack_opcode(request.payload))
+        self._on_parameters()
+        self._respond(EXECUTE_OPCODE, request, pack_opcode_result(done))
+
+    def _answer_restart(self, request: Transfer) -> Message | None:
+        message = self._restart() if is_restart(request.payload) else None
+        self._respond(RESTART_NODE, request, pack_done(message is not None))
+        return message
+
+    def _on_parameters(self) -> None:
+        """Apply parameters that may have changed."""
+
+    def _restart(self) -> Message | None:
+        """Restart at the next tick, and return what stops the thrusters; None: this node does not restart."""
+        return None

@@ -1,6 +1,6 @@
 """Settings of a DroneCAN thruster link."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from hil import __version__
 from hil.common.clock import NS_PER_S
@@ -9,13 +9,16 @@ from hil.links.dronecan.transfer import MAX_NODE_ID
 from hil.links.dronecan.types import UNIQUE_ID_SIZE, BatteryInfo
 
 HOST_ID, DEVICE_ID = 10, 20  # 10 is ArduPilot's too
+MOST_ESCS = 20  # that one RawCommand or RPMCommand has
 FULL_RPM = 3500.0  # a T200 on 16 V at full output (Blue Robotics, T200 public performance data, 2019)
 ARMING_PERIOD_NS = NS_PER_S // 2
 ARMED, TIMED_OUT, TRIPS_SHIFT = 1, 2, 2  # of the vendor-specific status code
 SOFTWARE = (int(__version__.split(".")[0]), int(__version__.split(".")[1]))
 
 # From below, 1 us is 2 rev/min; from above, 2200 us still is an int18.
-FullRpm = Annotated[float, Range(800.0, 74_000.0)]
+FULL_RPM_RANGE = 800.0, 74_000.0
+FullRpm = Annotated[float, Range(*FULL_RPM_RANGE)]
+EscIndex = Annotated[int, Range(0, MOST_ESCS - 1)]
 NodeId = Annotated[int, Range(0, MAX_NODE_ID)]
 
 
@@ -25,6 +28,8 @@ class HostSettings(NamedTuple):
     node_id: Annotated[int, Range(1, MAX_NODE_ID)] = HOST_ID
     full_rpm: FullRpm = FULL_RPM
     own_device: bool = True
+    esc_index: EscIndex = 0  # of the first thruster
+    command: Literal["raw", "rpm"] = "raw"  # RawCommand, or RPMCommand for controllers that hold a speed
     allocate: bool = False  # allocate node numbers to nodes that request one
     unique_id: str = "7575762d68696c20686f737400000000"
 
@@ -40,6 +45,8 @@ class DeviceSettings(NamedTuple):
     preferred_node_id: NodeId = 0
     full_rpm: FullRpm = FULL_RPM
     require_arming: bool = True
+    esc_index: EscIndex = 0  # of the first thruster
+    stored: str = ""  # file of the parameters that are stored; none: for as long as the process runs
     battery: BatteryInfo | None = None
     battery_period: Annotated[float, Range(0.1, 60.0, "s")] = 1.0
     unique_id: str = "7575762d68696c2073746d3332000001"

@@ -7,6 +7,7 @@ each byte, also the shortened last one, highest bit first; an array at the very 
 A decoder returns None for bytes that cannot be of its type.
 """
 
+from collections.abc import Sequence
 from struct import Struct
 from typing import NamedTuple
 
@@ -15,7 +16,9 @@ from hil.links.dronecan.transfer import data_type
 ALLOCATION = data_type(1, 0x0B2A_8126_20A1_1D40, 17)
 NODE_STATUS = data_type(341, 0x0F08_68D0_C1A7_C6F1, 7)
 RAW_COMMAND = data_type(1030, 0x217F_5C87_D7EC_951D, 35)
+RPM_COMMAND = data_type(1031, 0xCE0F_9F62_1CF7_E70B, 45)
 ESC_STATUS = data_type(1034, 0xA9AF_28AE_A2FB_B254, 14)
+STATUS_EXTENDED = data_type(1036, 0x02DC_203C_5096_0EDC, 7)
 BATTERY_INFO = data_type(1092, 0x249C_2654_8A71_1966, 54)
 ARMING_STATUS = data_type(1100, 0x8700_F375_556A_8003, 1)
 GET_NODE_INFO = data_type(1, 0xEE46_8A81_21C4_6A9E, 0)  # its request, which is empty
@@ -31,6 +34,8 @@ UNIQUE_ID_SIZE = 16
 MAX_HALF = 65504.0  # the largest float16
 
 _RAW_BITS, _RAW_MASK = 14, 0x3FFF
+_RPM_BITS = 18
+_EXTENDED_BITS = (7, 7, 9, 9, 19, 5)
 _STATUS = Struct("<I3e")
 _NODE_STATUS = Struct("<IBH")
 _VERSIONS = Struct("<BBBIQBB16sB")
@@ -47,6 +52,17 @@ class EscStatus(NamedTuple):
     temperature_k: float
     rpm: int
     power_pct: int
+    esc_index: int
+
+
+class EscStatusExtended(NamedTuple):
+    """uavcan.equipment.esc.StatusExtended: percent of full command and output, the motor in degrees C and degrees."""
+
+    input_pct: int
+    output_pct: int
+    motor_temperature_c: int
+    motor_angle: int
+    status_flags: int
     esc_index: int
 
 
@@ -120,6 +136,62 @@ def unpack_raw_command(payload: bytes) -> list[int]:
         value = (bits & 0x3F) << 8 | bits >> 6
         raw.append(value - 0x4000 if value > FULL_RAW else value)
     return raw
+
+
+def pack_rpm_command(rpm: list[int]) -> bytes:
+    """Pack uavcan.equipment.esc.RPMCommand: signed revolutions per minute of each motor, clipped to 18 bits."""
+    return _pack_fields([(min(max(value, -MAX_RPM - 1), MAX_RPM), _RPM_BITS) for value in rpm])
+
+
+def unpack_rpm_command(payload: bytes) -> list[int]:
+    """Return the speeds, rev/min; what is left of the last byte is padding."""
+    return [_signed(value, _RPM_BITS) for value in _unpack_fields(payload, [_RPM_BITS] * (len(payload) * 8 // 18))]
+
+
+def pack_status_extended(status: EscStatusExtended) -> bytes:
+    """Pack an extended ESC status: numbers are clipped to their fields, flags cut."""
+    percents = [min(max(value, 0), 127) for value in status[:2]]
+    celsius, angle = min(max(status.motor_temperature_c, -256), 255), min(max(status.motor_angle, 0), 511)
+    values = (*percents, celsius, angle, status.status_flags, status.esc_index)
+    return _pack_fields(list(zip(values, _EXTENDED_BITS, strict=True)))
+
+
+def unpack_status_extended(payload: bytes) -> EscStatusExtended | None:
+    """Return the extended status of one motor controller."""
+    if len(payload) != STATUS_EXTENDED.max_size:
+        return None
+    first, second, celsius, angle, flags, index = _unpack_fields(payload, _EXTENDED_BITS)
+    return EscStatusExtended(first, second, _signed(celsius, 9), angle, flags, index)
+
+
+def _pack_fields(fields: list[tuple[int, int]]) -> bytes:
+    """Return numbers of so many bits one behind the other; of each the low bytes come first, then what is left."""
+    stream = length = 0
+    for value, bits in fields:
+        value &= (1 << bits) - 1
+        for at in range(0, bits, 8):
+            size = min(8, bits - at)
+            stream = stream << size | value >> at & (1 << size) - 1
+        length += bits
+    return (stream << -length % 8).to_bytes((length + 7) // 8, "big")
+
+
+def _unpack_fields(payload: bytes, widths: Sequence[int]) -> list[int]:
+    """Return the numbers of `_pack_fields`, without sign; the payload has at least as many bits."""
+    stream, left = int.from_bytes(payload, "big"), 8 * len(payload)
+    values = []
+    for bits in widths:
+        value = 0
+        for at in range(0, bits, 8):
+            size = min(8, bits - at)
+            left -= size
+            value |= (stream >> left & (1 << size) - 1) << at
+        values.append(value)
+    return values
+
+
+def _signed(value: int, bits: int) -> int:
+    return value - (1 << bits) if value >> bits - 1 else value
 
 
 def pack_esc_status(status: EscStatus) -> bytes:

@@ -6,99 +6,25 @@ from typing import Any, cast
 
 import pytest
 
-from firmware_stub.stub import Stm32, Stm32End
 from hil import __version__
-from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.dronecan.host import DroneCanHost
 from hil.links.dronecan.link import open_dronecan
 from hil.links.wires.can_frame import CanFrame
 from tests.support.calls import count_calls
-from tests.support.links.can_bench import MemoryBus, MemoryWire, frames, records
+from tests.support.links.can_bench import records
+from tests.support.links.dronecan_bench import PULSES, Bench, arm, dronecan, listen, uavcan
 
-dronecan: Any = import_module("dronecan")
-uavcan = dronecan.uavcan
 dynamic_node_id: Any = import_module("dronecan.app.dynamic_node_id")
 node_monitor: Any = import_module("dronecan.app.node_monitor")
 
-PULSES = (1100, 1499, 1500, 1501, 1777, 1900)
 RAW = [-8191, -20, 0, 20, 5672, 8191]
-MS = 1_000_000
-
-
-class Driver(dronecan.driver.common.AbstractDriver):  # type: ignore[misc]  # the package has no types
-    """A wire of ours as the package wants it. It never waits."""
-
-    def __init__(self, wire: MemoryWire) -> None:
-        super().__init__()
-        self._wire = wire
-        self._heard: list[CanFrame] = []
-
-    def receive(self, _timeout: float | None = None) -> Any:
-        self._heard += frames(self._wire.read())
-        if not self._heard:
-            return None
-        frame = self._heard.pop(0)
-        return dronecan.driver.common.CANFrame(frame.id, frame.data, frame.extended)
-
-    def send_frame(self, frame: Any) -> None:
-        self._wire.write(records([CanFrame(frame.id, bytes(frame.data), frame.extended)]))
-
-    def close(self) -> None:
-        pass
-
-
-class Bench:
-    """A bus with nodes of the package and ends of ours; ours live by a clock that need not wait."""
-
-    def __init__(self) -> None:
-        self.bus = MemoryBus()
-        self.nodes: list[Any] = []
-        self.ends: list[Any] = []
-        self.now_ns = 0
-
-    def node(self, node_id: int) -> Any:
-        operational = uavcan.protocol.NodeStatus().MODE_OPERATIONAL
-        made = dronecan.node.Node(
-            Driver(self.bus.wire()), node_id=node_id, mode=operational, catch_handler_exceptions=False
-        )
-        self.nodes.append(made)
-        return made
-
-    def device(self, channels: int = 6, **settings: Any) -> Stm32End:
-        link = ThrusterLink(self.bus.wire(), open_dronecan("device", channels, **settings))
-        end = Stm32End(Stm32(channels), link)
-        self.ends.append(end)
-        return end
-
-    def host(self, channels: int = 6, **settings: Any) -> ThrusterLink:
-        return ThrusterLink(self.bus.wire(), open_dronecan("host", channels, **settings))
-
-    def run(self, seconds: float = 0.005) -> None:
-        for _ in range(round(seconds * 200)):
-            self.now_ns += 5 * MS
-            for _ in range(2):  # there and back
-                for end in self.ends:
-                    end.service(self.now_ns)
-                for node in self.nodes:
-                    node.spin(0)
 
 
 @pytest.fixture
 def bench() -> Iterator[Bench]:
-    made = Bench()
-    yield made
-    for node in made.nodes:
-        node.close()
-
-
-def listen(node: Any, kind: Any) -> list[Any]:
-    received: list[Any] = []
-    node.add_handler(kind, received.append)
-    return received
-
-
-def arm(node: Any, status: int = 255) -> None:
-    node.broadcast(uavcan.equipment.safety.ArmingStatus(status=status))
+    with Bench() as made:
+        yield made
 
 
 def test_a_node_commands_our_stm32(bench: Bench) -> None:

@@ -135,7 +135,7 @@ def test_allocation(node_id: int, payload: bytes) -> None:
 def test_decoders_take_any_bytes() -> None:
     source = random.Random(3)
     decoders = [getattr(types, name) for name in dir(types) if name.startswith("unpack_")]
-    assert len(decoders) == 5
+    assert len(decoders) == 7
     for _ in range(5_000):
         payload = source.randbytes(source.randrange(60))
         for decode in decoders:

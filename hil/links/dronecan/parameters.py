@@ -1,0 +1,104 @@
+"""Parameters of a DroneCAN node: their values, limits and defaults, and what of them is stored.
+
+A value that is set holds at once. It is stored when ExecuteOpcode asks for it, and read again when the node restarts:
+in a file, or, without one, for as long as the process runs.
+"""
+
+import json
+import os
+from math import isfinite
+from typing import NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.links.dronecan.services import ERASE, SAVE, Description, GetSet, Value
+
+
+class Parameter(NamedTuple):
+    """One parameter; the type of its default is its own. A bool has no limits."""
+
+    name: str
+    default: int | float | bool
+    limits: tuple[float, float] | None = None
+
+    def accept(self, value: Value) -> int | float | bool | None:
+        """Return a value in the parameter's type; None for one that it cannot have."""
+        if isinstance(value, str) or value is None or not isfinite(value):
+            return None
+        if isinstance(self.default, bool):
+            return bool(value) if value in (0, 1) else None
+        if isinstance(self.default, int) and value != int(value):
+            return None
+        own = int(value) if isinstance(self.default, int) else float(value)
+        return own if self.limits is None or self.limits[0] <= own <= self.limits[1] else None
+
+
+class ParameterStore:
+    """The parameters of a node, in the order of their names. Raises ConfigError for a stored file that is none."""
+
+    def __init__(self, parameters: tuple[Parameter, ...] = (), path: str = "") -> None:
+        self._parameters = {each.name: each for each in sorted(parameters)}
+        self._path = path
+        self._stored: dict[str, int | float | bool] = self._read() if path else {}
+        self._values: dict[str, int | float | bool] = {}
+        self.restart()
+
+    def __getitem__(self, name: str) -> int | float | bool:
+        return self._values[name]
+
+    def restart(self) -> None:
+        """Let each have its stored value, or its default."""
+        self._values = {name: self._stored.get(name, each.default) for name, each in self._parameters.items()}
+
+    def answer(self, request: GetSet) -> Description:
+        """Set a parameter if a value is given that it can have, and describe it as it is then."""
+        names = list(self._parameters)
+        name = request.name or (names[request.number] if request.number < len(names) else "")
+        parameter = self._parameters.get(name)
+        if parameter is None:
+            return Description()
+        accepted = parameter.accept(request.value)
+        if accepted is not None:
+            self._values[name] = accepted
+        least, most = parameter.limits or (None, None)
+        return Description(name, self._values[name], parameter.default, most, least)
+
+    def execute(self, opcode: int | None) -> bool:
+        """Store all, or forget what is stored and return to the defaults; return whether it was done."""
+        if opcode == SAVE:
+            stored = dict(self._values)
+        elif opcode == ERASE:
+            stored = {}
+        else:
+            return False
+        if self._path and not self._write(stored):
+            return False
+        self._stored = stored
+        self.restart()
+        return True
+
+    def _write(self, stored: dict[str, int | float | bool]) -> bool:
+        new = f"{self._path}.new"
+        try:
+            with open(new, "w", encoding="utf-8") as file:
+                json.dump(stored, file)
+            os.replace(new, self._path)
+        except OSError:
+            return False
+        return True
+
+    def _read(self) -> dict[str, int | float | bool]:
+        try:
+            with open(self._path, encoding="utf-8") as file:
+                found = json.load(file)
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError, RecursionError) as error:
+            raise ConfigError(f"stored: {self._path}: {error}; delete it, or name another file") from None
+        accepted = {}
+        for name, value in found.items() if isinstance(found, dict) else ():
+            parameter = self._parameters.get(name)
+            own = parameter.accept(value) if parameter and isinstance(value, (int, float)) else None
+            if own is None:
+                raise ConfigError(f"stored: {self._path}: {name} cannot be {value!r}; delete the file, or mend it")
+            accepted[name] = own
+        return accepted

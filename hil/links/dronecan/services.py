@@ -1,0 +1,122 @@
+"""Services of DroneCAN nodes besides GetNodeInfo: parameters, restart and statistics, packed and unpacked by hand.
+
+Source: as of hil.links.dronecan.types. A decoder returns None for bytes that cannot be of its type.
+"""
+
+from struct import Struct, error
+from typing import NamedTuple
+
+from hil.links.dronecan.transfer import data_type
+
+GET_TRANSPORT_STATS = data_type(4, 0xBE6F_76A7_EC31_2B04, 0)  # sizes are those of the requests
+RESTART_NODE = data_type(5, 0x569E_0539_4A30_17F0, 5)
+EXECUTE_OPCODE = data_type(10, 0x3B13_1AC5_EB69_D2CD, 7)
+GET_SET = data_type(11, 0xA7B6_22F9_39D1_A4D5, 224)
+
+RESTART_MAGIC = 0xACCE_551B_1E
+SAVE, ERASE = 0, 1
+_EMPTY, _INTEGER, _REAL, _BOOLEAN, _STRING = range(5)  # tags of a Value; of a NumericValue the first three
+_INT64, _FLOAT32 = Struct("<q"), Struct("<f")
+
+Value = int | float | bool | str | None
+
+
+class GetSet(NamedTuple):
+    """A request to uavcan.protocol.param.GetSet: `value` None reads; the name counts before the number."""
+
+    number: int
+    value: Value
+    name: str
+
+
+class Description(NamedTuple):
+    """The answer to GetSet: without a name there is no such parameter; a bool has no limits."""
+
+    name: str = ""
+    value: Value = None
+    default: Value = None
+    most: Value = None
+    least: Value = None
+
+
+class TransportStats(NamedTuple):
+    """Counters since the start: transfers and CAN frames, sent, received and with errors."""
+
+    transfers_sent: int
+    transfers_received: int
+    transfer_errors: int
+    frames_sent: int
+    frames_received: int
+    frame_errors: int
+
+
+def unpack_get_set(payload: bytes) -> GetSet | None:
+    """Return a request for a parameter."""
+    if len(payload) < 2:
+        return None
+    number, tag, rest = payload[0] | payload[1] >> 3 << 8, payload[1] & 7, payload[2:]
+    try:
+        value, size = _value(tag, rest)
+    except (error, IndexError):
+        return None
+    if tag > _STRING or size > len(rest):
+        return None
+    return GetSet(number, value, rest[size:].decode("ascii", "replace"))
+
+
+def _value(tag: int, data: bytes) -> tuple[Value, int]:
+    """Return a value and its size in bytes. Raises error, IndexError."""
+    if tag == _INTEGER:
+        return _INT64.unpack_from(data)[0], _INT64.size
+    if tag == _REAL:
+        return _FLOAT32.unpack_from(data)[0], _FLOAT32.size
+    if tag == _BOOLEAN:
+        return bool(data[0]), 1
+    if tag == _STRING:
+        return data[1 : 1 + data[0]].decode("utf-8", "replace"), 1 + data[0]
+    return None, 0
+
+
+def _packed(value: Value) -> bytes:
+    """Return a value with its tag in a byte."""
+    if value is None:
+        return bytes((_EMPTY,))
+    if isinstance(value, bool):
+        return bytes((_BOOLEAN, value))
+    if isinstance(value, int):
+        return bytes((_INTEGER,)) + _INT64.pack(value)
+    if isinstance(value, float):
+        return bytes((_REAL,)) + _FLOAT32.pack(value)
+    text = value.encode()[:128]
+    return bytes((_STRING, len(text))) + text
+
+
+def pack_description(answer: Description) -> bytes:
+    """Pack the answer to GetSet."""
+    values = (answer.value, answer.default, answer.most, answer.least)
+    return b"".join([_packed(value) for value in values]) + answer.name.encode("ascii")
+
+
+def unpack_opcode(payload: bytes) -> int | None:
+    """Return what ExecuteOpcode asks for; its argument is reserved."""
+    return payload[0] if len(payload) == EXECUTE_OPCODE.max_size else None
+
+
+def pack_opcode_result(done: bool) -> bytes:
+    """Pack the answer to ExecuteOpcode."""
+    return bytes(6) + pack_done(done)
+
+
+def is_restart(payload: bytes) -> bool:
+    """Return whether a request to RestartNode has its magic number."""
+    return payload == RESTART_MAGIC.to_bytes(5, "little")
+
+
+def pack_done(done: bool) -> bytes:
+    """Pack the bool that is the answer to RestartNode."""
+    return bytes((done << 7,))
+
+
+def pack_transport_stats(stats: TransportStats) -> bytes:
+    """Pack the answer to GetTransportStats, with one CAN interface."""
+    return b"".join([(count & 0xFFFF_FFFF_FFFF).to_bytes(6, "little") for count in stats])
