@@ -2,6 +2,7 @@
 
 import threading
 import weakref
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
 
 from hil.client import samples
@@ -85,6 +86,7 @@ class VehicleState:
         self._part = part
         self._session = session
         self._streams: dict[str, weakref.WeakSet[Stream]] = {}
+        self._listeners: list[Callable[[str], None]] = []
         self._first = threading.Condition()
         self._closing = threading.Event()
         self.client = VehicleClient(
@@ -145,6 +147,13 @@ class VehicleState:
             self._streams.setdefault(topic, weakref.WeakSet()).add(stream)
         return stream
 
+    def notify(self, listener: Callable[[str], None]) -> None:
+        """Call `listener` with the topic of each message from now on: in the session's reader, which it must not keep.
+
+        It gets what is listened to already, or is later.
+        """
+        self._listeners.append(listener)
+
     def close(self) -> None:
         """Leave it. Closing twice is harmless."""
         self._closing.set()
@@ -166,6 +175,8 @@ class VehicleState:
         with self._first:
             self._first.notify_all()
             streams = list(self._streams.get(topic, ()))
+        for listener in self._listeners:
+            listener(topic)
         for stream in streams:
             stream.put(samples.aged(topic, stamped))
 

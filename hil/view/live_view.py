@@ -1,4 +1,4 @@
-"""The live view: a scene and panels of some vehicles in the browser, brought up to date 20 times a second."""
+"""The live view: a scene and panels of some vehicles in the browser, brought up to date about 20 times a second."""
 
 from collections.abc import Mapping, Sequence
 from ssl import SSLContext
@@ -46,7 +46,7 @@ class Shown(NamedTuple):
 
 
 class LiveView:
-    """The view at `host`:`port`. Use as a context; call `update` every `PERIOD_S` s. Raises NetworkError."""
+    """The view at `host`:`port`. Use as a context; call `update` about every `PERIOD_S` s. Raises NetworkError."""
 
     def __init__(
         self, source: Source, shown: Shown, host: str, port: int, token: str, tls: SSLContext | None = None

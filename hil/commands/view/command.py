@@ -5,7 +5,7 @@ import select
 from hil.commands.listening import add_fleet, presence, reach_of
 from hil.commands.view.opening import open_view, shown_of
 from hil.commands.view.tls import page_tls
-from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
+from hil.common.clock import NS_PER_S, now_ns
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 
@@ -34,7 +34,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--no-browser", action="store_true", help="print the address, but open no browser")
     options = parser.parse_args(arguments)
     scenario, (endpoints, routed, keys) = reach_of(options)
-    from hil.view.live_view import PERIOD_S
+    from hil.view.pace import Pace
     from hil.view.sources.live import LiveSource
 
     tls = page_tls(options.listen[0], options.cert, options.key, keys)
@@ -43,10 +43,17 @@ def main(arguments: list[str]) -> int:
         LiveSource(endpoints, observe=options.observe, routed=routed, keys=keys, scenario=scenario) as source,
         open_view(source, shown_of(scenario), options.listen, not options.no_browser, tls=tls) as view,
     ):
-        schedule = RateKeeper(seconds_ns(PERIOD_S), now_ns())
+        pace = Pace(now_ns())
         here: list[str] | None = None
-        while not select.select((stop_fd,), (), (), max(schedule.deadline_ns - now_ns(), 0) / NS_PER_S)[0]:
-            if schedule.due(now_ns()):
+        while True:
+            wait = max(pace.due_ns - now_ns(), 0) / NS_PER_S
+            ready = select.select((stop_fd, source.fileno()), (), (), wait)[0]
+            if stop_fd in ready:
+                break
+            if ready:
+                source.clear()
+                pace.on_sample(now_ns())
+            if pace.draws(now_ns()):
                 view.update()
                 if (names := [name for name in source.names if source.is_present(name)]) != here:
                     here = names

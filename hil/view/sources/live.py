@@ -1,8 +1,10 @@
 """Samples of vehicles on the network, for the live view."""
 
+import os
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import hil
@@ -18,6 +20,7 @@ from hil.view.sources.plans import Plans
 from hil.view.sources.recording import ViewRecorder
 
 PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
+PLACES = ("ground_truth", "odom")
 NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
 LOG_LINES = 200
 
@@ -52,6 +55,8 @@ class LiveSource:
         self._present: dict[str, bool] = {}
         self._log: deque[str] = deque(maxlen=LOG_LINES)
         self._turn = threading.Lock()
+        self._waking = threading.Lock()
+        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
     def __enter__(self) -> "LiveSource":
         self._plans.__enter__()
@@ -62,6 +67,24 @@ class LiveSource:
         self._plans.__exit__()
         self.show_pictures(False)
         self._fleet.close()
+        with self._waking:
+            os.close(self._event)
+            self._event = -1
+
+    def fileno(self) -> int:
+        """Return a descriptor that becomes readable when a vehicle's place has come."""
+        return self._event
+
+    def clear(self) -> None:
+        """Wait for the next place."""
+        with suppress(BlockingIOError):
+            os.eventfd_read(self._event)
+
+    def _on_sample(self, topic: str) -> None:
+        if topic in PLACES:
+            with self._waking:
+                if self._event >= 0:
+                    os.eventfd_write(self._event, 1)
 
     @property
     def names(self) -> list[str]:
@@ -141,6 +164,7 @@ class LiveSource:
         except NetworkError:  # it is there, but has said nothing yet: at the next look
             return
         vehicle.client.watch(ALL)
+        vehicle.notify(self._on_sample)
         self._known[name] = vehicle
 
     def _report_presence(self, name: str, present: bool) -> None:

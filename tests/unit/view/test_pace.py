@@ -1,0 +1,46 @@
+"""The view draws soon after a sample whatever the phase, seldom enough with many vehicles, and without any too."""
+
+from itertools import pairwise
+
+import pytest
+
+from hil.common.clock import NS_PER_MS
+from hil.view.pace import GATHER_NS, LEAST_NS, MOST_NS, Pace
+
+PERIOD = 50 * NS_PER_MS
+
+
+def drawings(samples: list[int], end: int) -> list[int]:
+    """The times (ns) of drawing when samples come at these times."""
+    pace, now, drawn, waiting = Pace(0), 0, list[int](), sorted(samples)
+    while now < end:
+        if pace.draws(now):
+            drawn.append(now)
+        now = min([pace.due_ns, *waiting[:1]])
+        while waiting and waiting[0] <= now:
+            pace.on_sample(waiting.pop(0))
+    return drawn
+
+
+@pytest.mark.parametrize("phase_ms", range(0, 50, 7))
+def test_a_sample_is_drawn_soon_whatever_its_phase(phase_ms: int) -> None:
+    samples = [phase_ms * NS_PER_MS + number * PERIOD for number in range(40)]
+    drawn = drawings(samples, samples[-1] + PERIOD)
+    for sample in samples[8:]:  # once the beat is found
+        assert min(time - sample for time in drawn if time >= sample) == GATHER_NS
+    assert len(drawn) <= len(samples) + 3
+
+
+def test_samples_of_one_instant_are_drawn_together() -> None:
+    samples = [number * PERIOD + part * NS_PER_MS for number in range(1, 20) for part in (0, 1, 2)]
+    assert len(drawings(samples, 20 * PERIOD)) <= 21
+
+
+def test_many_vehicles_are_drawn_at_most_so_often() -> None:
+    drawn = drawings([number * NS_PER_MS for number in range(2000)], 2000 * NS_PER_MS)
+    assert min(after - before for before, after in pairwise(drawn)) >= LEAST_NS
+
+
+def test_without_samples_it_goes_on() -> None:
+    drawn = drawings([], 10 * MOST_NS)
+    assert drawn == [number * MOST_NS for number in range(10)]
