@@ -14,11 +14,12 @@ from pathlib import Path
 
 import pytest
 
+from hil.commands.campaign import engines
 from hil.commands.campaign import files as campaign_files
 from hil.commands.campaign.command import run_one
 from hil.commands.campaign.engines import Task, _run_unpacked
 from hil.commands.campaign.files import Bundle, collect, unpack
-from hil.common.errors import ConfigError
+from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import preset_folder
 from tests.support.processes import ROOT, Program, children_of, free_port, is_running, wait_for, write_scenario
 
@@ -190,6 +191,22 @@ def test_a_scheduler_that_is_not_there(engine: str, address: str, code: int, wor
     assert line.startswith("uuv-hil campaign: ")
     assert words in line
     assert f"{variable}=" in line
+
+
+def test_who_is_refused_by_ray_is_told_of_its_token(monkeypatch: pytest.MonkeyPatch) -> None:
+    @contextmanager
+    def refused(jobs: int) -> Iterator[None]:
+        raise ConnectionError("Failed to connect to Ray cluster")
+        yield
+
+    monkeypatch.setattr(engines, "_ray", refused)
+    bundle = collect("paper_field", [{}])
+    monkeypatch.delenv("RAY_AUTH_MODE", raising=False)
+    with pytest.raises(NetworkError, match=r"Failed to connect .*RAY_AUTH_MODE=token"):
+        list(engines.run_on_cluster(run_one, bundle, [], 1, "ray"))
+    monkeypatch.setenv("RAY_AUTH_MODE", "token")
+    with pytest.raises(NetworkError, match="its log says more; every worker needs the same version"):
+        list(engines.run_on_cluster(run_one, bundle, [], 1, "ray"))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
