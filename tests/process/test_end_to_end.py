@@ -16,7 +16,7 @@ from hil.common.schema import find_preset
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.frame.protocol import FrameProtocol
 from sim.native import NativeDynamics, choose
-from tests.support.processes import Program, command_until, run_here, surge_of, wait_for, write_scenario
+from tests.support.processes import Program, command_until, run_here, running_slave, surge_of, wait_for, write_scenario
 
 
 def protocol() -> FrameProtocol:
@@ -25,10 +25,8 @@ def protocol() -> FrameProtocol:
 
 @pytest.fixture
 def slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
-    scenario, port = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", scenario) as program:
-        program.expect("ready")
-        yield program, f"tcp/127.0.0.1:{port}"
+    with running_slave(tmp_path) as started:
+        yield started
 
 
 def pulses(client: VehicleClient) -> list[int]:

@@ -131,13 +131,20 @@ def run_here(*arguments: str) -> tuple[int, str]:
 
 
 @contextmanager
-def slave_with(folder: Path, sensors: str) -> Iterator[str]:
-    """The endpoint of a slave of the short mission with these lines in [sensors]; it must not fail."""
+def running_slave(folder: Path, more: str = "") -> Iterator[tuple[Program, str]]:
+    """A slave of the short mission, with `more` at the end of its scenario, that is ready; and its endpoint."""
     scenario, port = write_scenario(folder)
-    scenario.write_text(f"{scenario.read_text()}[sensors]\n{sensors}\n")
+    scenario.write_text(scenario.read_text() + more)
     with Program(folder, "slave", scenario) as program:
         program.expect("ready")
-        yield f"tcp/127.0.0.1:{port}"
+        yield program, f"tcp/127.0.0.1:{port}"
+
+
+@contextmanager
+def slave_with(folder: Path, sensors: str) -> Iterator[str]:
+    """The endpoint of a slave of the short mission with these lines in [sensors]; it must not fail."""
+    with running_slave(folder, f"[sensors]\n{sensors}\n") as (program, endpoint):
+        yield endpoint
     assert "Traceback" not in program.output
 
 

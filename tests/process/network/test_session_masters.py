@@ -16,15 +16,13 @@ from hil.ros import encoders as ros
 from hil.ros.diagnostics import or_nan
 from hil.ros.topics import TOPICS
 from tests.support.busy import retry_when_busy
-from tests.support.processes import ROOT, Program, command_until, surge_of, wait_for, write_scenario
+from tests.support.processes import ROOT, Program, command_until, running_slave, surge_of, wait_for, write_scenario
 
 
 @pytest.fixture
 def slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
-    scenario, port = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", scenario) as program:
-        program.expect("ready")
-        yield program, f"tcp/127.0.0.1:{port}"
+    with running_slave(tmp_path) as started:
+        yield started
 
 
 def command(seconds: float, *clients: VehicleClient) -> None:

@@ -15,16 +15,13 @@ from hil.network.session import Session
 from hil.ros import message as ros_message
 from hil.ros.graph import Node
 from hil.ros.topics import DESCRIPTIONS, TOPICS, Topic
-from tests.support.processes import Program, wait_for, write_scenario
+from tests.support.processes import Program, running_slave, wait_for, write_scenario
 
 
 @pytest.fixture(scope="module")
 def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Program, str]]:
-    folder = tmp_path_factory.mktemp("described")
-    scenario, port = write_scenario(folder)
-    with Program(folder, "slave", scenario) as program:
-        program.expect("ready")
-        yield program, f"tcp/127.0.0.1:{port}"
+    with running_slave(tmp_path_factory.mktemp("described")) as started:
+        yield started
 
 
 class Listener:

@@ -26,6 +26,7 @@ from tests.support.clients.imaging_slave import (
     kill_and_wait,
     start,
     wait_for,
+    watched_slave,
 )
 from tests.support.processes import ROOT, Program, is_running, write_scenario
 
@@ -34,12 +35,8 @@ pytestmark = pytest.mark.timeout(280)
 
 @pytest.fixture
 def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
-    program, endpoint = start(tmp_path)
-    with program:
-        program.expect("ready")
-        with VehicleClient(endpoint, "uuv1") as client:
-            client.watch(*PICTURES)
-            yield program, client
+    with watched_slave(tmp_path) as watched:
+        yield watched
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,8 @@
 import functools
 import os
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -37,6 +39,17 @@ def start(folder: Path, sensors: str = SENSORS, environment: dict[str, str] | No
     """Start a slave with these sensors; return it and its endpoint."""
     scenario, port = write_scenario(folder, top=sensors)
     return Program(folder, "slave", scenario, environment=environment), f"tcp/127.0.0.1:{port}"
+
+
+@contextmanager
+def watched_slave(folder: Path) -> Iterator[tuple[Program, VehicleClient]]:
+    """A slave with these sensors that is ready, and a client that has subscribed to all its pictures."""
+    program, endpoint = start(folder)
+    with program:
+        program.expect("ready")
+        with VehicleClient(endpoint, "uuv1") as client:
+            client.watch(*PICTURES)
+            yield program, client
 
 
 def has_all(client: VehicleClient) -> bool:

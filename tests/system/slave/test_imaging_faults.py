@@ -10,18 +10,22 @@ import pytest
 from hil.client.client import VehicleClient
 from hil.ros.diagnostics import or_nan
 from tests.support.busy import retry_when_busy
-from tests.support.clients.imaging_slave import PICTURES, camera, has_all, kill_and_wait, newest, start, wait_for
+from tests.support.clients.imaging_slave import (
+    camera,
+    has_all,
+    kill_and_wait,
+    newest,
+    start,
+    wait_for,
+    watched_slave,
+)
 from tests.support.processes import Program
 
 
 @pytest.fixture
 def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
-    program, endpoint = start(tmp_path)
-    with program:
-        program.expect("ready")
-        with VehicleClient(endpoint, "uuv1") as client:
-            client.watch(*PICTURES)
-            yield program, client
+    with watched_slave(tmp_path) as watched:
+        yield watched
 
 
 def steps_skipped_by_a_kill(program: Program, client: VehicleClient, restarts: int) -> float:
