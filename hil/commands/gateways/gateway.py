@@ -17,10 +17,10 @@ examples:
   printf '{"do": "get", "sensor": "state"}\\n' | nc 127.0.0.1 7450
 
 A line is a request, {"id": 1, "vehicle": "uuv1", "do": "drive", "surge": 0.4}, and each has a line as its answer;
-docs/how-to/matlab.md lists what can be done. For MATLAB and Octave there is a class, uuv_hil.m; `uuv-hil gateway
---matlab` says in which folder, for addpath. Anybody who reaches the port can read what vehicles send; who commands them
-first sends {"do": "login", "token": "..."}. The token is new at each start, is shown, and lies in a file that only
-this user reads.
+docs/how-to/matlab.md lists what can be done. For MATLAB and Octave there is a package, +uuv, and a template of
+high-level planning; `uuv-hil gateway --matlab` says in which folder, for addpath. Anybody who reaches the port can
+read what vehicles send; who commands them first sends {"do": "login", "token": "..."}. The token is new at each start,
+is shown, and lies in a file that only this user reads.
 """
 
 
@@ -30,7 +30,11 @@ def main(arguments: list[str]) -> int:
     add_fleet(parser)
     add_serving(parser, "127.0.0.1:7450")
     add_take_over(parser)
-    parser.add_argument("--matlab", action="store_true", help="print the path of uuv_hil.m")
+    parser.add_argument(
+        "--matlab",
+        action="store_true",
+        help="print the folder of the package for MATLAB and Octave, +uuv, and of its template",
+    )
     options = parser.parse_args(arguments)
     if options.matlab:
         print(os.path.join(os.path.dirname(os.path.abspath(hil.__file__)), "gateways", "matlab"))

@@ -180,7 +180,9 @@ class Connection:
         if not (is_number(deadman) and 0 < deadman <= MOST_DEADMAN_S):
             raise ConfigError(f"deadman: {show(deadman)} is not a number of seconds up to {MOST_DEADMAN_S:g}")
         if not self._access.admits(request.get("token")):
-            raise ConfigError("token: this is not the token of this gateway; it makes a new one at each start")
+            raise ConfigError(
+                "token: this is not the token of this gateway; it makes a new one at each start, and shows it then"
+            )
         self._may_command, self._deadman_ns = True, round(deadman * NS_PER_S)
         return {}
 

@@ -13,6 +13,7 @@ TYPED = {
     "docs/tutorials/own_vehicle.md": 7,
     "docs/tutorials/own_planner.md": 4,
     "docs/tutorials/own_sensor.md": 5,
+    "docs/tutorials/matlab.md": 2,
 }
 
 

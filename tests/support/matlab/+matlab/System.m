@@ -1,0 +1,2 @@
+classdef System < handle
+end

@@ -1,0 +1,37 @@
+"""GNU Octave with our package for it, as a program of a user's."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from hil.gateways.json_lines.server import JsonGateway
+from tests.support.processes import ROOT
+
+MATLAB = ROOT / "hil" / "gateways" / "matlab"
+needs_octave = pytest.mark.skipif(not shutil.which("octave-cli"), reason="GNU Octave is missing: apt install octave")
+
+
+def write_script(path: Path, script: str) -> None:
+    """Write a script that has the package and the template on Octave's path."""
+    folders = f"addpath('{MATLAB}'); addpath('{MATLAB / 'template'}');\n"
+    path.write_text(f"1;\n{folders}{script}")
+
+
+def run_octave(folder: Path, script: str, seconds: float = 120.0) -> str:
+    """Run a script by Octave in a folder, with the package and the template on its path; what it prints."""
+    write_script(folder / "script.m", script)
+    done = subprocess.run(
+        ["octave-cli", "--norc", "--quiet", "script.m"],
+        capture_output=True, text=True, timeout=seconds, cwd=folder, env=dict(os.environ),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def run(folder: Path, gateway: JsonGateway, script: str, seconds: float = 120.0) -> list[str]:
+    """Run a script that has a `vehicle` and its `gateway`; the lines that it prints."""
+    opened = f"gateway = uuv.Gateway('127.0.0.1', {gateway.port});\nvehicle = uuv.Vehicle('uuv1', gateway);\n"
+    return run_octave(folder, opened + script, seconds).split("\n")[:-1]

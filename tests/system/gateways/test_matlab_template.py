@@ -1,0 +1,262 @@
+"""The template for MATLAB and Octave: its algorithms against ours in Python, and its two cases at real vehicles."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from math import dist, inf, pi
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+import hil
+from hil.autonomy.paths.astar import path_length, plan
+from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.autonomy.paths.pursuit import PurePursuit
+from hil.autonomy.paths.vfh import Scan, Vfh, VfhSettings
+from hil.client.fleet import Fleet
+from hil.common.errors import MissionError
+from hil.gateways.json_lines.server import JsonGateway
+from tests.support.busy import retried_when_busy
+from tests.support.clients.json_client import own_state
+from tests.support.documents import blocks
+from tests.support.octave import MATLAB, needs_octave, run, run_octave
+from tests.support.processes import ROOT, Program, free_port
+
+__all__ = ["own_state"]  # the fixture
+
+np = pytest.importorskip("numpy", reason="maps are arrays")
+pytestmark = [needs_octave, pytest.mark.timeout(900)]
+
+READ = "cases = jsondecode(fileread('cases.json'));\nif ~iscell(cases), cases = num2cell(cases); end\n"
+PRESETS = ROOT / "hil" / "scenario" / "presets"
+
+
+def answers(folder: Path, cases: list[dict[str, Any]], body: str) -> list[Any]:
+    """Return what Octave answers to each case, as JSON; `body` makes `answer` of `c`."""
+    (folder / "cases.json").write_text(json.dumps(cases))
+    script = f"{READ}for k = 1:numel(cases)\n  c = cases{{k}};\n{body}\n  disp(jsonencode(answer));\nend\n"
+    return [json.loads(line) for line in run_octave(folder, script).splitlines()]
+
+
+def test_its_global_planner_finds_a_shortest_path(tmp_path: Path) -> None:
+    random, grids, cases = Random(5), [], []
+    start, goal = (0.75, 0.75), (9.25, 14.25)
+    for _ in range(8):
+        cells = np.array([[random.random() < 0.22 for _ in range(30)] for _ in range(20)])
+        cells[1, 1] = cells[18, 28] = False
+        grids.append(OccupancyGrid(cells, 0.5, (0.0, 0.0)))
+        cases.append({"blocked": cells.astype(int).tolist(), "start": start, "goal": goal})
+    body = """  map = struct('blocked', c.blocked ~= 0, 'south', 0, 'west', 0, 'resolution', 0.5);
+  try
+    answer = global_planner(map, c.start.', c.goal.');
+  catch problem
+    answer = problem.message;
+  end"""
+    found = 0
+    for grid, path in zip(grids, answers(tmp_path, cases, body), strict=True):
+        try:
+            shortest = path_length(plan(grid, start, goal))
+        except MissionError:
+            assert "obstacles part them" in path
+            continue
+        found += 1
+        assert (path[0], path[-1]) == (list(start), list(goal))
+        assert dist(start, goal) <= path_length(path) <= shortest + 1e-6
+        for a, b in pairwise(path):
+            points = [(a[0] + k / 200 * (b[0] - a[0]), a[1] + k / 200 * (b[1] - a[1])) for k in range(201)]
+            near = [p for p in points if all(abs(x / 0.5 - round(x / 0.5)) > 0.05 for x in p)]  # not on a cell's edge
+            assert all(map(grid.is_free, near))
+    assert found >= 3
+
+
+def test_its_local_planner_chooses_as_ours(tmp_path: Path) -> None:
+    random, cases, expected = Random(7), [], []
+    settings = VfhSettings(radius=0.3, safety=0.3, range=6.0, block_within=2.0, free_beyond=2.6)
+    for _ in range(60):
+        ranges = [random.uniform(0.5, 8.0) if random.random() < 0.15 else inf for _ in range(181)]
+        heading, target = random.uniform(-pi, pi), random.uniform(-pi, pi)
+        scan = Scan(-2.35, 4.7 / 180, ranges)
+        expected.append(Vfh(settings).steer(scan, heading, target))
+        angles = {"angle_min": scan.first, "angle_increment": scan.step}
+        cases.append({"ranges": [r if r < inf else None for r in ranges], "heading": heading, "aim": target, **angles})
+    body = """  command = struct('surge', 0.8, 'yaw_rate', 0, 'aim', c.aim);
+  c.ranges = uuv.Vehicle.numbers(c.ranges);
+  [command, state] = local_planner([], command, c, c.heading, inf, template_options());
+  answer = struct('heading', state.last, 'surge', command.surge, 'turn', command.yaw_rate);"""
+    assert sum(value is None for value in expected) < 30 < sum(value is not None for value in expected)
+    for ours, theirs in zip(expected, answers(tmp_path, cases, body), strict=True):
+        assert 0.0 <= theirs["surge"] <= 0.8
+        assert abs(theirs["turn"]) <= 0.5
+        if ours is None:
+            assert (theirs["heading"], theirs["surge"]) == (None, 0.0)
+        else:
+            assert abs((theirs["heading"] - ours + pi) % (2.0 * pi) - pi) < 1e-6
+
+
+def test_its_pursuit_steers_as_ours(tmp_path: Path) -> None:
+    random, cases, expected = Random(9), [], []
+    path = [[0.0, 0.0], [4.0, 3.0], [9.0, 3.0], [12.0, -2.0]]
+    for _ in range(40):
+        here = [random.uniform(-1.0, 2.0), random.uniform(-1.0, 2.0)]
+        heading = random.uniform(-pi, pi)
+        pursuit = PurePursuit([(n, e) for n, e in path], 2.0, 0.8, tolerance=0.6)
+        command = pursuit.update(here, heading)
+        expected.append((command.surge, command.yaw_rate, pursuit.aim))
+        cases.append({"here": here, "heading": heading})
+    body = f"""  path = reshape({[x for point in path for x in point]}, 2, []).';
+  [command, along] = pure_pursuit(path, 0, c.here, c.heading, template_options());
+  answer = [command.surge command.yaw_rate command.aim];"""
+    for ours, theirs in zip(expected, answers(tmp_path, cases, body), strict=True):
+        assert theirs == pytest.approx(ours, abs=1e-6)
+
+
+def test_its_scheduler_keeps_the_order_that_tasks_need(tmp_path: Path) -> None:
+    script = """
+state = [];
+time = 0;
+place = [0 0];
+while isempty(state) || ~state.done
+  [goal, state] = task_scheduler(state, paper_tasks(), time, place, template_options());
+  if ~isempty(goal), place = goal; end
+  time = time + 1;
+end
+printf('%s %d\\n', strjoin(state.finished), time);
+try
+  task_scheduler([], struct('name', 'a', 'at', [1 1], 'duration', 0, 'needs', 'b'), 0, [0 0], template_options());
+catch problem
+  disp(problem.message);
+end
+"""
+    order, problem = run_octave(tmp_path, script).splitlines()
+    assert order == "charging acquisition transmission home 50"  # 45 s of work, and a step to each place
+    assert problem == "no task can begin any more; these wait for others: a"
+
+
+@contextmanager
+def serve(folder: Path, preset: str) -> Iterator[tuple[Fleet, JsonGateway]]:
+    """A slave of a preset, and a gateway to it."""
+    port = free_port()
+    scenario = folder / "scenario.toml"
+    scenario.write_text((PRESETS / preset).read_text() + f'[slave]\nlisten = "tcp/127.0.0.1:{port}"\n')
+    with Program(folder, "slave", scenario) as slave:
+        slave.expect("ready")
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet, JsonGateway(fleet, "127.0.0.1", 0) as gateway:
+            yield fleet, gateway
+
+
+RESULT = """
+result = run_template(vehicle{tasks});
+track = result.track(1:20:end, 2:3);
+disp(jsonencode(struct('visited', {{result.visited}}, 'track', track, 'paths', {{result.paths}})));
+"""
+GOAL = ", struct('name', 'goal', 'at', [50 50], 'duration', 0, 'needs', '')"
+
+
+def fly(folder: Path, preset: str, tasks: str) -> dict[str, Any]:
+    """Fly a case in Octave; nothing is touched."""
+    with serve(folder, preset) as (fleet, gateway):
+        (line,) = run(folder, gateway, RESULT.format(tasks=tasks), seconds=800.0)
+        assert fleet["uuv1"].diagnostics.contacts == 0
+        result: dict[str, Any] = json.loads(line)
+    return result
+
+
+def test_path_planning_in_octave(tmp_path: Path) -> None:
+    result = fly(tmp_path, "path_planning.toml", GOAL)
+    assert result["visited"] == ["goal"]
+    assert dist(result["track"][-1], (50.0, 50.0)) < 2.0
+
+
+def test_task_scheduling_in_octave(tmp_path: Path) -> None:
+    result = fly(tmp_path, "task_scheduling.toml", "")
+    assert result["visited"] == ["charging", "acquisition", "transmission", "home"]
+    assert len(result["paths"]) == 4
+    for station in ((5.0, 5.0), (53.0, 13.0), (15.0, 46.0)):
+        assert min(dist(place, station) for place in result["track"]) < 1.0
+    assert dist(result["track"][-1], (0.0, 0.0)) < 1.5
+
+
+REPLACED = """function [command, state] = local_planner(state, command, scan, heading, reach, options)
+  command.surge = 0;
+  command.yaw_rate = 0.25;
+end
+"""
+TURNING = """
+options = template_options();
+options.time_limit = 4;
+try
+  run_template(vehicle, [], options);
+catch problem
+  printf('%s\\n%.2f\\n', problem.message, vehicle.state().nu(6));
+end
+"""
+
+
+def test_a_part_in_the_own_folder_takes_the_place_of_ours(tmp_path: Path) -> None:
+    (tmp_path / "local_planner.m").write_text(REPLACED)
+    with serve(tmp_path, "path_planning.toml") as (_, gateway):
+        problem, turn = run(tmp_path, gateway, TURNING)
+    assert problem == "the tasks are not done within 4 s; visited: "
+    assert float(turn) == pytest.approx(0.25, abs=0.15)
+
+
+SYSTEMS = f"""
+addpath('{ROOT / "tests" / "support" / "matlab"}');
+__parse_file__('{MATLAB / "+uuv" / "build_model.m"}');
+plant = VehicleRunner();
+planner = PlannerRunner();
+plant.Port = planner.Port = gateway.port;
+planner.begin();
+plant.begin();
+command = [0; 0];
+for k = 1:60
+  [time, position, heading, ranges, angles] = plant.run(command);
+  [command, done] = planner.run(time, position, heading, ranges, angles);
+end
+printf('%.2f\\n', time, position(1:2), command(1), done, numel(ranges));
+"""
+
+
+def test_the_blocks_of_simulink_with_a_stand_in_for_its_base_class(tmp_path: Path) -> None:
+    """All but Simulink itself: their steps drive the vehicle towards the first station."""
+    with serve(tmp_path, "task_scheduling.toml") as (_, gateway):
+        time, north, east, surge, done, beams = map(float, run(tmp_path, gateway, SYSTEMS))
+    assert time > 2.5
+    assert north + east > 0.2
+    assert (surge > 0.2, done, beams) == (True, 0, 181)
+
+
+def test_the_tutorial_in_octave(tmp_path: Path) -> None:
+    page = ROOT / "docs" / "tutorials" / "matlab.md"
+    text = "".join(block.text for block in blocks("matlab", page=page))
+    text = text.replace("vehicle = uuv.Vehicle('uuv1');\n", "").replace("[~, folder] = system(", "folder = disabled(")
+    assert text.count("uuv.Vehicle") == 0
+    with serve(tmp_path, "task_scheduling.toml") as (fleet, gateway):
+        text = f"disabled = @(command) '{MATLAB}';\n{text}disp(jsonencode(result.visited));\n"
+        lines = run(tmp_path, gateway, text, seconds=400.0)
+        assert fleet["uuv1"].diagnostics.contacts == 0
+    assert lines[-1] == '["first","second"]'
+
+
+LOOP = """
+rate = uuv.Rate(20);
+for k = 1:600
+  state = vehicle.state();
+  scan = vehicle.laser();
+  vehicle.drive('surge', 0.1, 'depth', 5);
+  rate.wait();
+end
+printf('%d\\n', rate.cycles, rate.late);
+"""
+
+
+@retried_when_busy("a late cycle may be that of a busy machine", attempts=5)
+def test_a_loop_of_20_hz(tmp_path: Path) -> None:
+    """It lasts 30 s; docs/how-to/matlab.md has one of ten minutes."""
+    with serve(tmp_path, "path_planning.toml") as (_, gateway):
+        cycles, late = map(int, run(tmp_path, gateway, LOOP))
+    assert cycles >= 600
+    assert late <= 0.1 * cycles
