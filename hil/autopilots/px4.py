@@ -17,6 +17,7 @@ from hil.links.address import open_address, parse_address
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
 from hil.links.wires.net import TcpWire
+from hil.links.wires.terminal import READ_SIZE
 from hil.scenario.autopilot_records import AutopilotSettings
 from sim.rotations import rotate, rotate_inverse
 from sim.sensors.samples import OdometrySample
@@ -107,6 +108,8 @@ class Px4(Autopilot):
             for message in self._stream.unpack(data):
                 self._counters.messages_in += 1
                 newest = self._handle_message(message, now) or newest
+            if len(data) < READ_SIZE:  # there is no more, and the next look would find the same
+                break
         return newest
 
     def may_step(self) -> bool:

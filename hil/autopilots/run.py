@@ -101,7 +101,11 @@ class AutopilotRun:
         """Take outputs until `is_ready`."""
         began = now_ns()
         while True:
-            outputs = self.autopilot.receive(now_ns())
+            # A look before anything can have come costs as much as the step: in lockstep the answer is waited for.
+            patience = self.autopilot.patience_ns() if self.autopilot.lockstep else self._due_ns - now_ns()
+            seconds = 0.0 if is_ready() else max(0, min(patience, CHECK_NS)) / NS_PER_S
+            readable = select.select([self.autopilot.fileno()], [], [], seconds)[0]
+            outputs = self.autopilot.receive(now_ns()) if readable else None
             if outputs:
                 self.motors.update(outputs)
                 if self._sent_ns:
@@ -114,8 +118,6 @@ class AutopilotRun:
                 self._check_program(now - began)
             if is_ready():
                 break
-            patience = self.autopilot.patience_ns() if self.autopilot.lockstep else self._due_ns - now
-            select.select([self.autopilot.fileno()], [], [], max(0, min(patience, CHECK_NS)) / NS_PER_S)
         # In lockstep no simulated time passes while the autopilot is silent, so that its last outputs hold.
         motors = self.motors
         pulses = (motors.latest if self.autopilot.lockstep else motors.at(now_ns())).pwm_us
