@@ -114,7 +114,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one subcommand; its exit code. Errors a person can mend are one line on standard error."""
+    """Run one subcommand; return its exit code. Errors a person can mend are one line on standard error."""
     die_with_parent()
     name = "uuv-hil"
     try:

@@ -46,7 +46,7 @@ class PathPlanning(SingleCase):
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
         """Return the shortest path from start to goal past all obstacles, on the map or not."""
         start, goal = (scenario.start.north, scenario.start.east), scenario.master.goal or (0.0, 0.0)
-        return shortest(plan.world, plan.brief.vehicle, scenario.master.depth, (start, goal))
+        return shortest(plan.world, plan.request.vehicle, scenario.master.depth, (start, goal))
 
     def draw(self, runs: Sequence[Run], path: str) -> None:
         """Figure 8, the tracks on the map, and figure 9, speed over time."""

@@ -86,7 +86,7 @@ class SingleCase(Case):
         return Run(self._result(mode, seed, scenario, plan, measured), (track,), file)
 
     def _result(self, mode: Mode, seed: int, scenario: Scenario, plan: Plan, measured: Measured) -> Result:
-        outcome, vehicle = measured.outcome, plan.brief.vehicle
+        outcome, vehicle = measured.outcome, plan.request.vehicle
         optimum = self.optimum(scenario, plan)
         touched = any(event.kind == "collision" for event in outcome.faults)
         collided = touched or outcome.least_clearance <= radius_of(vehicle)
@@ -132,7 +132,7 @@ def shortest(world: World, vehicle: Vehicle, depth: float, places: Sequence[Poin
 def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None], viewer: Viewer) -> Measured:
     """Fly in this process, in simulated time."""
     vehicle = SimulatedVehicle(scenario, plan.world)
-    meter = EnergyMeter(plan.brief.vehicle)
+    meter = EnergyMeter(plan.request.vehicle)
     with (
         viewer.show_simulated(scenario, {scenario.slave.node: vehicle}) as shown,
         _Notes(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track,
@@ -143,7 +143,7 @@ def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str],
 
 def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None], viewer: Viewer) -> Measured:
     """Fly with a slave in another process; this process is its master."""
-    meter = EnergyMeter(plan.brief.vehicle)
+    meter = EnergyMeter(plan.request.vehicle)
     node, network = scenario.slave.node, scenario.network
     topics = *topics_of(plan.planner), "battery"
     progress = Progress(os.path.join(folder, "master.log"), show)

@@ -45,7 +45,7 @@ class TaskScheduling(SingleCase):
         mission = tasks_of(plan.planner).mission
         start = scenario.start.north, scenario.start.east
         return min(
-            shortest(plan.world, plan.brief.vehicle, scenario.master.depth, [start, *places, mission.home])
+            shortest(plan.world, plan.request.vehicle, scenario.master.depth, [start, *places, mission.home])
             for places in visit_orders(mission)
         )
 

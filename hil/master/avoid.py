@@ -44,9 +44,9 @@ class AvoidSettings(NamedTuple):
 class Sight:
     """Path planning and obstacle avoidance to one goal after another, on one map that grows with each scan."""
 
-    def __init__(self, settings: AvoidSettings, vfh: dict[str, Any], brief: PlanRequest) -> None:
-        length, width = brief.vehicle.dimensions[:2]
-        radius, master = hypot(length, width) / 2, brief.master
+    def __init__(self, settings: AvoidSettings, vfh: dict[str, Any], request: PlanRequest) -> None:
+        length, width = request.vehicle.dimensions[:2]
+        radius, master = hypot(length, width) / 2, request.master
         self._topic = settings.scan
         self._search: Search = {"astar": plan, "any_angle": plan_any_angle, "dstar": DStarLite().plan}[settings.search]
         self._settings = GuideSettings(
@@ -57,7 +57,7 @@ class Sight:
             tolerance=master.tolerance,
             margin=master.margin,
         )
-        self._map: OccupancyGrid = brief.map
+        self._map: OccupancyGrid = request.map
         self._depth = master.depth
         self._seen_ns = -1
         self._command = VelocityCommand()
@@ -94,10 +94,10 @@ class Avoid(Planner):
         self._vfh = vfh or {}
         self._stuck_since: float | None = None
 
-    def begin(self, brief: PlanRequest) -> None:
+    def begin(self, request: PlanRequest) -> None:
         """Plan the way. Raises MissionError, ConfigError."""
-        self._sight = Sight(self._settings, self._vfh, brief)
-        self._sight.begin((brief.start.north, brief.start.east), goal_of(brief))
+        self._sight = Sight(self._settings, self._vfh, request)
+        self._sight.begin((request.start.north, request.start.east), goal_of(request))
         self._follow()
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:

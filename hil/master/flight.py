@@ -40,7 +40,7 @@ class Plan(NamedTuple):
     """A planner that is ready, its request, the world, and the time that planning took (s)."""
 
     planner: Planner
-    brief: PlanRequest
+    request: PlanRequest
     world: World
     duration: float
 
@@ -112,8 +112,8 @@ def prepare(scenario: Scenario, world: World | None = None) -> Plan:
     began = time.monotonic()
     world = world or load_world(scenario.world)
     vehicle, _ = load_vehicle(scenario.vehicle)
-    planner, brief = _begin(scenario, vehicle, world)
-    return Plan(planner, brief, world, time.monotonic() - began)
+    planner, request = _begin(scenario, vehicle, world)
+    return Plan(planner, request, world, time.monotonic() - began)
 
 
 def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner, PlanRequest]:
@@ -122,21 +122,21 @@ def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner,
     topics_of(planner)  # refuses what is no topic
     *smaller, largest = parts_of(world, scenario.master, scenario.start, planner.places)
     for part in smaller:
-        brief = make_brief(scenario, vehicle, world, part)
+        request = make_request(scenario, vehicle, world, part)
         try:
-            planner.begin(brief)
-            return planner, brief
+            planner.begin(request)
+            return planner, request
         except NoPathError:  # there may be one that leads farther round
             planner = make_planner(scenario)
-    brief = make_brief(scenario, vehicle, world, largest)
+    request = make_request(scenario, vehicle, world, largest)
     try:
-        planner.begin(brief)
+        planner.begin(request)
     except NoPathError as error:
         if not smaller:
             raise
         size = f"{largest.north - largest.south:.0f} m x {largest.east - largest.west:.0f} m"
         raise NoPathError(f"{error}; the map shows {size} around: a coarser master.resolution shows more") from None
-    return planner, brief
+    return planner, request
 
 
 def make_planner(scenario: Scenario) -> Planner:
@@ -149,7 +149,7 @@ def make_planner(scenario: Scenario) -> Planner:
     return planner
 
 
-def make_brief(scenario: Scenario, vehicle: Vehicle, world: World, part: Extent | None = None) -> PlanRequest:
+def make_request(scenario: Scenario, vehicle: Vehicle, world: World, part: Extent | None = None) -> PlanRequest:
     """Return the plan request for the scenario's planner, with the map of a part of the world. Raises ConfigError.
 
     Left out, it is the first one that `parts_of` gives.
@@ -174,7 +174,7 @@ class Flight:
         self.reason = ""
         self._master = scenario.master
         self._world = plan.world
-        self._below = 0.5 * plan.brief.vehicle.dimensions[2]
+        self._below = 0.5 * plan.request.vehicle.dimensions[2]
         self._first_path = path_length(plan.planner.path)
         self._reached = False
         self._travelled = 0.0
@@ -184,7 +184,7 @@ class Flight:
         self._place: Sequence[float] = (scenario.start.north, scenario.start.east, scenario.start.depth)
         self._last: Point | None = None
         self.log = EventLog()
-        vehicle = plan.brief.vehicle
+        vehicle = plan.request.vehicle
         self._monitor = RunMonitor(self.log, vehicle.capsize_tilt, self._below, self._master.depth_margin)
 
     def command(self, elapsed: float, samples: Samples, truth: OdometrySample) -> VelocityCommand:

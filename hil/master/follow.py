@@ -12,12 +12,12 @@ class Follow(Planner):
 
     subscriptions = ()
 
-    def begin(self, brief: PlanRequest) -> None:
+    def begin(self, request: PlanRequest) -> None:
         """Plan the path. Raises MissionError, ConfigError."""
-        master = brief.master
-        inflated = brief.map.inflate(brief.clearance)
-        start = brief.start.north, brief.start.east
-        self.path = smooth(inflated, plan(inflated, start, goal_of(brief)))
+        master = request.master
+        inflated = request.map.inflate(request.clearance)
+        start = request.start.north, request.start.east
+        self.path = smooth(inflated, plan(inflated, start, goal_of(request)))
         self._depth = master.depth
         self._pursuit = PurePursuit(
             self.path, lookahead=master.lookahead, speed=master.speed, tolerance=master.tolerance
@@ -33,8 +33,8 @@ class Follow(Planner):
         return command._replace(depth=self._depth)
 
 
-def goal_of(brief: PlanRequest) -> Point:
+def goal_of(request: PlanRequest) -> Point:
     """Return the scenario's goal. Raises ConfigError if it names none."""
-    if brief.master.goal is None:
+    if request.master.goal is None:
         raise ConfigError("master: key 'goal' is missing: this planner goes to one")
-    return brief.master.goal
+    return request.master.goal

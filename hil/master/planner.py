@@ -77,7 +77,7 @@ class Planner(ABC):
     progress: float = 0.0
     status: str = ""
 
-    def begin(self, brief: PlanRequest) -> None:  # noqa: B027 - there may be nothing to prepare
+    def begin(self, request: PlanRequest) -> None:  # noqa: B027 - there may be nothing to prepare
         """Prepare: plan a path. Raises MissionError if there is none."""
 
     @abstractmethod

@@ -55,10 +55,10 @@ class Tasks(Planner):
         """The tasks that are done, in their order."""
         return self._scheduler.finished
 
-    def begin(self, brief: PlanRequest) -> None:
+    def begin(self, request: PlanRequest) -> None:
         """Prepare the map. Raises ConfigError."""
-        self._sight = Sight(self._settings, self._vfh, brief)
-        self._depth = brief.master.depth
+        self._sight = Sight(self._settings, self._vfh, request)
+        self._depth = request.master.depth
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
         """Travel to the place of the present task, or hold there while it is done."""

@@ -53,7 +53,7 @@ class UnreadLinks:
         self._cuts = 0  # of such, since a peer had two
 
     def mend(self, session: HasLinks) -> bool:
-        """Cut the links of a session with each peer of which one is not read or lost; whether there was one."""
+        """Cut the links of a session with each peer of which one is not read or lost; return whether there was."""
         now = now_ns()
         if now - self._checked_ns < CHECK_NS:
             return False

@@ -48,11 +48,11 @@ def draw_map(axes: Any, scenario: Scenario, plan: Plan) -> None:
     """The planner's map (obstacles dark, what they are widened by light), its path, start and goal, into `axes`."""
     from matplotlib.colors import ListedColormap
 
-    grid = plan.brief.map
+    grid = plan.request.map
     rows_n, columns_n = grid.cells.shape
     south, west = grid.origin
     extent = (west, west + columns_n * grid.resolution, south, south + rows_n * grid.resolution)
-    kinds = grid.cells.astype(int) + grid.inflate(plan.brief.clearance).cells
+    kinds = grid.cells.astype(int) + grid.inflate(plan.request.clearance).cells
     colours = ListedColormap(["white", MARGIN, OBSTACLE])
     axes.imshow(kinds, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=2, interpolation="nearest")
     for colour, label in ((OBSTACLE, "obstacle"), (MARGIN, "margin of the planner")):

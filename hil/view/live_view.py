@@ -208,7 +208,7 @@ class LiveView:
                 client.camera.position = client.camera.position + moved
 
     def _on_stick(self, person: int, message: Mapping[str, Any] | None) -> Mapping[str, Any]:
-        """Take a message of a browser's stick; what its bar shows."""
+        """Handle a message of a browser's stick; return what its bar shows."""
         names = self._source.names
         if message is None:
             for steering in self._steering.values():
@@ -232,7 +232,7 @@ class LiveView:
         }  # fmt: skip
 
     def _act(self, vehicle: Vehicle, message: Mapping[str, Any]) -> str:
-        """Do what a button of the bar asked for; what came of it, or ""."""
+        """Do what a button of the bar asks for; return the error, or ""."""
         wanted = message.get("acts")
         for name in wanted if isinstance(wanted, list) else ():
             try:

@@ -89,10 +89,10 @@ def _simulate(world: str) -> Any:
 
 
 def _map(world: str) -> Any:
-    from hil.master.flight import make_brief
+    from hil.master.flight import make_request
 
     scenario = scenario_of(world)
-    return make_brief(scenario, load_vehicle(scenario.vehicle)[0], load_world(scenario.world))
+    return make_request(scenario, load_vehicle(scenario.vehicle)[0], load_world(scenario.world))
 
 
 def _plan(search: str) -> Callable[[str], Any]:

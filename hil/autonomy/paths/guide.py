@@ -88,7 +88,7 @@ class Guide:
         return self._waited > 0 and self._waited % _SCANS_TO_REPLAN == 0
 
     def _plan(self, start: Point, clearance: float | None = None) -> None:
-        """Return a path from `start` on the map so far, at least `clearance` m from obstacles."""
+        """Plan a path from `start` on the map so far, at least `clearance` m from obstacles, and start to follow it."""
         vfh, margin = self._settings.vfh, self._settings.margin
         inflated = self.map.grid.inflate(vfh.radius + margin if clearance is None else clearance)
         if clearance is not None:  # the vehicle may be nearer to an obstacle than it would plan to go

@@ -13,7 +13,7 @@ from hil.common.errors import NetworkError
 
 MOST = 1 << 16  # bytes at once
 ZEROS = memoryview(bytes(MOST))
-PATIENCE_S = 1.0  # with a connection, and with who asks and does not listen
+PATIENCE_S = 1.0  # with a connection, and with a client that sends and does not read
 LEAST_S = 0.001  # that an answer may take, however late it was asked for
 GIVE_UP = 3  # questions without any answer, after which no more are asked
 
@@ -55,8 +55,8 @@ def _prompt(stream: socket.socket) -> socket.socket:
 
 
 def _echo(stream: socket.socket) -> bool:
-    """Return whether there may be more to send back."""
-    with suppress(OSError):  # reset, or it does not read what it asked for
+    """Send back what has come; return whether there may be more."""
+    with suppress(OSError):  # reset, or the client does not read
         data = stream.recv(MOST)
         if data:
             stream.sendall(data)
@@ -93,7 +93,7 @@ class RoundTrips:
         return not self.taken_ns and self.lost >= GIVE_UP
 
     def measure_once(self, until_ns: int) -> None:
-        """One round trip, given up at `until_ns` (monotonic)."""
+        """Measure one round trip, given up at `until_ns` (monotonic)."""
         self._count += 1
         message = self._count.to_bytes(8, "big").ljust(self._size, b"\0")  # distinguishes late answers from this one's
         began = now_ns()
@@ -121,9 +121,9 @@ class RoundTrips:
 
 
 class Floor:
-    """The asking end, by `udp` and by `tcp`, with messages of `size` bytes (at least 8). Use as a context.
+    """The end that measures, by `udp` and by `tcp`, with messages of `size` bytes (at least 8). Use as a context.
 
-    Raises NetworkError when there is nobody.
+    Raises NetworkError when there is no echo.
     """
 
     def __init__(self, host: str, udp: int, tcp: int, size: int) -> None:
@@ -143,9 +143,9 @@ class Floor:
         self.tcp.close()
 
     def measure(self, until_ns: int) -> None:
-        """One round trip, by UDP and by TCP in turn: each begins on a machine as idle as a command finds it.
+        """Measure one round trip, by UDP and by TCP in turn: each begins on a machine as idle as a command finds it.
 
-        What has not come back by `until_ns` (monotonic) is lost, so that nobody is kept waiting.
+        An answer that has not come by `until_ns` (monotonic) counts as lost, so that the caller need not wait.
         """
         self._turn = not self._turn
         round_trip = self.udp if self._turn else self.tcp
@@ -157,7 +157,7 @@ class Load:
     """`size` bytes at a time that cross the network to an echo and back beside something else. Use as a context.
 
     They have a connection of their own. `late` counts how often they were still under way when the next were due,
-    which then are not sent. Raises NetworkError when there is nobody, or he goes.
+    which then are not sent. Raises NetworkError when there is no echo, or it goes away.
     """
 
     def __init__(self, host: str, tcp: int, size: int) -> None:
@@ -175,7 +175,7 @@ class Load:
         self._stream.close()
 
     def begin(self) -> None:
-        """Give the network as many as it takes at once, and do not wait."""
+        """Send as many as the network takes at once, and do not wait."""
         if self._awaited:
             self.late += 1
         else:
@@ -183,7 +183,7 @@ class Load:
         self._move()
 
     def finish(self, until_ns: int) -> bool:
-        """Send the rest and take in what comes back, until `until_ns` (monotonic); whether all are back."""
+        """Send the rest and receive until `until_ns` (monotonic); return whether all have come back."""
         while self._awaited and (left := until_ns - now_ns()) > 0:
             select.select((self._stream,), (self._stream,) if self._unsent else (), (), left / NS_PER_S)
             self._move()

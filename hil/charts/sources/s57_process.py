@@ -28,7 +28,7 @@ UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings where an updat
 
 
 def main(path: str, updates: str) -> int:
-    """Write the chart; the exit code."""
+    """Write the chart; return the exit code."""
     die_with_parent()
     if sys.platform != "win32":  # which has no such limits
         import resource

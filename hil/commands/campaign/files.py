@@ -14,7 +14,7 @@ from hil.common.errors import ConfigError
 from hil.common.plugins import loaded
 from hil.common.schema import preset_folder
 from hil.common.scratch import ScratchFolder
-from hil.master.flight import make_brief, make_planner
+from hil.master.flight import make_planner, make_request
 from hil.scenario.config import build_simulation, load_scenario
 from hil.slave.pilot import build_pilot
 from sim.environment.world import load_world
@@ -165,7 +165,7 @@ def _build(name: str, changes: dict[str, Any]) -> None:
     build_simulation(scenario, vehicle, world)
     build_pilot(scenario, vehicle, control, world)
     make_planner(scenario)
-    make_brief(scenario, vehicle, world)
+    make_request(scenario, vehicle, world)
 
 
 class _Watch:

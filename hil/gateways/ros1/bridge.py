@@ -147,7 +147,7 @@ class Ros1Bridge(ServerThread):
                     self._do(self._set_description(message))
 
     def _publish(self, topic: str, type_name: str) -> bool:
-        """Offer a topic; whether it is one that ROS 1 can have. Commands that are taken from there are not."""
+        """Offer a topic; return whether ROS 1 can have it. Commands that are taken from there are not."""
         name = topic.rpartition("/")[2]
         if not NAME.match(topic) or (self._may_command and name in COMMANDS):
             return False

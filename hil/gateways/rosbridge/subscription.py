@@ -49,7 +49,7 @@ class Subscription:
         self._waiting = deque(self._waiting, maxlen=max(1, self._longest))
 
     def remove(self, ident: str | None) -> bool:
-        """Remove one, or all; whether none is left."""
+        """Remove one, or all; return whether none is left."""
         if ident is None:
             self._wishes.clear()
         self._wishes.pop(ident or "", None)

@@ -23,7 +23,7 @@ IN, OUT, ERRORS = 0, 1, 2
 
 
 def main() -> int:
-    """Write the message whose name is given; the exit code."""
+    """Write the message whose name is given; return the exit code."""
     die_with_parent()
     os.nice(NICE)
     output = os.dup(OUT)

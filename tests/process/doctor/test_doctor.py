@@ -157,7 +157,7 @@ WILD = """
 class Wild:
     def __init__(self):
         1 / 0
-    def begin(self, brief): pass
+    def begin(self, request): pass
     def command(self, time, samples): pass
 
 class Sour:

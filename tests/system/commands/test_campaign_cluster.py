@@ -40,7 +40,7 @@ class Ahead(Planner):
     def __init__(self, seconds):
         self.seconds = seconds
 
-    def begin(self, brief):
+    def begin(self, request):
         self.path = ()
 
     def command(self, time, samples):

@@ -12,7 +12,7 @@ import pytest
 from hil.autonomy.paths.astar import path_length
 from hil.cases.variant import write_toml
 from hil.common.errors import NoPathError
-from hil.master.flight import make_brief, prepare
+from hil.master.flight import make_request, prepare
 from hil.scenario.config import Scenario, load_scenario
 from hil.view.scene.world import nodes
 from sim.environment.world import load_world
@@ -58,8 +58,8 @@ def test_a_path_is_planned_on_the_part_about_start_and_goal(tmp_path: Path) -> N
     """The map of all of it would have 625 million cells, and was refused."""
     plan = prepare(scenario(tmp_path))
     assert path_length(plan.planner.path) == pytest.approx(800.0)
-    assert plan.brief.map.cells.size < 500_000
-    assert plan.brief.map.contains((-290.0, -590.0))
+    assert plan.request.map.cells.size < 500_000
+    assert plan.request.map.contains((-290.0, -590.0))
     assert peak_mb(lambda: prepare(load_scenario(str(tmp_path / "scenario.toml")))) < 60.0
 
 
@@ -68,7 +68,7 @@ def test_a_part_has_the_cells_that_the_map_of_all_has(tmp_path: Path) -> None:
     world = load_world(loaded.world)
     small = world._replace(extent=(-500.0, 500.0, -600.0, 600.0))
     vehicle = load_vehicle(loaded.vehicle)[0]
-    part, whole = make_brief(loaded, vehicle, world).map, make_brief(loaded, vehicle, small).map
+    part, whole = make_request(loaded, vehicle, world).map, make_request(loaded, vehicle, small).map
     rows, columns = np.indices(part.cells.shape)[:, ::7, ::7].reshape(2, -1)
     places = [part.centre((int(row), int(column))) for row, column in zip(rows, columns, strict=True)]
     inside = [place for place in places if whole.contains(place)]

@@ -146,13 +146,13 @@ def test_a_map_from_a_file_is_planned_on(tmp_path: Path) -> None:
     """Written, named in a scenario, read, and the same way found; none through what the file alone shows."""
     field = load_scenario("paper_field")
     straight = prepare(field)
-    straight.brief.map.write_pgm(str(tmp_path / "field.pgm"))
+    straight.request.map.write_pgm(str(tmp_path / "field.pgm"))
     table = {"vehicle": "paper_six", "world": "paper_field", "master": {"goal": [50.0, 50.0], "map": "field.yaml"}}
     write_toml(str(tmp_path / "from_file.toml"), table)
     again = prepare(load_scenario(str(tmp_path / "from_file.toml")))
-    assert np.array_equal(again.brief.map.cells, straight.brief.map.cells)
+    assert np.array_equal(again.request.map.cells, straight.request.map.cells)
     assert again.planner.path == straight.planner.path
-    wall = OccupancyGrid(straight.brief.map.cells.copy(), 0.25, (-3.0, -3.0))
+    wall = OccupancyGrid(straight.request.map.cells.copy(), 0.25, (-3.0, -3.0))
     wall.cells[100:104, :190] = True
     wall.write_pgm(str(tmp_path / "field.pgm"))
     walled = prepare(load_scenario(str(tmp_path / "from_file.toml")))

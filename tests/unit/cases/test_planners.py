@@ -54,7 +54,7 @@ piles = st.lists(
 )
 
 
-def brief(world: World, text: str = "known") -> PlanRequest:
+def request(world: World, text: str = "known") -> PlanRequest:
     master = Master(goal=(19.0, 18.0), depth=5.0, speed=SPEED, margin=MARGIN, map=text)
     radius = math.hypot(*SIX.dimensions[:2]) / 2
     return PlanRequest("uuv1", SIX, Start(1.0, 1.0), master, known_map(master, SIX, world), radius + MARGIN)
@@ -83,7 +83,7 @@ def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], t
     """Any place, heading and scan, in any order, echoes that are no numbers among them."""
     for planner in planners():
         try:
-            planner.begin(brief(pool(cylinders)))
+            planner.begin(request(pool(cylinders)))
         except MissionError:
             continue  # the piles close every way: said so, before the dive
         for number, (place, heading, echoes) in enumerate(told):
@@ -108,7 +108,7 @@ def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], t
 def test_no_way_leads_through_an_obstacle_or_nearer_than_it_may(cylinders: list[Cylinder], search: str) -> None:
     """By the world's own measure, all along, to half the diagonal of a cell at either end of the distance."""
     world = pool(cylinders)
-    told = brief(world)
+    told = request(world)
     planner = Avoid(search=search)
     try:
         planner.begin(told)
@@ -158,9 +158,9 @@ class Sent(Planner):
         self.here, self.there = here, there
         self.commands = 0
 
-    def begin(self, brief: PlanRequest) -> None:
-        self.here.begin(brief)
-        self.there.begin(brief)
+    def begin(self, request: PlanRequest) -> None:
+        self.here.begin(request)
+        self.there.begin(request)
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
         over, listened = {}, ("odom", *self.there.subscriptions)
@@ -210,7 +210,7 @@ def test_over_the_network_the_planner_says_the_same(name: str) -> None:
 
 def test_a_planner_without_eyes_stands_still() -> None:
     planner = Avoid()
-    planner.begin(brief(pool([])))
+    planner.begin(request(pool([])))
     still = VelocityCommand(depth=5.0)
     assert planner.command(0.0, {"odom": odometry((1.0, 1.0, 5.0), 0.0, 0)}) == still
     free = LaserSample(NS, -1.0, 0.5, (math.inf,) * 5, (0.1, 30.0))
@@ -222,7 +222,7 @@ def test_a_planner_without_eyes_stands_still() -> None:
 
 def test_walled_in_it_gives_up_and_says_why() -> None:
     planner = Avoid()
-    planner.begin(brief(pool([]), "unknown"))
+    planner.begin(request(pool([]), "unknown"))
     ring = (1.0,) * 120
     answer: VelocityCommand | Done = VelocityCommand()
     for tick in range(400):
@@ -241,7 +241,7 @@ def test_walled_in_it_gives_up_and_says_why() -> None:
 def test_tasks_break_off_for_an_urgent_one() -> None:
     """The battery falls below its limit on the way: it charges first, then goes on, and home at the end."""
     planner = Tasks(home=[1.0, 1.0], task=TASKS)
-    planner.begin(brief(pool([])))
+    planner.begin(request(pool([])))
     place, heading, charge = [1.0, 1.0], 0.0, 7.0
     answer: VelocityCommand | Done = VelocityCommand()
     for tick in range(4000):
