@@ -10,7 +10,7 @@ import pytest
 
 import hil
 from hil.client.fleet import Fleet
-from tests.support.clients.json_client import Client, Message, client, gateway, own_state
+from tests.support.clients.json_client import Client, Message, client, gateway, own_state, wait_for_pictures
 from tests.support.processes import slave_with, wait_for
 
 __all__ = ["client", "gateway", "own_state"]  # the fixtures
@@ -35,6 +35,7 @@ images = "raw"
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
     with slave_with(tmp_path_factory.mktemp("slave"), SENSORS) as endpoint, hil.connect(endpoint) as fleet:
+        wait_for_pictures(fleet)
         yield fleet
 
 

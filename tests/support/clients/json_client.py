@@ -11,7 +11,7 @@ import pytest
 import hil
 from hil.client.fleet import Fleet
 from hil.gateways.json_lines.server import JsonGateway
-from tests.support.processes import Program, write_scenario
+from tests.support.processes import Program, wait_for, write_scenario
 
 Message = dict[str, Any]
 
@@ -35,6 +35,12 @@ def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def gateway(fleet: Fleet) -> Iterator[JsonGateway]:
     with JsonGateway(fleet, "127.0.0.1", 0) as gateway:
         yield gateway
+
+
+def wait_for_pictures(fleet: Fleet) -> None:
+    """Wait until the process that makes the pictures has started, which may take long on a busy machine."""
+    vehicle = fleet["uuv1"]
+    assert wait_for(lambda: any(topic.startswith("camera/") for topic in vehicle._pictures()))
 
 
 class Client:

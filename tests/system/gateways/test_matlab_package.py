@@ -9,7 +9,7 @@ import pytest
 import hil
 from hil.client.fleet import Fleet
 from hil.gateways.json_lines.server import JsonGateway
-from tests.support.clients.json_client import gateway, own_state
+from tests.support.clients.json_client import gateway, own_state, wait_for_pictures
 from tests.support.octave import needs_octave, run, run_octave, write_script
 from tests.support.processes import Program, free_port, slave_with, wait_for, write_scenario
 
@@ -37,6 +37,7 @@ images = "{images}"
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
     folder = tmp_path_factory.mktemp("slave")
     with slave_with(folder, SENSORS.format(images="raw")) as endpoint, hil.connect(endpoint) as fleet:
+        wait_for_pictures(fleet)
         yield fleet
 
 
@@ -101,6 +102,7 @@ def test_a_jpeg_is_found_and_read(tmp_path: Path, tmp_path_factory: pytest.TempP
         hil.connect(endpoint) as fleet,
         JsonGateway(fleet, "127.0.0.1", 0) as gateway,
     ):
+        wait_for_pictures(fleet)
         lines = run(tmp_path, gateway, "printf('%s %d %d %d\\n', class(vehicle.camera()), size(vehicle.camera()));")
     assert lines == ["uint8 48 64 3"]
 
