@@ -30,7 +30,7 @@ SERIAL_DRIVERS = ("ttyS", "ttyAMA", "ttyTHS", "ttyUSB", "ttyACM")
 USB_DRIVERS = {"ttyUSB": "usbserial", "ttyACM": "cdc_acm"}
 PI_ALIASES = ("/dev/serial0", "/dev/serial1")  # of a ttyS or a ttyAMA, as config.txt says
 # Interfaces of python-can that need no device, and the USB devices of gs_usb (Linux, drivers/net/can/usb/gs_usb.c).
-WITHOUT_DEVICE = ("socketcan", "virtual", "udp_multicast")
+WITHOUT_DEVICE = ("socketcan", "virtual", "udp_multicast", "mcast")
 GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
 # Those that python-can opens at /dev/ttyUSB0@115200; not slcan, which is ours and has its speed of [link].
 WITH_BAUD = ("robotell",)

@@ -11,6 +11,7 @@ can:slcan:/dev/ttyACM0            a CAN adapter with the Lawicel text protocol; 
                                   device its speed is no part of the address
 can:virtual:bus0                  a bus within this process
 can:udp_multicast:239.74.163.2    a bus between the processes of this machine
+can:mcast:0                       the same in the form of ArduPilot's SITL and DroneCAN's tools, bus 0 to 255
 can:INTERFACE:CHANNEL             any other interface of the python-can package
 """
 
@@ -133,6 +134,10 @@ def _open_can(address: Address, baud: int, bitrate: int) -> Wire:
         from hil.links.wires.terminal import UartWire
 
         return SlcanWire(UartWire(address.place, baud), bitrate)
+    if address.interface == "mcast":
+        from hil.links.wires.multicast_bus import MulticastCanWire
+
+        return MulticastCanWire(address.place)
     from hil.links.wires.python_can_bus import PythonCanWire
 
     return PythonCanWire(address.interface, address.place, bitrate)

@@ -35,6 +35,7 @@ def _no_leaks() -> Iterator[None]:
         ("can:robotell:/dev/ttyUSB0@115200", Address("can", "/dev/ttyUSB0@115200", interface="robotell")),
         ("/dev/serial/by-path/usb@14.0-port0", Address("uart", "/dev/serial/by-path/usb@14.0-port0")),
         ("/tmp/boat@2", Address("uart", "/tmp/boat@2")),  # a pty's name, which a person chose
+        ("can:mcast:0", Address("can", "0", interface="mcast")),
         ("can:udp_multicast:ff15::1", Address("can", "ff15::1", interface="udp_multicast")),
     ],
 )

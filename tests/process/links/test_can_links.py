@@ -5,7 +5,7 @@ from typing import ClassVar
 from hil.links.contract import Wire
 from hil.links.wires.can_frame import RECORD_SIZE
 from hil.links.wires.faults import FaultyWire
-from tests.support.links.can_pairs import multicast_pair, slcan_pair, socket_pair, virtual_pair
+from tests.support.links.can_pairs import mcast_pair, multicast_pair, slcan_pair, socket_pair, virtual_pair
 from tests.support.links.link_contract import CanLinkContract, WireContract
 
 
@@ -44,6 +44,11 @@ class TestVescOnFaultlessCan(Vesc):
 
 class TestVescOnMulticastCan(Vesc):
     open_wires = staticmethod(multicast_pair)
+    refuses_when_full = False
+
+
+class TestVescOnMcast(Vesc):
+    open_wires = staticmethod(mcast_pair)
     refuses_when_full = False
 
 

@@ -1,18 +1,21 @@
 """Both ends of each kind of CAN wire that needs no hardware."""
 
 import itertools
+import os
 import socket
 import time
 from collections.abc import Callable
 
 from hil.links.contract import Wire
 from hil.links.wires.can_bus import SlcanWire, SocketCanWire
+from hil.links.wires.multicast_bus import MulticastCanWire
 from hil.links.wires.python_can_bus import PythonCanWire
 from hil.links.wires.terminal import UartWire
 from tests.support.links.link_contract import read_bytes
 from tests.support.links.slcan_adapter import SlcanBus
 
 GROUP = "239.74.163.77"
+MCAST = 16 + os.getpid() % 240  # a bus of this process: others run the same tests meanwhile
 _names = (f"bus{number}" for number in itertools.count())
 
 
@@ -31,6 +34,10 @@ def virtual_pair() -> tuple[Wire, Wire]:
 
 def multicast_pair() -> tuple[Wire, Wire]:
     return PythonCanWire("udp_multicast", GROUP), PythonCanWire("udp_multicast", GROUP)
+
+
+def mcast_pair() -> tuple[Wire, Wire]:
+    return MulticastCanWire(str(MCAST)), MulticastCanWire(str(MCAST))
 
 
 def slcan_pair() -> tuple[Wire, Wire]:

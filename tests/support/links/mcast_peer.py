@@ -1,0 +1,54 @@
+"""DroneCAN's public library on a multicast bus ("mcast:7"): drives the STM32 at node 20, asks it, and prints JSON.
+
+A process of its own, as the library's driver starts one more.
+"""
+
+import json
+import os
+import sys
+import time
+from importlib import import_module
+from typing import Any
+
+PATIENCE_S = 60.0
+
+
+def main(url: str) -> None:
+    dronecan: Any = import_module("dronecan")
+    uavcan = dronecan.uavcan
+    node = dronecan.make_node(url, node_id=99)
+    node.mode = uavcan.protocol.NodeStatus().MODE_OPERATIONAL
+    monitor: Any = import_module("dronecan.app.node_monitor").NodeMonitor(node)
+    speeds: dict[int, int] = {}
+    answers: list[Any] = []
+    node.add_handler(
+        uavcan.equipment.esc.Status, lambda event: speeds.update({event.message.esc_index: event.message.rpm})
+    )
+
+    def command() -> None:
+        node.broadcast(uavcan.equipment.safety.ArmingStatus(status=255))
+        node.broadcast(uavcan.equipment.esc.RawCommand(cmd=[8191, -8191, 0, 0, 0, 0]))
+        if len(answers) < 1:
+            node.request(uavcan.protocol.param.GetSet.Request(name="ESC_INDEX"), 20, answers.append)
+
+    node.periodic(0.05, command)
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        node.spin(0.02)
+        answers[:] = [each for each in answers if each is not None]  # None: no answer in time
+        named = [entry for entry in monitor.find_all(lambda _: True) if entry.info]
+        if speeds.get(0) == 3500 and answers and named:
+            break
+    node.can_driver.proc.terminate()  # which never ends by itself
+    parameter = answers[0].response
+    found = {
+        "speeds": speeds,
+        "nodes": {entry.node_id: bytes(entry.info.name).decode() for entry in named},
+        "parameter": [bytes(parameter.name).decode(), parameter.value.integer_value],
+    }
+    print(json.dumps(found), flush=True)
+    os._exit(0)  # not waiting for its queues
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
