@@ -168,7 +168,8 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
 
         note, apart = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", spacing(grid)
         is_coarser = apart > 1.001 * grid.resolution
-        return note + (f"; one every {apart:.3g} m, as {MOST_NODES} a side are the most" if is_coarser else "")
+        note += f"; one every {apart:.3g} m, as {MOST_NODES} a side are the most" if is_coarser else ""
+        return note + (f"; its {len(world.mesh)} meshes are left out" if world.mesh else "")
     from hil.charts.exports.mesh import write_glb, write_stl
 
     (write_stl if ending == ".stl" else write_glb)(grid, path)

@@ -83,12 +83,15 @@ def draw_goal(axes: Any, scenario: Scenario) -> None:
 
 def draw_world(axes: Any, world: World) -> None:
     """Obstacles from above, in their true size and place, and the walls if there are any."""
+    from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle, Polygon, Rectangle
 
     south, north, west, east = world.extent
     edge = "black" if world.walls else "0.75"
     axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
     piles = [Circle((pile.east, pile.north), pile.radius) for pile in world.cylinder]
+    seen_from_above = [[(e, n) for n, e, _ in triangle] for mesh in world.mesh for triangle in mesh.placed]
+    axes.add_collection(PolyCollection(seen_from_above, color=OBSTACLE, zorder=1))
     for number, obstacle in enumerate([*piles, *(Polygon(_corners(box)) for box in world.box)]):
         obstacle.set(color=OBSTACLE, zorder=1, label="" if number else "obstacle")
         axes.add_patch(obstacle)

@@ -10,12 +10,13 @@ from hil.ros.cdr import MalformedError, tolerant
 from hil.ros.encoders import Decoder, Encoder
 from hil.ros.message import Message, encode, header, read
 from hil.ros.topics import TOPICS
+from sim.environment.mesh import MeshObstacle
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 
 FRAME = "map"
 OBSTACLES = "obstacles"  # the namespace of the markers
-_CUBE, _CYLINDER = 1, 3  # constants of visualization_msgs/Marker
+_CUBE, _CYLINDER, _TRIANGLE_LIST = 1, 3, 11  # constants of visualization_msgs/Marker
 _COLOUR = {"r": 0.4, "g": 0.45, "b": 0.55, "a": 0.8}
 _LEAST_HEIGHT = 0.01  # m: a marker without height is not drawn
 
@@ -56,10 +57,12 @@ def decode_map(data: bytes) -> GridMap:
 
 
 def encode_obstacles(time_ns: int, world: World) -> bytes:
-    """visualization_msgs/MarkerArray: a cylinder or a cube for each obstacle that is not hidden, from top to seabed."""
+    """visualization_msgs/MarkerArray: a cylinder, a cube or triangles for each obstacle that is not hidden."""
     placed: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
     seen = [obstacle for obstacle in placed if not obstacle.hidden]
     markers = [_marker(time_ns, number, obstacle, world) for number, obstacle in enumerate(seen)]
+    meshes = [mesh for mesh in world.mesh if not mesh.hidden]
+    markers += [_mesh_marker(time_ns, number, mesh) for number, mesh in enumerate(meshes, len(seen))]
     return encode("visualization_msgs/msg/MarkerArray", {"markers": markers})
 
 
@@ -79,6 +82,16 @@ def _marker(time_ns: int, number: int, obstacle: Cylinder | Box, world: World) -
         },
     }  # fmt: skip
     return marker
+
+
+def _mesh_marker(time_ns: int, number: int, mesh: MeshObstacle) -> Message:
+    """Return a list of triangles, in the axes of the map."""
+    points = [{"x": east, "y": north, "z": -down} for triangle in mesh.placed for north, east, down in triangle]
+    return {
+        "header": header(time_ns, FRAME), "ns": OBSTACLES, "id": number, "type": _TRIANGLE_LIST, "color": _COLOUR,
+        "scale": {"x": 1.0, "y": 1.0, "z": 1.0}, "text": mesh.label, "points": points,
+        "pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"w": 1.0}},
+    }  # fmt: skip
 
 
 def _reader(type_name: str) -> Decoder:

@@ -1,6 +1,6 @@
 """Make the occupancy grid at the vehicle's depth that a planner knows before the dive."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from hil.autonomy.paths.occupancy import Extent, OccupancyGrid, Point
 from hil.common.errors import ConfigError
 from hil.scenario.map_parts import map_parts
 from hil.scenario.records import Master, Start
+from sim.environment.mesh import MeshObstacle, Triangle
 from sim.environment.obstacles import Box, Cylinder, Obstacle
 from sim.environment.terrain import NO_DATA
 from sim.environment.world import World
@@ -41,7 +42,9 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: Extent | Non
     if master.map != "known":
         return OccupancyGrid.read(master.map)
     seen = world._replace(
-        cylinder=tuple(o for o in world.cylinder if not o.hidden), box=tuple(o for o in world.box if not o.hidden)
+        cylinder=tuple(o for o in world.cylinder if not o.hidden),
+        box=tuple(o for o in world.box if not o.hidden),
+        mesh=tuple(o for o in world.mesh if not o.hidden),
     )
     if world.terrain is None and master.depth + below >= world.depth:
         raise ConfigError(
@@ -63,7 +66,11 @@ def map_at(world: World, depth: float, below: float, resolution: float, part: Ex
         free = np.full(norths.shape, np.inf)
         for obstacle in world.obstacles():
             if obstacle.top < depth and obstacle.bottom > depth - below:
-                lower(free, obstacle, norths, easts, max(0.0, HALF_DIAGONAL * resolution - _thickness(obstacle)))
+                widen = max(0.0, HALF_DIAGONAL * resolution - _thickness(obstacle))
+                if isinstance(obstacle, MeshObstacle):
+                    _lower_by_mesh(free, obstacle.between(depth - below, depth), norths, easts, widen)
+                else:
+                    lower(free, obstacle, norths, easts, widen)
         return np.where(_seabed(world, norths, easts) > depth + below, free, -1.0)
 
     return OccupancyGrid.rasterise(clearance, part or _extent(world), resolution, vectorised=True)
@@ -89,6 +96,31 @@ def lower(free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: f
     free[rows, columns] = np.minimum(free[rows, columns], distance)
 
 
+def _lower_by_mesh(free: Array, triangles: Iterable[Triangle], norths: Array, easts: Array, widen: float) -> None:
+    """Lower `free` to below 0 where a triangle, seen from above, is within `widen` m of the middle of a cell."""
+    for triangle in triangles:
+        corners = np.array(triangle)[:, :2]
+        (south, west), (north, east) = corners.min(axis=0) - widen, corners.max(axis=0) + widen
+        rows = slice(*np.searchsorted(norths[:, 0], (south, north)))
+        columns = slice(*np.searchsorted(easts[0], (west, east)))
+        if rows.start < rows.stop and columns.start < columns.stop:
+            part = free[rows, columns]
+            part[_to_triangle(corners, norths[rows, columns], easts[rows, columns]) <= widen] = -1.0
+
+
+def _to_triangle(corners: Array, north: Array, east: Array) -> Array:
+    """Return how far (m) places are from a triangle (3 x 2, m), 0 inside it."""
+    least, turns = np.full(north.shape, np.inf), []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        (x, y), at_x, at_y = end - start, north - start[0], east - start[1]
+        square = x * x + y * y
+        share = np.clip((at_x * x + at_y * y) / square, 0.0, 1.0) if square else 0.0
+        least = np.minimum(least, np.hypot(at_x - share * x, at_y - share * y))
+        turns.append(x * at_y - y * at_x)
+    inside = (np.minimum.reduce(turns) > 0.0) | (np.maximum.reduce(turns) < 0.0)
+    return np.where(inside, 0.0, least)
+
+
 def _size(obstacle: Cylinder | Box) -> float:
     """Return how far (m) it reaches from its middle."""
     if isinstance(obstacle, Cylinder):
@@ -100,6 +132,8 @@ def _thickness(obstacle: Obstacle) -> float:
     """Return the radius (m) of the greatest circle within it."""
     if isinstance(obstacle, Cylinder):
         return obstacle.radius
+    if isinstance(obstacle, MeshObstacle):
+        return 0.0
     return 0.5 * min(obstacle.size_north, obstacle.size_east) if isinstance(obstacle, Box) else np.inf
 
 

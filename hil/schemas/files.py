@@ -13,7 +13,7 @@ from hil.links.wires.faults import Faults
 from hil.master.avoid import AvoidSettings
 from hil.scenario import config, fleet_records, modem_records, records
 from hil.schemas.convert import Converter, Schema, chosen, required, table, tables
-from sim.environment import relief, terrain, world
+from sim.environment import mesh, relief, terrain, world
 from sim.environment.ocean import Ocean
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
@@ -131,7 +131,9 @@ def _control(converter: Converter) -> Schema:
 def _world(converter: Converter) -> Schema:
     by_rule = chosen({kind: _record(converter, record) for kind, record in relief.KINDS.items()})
     ground = {"anyOf": [converter.reference(terrain.StoredKeys), *by_rule["anyOf"]]}
-    keys = converter.keys(world.World, {"ocean": converter.reference(Ocean), "terrain": ground})
+    keys = converter.keys(world.World, {
+        "ocean": converter.reference(Ocean), "terrain": ground, "mesh": tables(converter.reference(mesh.MeshKeys)),
+    })  # fmt: skip
     return table(keys, required(world.World))
 
 

@@ -8,7 +8,8 @@ the seabed the vehicle is put back by less than it sank in the step, so potentia
 The vehicle counts as an upright cylinder about its origin: half the diagonal of its length and width, and
 half its height each way. On relief the middle and eight places of the rim of its lower end are looked at, and it is
 put back along the normal of the seabed below the one that is deepest in it; from a step (the edge of the grid, a
-cell without data) back to where it came from. Not modelled: friction, bounce, the turn that an off-centre blow gives.
+cell without data) back to where it came from. mesh_contact.py says how it touches meshes. Not modelled: friction,
+bounce, the turn that an off-centre blow gives.
 """
 
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ from sim.rotations import rotate_inverse
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from sim.environment.mesh_contact import MeshContact
     from sim.environment.terrain import Terrain
 
 _SLANT = sqrt(0.5)
@@ -105,14 +107,19 @@ class Contact:
         self._seabed = world.depth
         self._footprint = Footprint(world.terrain, self.radius, self.half_height) if world.terrain else None
         self._last: Sequence[float] | None = None  # where it was free
-        self._obstacles = world.obstacles()
+        self._obstacles = world.upright()
+        self._meshes: MeshContact | None = None
+        if world.mesh:
+            from sim.environment import mesh_contact
+
+            self._meshes = mesh_contact.MeshContact(world, self.radius, self.half_height)
         # Those within _NEAR m of that place, and how far all others are at least from there.
         self._near: Sequence[Obstacle] = ()
         self._near_place = (inf, inf)
         self._beyond = 0.0
         # As long as the vehicle is within `_free` m of this place it cannot touch any of them.
         self._north = self._east = 0.0
-        self._free = 0.0 if self._obstacles else inf
+        self._free = 0.0 if world.obstacles() else inf
 
     def resolve(self, state: State) -> bool:
         """Move `state` out of whatever it is in; True if it was in something. A new touch counts once."""
@@ -121,7 +128,7 @@ class Contact:
             self._resolve_terrain(self._footprint, state)
         elif state.position[2] + self.half_height > self._seabed:
             self._push(state, state.position[2] + self.half_height - self._seabed, (0.0, 0.0, -1.0), SEABED)
-        if self._obstacles:
+        if self._free < inf:
             north, east, _ = state.position
             away_north, away_east = north - self._north, east - self._east
             if away_north * away_north + away_east * away_east >= self._free * self._free:
@@ -188,6 +195,20 @@ class Contact:
                     self._push(state, into_top, (0.0, 0.0, -1.0), obstacle.label)
                 else:
                     self._push(state, into_bottom, (0.0, 0.0, 1.0), obstacle.label)
+
+        if self._meshes:
+            self._free = min(self._free, self._resolve_meshes(self._meshes, state))
+
+    def _resolve_meshes(self, meshes: "MeshContact", state: State) -> float:
+        """Push the vehicle out of the meshes; return how far (m) it may go before it can touch one."""
+        north, east, _ = state.position
+        away = meshes.away(north, east) - self.radius
+        for _ in range(_PASSES if away < 0.0 else 0):
+            depth, normal, what = meshes.deepest(state.position)
+            if depth <= 0.0:
+                break
+            self._push(state, depth, normal, what)
+        return max(0.0, away)
 
     def _find_near(self, state: State) -> float:
         """Look anew for what is near, once the vehicle is half out of that; return how far (m) the rest is at least."""

@@ -11,6 +11,7 @@ from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sim.environment.mesh import MeshObstacle
     from sim.environment.ocean import Ocean
     from sim.environment.terrain import Terrain
 
@@ -50,8 +51,9 @@ class World(NamedTuple):
     magnetic_field: tuple[Annotated[float, Range(0.0, 1e-3)], Angle, Angle] | None = None
     cylinder: tuple[Cylinder, ...] = ()
     box: tuple[Box, ...] = ()
-    ocean: "Ocean | None" = None  # these two are read by load_world, each with a schema of its own
+    ocean: "Ocean | None" = None  # these are read by load_world, each with a schema of its own
     terrain: "Terrain | None" = None
+    mesh: "tuple[MeshObstacle, ...]" = ()
 
     def validate(self) -> str | None:
         """Return what is wrong between the keys, or None."""
@@ -73,14 +75,24 @@ class World(NamedTuple):
 
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Return all obstacles in the water, walls included."""
+        return (*self.upright(), *self.mesh)
+
+    def upright(self) -> tuple[Obstacle, ...]:
+        """Return the obstacles with a horizontal outline, walls included: all but meshes."""
         return (*self.cylinder, *self.box, *self._walls())
 
     def buried(self) -> str | None:
-        """Return which obstacle could not be seen, if any."""
+        """Return which obstacle could not be seen, if any, and which mesh is not in the world at all."""
         placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
         for obstacle in placed:
             if obstacle.top >= self.seabed(obstacle.north, obstacle.east):
                 return f"the obstacle at ({obstacle.north:g}, {obstacle.east:g}) has its top in the seabed"
+        north_min, north_max, east_min, east_max = self.extent
+        for mesh in self.mesh:
+            if not (north_min <= mesh.north <= north_max and east_min <= mesh.east <= east_max):
+                return f"{mesh.label} is outside the extent"
+            if all(down >= self.seabed(north, east) for triangle in mesh.placed for north, east, down in triangle):
+                return f"{mesh.label} has its top in the seabed"
         return None
 
     def foot(self, obstacle: Obstacle, north: float, east: float) -> float:
@@ -96,8 +108,11 @@ class World(NamedTuple):
         to `depth`, no farther than `within` m away. If `depth` is left out, all obstacles count and no relief.
         """
         highest = depth - height if height < inf else -inf
-        near = (o.separation(north, east)[0] for o in self.obstacles() if o.top < depth and o.bottom > highest)
+        near = (o.separation(north, east)[0] for o in self.upright() if o.top < depth and o.bottom > highest)
         least = min(near, default=inf)
+        for mesh in self.mesh:
+            if mesh.top < depth and mesh.bottom > highest and mesh.separation(north, east)[0] < least:
+                least = min(least, mesh.distance(north, east, highest, depth))
         if self.terrain is None or depth == inf:
             return least
         from sim.environment.shallows import distance_to_shallows
@@ -120,9 +135,13 @@ def load_world(name_or_path: str) -> World:
     """Return a preset of `sim/worlds`, or a file ending in `.toml`. Raises ConfigError."""
     path = find_preset("sim/worlds", name_or_path)
     table = read_table(path)
-    ocean, terrain = table.pop("ocean", None), table.pop("terrain", None)
+    ocean, terrain, mesh = (table.pop(key, None) for key in ("ocean", "terrain", "mesh"))
     world = parse(table, World, path)
-    if terrain is not None:  # most worlds do without these two, and start sooner
+    if mesh is not None:  # most worlds do without these, and start sooner
+        from sim.environment.mesh import read_meshes
+
+        world = world._replace(mesh=read_meshes(mesh, path))
+    if terrain is not None:
         from sim.environment.terrain import read_terrain
 
         world = world._replace(terrain=read_terrain(terrain, path, world.extent, world.depth))

@@ -119,9 +119,9 @@ class RayScene:
         for solid in self._solids:
             root = 0
             if solid.triangles:
-                from sim.rays.tree import grow
+                from sim.rays.tree import append_tree
 
-                root = grow(solid.triangles, nodes, triangles)
+                root = append_tree(solid.triangles, nodes, triangles)
             numbers.extend(solid.numbers(root))
         return Geometry(self._world.terrain, self._world.depth, numbers, nodes, triangles)
 

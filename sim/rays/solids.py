@@ -95,4 +95,9 @@ def standing(obstacle: Obstacle) -> Solid:
         return Solid(BOX, sqrt(x * x + y * y), place, turned, (-x, x, -y, y, 0.0, obstacle.bottom - obstacle.top))
     if isinstance(obstacle, Wall):
         return half_space((obstacle.inward_north, obstacle.inward_east, 0.0), obstacle.offset)
+    from sim.environment.mesh import MeshObstacle  # most worlds have none
+
+    if isinstance(obstacle, MeshObstacle):
+        place = (obstacle.north, obstacle.east, obstacle.keys.depth)
+        return mesh(obstacle.triangles)._replace(position=place, rotation=obstacle.rotation)
     raise TypeError(f"rays know no {type(obstacle).__name__}")

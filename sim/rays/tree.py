@@ -7,12 +7,35 @@ triangle is nine numbers: a corner and the two edges from there.
 
 from array import array
 from collections.abc import Sequence
+from functools import lru_cache
 from operator import itemgetter
 
 from sim.rays.solids import Triangle
 
 NODE, TRIANGLE = 8, 9
 _LEAF = 4  # triangles at most
+
+
+def append_tree(triangles: tuple[Triangle, ...], nodes: "array[float]", corners: "array[float]") -> int:
+    """Append the tree of these triangles to `nodes` and `corners`; return the number of its root.
+
+    A tree is grown once a process: each sensor has a scene of its own, and most meshes are in all of them.
+    """
+    own_nodes, own_corners = _tree(triangles)
+    root, first = len(nodes) // NODE, len(corners) // TRIANGLE
+    moved = own_nodes[:]
+    for place in range(0, len(moved), NODE):
+        moved[place + 6] += first if moved[place + 7] else root
+    nodes.extend(moved)
+    corners.extend(own_corners)
+    return root
+
+
+@lru_cache(maxsize=32)
+def _tree(triangles: tuple[Triangle, ...]) -> "tuple[array[float], array[float]]":
+    nodes, corners = array("d"), array("d")
+    grow(triangles, nodes, corners)
+    return nodes, corners
 
 
 def grow(triangles: Sequence[Triangle], nodes: "array[float]", corners: "array[float]") -> int:

@@ -17,7 +17,7 @@ from hil.master.avoid import AvoidSettings
 from hil.network.security import Security
 from hil.network.settings import Network
 from hil.scenario import autopilot_records, config, fleet_records, mavlink_records, modem_records, records
-from sim.environment import obstacles, ocean, relief, terrain, world
+from sim.environment import mesh, obstacles, ocean, relief, terrain, world
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
@@ -168,11 +168,16 @@ def vehicle_file() -> str:
 
 def world_file() -> str:
     """Return the page of the world file."""
-    linked = {"ocean": "table, [`ocean`](#ocean)", "terrain": "table, [`terrain`](#terrain-from-a-file)"}
+    linked = {
+        "ocean": "table, [`ocean`](#ocean)",
+        "terrain": "table, [`terrain`](#terrain-from-a-file)",
+        "mesh": "tables, [`mesh`](#mesh)",
+    }
     sections = [
         Section("Top level", world.World, shown=linked),
         Section("Cylinder", obstacles.Cylinder, "Each `[[cylinder]]` is a pile."),
         Section("Box", obstacles.Box, "Each `[[box]]` is a block."),
+        Section("mesh", mesh.MeshKeys, "Each `[[mesh]]` is a file: OBJ, STL, GLB or what else trimesh reads."),
         Section("terrain from a file", terrain.StoredKeys, "Depths as little-endian 32-bit floats, row after row."),
         *[Section(f"terrain {kind}", record, f"`kind = \"{kind}\"` in `[terrain]`.")
           for kind, record in relief.KINDS.items()],

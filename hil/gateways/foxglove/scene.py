@@ -58,7 +58,7 @@ def encode_scene(scenario: Scenario, world: World, vehicle: Vehicle) -> bytes:
     m = _messages()
     obstacles = [_obstacle(m, obstacle, world) for obstacle in (*world.cylinder, *world.box)]
     placed = m.SceneEntity(
-        frame_id=MAP, id="world", triangles=[_seabed(m, world)],
+        frame_id=MAP, id="world", triangles=[_seabed(m, world), *(_mesh(m, mesh.placed) for mesh in world.mesh)],
         cylinders=[one for one in obstacles if isinstance(one, m.CylinderPrimitive)],
         cubes=[one for one in obstacles if isinstance(one, m.CubePrimitive)],
     )  # fmt: skip
@@ -93,6 +93,14 @@ def _seabed(m: Any, world: World) -> Any:
     return m.TriangleListPrimitive(
         pose=_pose(m, (0.0, 0.0, 0.0)), color=m.Color(**_rgba(GROUND)), indices=faces.ravel().tolist(),
         points=[m.Point3(x=float(east), y=float(north), z=-float(depth)) for north, east, depth in places],
+    )  # fmt: skip
+
+
+def _mesh(m: Any, triangles: Any) -> Any:
+    corners = [corner for triangle in triangles for corner in triangle]
+    return m.TriangleListPrimitive(
+        pose=_pose(m, (0.0, 0.0, 0.0)), color=m.Color(**_rgba(OBSTACLE)), indices=list(range(len(corners))),
+        points=[m.Point3(x=east, y=north, z=-down) for north, east, down in corners],
     )  # fmt: skip
 
 

@@ -34,6 +34,14 @@ class WorldScene:
         placed: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
         for number, obstacle in enumerate(placed):
             self._draw_obstacle(number, obstacle)
+        for number, mesh in enumerate(world.mesh):
+            corners = np.array(mesh.placed).reshape(-1, 3)
+            faces = np.arange(len(corners)).reshape(-1, 3)
+            colour = colours.OBSTACLE
+            if mesh.keys.colour:
+                red, green, blue = (round(255.0 * share) for share in mesh.keys.colour)
+                colour = (red, green, blue)
+            self._scene.add_mesh_simple(f"/meshes/{number}", to_scene(corners), faces, color=colour, side="double")
         if any(world.current):
             self._draw_current()
 

@@ -71,6 +71,9 @@ class Pinger:
         self._object_strength = 10.0 ** (objects / 10.0)
         self._strengths = np.full(surface + 2, self._object_strength)  # by object; NOTHING is the last one
         self._strengths[0] = 10.0 ** (seabed / 10.0)
+        first = 1 + len(scene.world.upright())
+        for number, mesh in enumerate(scene.world.mesh, first):
+            self._strengths[number] *= 10.0 ** (mesh.keys.echo / 10.0)
         self._strengths[surface:] = 0.0
         self._flat = np.ascontiguousarray(aperture.directions.reshape(-1, 3), dtype=float)
 

@@ -48,6 +48,9 @@ class Scenery:
     def __init__(self, world: World, surface: int) -> None:
         paints = [_PAINTS[i % len(_PAINTS)] for i in range(surface - 1)]
         self._colours = np.array([_SAND, *paints, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], np.float32)  # the last: NOTHING
+        for number, mesh in enumerate(world.mesh, 1 + len(world.upright())):
+            if mesh.keys.colour:
+                self._colours[number] = mesh.keys.colour
         self._surface = surface
         self._terrain = world.terrain
 

@@ -12,8 +12,9 @@ from hil.ros.world import GridMap, encode_map, encode_obstacles
 from hil.scenario.config import load_scenario
 from hil.scenario.world_map import known_map
 from hil.slave.ros.describe import MAKERS
+from sim.environment.mesh import MeshKeys, MeshObstacle
 from sim.environment.obstacles import Box, Cylinder
-from sim.environment.world import load_world
+from sim.environment.world import World, load_world
 from sim.vehicle.vehicle import load_vehicle
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -64,3 +65,16 @@ def test_each_description_is_made_of_a_scenario_as_the_process_gets_it() -> None
     assert ((grid.data == 100).reshape(grid.info.height, grid.info.width) == planner.cells).all()
     assert planner.cells.any()
     assert theirs(MAKERS["obstacles"](scenario), "visualization_msgs/msg/MarkerArray").markers
+
+
+def test_a_mesh_is_a_list_of_triangles_in_the_map() -> None:
+    """x is east, y north, z up; one that is hidden is not told."""
+    triangle = ((12.0, 1.0, 7.0), (10.0, 2.0, 8.0), (11.0, 3.0, 9.0))
+    keys = MeshKeys("wreck.stl", 10.0, 1.0, name="the wreck")
+    mesh = MeshObstacle(keys, (triangle,), (), (triangle,), 2.0, 7.0, 9.0)
+    world = World("w", "", (-50.0, 50.0, -50.0, 50.0), 30.0, box=(Box(0.0, 0.0, 1.0, 1.0),))
+    world = world._replace(mesh=(mesh, mesh._replace(keys=keys._replace(hidden=True))))
+    markers = theirs(encode_obstacles(1, world), "visualization_msgs/msg/MarkerArray").markers
+    assert [marker.type for marker in markers] == [1, 11]
+    assert [(p.x, p.y, p.z) for p in markers[1].points] == [(1.0, 12.0, -7.0), (2.0, 10.0, -8.0), (3.0, 11.0, -9.0)]
+    assert (markers[1].text, markers[1].id, markers[1].pose.orientation.w) == ("the wreck", 1, 1.0)

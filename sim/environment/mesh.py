@@ -1,0 +1,180 @@
+"""Meshes that stand, lie or hang in a world: `[[mesh]]` of its file, an OBJ, STL, GLB or what else trimesh reads.
+
+[[mesh]]
+file = "wreck.glb"             # beside the world's file
+north = 20.0
+east = 5.0
+depth = 17.5                   # of the mesh's origin
+orientation = ["0 deg", "5 deg", "120 deg"]   # roll, pitch and yaw
+scale = 0.001                  # its numbers are millimetres
+
+A file's axes are x forward, y left and z up, as in ROS; with `up = "y"` z is forward, x left and y up, which is what
+glTF says and the default for .glb and .gltf. Without roll, pitch and yaw forward is north. A mesh is a surface: it has
+no inside, and what begins there is in free water.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from math import inf, sqrt
+from typing import Annotated, Any, Literal, NamedTuple
+
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.schema import Range, parse
+from hil.common.tables import check_file
+from hil.common.vectors import Vector3
+from sim.environment.obstacles import Coordinate, Heading, Separation
+from sim.rotations import from_euler, matrix
+
+MOST_BYTES = 256 << 20
+MOST_TRIANGLES = 200_000
+Share = Annotated[float, Range(0.0, 1.0)]
+Triangle = tuple[Vector3, Vector3, Vector3]
+
+
+class MeshKeys(NamedTuple):
+    """The keys of a `[[mesh]]`: see the top of this module.
+
+    `colour` (red, green and blue, shares of what a white surface sends back) is what a camera sees, one of the usual
+    paints if left out; `echo` in dB is how much stronger than other objects it sends back a sonar's sound. What is
+    `hidden` is on no planner's map; `name` is for reports.
+    """
+
+    file: str
+    north: Coordinate
+    east: Coordinate
+    depth: Annotated[float, Range(-100.0, 11_000.0, "m")] = 0.0
+    orientation: tuple[Heading, Heading, Heading] = (0.0, 0.0, 0.0)
+    scale: Annotated[float, Range(1e-6, 1e6)] = 1.0
+    up: Literal["", "y", "z"] = ""
+    colour: tuple[Share, Share, Share] | None = None
+    echo: Annotated[float, Range(-60.0, 60.0)] = 0.0
+    hidden: bool = False
+    name: str = ""
+
+
+class MeshObstacle(NamedTuple):
+    """A mesh in its place.
+
+    `triangles` are in its own axes (m; forward, right, down), `rotation` (3 x 3, row after row) turns these into NED,
+    `placed` are they in NED. `radius` (m) is how far it extends from `north`, `east`, seen from above.
+    """
+
+    keys: MeshKeys
+    triangles: tuple[Triangle, ...]
+    rotation: Sequence[float]
+    placed: tuple[Triangle, ...]
+    radius: float
+    top: float
+    bottom: float
+
+    @property
+    def north(self) -> float:
+        """Where its origin is, m."""
+        return self.keys.north
+
+    @property
+    def east(self) -> float:
+        """Where its origin is, m."""
+        return self.keys.east
+
+    @property
+    def hidden(self) -> bool:
+        """True if it is on no planner's map."""
+        return self.keys.hidden
+
+    @property
+    def label(self) -> str:
+        """Name for messages."""
+        return self.keys.name or f"the mesh at ({self.north:g}, {self.east:g})"
+
+    def separation(self, north: float, east: float) -> Separation:
+        """Distance (m) from the upright cylinder around it, negative inside, and the direction away from its axis."""
+        x, y = north - self.north, east - self.east
+        distance = sqrt(x * x + y * y)
+        out = (x / distance, y / distance) if distance else (1.0, 0.0)
+        return distance - self.radius, *out
+
+    def between(self, highest: float, lowest: float) -> Iterator[Triangle]:
+        """Yield the triangles (NED) of which a part lies between two depths (m)."""
+        for triangle in self.placed:
+            a, b, c = triangle[0][2], triangle[1][2], triangle[2][2]
+            if (a < lowest or b < lowest or c < lowest) and (a > highest or b > highest or c > highest):
+                yield triangle
+
+    def distance(self, north: float, east: float, highest: float, lowest: float) -> float:
+        """Return how far (m, on the level) a place is from the nearest triangle between two depths; 0 over or below."""
+        return min((_to_triangle(north, east, triangle) for triangle in self.between(highest, lowest)), default=inf)
+
+
+def read_meshes(section: Any, path: str) -> tuple[MeshObstacle, ...]:
+    """Return the `[[mesh]]` tables of the world in the file `path`. Raises ConfigError, MissingExtraError."""
+    if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
+        raise ConfigError(f"{path}: mesh: expected tables, each under [[mesh]]")
+    folder = os.path.dirname(path)
+    return tuple(
+        place(parse(row, MeshKeys, f"{path}: mesh[{i}]"), folder, f"{path}: mesh[{i}]") for i, row in enumerate(section)
+    )
+
+
+def place(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
+    """Return the mesh of a file in `folder` in its place. Raises ConfigError that begins with `where`."""
+    file = os.path.join(folder, keys.file)
+    check_file(file, MOST_BYTES)
+    up = keys.up or ("y" if file.lower().endswith((".glb", ".gltf")) else "z")
+    triangles = _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where)
+    rotation = matrix(from_euler(*keys.orientation))
+    a, b, c, d, e, f, g, h, i = rotation
+    placed = tuple(
+        tuple(
+            (
+                keys.north + a * x + b * y + c * z,
+                keys.east + d * x + e * y + f * z,
+                keys.depth + g * x + h * y + i * z,
+            )
+            for x, y, z in triangle
+        )
+        for triangle in triangles
+    )
+    corners = [corner for triangle in placed for corner in triangle]
+    radius = max(sqrt((n - keys.north) ** 2 + (e - keys.east) ** 2) for n, e, _ in corners)
+    depths = [down for _, _, down in corners]
+    return MeshObstacle(keys, triangles, rotation, placed, radius, min(depths), max(depths))  # type: ignore[arg-type]
+
+
+@lru_cache(maxsize=32)
+def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple[Triangle, ...]:
+    """Return the triangles of a file in m, forward, right and down."""
+    try:
+        import numpy as np
+        import trimesh
+    except ImportError:
+        raise MissingExtraError(f"{where}: file: meshes need trimesh: pip install 'uuv-hil[mesh]'") from None
+    try:
+        loaded: Any = trimesh.load(file, force="mesh")
+        triangles = np.asarray(loaded.triangles, float) * scale
+    except Exception as error:  # noqa: BLE001 - what damaged files make of the readers
+        raise ConfigError(f"{where}: file: {file}: no mesh that can be read: {type(error).__name__}") from None
+    if not len(triangles) or not np.isfinite(triangles).all():
+        raise ConfigError(f"{where}: file: {file}: no triangles, or some without a place")
+    if len(triangles) > MOST_TRIANGLES:
+        raise ConfigError(
+            f"{where}: file: {file}: {len(triangles)} triangles are more than {MOST_TRIANGLES}: simplify the mesh"
+        )
+    order, signs = ([2, 0, 1], (1.0, -1.0, -1.0)) if up == "y" else ([0, 1, 2], (1.0, -1.0, -1.0))
+    own = (triangles[..., order] * np.array(signs)).tolist()
+    return tuple((tuple(a), tuple(b), tuple(c)) for a, b, c in own)
+
+
+def _to_triangle(north: float, east: float, triangle: Triangle) -> float:
+    """Return how far a place is from a triangle, seen from above."""
+    least, turns = inf, []
+    for (x, y, _), (to_x, to_y, _) in zip(triangle, (*triangle[1:], triangle[0]), strict=True):
+        along_x, along_y, at_x, at_y = to_x - x, to_y - y, north - x, east - y
+        square = along_x * along_x + along_y * along_y
+        share = min(max((at_x * along_x + at_y * along_y) / square, 0.0), 1.0) if square else 0.0
+        off_x, off_y = at_x - share * along_x, at_y - share * along_y
+        least = min(least, off_x * off_x + off_y * off_y)
+        turns.append(along_x * at_y - along_y * at_x)
+    is_inside = min(turns) > 0.0 or max(turns) < 0.0
+    return 0.0 if is_inside else sqrt(least)

@@ -1,0 +1,158 @@
+"""Meshes of a world: axes and scale of a file, what rays, contact and sensors make of them, and files that are none."""
+
+from math import cos, inf, pi, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from hil.common.errors import ConfigError
+from hil.scenario.world_map import map_at
+from sim.dynamics import Dynamics, State
+from sim.environment.collision import Contact, starts_inside
+from sim.environment.mesh import MeshKeys, place
+from sim.environment.obstacles import Box
+from sim.environment.world import World, load_world
+from sim.rays.scene import RayScene
+from sim.sensors.imaging.scenery import Scenery
+from sim.vehicle.vehicle import load_vehicle
+
+VEHICLE, _ = load_vehicle("paper_six")
+EMPTY = World("sea", "test", (-50.0, 50.0, -50.0, 50.0), 30.0)
+SIZES = (4.0, 2.0, 1.0)  # m forward, to the side, up
+
+
+def block(folder: Path, name: str = "block.stl", scale: float = 1.0) -> str:
+    """A block of SIZES with a mast of 1 m on its front left top corner, which no mirror image of it has."""
+    parts = [trimesh.creation.box(SIZES), trimesh.creation.box((0.2, 0.2, 1.0))]
+    parts[1].apply_translation((1.9, 0.9, 1.0))
+    whole: Any = trimesh.util.concatenate(parts)
+    if name.endswith(".glb"):  # its axes: x left, y up, z forward
+        whole.apply_transform(np.array([[0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]]))
+    whole.apply_scale(scale)
+    whole.export(str(folder / name))
+    return name
+
+
+def world_with(folder: Path, file: str = "block.stl", **keys: object) -> World:
+    mesh = place(MeshKeys(**{"file": file, "north": 10.0, "east": 0.0, "depth": 8.0, **keys}), str(folder))  # type: ignore[arg-type]
+    return EMPTY._replace(mesh=(mesh,))
+
+
+@pytest.mark.parametrize("name", ["block.stl", "block.obj", "block.glb"])
+def test_every_format_stands_the_same_way(tmp_path: Path, name: str) -> None:
+    """The mast is at the front, to the left and up: north-west and above of a block that is not turned."""
+    block(tmp_path, name, 1000.0)
+    mesh = world_with(tmp_path, name, scale=0.001).mesh[0]
+    corners = np.array(mesh.placed).reshape(-1, 3)
+    np.testing.assert_allclose(corners.min(axis=0), (8.0, -1.0, 6.5), atol=1e-6)
+    np.testing.assert_allclose(corners.max(axis=0), (12.0, 1.0, 8.5), atol=1e-6)
+    highest = corners[corners[:, 2] < 6.6]
+    np.testing.assert_allclose(highest.mean(axis=0), (11.9, -0.9, 6.5), atol=0.05)
+    assert (mesh.top, mesh.bottom) == pytest.approx((6.5, 8.5))
+
+
+def test_yaw_turns_it_clockwise_and_pitch_raises_its_front(tmp_path: Path) -> None:
+    block(tmp_path)
+    corners = np.array(world_with(tmp_path, orientation=(0.0, 0.0, 0.5 * pi)).mesh[0].placed).reshape(-1, 3)
+    np.testing.assert_allclose(corners[corners[:, 2] < 6.6].mean(axis=0), (10.9, 1.9, 6.5), atol=0.05)
+    pitched = np.array(world_with(tmp_path, orientation=(0.0, 0.3, 0.0)).mesh[0].placed).reshape(-1, 3)
+    front = pitched[pitched[:, 0] > 10.0]
+    assert front[:, 2].mean() < pitched[pitched[:, 0] < 10.0][:, 2].mean() - 0.5
+
+
+def test_rays_meet_it_as_they_meet_a_block(tmp_path: Path) -> None:
+    """Against a block of the same outline, from all around; object numbers follow piles and blocks."""
+    trimesh.creation.box(SIZES).export(str(tmp_path / "plain.stl"))
+    meshed = world_with(tmp_path, "plain.stl", orientation=(0.0, 0.0, 0.4))
+    boxed = EMPTY._replace(box=(Box(10.0, 0.0, 4.0, 2.0, 0.4, 7.5, bottom=8.5),))
+    directions = [
+        (cos(a) * cos(b), sin(a) * cos(b), sin(b)) for a in np.arange(0.0, 6.28, 0.05) for b in (-0.2, 0.0, 0.25)
+    ]
+    rays = np.array(directions).ravel()
+    for origin in ((4.0, 1.0, 8.1), (12.5, -3.0, 7.0), (10.0, 0.0, 3.0)):
+        one, other = (RayScene(world).hits(origin, rays, 20.0) for world in (meshed, boxed))
+        np.testing.assert_allclose(np.array(one.distances), np.array(other.distances), atol=1e-6)
+        np.testing.assert_allclose(np.array(one.normals), np.array(other.normals), atol=1e-6)
+    both = meshed._replace(box=(Box(-20.0, 0.0, 1.0, 1.0),))
+    assert RayScene(both).hits((4.0, 0.0, 8.0), np.array([1.0, 0.0, 0.0]), 20.0).objects[0] == 2
+
+
+def test_a_vehicle_stops_at_it_slides_below_it_and_may_not_start_in_it(tmp_path: Path) -> None:
+    world = world_with(tmp_path, block(tmp_path), name="the wreck")
+    inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
+    contact = Contact(VEHICLE, world, inverse)
+    state = State((8.0 - contact.radius - 0.005, 0.0, 8.0))
+    assert not contact.resolve(state)
+    for _ in range(40):  # ahead by 5 mm a step
+        state.nu = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        state.position = [state.position[0] + 0.005, *state.position[1:]]
+        contact.resolve(state)
+    assert contact.what == "the wreck"
+    assert state.position[0] == pytest.approx(8.0 - contact.radius, abs=0.006)
+    assert state.nu[0] == pytest.approx(0.0, abs=1e-9)
+    below = (10.0, 0.0, 8.5 + contact.half_height + 0.05)
+    assert not contact.resolve(State(below))
+    assert not starts_inside(VEHICLE, world, below)
+    assert starts_inside(VEHICLE, world, (10.0, 1.2, 8.0))
+    assert not starts_inside(VEHICLE, world, (10.0, 2.0, 8.0))
+    assert contact.room()[2] == 0.0
+    far = Contact(VEHICLE, world, inverse)
+    far.resolve(State((-20.0, 0.0, 8.0)))
+    assert 30.0 - 3.0 < far.room()[2] < 30.0
+
+
+def test_planners_see_it_at_the_depths_that_it_has(tmp_path: Path) -> None:
+    world = world_with(tmp_path, block(tmp_path))
+    level = map_at(world, 8.0, 0.3, 0.25)
+    assert not level.is_free((8.1, 0.9))
+    assert not level.line_is_free((10.0, -3.0), (10.0, 0.0)), "its sides have no gap; it has no inside"
+    assert level.is_free((7.5, 0.0))
+    mast = map_at(world, 6.9, 0.3, 0.25)
+    assert not mast.is_free((11.9, -0.9))
+    assert mast.is_free((10.0, 0.0))
+    assert map_at(world, 9.5, 0.3, 0.25).is_free((10.0, 0.0))
+    assert world.clearance(10.0, 3.0, 8.0, height=0.5) == pytest.approx(2.0)
+    assert world.clearance(10.0, 0.0, 6.9, height=0.3) == pytest.approx(2.0, abs=0.2), "to the mast"
+    assert world.clearance(10.0, 0.0, 5.0, height=0.3) == inf
+
+
+def test_its_colour_is_what_a_camera_sees(tmp_path: Path) -> None:
+    world = world_with(tmp_path, block(tmp_path), colour=(0.9, 0.1, 0.2))
+    assert Scenery(world, 2)._colours[1] == pytest.approx((0.9, 0.1, 0.2))
+    assert Scenery(world_with(tmp_path), 2)._colours[1] != pytest.approx((0.9, 0.1, 0.2))
+
+
+HEAD = 'name = "w"\nsource = ""\nextent = [-50, 50, -50, 50]\ndepth = 30\n'
+
+
+def test_a_world_file_has_meshes_beside_it(tmp_path: Path) -> None:
+    block(tmp_path)
+    (tmp_path / "w.toml").write_text(
+        HEAD + '[[mesh]]\nfile = "block.stl"\nnorth = 10\neast = 0\ndepth = "8 m"\norientation = [0, 0, "90 deg"]\n'
+    )
+    (mesh,) = load_world(str(tmp_path / "w.toml")).mesh
+    assert len(mesh.triangles) == 24
+    assert mesh.label == "the mesh at (10, 0)"
+    assert load_world(str(tmp_path / "w.toml")).obstacles() == (mesh,)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[[mesh]]\nfile = "none.stl"\nnorth = 0\neast = 0\n', "none.stl: no such file"),
+        ('[[mesh]]\nfile = "broken.stl"\nnorth = 0\neast = 0\n', r"mesh\[0\]: file: .*broken.stl: no"),
+        ('[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nup = "x"\n', "'x' is not one of"),
+        ('[[mesh]]\nfile = "block.stl"\nnorth = 90\neast = 0\n', r"the mesh at \(90, 0\) is outside the extent"),
+        ('[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\ndepth = 90\n', r"the mesh at \(0, 0\) has its top in the"),
+        ('mesh = "block.stl"\n', r"mesh: expected tables, each under \[\[mesh\]\]"),
+    ],
+)
+def test_meshes_that_cannot_be_meant(tmp_path: Path, text: str, said: str) -> None:
+    block(tmp_path)
+    (tmp_path / "broken.stl").write_bytes(b"solid nothing\n" + bytes(range(256)))
+    (tmp_path / "w.toml").write_text(HEAD + text)
+    with pytest.raises(ConfigError, match=said):
+        load_world(str(tmp_path / "w.toml"))
