@@ -70,12 +70,12 @@ class MeshObstacle(NamedTuple):
 
     @property
     def north(self) -> float:
-        """Where its origin is, m."""
+        """North of its origin, m."""
         return self.keys.north
 
     @property
     def east(self) -> float:
-        """Where its origin is, m."""
+        """East of its origin, m."""
         return self.keys.east
 
     @property

@@ -15,7 +15,7 @@ _DEEP = 1e5  # m: no seabed is met
 
 
 class MeshContact:
-    """Where an upright cylinder of `radius` m, `half_height` m each way, is in a mesh of `world`.
+    """Finds where an upright cylinder of `radius` m, `half_height` m each way, is in a mesh of `world`.
 
     Looked at are its middle's rays to three rims, above, at and below the middle, and to both ends. What is thinner
     than the distance of two such places may come between them.
