@@ -1,6 +1,7 @@
 """A server of asyncio in a thread of its own: started with its port open, stopped with all its clients."""
 
 import asyncio
+import logging
 import threading
 from abc import ABC, abstractmethod
 
@@ -49,3 +50,16 @@ class ServerThread(ABC):
     async def _stop_all(self) -> None:
         await self._stop()
         await cancel_tasks()
+
+
+def http_log() -> logging.Logger:
+    """Return a log of aiohttp's for our own mistakes: bytes that are not HTTP would fill it with tracebacks."""
+    logger = logging.getLogger(__name__)
+    logger.addFilter(_is_ours)
+    return logger
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    from aiohttp.http_exceptions import HttpProcessingError
+
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))

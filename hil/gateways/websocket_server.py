@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from aiohttp import web
 
-from hil.common.server_thread import ServerThread
+from hil.common.server_thread import ServerThread, http_log
 from hil.gateways.access import Access
 from hil.gateways.websocket_client import SocketClient
 
@@ -50,7 +50,7 @@ class WebSocketServer(ServerThread, Generic[T]):
     async def _start(self, host: str, port: int) -> int:
         app = web.Application()
         app.router.add_get("/", self._serve)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=http_log())
         await self._runner.setup()
         await web.TCPSite(self._runner, host, port).start()
         listening = int(self._runner.addresses[0][1])

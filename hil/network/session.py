@@ -33,6 +33,12 @@ REFUSAL = zenoh.Encoding.TEXT_PLAIN  # of the reason why there is no answer
 Deliver = Callable[[str, bytes, bytes], None]
 
 
+def close_session(session: zenoh.Session) -> None:
+    """Close a session of the library, which gives up after 10 s: then it is left as it is, and its user goes on."""
+    with suppress(zenoh.ZError):
+        session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
+
+
 class Session:
     """The process's one session. Use as a context; leaving it ends the readers.
 
@@ -313,7 +319,7 @@ class Session:
         self._is_open = False
         for declared in self._declared:
             declared.end_publishing()
-        self._session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
+        close_session(self._session)
 
     def _shared_worker(self) -> "WorkerThread":
         """Return the thread for everything that is rare, started on first use."""

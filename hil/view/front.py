@@ -7,7 +7,6 @@ token, and no page of another origin.
 
 import asyncio
 import json
-import logging
 import secrets
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
@@ -16,9 +15,8 @@ from ssl import SSLContext
 from typing import Any
 
 from aiohttp import ClientSession, WSMsgType, web
-from aiohttp.http_exceptions import HttpProcessingError
 
-from hil.common.server_thread import ServerThread
+from hil.common.server_thread import ServerThread, http_log
 
 COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
@@ -68,7 +66,7 @@ class Front(ServerThread):
         app.router.add_get("/", self._page)
         app.router.add_get("/stick", self._stick)
         app.router.add_get("/scene{path:(/.*)?}", self._pass_on)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=_logger())
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=http_log())
         await self._runner.setup()
         self._listener = await self._loop.create_server(self._accept, host, port, ssl=self._tls)
         return int(self._listener.sockets[0].getsockname()[1])
@@ -179,13 +177,6 @@ class _Refusal(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         transport.close()
-
-
-def _logger() -> logging.Logger:
-    """Return a log of our own mistakes: bytes that are not HTTP would fill it with tracebacks."""
-    logger = logging.getLogger(__name__)
-    logger.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
-    return logger
 
 
 async def _pump(source: Any, sink: Any) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import aiohttp
 from aiohttp import web
 
+from hil.common.server_thread import http_log
 from hil.gateways.commanding import Commanding
 from hil.gateways.ros1 import xmlrpc
 from hil.gateways.ros1.master import Item, Master
@@ -50,7 +51,7 @@ class Node:
         self._session = aiohttp.ClientSession(auto_decompress=False)
         app = web.Application(client_max_size=xmlrpc.LARGEST)
         app.router.add_post("/{path:.*}", lambda request: xmlrpc.answer(request, self._methods()))
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=http_log())
         await self._runner.setup()
         self._server: asyncio.Server | None = None
         await web.TCPSite(self._runner, listen, port).start()

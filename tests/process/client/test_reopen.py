@@ -157,3 +157,24 @@ def test_one_that_cannot_be_opened_tries_again(attempts: int) -> None:
         session.reopen()
         assert not session.is_lost
         assert session.reopenings == 1
+
+
+class WithoutEnd:
+    """The library's session, which it cannot close in time."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+
+    def close(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+        raise zenoh.ZError("close operation timed out!")
+
+
+def test_one_that_cannot_be_closed_is_opened_again_all_the_same() -> None:
+    with open_master_session("tcp/127.0.0.1:9") as session:
+        for number in range(2):
+            session._session = WithoutEnd(session._session)  # type: ignore[assignment]
+            session.reopen()
+            assert session.reopenings == number + 1
+            assert not session.is_lost
+        session._session = WithoutEnd(session._session)  # type: ignore[assignment]

@@ -65,3 +65,11 @@ def test_who_reads_slowly_stays(server: FoxgloveServer) -> None:
             data = client.recv(4096)
             assert data
             received += data
+
+
+def test_bytes_that_are_not_http_leave_no_traceback(server: FoxgloveServer, caplog: pytest.LogCaptureFixture) -> None:
+    for noise in (b"\0\1\2\r\n\r\n", b"POST / HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n"):
+        with socket.create_connection(("127.0.0.1", server.port), PATIENCE_S) as client:
+            client.sendall(noise)
+            assert b"400 Bad Request" in client.recv(4096)
+    assert not caplog.records
