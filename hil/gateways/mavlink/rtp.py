@@ -99,7 +99,7 @@ class RtpVideo:
             for packet in self._encoder.encode(frame):
                 self._output.mux(packet)
             self.sent += 1
-        except (av.FFmpegError, OSError):  # nobody listens, or the network is down: the next picture tries again
+        except (av.FFmpegError, OSError):  # the network is down; the next picture opens it
             self._close()
 
     def _open(self, size: tuple[int, int]) -> None:
