@@ -25,7 +25,7 @@ class Master:
     """The master at `uri`, for the node of `caller` whose own API is at `api`, and whose services are at `services`.
 
     `on_publishers` gets the publishers of a topic that was registered, `on_connected` is awaited whenever the master is
-    there anew, `report` gets lines for a person.
+    there again, `report` gets lines for a person.
     """
 
     def __init__(self, uri: str, caller: Caller, api: str, services: str, report: Callable[[str], None]) -> None:

@@ -209,4 +209,4 @@ def test_the_program_of_the_page(ros: Ros) -> None:
     (block,) = blocks("python", page=PAGE)
     program = ros.folder / "square.py"
     program.write_text(block.text)
-    ros.until(r"depth +\d", DEBIAN, program)
+    assert "Traceback" not in ros.until(r"depth +\d", DEBIAN, program)
