@@ -44,7 +44,7 @@ PARTS: dict[str, Part] = {
     "system": Part(("tests/system",), parallel=True),
     "uml": Part(("tests/system/uml",)),
     "board": Part(("-m", "board", "tests/system/boards"), again=False),  # it boots for minutes
-    "cluster": Part(("-m", "cluster", "tests/system/commands")),
+    "cluster": Part(("-m", "cluster", "tests/system/commands", "tests/system/netns")),
 }
 
 
