@@ -2,25 +2,19 @@ import bz2
 import gzip
 import lzma
 import os
-import socket
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hil.charts.build import build
 from hil.charts.chart_survey import Box
-from hil.charts.exports.geotiff import write_geotiff
-from hil.charts.grid import Grid
 from hil.charts.projection import LocalPlane
 from hil.charts.sources import points
 from hil.charts.sources.choose import read_sources
 from hil.charts.sources.points import read_points
-from hil.charts.sources.rasters import open_raster
-from hil.commands import world as command
 from hil.common.errors import ConfigError
 from sim.environment.obstacles import STANDING
 from tests.support.charts.s57_encoder import Encoder, square
@@ -220,188 +214,3 @@ def test_soundings_in_metres_alone(tmp_path: Path) -> None:
     assert np.abs(inside - (10.0 + 0.05 * grid.north[2:-2, None])).max() < 0.15
     near, extent = read_sources([str(path)], None, 5.0, reach=2.0)
     assert build(near, extent, 5.0).report.unknown > 0.3
-
-
-def raster(path: Path, origin: tuple[float, float] | None = (54.0, 10.0)) -> Grid:
-    north, east = np.arange(30)[:, None], np.arange(40)
-    depths = (10.0 + 0.1 * north - 0.2 * east).astype(np.float32)
-    depths[20:, 30:] = np.nan
-    grid = Grid(depths, -100.0, -200.0, 10.0)
-    write_geotiff(grid, origin, str(path))
-    return grid
-
-
-def test_a_geotiff_of_ours_comes_back(tmp_path: Path) -> None:
-    pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    path = tmp_path / "bed.tif"
-    grid = raster(path)
-    found = open_raster(str(path))
-    assert found.spacing == pytest.approx(10.0, rel=0.01)
-    same = found.depths(LocalPlane(54.0, 10.0), grid.north, grid.east)
-    np.testing.assert_allclose(same[1:-1, 1:-1], grid.depths[1:-1, 1:-1], atol=2e-3)
-    coarse = found.depths(LocalPlane(54.0, 10.0), grid.north[10:20:3], grid.east[10:20:3])
-    np.testing.assert_allclose(coarse, grid.depths[10:20:3, 10:20:3], atol=0.2)
-    survey, extent = read_sources([str(path)], None, 10.0)
-    built = build(survey, extent, 10.0)
-    centre = LocalPlane(*survey.origin or (0.0, 0.0))
-    north, east = np.array([0.0, 50.0, 120.0]), np.array([-100.0, 120.0, -150.0])
-    places = np.column_stack(centre.to_local(*geographic(north, east)))
-    assert built.placed.grid.at(places) == pytest.approx(
-        10.0 + 0.01 * (north + 100.0) - 0.02 * (east + 200.0), abs=0.05
-    )
-    hole = np.column_stack(centre.to_local(*geographic(np.array([160.0]), np.array([160.0]))))
-    assert np.isnan(built.placed.grid.at(hole)).all()
-    survey, extent = read_sources([str(path)], Box(60.0, 10.0, 60.1, 10.1), 10.0)
-    with pytest.raises(ConfigError, match="no water in the area: move or widen"):
-        build(survey, extent, 10.0)
-
-
-def test_of_rasters_and_soundings_each_has_its_place(tmp_path: Path) -> None:
-    """The first raster before the second, both before soundings, which are believed where neither has a pixel."""
-    pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    for name, depth, west in (("a", 10.0, -100.0), ("b", 20.0, 0.0)):
-        write_geotiff(
-            Grid(np.full((21, 21), depth, np.float32), -100.0, west, 10.0), (54.0, 10.0), f"{tmp_path}/{name}.tif"
-        )
-    places = np.array([(n, e) for n in range(-100, 101, 20) for e in range(-100, 301, 20)], float)
-    latitude, longitude = geographic(places[:, 0], places[:, 1])
-    rows = "\n".join(f"{lon:.7f},{lat:.7f},30" for lat, lon in zip(latitude, longitude, strict=True))
-    (tmp_path / "c.csv").write_text(f"lon,lat,depth\n{rows}\n")
-    survey, extent = read_sources([f"{tmp_path}/{name}" for name in ("a.tif", "b.tif", "c.csv")], None, 10.0)
-    grid = build(survey, extent, 10.0).placed.grid
-    plane = LocalPlane(*survey.origin or (0.0, 0.0))
-    wanted = np.column_stack(plane.to_local(*geographic(np.zeros(4), np.array([-50.0, 50.0, 150.0, 250.0]))))
-    assert grid.at(wanted) == pytest.approx([10.0, 10.0, 20.0, 30.0], abs=0.01)
-
-
-def test_a_large_raster_takes_no_longer_than_gdal_needs(tmp_path: Path) -> None:
-    """A million pixels in UTM, of which radial bases would take ten minutes: each node is their depth."""
-    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    path = tmp_path / "utm.tif"
-    rows, columns = np.mgrid[:1000, :1000]
-    heights = (-20.0 - 5.0 * np.sin(rows / 40.0) - 0.01 * columns).astype(np.float32)
-    where = rasterio.Affine(2.0, 0.0, 565_000.0, 0.0, -2.0, 6_000_000.0)
-    with rasterio.open(
-        path, "w", driver="GTiff", width=1000, height=1000, count=1, dtype="float32", crs="EPSG:32632", transform=where
-    ) as file:
-        file.write(heights, 1)
-    survey, extent = read_sources([str(path)], None)
-    built = build(survey, extent)
-    grid = built.placed.grid
-    assert grid.resolution == pytest.approx(2.0, abs=0.11)
-    assert len(survey.soundings) == 0
-    x, y = 565_000.0 + 2.0 * (np.array([100, 500, 900]) + 0.5), 6_000_000.0 - 2.0 * (np.array([50, 400, 800]) + 0.5)
-    longitude, latitude = (np.array(axis) for axis in rasterio.warp.transform("EPSG:32632", "EPSG:4326", x, y))
-    plane = LocalPlane(*survey.origin or (0.0, 0.0))
-    found = grid.at(np.column_stack(plane.to_local(latitude, longitude)))
-    assert found == pytest.approx(-heights[[50, 400, 800], [100, 500, 900]], abs=0.02)
-
-
-def test_heights_and_depths_are_not_guessed(tmp_path: Path) -> None:
-    """More land than water: by its name a height, else asked for; all of one sign is a seabed."""
-    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    path = str(tmp_path / "topobathy.tif")
-
-    def write(values: NDArray[np.float64], name: str | None = None) -> None:
-        where = rasterio.Affine(0.001, 0.0, 10.0, 0.0, -0.001, 54.0)
-        with rasterio.open(
-            path, "w", driver="GTiff", width=30, height=30, count=1, dtype="float32", crs="EPSG:4326", transform=where
-        ) as file:
-            file.write(values.astype(np.float32), 1)
-            if name:
-                file.set_band_description(1, name)
-
-    mixed = np.linspace(-5.0, 20.0, 900).reshape(30, 30)
-    write(mixed)
-    with pytest.raises(ConfigError, match=r"from -5 to 20 m, and nothing says .*--positive up or"):
-        open_raster(path)
-    assert (open_raster(path, "up").scale, open_raster(path, "down").scale) == (-1.0, 1.0)
-    write(mixed, "Elevation (MLLW)")
-    assert open_raster(path).scale == -1.0
-    write(mixed, "Depth")
-    assert open_raster(path).scale == 1.0
-    for sign in (1.0, -1.0):
-        write(sign * np.abs(mixed))
-        assert open_raster(path).scale == sign
-    csv = tmp_path / "s.csv"
-    csv.write_text("lon,lat,z\n10,54,-3\n10,54.1,4\n10.1,54,5\n")
-    with pytest.raises(ConfigError, match="--positive up or --positive down"):
-        read_points(str(csv))
-
-
-def test_metres_of_a_named_coordinate_system(tmp_path: Path) -> None:
-    pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    path = tmp_path / "utm.csv"
-    path.write_text("easting,northing,depth\n565000,5984000,5\n565100,5984000,6\n565000,5984100,7\n")
-    with pytest.raises(ConfigError, match="a coordinate system that it does not name: name it, as --crs EPSG:32605"):
-        read_points(str(path))
-    points = read_points(str(path), crs="EPSG:32632")
-    assert points.geographic
-    assert points.places[0] == pytest.approx([54.0, 10.0], abs=0.01)
-    north, east = LocalPlane(*points.places[0]).to_local(*points.places[1:].T)
-    assert np.hypot(north, east) == pytest.approx([100.0, 100.0], abs=0.1)
-    with pytest.raises(ConfigError, match="--crs: EPSG:1: no such coordinate system"):
-        read_points(str(path), crs="EPSG:1")
-
-
-def test_a_world_across_the_180th_meridian(tmp_path: Path) -> None:
-    path = tmp_path / "fiji.csv"
-    rows = [(lon, -17.0 + 0.001 * i) for i in range(8) for lon in (179.996, 179.998, 180.0, -179.998, -179.996)]
-    path.write_text("lon,lat,depth\n" + "\n".join(f"{lon},{lat},{12 if lon > 0 else 14}" for lon, lat in rows))
-    survey, extent = read_sources([str(path)], None)
-    assert extent[3] - extent[2] < 1000.0
-    assert survey.origin == pytest.approx((-16.9965, 180.0)) or survey.origin == pytest.approx((-16.9965, -180.0))
-    grid = build(survey, extent, 20.0).placed.grid
-    assert grid.at(np.array([[0.0, -300.0], [0.0, 300.0]])) == pytest.approx([12.0, 14.0], abs=0.5)
-    assert command.area("-17,179.9,-16,-179.9") == (-17.0, 179.9, -16.0, 180.1)
-    extent = read_sources([str(path)], Box(-17.0, 179.997, -16.993, 180.003), None)[1]
-    assert extent[3] - extent[2] < 700.0
-
-
-def test_a_netcdf_like_gebco_s_and_rasters_that_are_none(tmp_path: Path) -> None:
-    """Degrees, heights in whole metres, two variables in one file."""
-    pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    h5py = pytest.importorskip("h5py", reason="writes the NetCDF for this test")
-    path = tmp_path / "gebco.nc"
-    with h5py.File(path, "w") as file:
-        axes = {"lat": np.linspace(54.0, 54.1, 25), "lon": np.linspace(10.0, 10.2, 49)}
-        for name, values in axes.items():
-            file[name] = values
-            file[name].make_scale(name)
-            file[name].attrs["units"] = np.bytes_("degrees_north" if name == "lat" else "degrees_east")
-            file[name].attrs["standard_name"] = np.bytes_("latitude" if name == "lat" else "longitude")
-        for name, value in (("elevation", -np.arange(25)[:, None] * 2 - np.arange(49)), ("tid", np.ones((25, 49)))):
-            file[name] = value.astype("i2")
-            for axis, scale in enumerate(("lat", "lon")):
-                file[name].dims[axis].attach_scale(file[scale])
-    survey, extent = read_sources([str(path)], None)
-    grid = build(survey, extent).placed.grid
-    assert grid.resolution == pytest.approx(460.0, abs=20.0)
-    plane = LocalPlane(*survey.origin or (0.0, 0.0))
-    places = np.column_stack(plane.to_local(np.array([54.025, 54.05]), np.array([10.05, 10.1])))
-    assert grid.at(places) == pytest.approx([24.0, 48.0], abs=0.5)
-    bad = tmp_path / "bad.tif"
-    bad.write_bytes(b"II*\0 no more")
-    with pytest.raises(ConfigError, match=r"bad.tif: cannot be read as a raster"):
-        open_raster(str(bad))
-    with pytest.raises(ConfigError, match=r"none.tif: no such file"):
-        open_raster(str(tmp_path / "none.tif"))
-
-
-@pytest.mark.parametrize("kind", ["WMS", "VRT"])
-def test_a_raster_that_names_a_host_is_refused_unasked(kind: str, tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as host:
-        address = f"http://127.0.0.1:{host.getsockname()[1]}/a"
-        path = tmp_path / "a.tif"
-        path.write_text({
-            "WMS": f'<GDAL_WMS><Service name="TMS"><ServerUrl>{address}/${{z}}/${{x}}/${{y}}.tif</ServerUrl></Service>'
-            "<DataWindow><SizeX>64</SizeX><SizeY>64</SizeY><TileLevel>1</TileLevel></DataWindow></GDAL_WMS>",
-            "VRT": '<VRTDataset rasterXSize="9" rasterYSize="9"><GeoTransform>10,0.1,0,54,0,-0.1</GeoTransform>'
-            '<VRTRasterBand dataType="Float32" band="1"><SimpleSource>'
-            f"<SourceFilename>/vsicurl/{address}.tif</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>",
-        }[kind])  # fmt: skip
-        with pytest.raises(ConfigError, match="cannot be read as a raster"):
-            open_raster(str(path), "down")
-        host.setblocking(False)
-        with pytest.raises(BlockingIOError):
-            host.accept()
