@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
 FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
-MADE_WITHIN_S = 10.0  # the same of pictures and descriptions, which are made when somebody subscribes
+MADE_WITHIN_S = 30.0  # the same of pictures and descriptions, which are made when somebody subscribes
 
 T = TypeVar("T")
 

@@ -58,6 +58,14 @@ class Declared:
         """Declare the publisher on this session."""
         self.current = self._declare(session)
 
+    def end_watching(self) -> bool:
+        """Undeclare it if it watches whether there are subscribers; True if it did."""
+        if not isinstance(self.current, zenoh.MatchingListener):
+            return False
+        with suppress(zenoh.ZError):  # the session was closed
+            self.current.undeclare()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
+        return True
+
     def end_publishing(self) -> None:
         """Undeclare it if it is a publisher; it publishes nothing from then on."""
         if not hasattr(self.current, "put") or isinstance(self.current, _Ended):

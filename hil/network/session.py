@@ -10,6 +10,7 @@ opened again with all that was declared (`Session.reopen`).
 
 import atexit
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 ASKING = 8  # queries that may wait for a reader at once
 ANSWER_WITHIN_S = 1.0
+CALLS_END_S = 0.05  # in which what the library calls of ours has ended
 OFTEN_HZ = 20.0  # from here on it pays to give a key a number
 REFUSAL = zenoh.Encoding.TEXT_PLAIN  # of the reason why there is no answer
 
@@ -314,9 +316,13 @@ class Session:
     def _close_library(self) -> None:
         """Close the library's session, which wakes the readers.
 
-        A publisher that is still declared then would keep all of the session for good, 30 kB.
+        A publisher that is still declared then would keep all of the session for good, 30 kB. While one of a latched
+        topic is undeclared, the library keeps the interpreter's lock and waits for its thread, for up to 10 s if that
+        calls us at this moment: so nothing is watched any more by then, and calls that have begun get time to end.
         """
         self._is_open = False
+        if [declared for declared in self._declared if declared.end_watching()]:
+            time.sleep(CALLS_END_S)
         for declared in self._declared:
             declared.end_publishing()
         close_session(self._session)

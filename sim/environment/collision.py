@@ -13,7 +13,7 @@ bounce, the turn that an off-centre blow gives.
 """
 
 from collections.abc import Sequence
-from math import inf, sqrt
+from math import hypot, inf, sqrt
 from typing import TYPE_CHECKING
 
 from hil.common.vectors import Vector3
@@ -214,7 +214,7 @@ class Contact:
         """Look anew for what is near, once the vehicle is half out of that; return how far (m) the rest is at least."""
         north, east, _ = state.position
         (from_north, from_east), limit = self._near_place, self.radius + _NEAR
-        away = sqrt((north - from_north) ** 2 + (east - from_east) ** 2)
+        away = hypot(north - from_north, east - from_east)
         if not away < 0.5 * _NEAR:
             apart = [(obstacle.separation(north, east)[0], obstacle) for obstacle in self._obstacles]
             self._near = [obstacle for distance, obstacle in apart if distance <= limit]

@@ -122,6 +122,8 @@ def test_whole_files_are_read(page: str, tmp_path: Path) -> None:
         if load:
             path = tmp_path / (re.findall(r"`(\w+\.toml)`", block.before) or [f"{number}.toml"])[-1]
             path.write_text(block.text)
+            for name in re.findall(r'^file = "(\w+\.glb)"', block.text, flags=re.MULTILINE):
+                pytest.importorskip("trimesh").creation.box((4.0, 2.0, 3.0)).export(tmp_path / name)
             assert load(str(path))
 
 

@@ -20,6 +20,7 @@ from hil.common.ports import free_ports
 
 T = TypeVar("T")
 ROOT = Path(__file__).parents[2]
+END_S = 30.0  # from SIGTERM on, of a program of ours
 PATIENCE_S = 60.0  # for what must happen: nothing is said of how soon, as others use the machine too
 
 SCENARIO = """
@@ -89,14 +90,15 @@ class Program:
     def __enter__(self) -> "Program":
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self.process.poll() is None:
             self.process.terminate()
             try:
-                self.process.wait(30)
+                self.process.wait(END_S)
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
+                assert kind, f"it did not end within {END_S} s:\n{self.output}"
 
     @property
     def output(self) -> str:

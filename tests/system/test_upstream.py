@@ -29,3 +29,12 @@ def test_the_report_of_a_link_that_is_never_read(seconds: str, is_read: bool, tm
         assert (count["data"] > count["urgent"] / 2) is is_read
 
     retry_when_busy(shows_it, "the window that it shows may catch the other link too")
+
+
+def test_the_report_of_a_publisher_that_is_undeclared_late(tmp_path: Path) -> None:
+    """A failure of this means that the library is mended, and `Declared.end_watching` may go."""
+    (block,) = blocks("python", page=ROOT / "docs" / "upstream" / "zenoh_undeclare.md")
+    script = tmp_path / block.file
+    script.write_text(block.text.replace("17448", str(free_port())))
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "undeclared after 10.0 s\n", done.stderr

@@ -1,10 +1,8 @@
 """Samples of vehicles on the network, for the live view."""
 
-import os
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import Any
 
 import hil
@@ -13,6 +11,7 @@ from hil.client.fleet import Fleet
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import NetworkError
 from hil.common.quantiles import quantile
+from hil.common.stop import Wakeup
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.topics import ALL
 from hil.scenario.config import Scenario
@@ -56,7 +55,8 @@ class LiveSource:
         self._log: deque[str] = deque(maxlen=LOG_LINES)
         self._turn = threading.Lock()
         self._waking = threading.Lock()
-        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._is_closed = False
+        self._places = Wakeup()
 
     def __enter__(self) -> "LiveSource":
         self._plans.__enter__()
@@ -68,23 +68,22 @@ class LiveSource:
         self.show_pictures(False)
         self._fleet.close()
         with self._waking:
-            os.close(self._event)
-            self._event = -1
+            self._is_closed = True
+            self._places.close()
 
     def fileno(self) -> int:
         """Return a descriptor that becomes readable when a vehicle's place has come."""
-        return self._event
+        return self._places.fileno()
 
     def clear(self) -> None:
         """Wait for the next place."""
-        with suppress(BlockingIOError):
-            os.eventfd_read(self._event)
+        self._places.clear()
 
     def _on_sample(self, topic: str) -> None:
         if topic in PLACES:
             with self._waking:
-                if self._event >= 0:
-                    os.eventfd_write(self._event, 1)
+                if not self._is_closed:
+                    self._places.set()
 
     @property
     def names(self) -> list[str]:

@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import psutil
@@ -11,8 +12,11 @@ import pytest
 
 from hil.network.opening import listen
 from hil.network.publisher import Publisher
+from hil.network.roles import open_master_session
+from hil.network.worker import BoundedQueue
 from hil.ros.topics import TOPICS
-from tests.support.processes import ROOT, Program, free_port, wait_for
+from tests.support.busy import retry_when_busy
+from tests.support.processes import PATIENCE_S, ROOT, Program, free_port, wait_for
 
 OPEN = """
 import sys, time, threading
@@ -148,3 +152,30 @@ def test_what_is_sent_after_the_end_of_a_session_goes_nowhere() -> None:
     send(b"a pong that came late")
     publisher.put(b"a sample that came late", 1)
     assert not publisher.check_subscribers()
+
+
+def test_it_closes_at_once_while_the_library_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It matters when somebody leaves at that moment: `docs/upstream/zenoh_undeclare.md`."""
+    called = threading.Event()
+
+    def put(_queue: BoundedQueue, _status: object) -> None:
+        called.set()
+        time.sleep(0.02)  # in which another thread has the interpreter
+
+    monkeypatch.setattr(BoundedQueue, "put", put)
+
+    def closes_at_once() -> None:
+        port = free_port()
+        with open_master_session(f"tcp/127.0.0.1:{port}") as other:
+            slave = listen(f"tcp/127.0.0.1:{port}")
+            latched, watched = slave.publisher("uuv1", TOPICS["map"]), slave.publisher("uuv1", TOPICS["odom"])
+            slave.watch_subscribers(watched)
+            called.clear()
+            other.subscribe("uuv1", "odom", lambda *_: None, 8)
+            assert called.wait(PATIENCE_S)
+            latched.put(b"", 1)
+            began = time.monotonic()
+            slave.close()
+        assert time.monotonic() - began < 5.0
+
+    retry_when_busy(closes_at_once, "the call must end within 50 ms", attempts=2)

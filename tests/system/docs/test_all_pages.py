@@ -14,6 +14,7 @@ FOLLOWING = test_tutorials, test_tutorials_of_machines, test_how_to_fly, test_ho
 ELSEWHERE = {
     "docs/how-to/python.md": "tests/system/docs/test_python_docs.py",
     "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
+    "docs/tutorials/ros1.md": "tests/system/gateways/test_ros1_debian.py",
     "docs/how-to/install.md": "tests/system/boards/test_install_script.py",  # what CI's machine can install
 }
 
