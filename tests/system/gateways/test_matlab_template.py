@@ -170,11 +170,19 @@ def test_path_planning_in_octave(tmp_path: Path) -> None:
     assert dist(result["track"][-1], (50.0, 50.0)) < 2.0
 
 
+NEARER = """, struct( ...
+  'name', {'transmission', 'acquisition', 'charging', 'home'}, ...
+  'at', {[6 15], [18 5], [5 5], [0 0]}, ...
+  'duration', {2, 3, 4, 0}, ...
+  'needs', {'acquisition', 'charging', '', 'transmission'})"""
+
+
 def test_task_scheduling_in_octave(tmp_path: Path) -> None:
-    result = fly(tmp_path, "task_scheduling.toml", "")
+    """The stations of the paper, nearer and shorter."""
+    result = fly(tmp_path, "task_scheduling.toml", NEARER)
     assert result["visited"] == ["charging", "acquisition", "transmission", "home"]
     assert len(result["paths"]) == 4
-    for station in ((5.0, 5.0), (53.0, 13.0), (15.0, 46.0)):
+    for station in ((5.0, 5.0), (18.0, 5.0), (6.0, 15.0)):
         assert min(dist(place, station) for place in result["track"]) < 1.0
     assert dist(result["track"][-1], (0.0, 0.0)) < 1.5
 
