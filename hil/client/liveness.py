@@ -57,7 +57,7 @@ class LivenessMonitor:
         self._pinger = threading.Thread(target=self._ping, name="clock", daemon=True)
         self._stall, self._unread = StallDetector(lease), UnreadLinks(lease, session.has_pairs)
         self._answers = 0
-        self.samples = 0
+        self.samples = self._counted = 0
         self.reconnections = 0
         self.known = threading.Event()  # the clocks have been compared
         self.same_clock = False
@@ -165,10 +165,12 @@ class LivenessMonitor:
             self._report(f"a link of {self._session.name} was open and not read, or lost; connecting again")
             self.reconnections += 1
         is_deaf = self._is_deaf()
-        if self._stall.is_stalled(now_ns(), self._answers, self.samples, is_deaf):
-            does = "has a link" if is_deaf else "answers"
-            text = f"nothing else has come of it for {self._stall.lasted_s:.1f} s"
-            self._report(f"{self._node} at {self._session.name} {does}, but {text}; opening the session again")
+        if not is_deaf:  # else samples prove nothing: of what a session has declared a part may be lost
+            self._counted = self.samples
+        if self._stall.is_stalled(now_ns(), self._answers, self._counted, is_deaf):
+            does = "has a link, but no answer has" if is_deaf else "answers, but nothing else has"
+            text = f"come of it for {self._stall.lasted_s:.1f} s; opening the session again"
+            self._report(f"{self._node} at {self._session.name} {does} {text}")
             self.reconnections += 1
             self._session.reopen()
 

@@ -1,12 +1,12 @@
 """Number of random examples of a test, and suppressed health checks; `tests/conftest.py` has the profiles.
 
-The default profile draws the same examples each time: what fails, fails for everybody. `make search` draws three times
-as many from a seed that can be chosen.
+The default profile draws the same examples each time: what fails, fails for everybody. `make search`, a part of
+`make check`, draws six times as many from a seed that can be chosen.
 """
 
 from hypothesis import HealthCheck, settings
 
-USUAL = 100  # of the default profile
+USUAL = 100
 # How long it takes to draw examples is a matter of what else the machine does.
 _MACHINE = (HealthCheck.too_slow,)
 
@@ -14,7 +14,7 @@ _MACHINE = (HealthCheck.too_slow,)
 def register_profiles() -> None:
     """Make the profiles known, and the default one valid for all that is imported from now on."""
     common = settings(deadline=None, database=None, suppress_health_check=_MACHINE, print_blob=True)
-    settings.register_profile("default", common, derandomize=True, max_examples=USUAL)
+    settings.register_profile("default", common, derandomize=True, max_examples=USUAL // 2)
     settings.register_profile("search", common, derandomize=False, max_examples=3 * USUAL)
     settings.load_profile("default")
 

@@ -44,7 +44,7 @@ def test_it_connects_again_when_the_vehicle_never_appears() -> None:
     endpoint, reports = f"tcp/127.0.0.1:{free_port()}", list[str]()
     with listen(endpoint), VehicleClient(endpoint, "uuv1", part="observer", report=reports.append) as client:
         assert wait_for(lambda: client.contact.reconnections)
-        assert [line for line in reports if "has a link, but nothing else has come of it" in line]
+        assert [line for line in reports if "has a link, but no answer has come of it" in line]
         assert wait_for(lambda: len(client.session.links()) > 0)
 
 

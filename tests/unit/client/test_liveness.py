@@ -144,6 +144,16 @@ def test_answers_without_samples_open_the_session_again(clock: Clock) -> None:
     assert 30.0 + 2 * LEASE_S < reported[0][0] < 30.0 + 2 * LEASE_S + 2.0
 
 
+def test_samples_without_answers_open_the_session_again(clock: Clock) -> None:
+    """The other end has lost a part of what was declared: the key of the answers, and perhaps those of other topics."""
+    session, silent_s = Nobody("slave"), clock.now_s + 30.0
+    gone, opened, *_ = run(clock, 60.0, lambda: clock.now_s < silent_s, session=session)
+    assert "is gone" in gone[1]
+    assert "has a link, but no answer has come of it" in opened[1]
+    assert opened[0] - gone[0] < 2 * LEASE_S + 4.0
+    assert session.reopened
+
+
 def test_a_session_that_could_not_be_opened_again_is_tried_at_each_look(clock: Clock) -> None:
     session, silent_s = Nobody("slave"), clock.now_s + 30.0
     session.failures = 5
