@@ -43,7 +43,7 @@ PARTS: dict[str, Part] = {
     "lint": Part(modules=(("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))),
     "system": Part(("tests/system",), parallel=True),
     "uml": Part(("tests/system/uml",)),
-    "board": Part(("-m", "board", "tests/system/boards"), again=False),  # it boots for minutes
+    "board": Part(("-m", "board", "tests/system/boards"), parallel=True, again=False),  # it boots for minutes
     "cluster": Part(("-m", "cluster", "tests/system/commands", "tests/system/netns")),
 }
 

@@ -30,7 +30,7 @@ NOT_TYPED = {
     r"^uuv-hil teleop": "reads the keys of a terminal; tests/system/view/test_teleop.py",
     r"fleet\.toml": "needs machines with folders of their own",
     r"^cat /proc": "needs an Arm board",
-    r"^dask |^ray |_ADDRESS=": "needs other machines; tests/system/netns/test_netns_campaign.py",
+    r"^dask |\bray start|_ADDRESS=": "needs other machines; tests/system/netns/test_netns_campaign.py",
 }
 CHARTS = os.environ.get("UUV_HIL_CHARTS", "")
 # What runs until Ctrl-C, and what it says when it does what it is for.
