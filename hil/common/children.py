@@ -46,6 +46,34 @@ def start_child(
         os.close(end)
 
 
+def finish_child(command: Sequence[str], seconds: float) -> "subprocess.CompletedProcess[bytes]":
+    """Run one of our programs to its end, for at most so long; return its exit code, its output and its errors.
+
+    Raises subprocess.TimeoutExpired, OSError.
+    """
+    import subprocess
+
+    with start_child(
+        command, environment=package_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        try:
+            output, errors = process.communicate(timeout=seconds)
+        finally:
+            process.kill()  # does nothing to one that has ended
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)
+
+
+def limit_self(memory_bytes: int, processor_seconds: int) -> None:
+    """Bound the address space and the processor time of this process, for work on a file of somebody else."""
+    if sys.platform == "win32":  # which has no such limits
+        return
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+    resource.setrlimit(resource.RLIMIT_CPU, (processor_seconds, processor_seconds))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
 def open_lifeline() -> int:
     """Return a descriptor for one child to inherit; close it here after the child has started.
 

@@ -321,7 +321,8 @@ class Session:
         calls us at this moment: so nothing is watched any more by then, and calls that have begun get time to end.
         """
         self._is_open = False
-        if [declared for declared in self._declared if declared.end_watching()]:
+        watched = sum(declared.end_watching() for declared in self._declared)
+        if watched:
             time.sleep(CALLS_END_S)
         for declared in self._declared:
             declared.end_publishing()

@@ -30,8 +30,9 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from hil.charts.sources import s57, s57_process  # noqa: E402
+from hil.charts.sources import s57_process  # noqa: E402
 from hil.charts.sources.choose import read_sources  # noqa: E402
+from hil.common import children  # noqa: E402
 from hil.common.errors import HilError  # noqa: E402
 
 SLOWEST_S = 100.0  # of which the reading process has s57_process.CPU_SECONDS
@@ -185,7 +186,7 @@ def main() -> int:
     parser.add_argument("--keep", default="mutated_cells", metavar="DIR", help="where to keep what is wrong")
     options = parser.parse_args()
     cells = cells_of(options.charts)
-    s57.start_child = ForkedReader  # type: ignore[assignment,attr-defined]
+    children.start_child = ForkedReader  # type: ignore[assignment]
     import pyogrio  # noqa: F401 - loaded once, for all copies
     import shapely  # noqa: F401
 

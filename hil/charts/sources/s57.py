@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.sources.s57_process import NO_LIBRARY, UNFIT_UPDATE
-from hil.common.children import module_command, package_environment, start_child
+from hil.common.children import finish_child, module_command
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 from hil.common.text import clean
@@ -109,19 +109,14 @@ def _check_kind(path: str, head: bytes) -> None:
 def _ask_process(path: str, updates: bool) -> bytes:
     """Return what `hil.charts.sources.s57_process` says of the file. Raises ConfigError, MissingExtraError."""
     command = module_command("hil.charts.sources.s57_process", path, "APPLY" if updates else "IGNORE")
-    with start_child(
-        command, environment=package_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
-        try:
-            output, complaints = process.communicate(timeout=MAX_SECONDS)
-        except subprocess.TimeoutExpired:
-            raise ConfigError(f"{path}: not read within {MAX_SECONDS} s: damaged; copy it again") from None
-        finally:
-            process.kill()  # does nothing to one that has ended
-    code = process.returncode
+    try:
+        done = finish_child(command, MAX_SECONDS)
+    except subprocess.TimeoutExpired:
+        raise ConfigError(f"{path}: not read within {MAX_SECONDS} s: damaged; copy it again") from None
+    code = done.returncode
     if code == 0:
-        return bytes(output)
-    reason = complaints.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
+        return done.stdout
+    reason = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
     if code == NO_LIBRARY:
         raise MissingExtraError("charts need GDAL: pip install 'uuv-hil[chart]'")
     if code == UNFIT_UPDATE:

@@ -12,6 +12,7 @@ import tempfile
 import warnings
 from typing import Any
 
+from hil.common.children import limit_self
 from hil.common.lifeline import die_with_parent
 
 MEMORY_BYTES = 2 << 30  # of address space: a chart of 5 MB takes a tenth
@@ -30,12 +31,7 @@ UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings where an updat
 def main(path: str, updates: str) -> int:
     """Write the chart; return the exit code."""
     die_with_parent()
-    if sys.platform != "win32":  # which has no such limits
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-        resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    limit_self(MEMORY_BYTES, CPU_SECONDS)
     warnings.simplefilter("ignore")  # what GDAL overlooks in a chart is no error
     try:
         import pyogrio  # noqa: F401 - whether they are there

@@ -5,7 +5,7 @@ import subprocess
 from collections.abc import Iterable
 
 from hil.commands.vehicle.xacro_process import NO_LIBRARY
-from hil.common.children import module_command, package_environment, start_child
+from hil.common.children import finish_child, module_command
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import read_bytes
 from hil.common.text import clean
@@ -27,24 +27,19 @@ def expand(path: str, arguments: Iterable[str] = ()) -> bytes:
     `$(find PACKAGE)` is looked for as sim/vehicle/urdf/ros_packages.py says. Raises ConfigError, MissingExtraError.
     """
     command = module_command("hil.commands.vehicle.xacro_process", path, *map(_pair, arguments))
-    with start_child(
-        command, environment=package_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
-        try:
-            output, complaints = process.communicate(timeout=MAX_SECONDS)
-        except subprocess.TimeoutExpired:
-            raise ConfigError(f"{path}: not expanded within {MAX_SECONDS:g} s") from None
-        finally:
-            process.kill()  # does nothing to one that has ended
-    code = process.returncode
+    try:
+        done = finish_child(command, MAX_SECONDS)
+    except subprocess.TimeoutExpired:
+        raise ConfigError(f"{path}: not expanded within {MAX_SECONDS:g} s") from None
+    code = done.returncode
     if code == NO_LIBRARY:
         raise MissingExtraError("a xacro file needs the package xacro: pip install 'uuv-hil[master]'")
     if code < 0:  # by a signal: at the limit on time
         raise ConfigError(f"{path}: cannot be expanded: an expression of it takes too long")
     if code:
-        reason = complaints.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
+        reason = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
         raise ConfigError(f"{path}: cannot be expanded: {clean(reason[0])}")
-    return bytes(output)
+    return done.stdout
 
 
 def _pair(argument: str) -> str:

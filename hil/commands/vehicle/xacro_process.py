@@ -6,11 +6,11 @@ The URDF is written to the standard output; what is wrong with the file is the l
 the file's expressions as Python, so that `9**9**9**9` would run for ever: hence the limits.
 """
 
-import resource
 import sys
 from types import ModuleType
 from typing import Any
 
+from hil.common.children import limit_self
 from hil.common.lifeline import die_with_parent
 from sim.vehicle.urdf.ros_packages import find_package
 
@@ -22,9 +22,7 @@ DAMAGED, NO_LIBRARY = 1, 5
 def main(path: str, *arguments: str) -> int:
     """Write the URDF; the exit code."""
     die_with_parent()
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    limit_self(MEMORY_BYTES, CPU_SECONDS)
     try:
         import xacro
     except ImportError:
