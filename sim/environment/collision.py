@@ -211,7 +211,7 @@ class Contact:
         return max(0.0, away)
 
     def _find_near(self, state: State) -> float:
-        """Look anew for what is near, once the vehicle is half out of that; return how far (m) the rest is at least."""
+        """Look again for what is near, once the vehicle is half out of it; return how far (m) the rest is at least."""
         north, east, _ = state.position
         (from_north, from_east), limit = self._near_place, self.radius + _NEAR
         away = hypot(north - from_north, east - from_east)

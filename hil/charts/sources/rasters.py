@@ -17,7 +17,7 @@ from hil.common.tables import check_file
 Array = NDArray[np.float64]
 
 WGS84 = "EPSG:4326"
-# GDAL goes by what a file holds unless it is told; a WMS, a VRT and others name further files and hosts to be read.
+# Without a driver GDAL goes by what a file holds; a WMS, a VRT and others name more files and hosts to be read.
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".bag": "BAG", ".nc": "netCDF", ".asc": "AAIGrid", ".h5": "S102"}
 NAMES = ("elevation", "depth", "z", "bathymetry")  # of the variable to take, where a file has several
 SAMPLED = 512  # pixels along a side, from which the sign of a raster without a name is seen

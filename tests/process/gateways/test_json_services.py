@@ -3,40 +3,18 @@
 import array
 import json
 from base64 import b64decode
-from collections.abc import Iterator
 from math import hypot, isfinite
 
 import pytest
 
 import hil
 from hil.client.fleet import Fleet
-from tests.support.clients.json_client import Client, Message, client, gateway, own_state, wait_for_pictures
-from tests.support.processes import slave_with, wait_for
+from tests.support.clients.json_client import Client, Message, client, gateway, own_state, seeing_fleet
+from tests.support.processes import wait_for
 
-__all__ = ["client", "gateway", "own_state"]  # the fixtures
+__all__ = ["client", "gateway", "own_state", "seeing_fleet"]  # the fixtures
 
 pytest.importorskip("numpy", reason="pictures and maps need numpy")
-
-SENSORS = """
-[sensors.camera]
-rate = "5 Hz"
-width = 64
-height = 48
-[sensors.forward_sonar]
-rate = "5 Hz"
-[sensors.laser]
-rate = "10 Hz"
-beams = 91
-[ros]
-images = "raw"
-"""
-
-
-@pytest.fixture(scope="module")
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
-    with slave_with(tmp_path_factory.mktemp("slave"), SENSORS) as endpoint, hil.connect(endpoint) as fleet:
-        wait_for_pictures(fleet)
-        yield fleet
 
 
 def place(client: Client) -> list[float]:

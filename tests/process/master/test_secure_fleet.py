@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from hil.cases.variant import write_variant
-from hil.commands.keys import add_machine, init
 from hil.common.errors import ConfigError
 from hil.master.agent import run
 from hil.network.opening import listen
@@ -16,20 +15,10 @@ from hil.network.security import Security
 from hil.network.session import Session
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
+from tests.support.network.fleet_keys import PLANNERS, keys
 from tests.support.processes import free_port, wait_for
 
-PLANNERS = ("planner1", "planner2", "planner3")
-
-
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("keys")
-    init(str(folder))
-    for name in ("uuv", *PLANNERS, "viewer", "stranger"):
-        add_machine(str(folder), name, [])
-    init(str(folder / "other"))
-    add_machine(str(folder / "other"), "planner2", [])
-    return folder
+__all__ = ["keys"]  # the fixture
 
 
 def security(keys: Path, master: str) -> Security:

@@ -3,6 +3,7 @@
 import json
 import socket
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,23 @@ import pytest
 import hil
 from hil.client.fleet import Fleet
 from hil.gateways.json_lines.server import JsonGateway
-from tests.support.processes import Program, wait_for, write_scenario
+from tests.support.processes import Program, slave_with, wait_for, write_scenario
 
 Message = dict[str, Any]
+
+SEEING = """
+[sensors.camera]
+rate = "5 Hz"
+width = 64
+height = 48
+[sensors.forward_sonar]
+rate = "5 Hz"
+[sensors.laser]
+rate = "10 Hz"
+beams = 91
+[ros]
+images = "{images}"
+"""
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +39,20 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
         slave.expect("ready")
         with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
             yield fleet
+
+
+@contextmanager
+def seeing_vehicle(folder: Path, images: str) -> Iterator[Fleet]:
+    """Connect to a slave with camera, sonar and laser whose pictures are there; `images` is as of `[ros] images`."""
+    with slave_with(folder, SEEING.format(images=images)) as endpoint, hil.connect(endpoint) as fleet:
+        wait_for_pictures(fleet)
+        yield fleet
+
+
+@pytest.fixture(scope="module", name="fleet")
+def seeing_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    with seeing_vehicle(tmp_path_factory.mktemp("slave"), "raw") as fleet:
+        yield fleet
 
 
 @pytest.fixture(autouse=True)

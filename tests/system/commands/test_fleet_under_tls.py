@@ -4,26 +4,30 @@ import signal
 from contextlib import ExitStack
 from pathlib import Path
 
-import pytest
-
 from hil.cases.target_hunting import members_on_free_ports
 from hil.cases.variant import write_variant
-from hil.commands.keys import add_machine, init
+from hil.commands.keys import add_machine
 from hil.scenario.config import load_scenario
+from tests.support.network.fleet_keys import PLANNERS, keys
 from tests.support.processes import Program, free_port
 
-PLANNERS = ("planner1", "planner2", "planner3")
+__all__ = ["keys"]  # the fixture
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("keys")
-    init(str(folder))
-    for name in ("uuv", *PLANNERS, "viewer", "stranger"):
-        add_machine(str(folder), name, [])
-    init(str(folder / "other"))
-    add_machine(str(folder / "other"), "planner2", [])
-    return folder
+def hunt(scenario: str, keys: Path, vehicles: list[str], folder: Path) -> None:
+    """Start a slave and a planner for each member, with these keys; each planner hears others' reports."""
+    with ExitStack() as stack:
+        agents = []
+        for member, vehicle, planner in zip(load_scenario(scenario).member, vehicles, PLANNERS, strict=True):
+            own = "--set", f'security.slave="{keys / vehicle}"', "--set", f'security.master="{keys / planner}"'
+            stack.enter_context(Program(folder, "slave", scenario, "--member", member.node, *own))
+            agents.append(stack.enter_context(Program(folder, "agent", scenario, "--member", member.node, *own)))
+        for agent in agents:
+            agent.expect(r"[1-9]\d*% of the plan")
+        for agent in agents:
+            agent.process.send_signal(signal.SIGINT)
+        for agent in agents:
+            assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
 
 
 def test_vehicles_and_planners_with_a_key_each_hunt_under_tls(keys: Path, tmp_path: Path) -> None:
@@ -37,19 +41,7 @@ def test_vehicles_and_planners_with_a_key_each_hunt_under_tls(keys: Path, tmp_pa
         "security.may_command": list(PLANNERS),
     }
     scenario = write_variant("target_hunting", str(tmp_path), changes)
-    members = load_scenario(scenario).member
-    with ExitStack() as stack:
-        agents = []
-        for member, vehicle, planner in zip(members, vehicles, PLANNERS, strict=True):
-            own = "--set", f'security.slave="{keys / vehicle}"', "--set", f'security.master="{keys / planner}"'
-            stack.enter_context(Program(tmp_path, "slave", scenario, "--member", member.node, *own))
-            agents.append(stack.enter_context(Program(tmp_path, "agent", scenario, "--member", member.node, *own)))
-        for agent in agents:
-            agent.expect(r"[1-9]\d*% of the plan")
-        for agent in agents:
-            agent.process.send_signal(signal.SIGINT)
-        for agent in agents:
-            assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
+    hunt(scenario, keys, vehicles, tmp_path)
 
 
 def test_a_fleet_under_tls_hunts_behind_a_router(keys: Path, tmp_path: Path) -> None:
@@ -69,17 +61,6 @@ def test_a_fleet_under_tls_hunts_behind_a_router(keys: Path, tmp_path: Path) -> 
         "security.may_command": list(PLANNERS),
     }
     scenario = write_variant("target_hunting", str(tmp_path), changes)
-    with ExitStack() as stack:
-        hub = stack.enter_context(Program(tmp_path, "router", "--scenario", scenario, "--listen", router))
+    with Program(tmp_path, "router", "--scenario", scenario, "--listen", router) as hub:
         hub.expect("forwarding")
-        agents = []
-        for member, vehicle, planner in zip(load_scenario(scenario).member, vehicles, PLANNERS, strict=True):
-            own = "--set", f'security.slave="{keys / vehicle}"', "--set", f'security.master="{keys / planner}"'
-            stack.enter_context(Program(tmp_path, "slave", scenario, "--member", member.node, *own))
-            agents.append(stack.enter_context(Program(tmp_path, "agent", scenario, "--member", member.node, *own)))
-        for agent in agents:
-            agent.expect(r"[1-9]\d*% of the plan")
-        for agent in agents:
-            agent.process.send_signal(signal.SIGINT)
-        for agent in agents:
-            assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
+        hunt(scenario, keys, vehicles, tmp_path)

@@ -1,7 +1,6 @@
 """The package +uuv in GNU Octave: what it sees and changes of a real vehicle, and what its errors say."""
 
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,36 +8,14 @@ import pytest
 import hil
 from hil.client.fleet import Fleet
 from hil.gateways.json_lines.server import JsonGateway
-from tests.support.clients.json_client import gateway, own_state, wait_for_pictures
+from tests.support.clients.json_client import gateway, own_state, seeing_fleet, seeing_vehicle
 from tests.support.octave import needs_octave, run, run_octave, write_script
-from tests.support.processes import Program, free_port, slave_with, wait_for, write_scenario
+from tests.support.processes import Program, free_port, wait_for, write_scenario
 
-__all__ = ["gateway", "own_state"]  # the fixtures
+__all__ = ["gateway", "own_state", "seeing_fleet"]  # the fixtures
 
 pytest.importorskip("numpy", reason="pictures and maps need numpy")
 pytestmark = needs_octave
-
-SENSORS = """
-[sensors.camera]
-rate = "5 Hz"
-width = 64
-height = 48
-[sensors.forward_sonar]
-rate = "5 Hz"
-[sensors.laser]
-rate = "10 Hz"
-beams = 91
-[ros]
-images = "{images}"
-"""
-
-
-@pytest.fixture(scope="module")
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
-    folder = tmp_path_factory.mktemp("slave")
-    with slave_with(folder, SENSORS.format(images="raw")) as endpoint, hil.connect(endpoint) as fleet:
-        wait_for_pictures(fleet)
-        yield fleet
 
 
 SIMULATION = """
@@ -97,12 +74,7 @@ def test_pictures_scan_and_map(tmp_path: Path, gateway: JsonGateway, fleet: Flee
 def test_a_jpeg_is_found_and_read(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     pytest.importorskip("PIL", reason="JPEG needs Pillow")
     folder = tmp_path_factory.mktemp("jpeg")
-    with (
-        slave_with(folder, SENSORS.format(images="jpeg")) as endpoint,
-        hil.connect(endpoint) as fleet,
-        JsonGateway(fleet, "127.0.0.1", 0) as gateway,
-    ):
-        wait_for_pictures(fleet)
+    with seeing_vehicle(folder, "jpeg") as fleet, JsonGateway(fleet, "127.0.0.1", 0) as gateway:
         lines = run(tmp_path, gateway, "printf('%s %d %d %d\\n', class(vehicle.camera()), size(vehicle.camera()));")
     assert lines == ["uint8 48 64 3"]
 

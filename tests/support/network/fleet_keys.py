@@ -1,0 +1,20 @@
+"""Keys of a fleet under TLS: its vehicle, its planners, who may look, and who has a key of another authority."""
+
+from pathlib import Path
+
+import pytest
+
+from hil.commands.keys import add_machine, init
+
+PLANNERS = ("planner1", "planner2", "planner3")
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("keys")
+    init(str(folder))
+    for name in ("uuv", *PLANNERS, "viewer", "stranger"):
+        add_machine(str(folder), name, [])
+    init(str(folder / "other"))
+    add_machine(str(folder / "other"), "planner2", [])
+    return folder
