@@ -1,10 +1,19 @@
-"""Options by which a command reaches vehicles, and the addresses and keys that follow from them and the scenario."""
+"""Options by which a command reaches vehicles, the addresses and keys that follow, and the loop of a gateway."""
 
 import argparse
-from typing import Any, NamedTuple
+import select
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.common.options import ENDPOINT, LOCAL_SLAVE, WAIT, add_changes, changes_of, endpoint_or_lan
 from hil.scenario.config import Scenario, load_scenario, load_single
+
+if TYPE_CHECKING:
+    from hil.client.fleet import Fleet
+    from hil.recording.mcap_file import Message
+    from hil.recording.tap import Tap
+
+POLL_S = 0.02  # between two looks for messages
 
 
 class Reach(NamedTuple):
@@ -93,3 +102,20 @@ def presence(names: list[str], endpoints: list[str]) -> str:
     if names:
         return f"here: {', '.join(names)}"
     return f"no vehicle at {', '.join(endpoints)} yet; waiting for one (`uuv-hil slave` there)"
+
+
+def forward(
+    tap: "Tap",
+    show: Callable[["list[Message]"], None],
+    fleet: "Fleet",
+    endpoints: list[str],
+    stop_fd: int,
+    is_over: Callable[[], bool] = lambda: False,
+) -> None:
+    """Show what vehicles publish until `stop_fd` is readable; print who is there, and again when that changes."""
+    names: list[str] | None = None
+    while not is_over() and not select.select((stop_fd,), (), (), POLL_S)[0]:
+        show(tap.receive())
+        if fleet.names != names:
+            names = fleet.names
+            print(presence(names, endpoints), flush=True)

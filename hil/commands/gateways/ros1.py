@@ -2,11 +2,10 @@
 
 import argparse
 import re
-import select
 from contextlib import ExitStack
 
 import hil
-from hil.commands.listening import add_fleet, add_take_over, presence, reach_of
+from hil.commands.listening import add_fleet, add_take_over, forward, reach_of
 from hil.common.errors import MissingExtraError
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
@@ -26,7 +25,6 @@ examples:
   uuv-hil ros1 --listen 0.0.0.0:0                     nodes on other machines, too; 0 is any free port
 """
 LISTEN = "127.0.0.1:0"
-POLL_S = 0.02
 
 
 def main(arguments: list[str]) -> int:
@@ -59,12 +57,7 @@ def main(arguments: list[str]) -> int:
         _print(f"/{options.name} at {bridge.api} serves {', '.join(endpoints)} to {master}; Ctrl-C ends it")
         if options.command:
             _print("every node of that ROS network may command")
-        names: list[str] | None = None
-        while not bridge.ended and not select.select((stop_fd,), (), (), POLL_S)[0]:
-            bridge.show(tap.receive())
-            if fleet.names != names:
-                names = fleet.names
-                _print(presence(names, endpoints))
+        forward(tap, bridge.show, fleet, endpoints, stop_fd, lambda: bool(bridge.ended))
         if bridge.ended:
             _print(f"ends: {bridge.ended}")
     return 0

@@ -1,10 +1,9 @@
 """`uuv-hil rosbridge`: serve vehicles to web pages and tools that speak rosbridge."""
 
-import select
 from contextlib import ExitStack
 
 import hil
-from hil.commands.listening import add_fleet, add_take_over, presence, reach_of
+from hil.commands.listening import add_fleet, add_take_over, forward, reach_of
 from hil.common.errors import MissingExtraError
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
@@ -21,7 +20,6 @@ examples:
   uuv-hil rosbridge --listen 0.0.0.0:9090             for other machines: programs that reach it can look
 """
 LISTEN = "127.0.0.1:9090"
-POLL_S = 0.02
 
 
 def main(arguments: list[str]) -> int:
@@ -50,10 +48,5 @@ def main(arguments: list[str]) -> int:
         tap = opened.enter_context(Tap(endpoints, network, security))
         address = f"ws://{host}:{server.port}"
         print(f"{address}/?token={server.access.token} serves {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
-        names: list[str] | None = None
-        while not select.select((stop_fd,), (), (), POLL_S)[0]:
-            server.show(tap.receive())
-            if fleet.names != names:
-                names = fleet.names
-                print(presence(names, endpoints), flush=True)
+        forward(tap, server.show, fleet, endpoints, stop_fd)
     return 0
