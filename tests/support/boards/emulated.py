@@ -1,5 +1,10 @@
 """The virtual board for tests, built once in the user's cache."""
 
+import fcntl
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 import pytest
 
 from hil.common.errors import DeviceError
@@ -16,3 +21,13 @@ def built_board() -> VirtualBoard:
             pytest.skip(f"needs Debian's packages for arm64: {error}")
         raise
     return board
+
+
+@contextmanager
+def held_board() -> Iterator[VirtualBoard]:
+    """As `built_board`, and no other test builds or changes it until the end: hold it while its image is written."""
+    lock = Path(f"{VirtualBoard().folder}.lock")
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    with open(lock, "w", encoding="utf-8") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield built_board()

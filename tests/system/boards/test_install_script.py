@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from hil.common.children import ROOT
-from tests.support.boards.emulated import built_board
+from tests.support.boards.emulated import held_board
 from tools.virtual_board.board import WHEELS
 from tools.virtual_board.commands import TO_BOOT, missing
 from tools.virtual_board.system import Booted
@@ -47,22 +47,26 @@ def asked_for(request: pytest.FixtureRequest) -> None:
         pytest.skip("boots a whole emulated board: pytest -m board")
 
 
+def booted_with_wheels() -> Booted:
+    """The board, booted, with the project's wheels and those it needs in `site/wheels`."""
+    with held_board() as board:
+        wheels = Path(board.site) / "wheels"
+        pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+        cross = ["env", "CC=aarch64-linux-gnu-gcc", "_PYTHON_HOST_PLATFORM=linux-aarch64", "UUV_HIL_NATIVE=1"]
+        subprocess.run([*cross, *pip, "wheel", "--no-deps", "--no-build-isolation", "-w", wheels, ROOT], check=True)
+        platforms = [word for name in WHEELS for word in ("--platform", name)]
+        needed = ["eclipse-zenoh", "pyserial", "psutil"]
+        there = ["--python-version", "3.11", "--abi", "cp311", "--abi", "abi3", "--abi", "none"]
+        subprocess.run([*pip, "download", *platforms, *there, "--only-binary=:all:", "-d", wheels, *needed], check=True)
+        (Path(board.root) / "opt" / "venvs").mkdir(parents=True, exist_ok=True)
+        try:
+            return Booted(board, JOB)
+        finally:
+            shutil.rmtree(wheels)
+
+
 def test_one_command_leaves_a_service() -> None:
-    board = built_board()
-    wheels = Path(board.site) / "wheels"
-    shutil.rmtree(wheels, ignore_errors=True)
-    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    cross = ["env", "CC=aarch64-linux-gnu-gcc", "_PYTHON_HOST_PLATFORM=linux-aarch64", "UUV_HIL_NATIVE=1"]
-    subprocess.run([*cross, *pip, "wheel", "--no-deps", "--no-build-isolation", "-w", wheels, ROOT], check=True)
-    platforms = [word for name in WHEELS for word in ("--platform", name)]
-    needed = ["eclipse-zenoh", "pyserial", "psutil"]
-    there = ["--python-version", "3.11", "--abi", "cp311", "--abi", "abi3", "--abi", "none"]
-    subprocess.run([*pip, "download", *platforms, *there, "--only-binary=:all:", "-d", wheels, *needed], check=True)
-    (Path(board.root) / "opt" / "venvs").mkdir(parents=True, exist_ok=True)
-    try:
-        with Booted(board, JOB) as booted:
-            booted.wait(1800.0)
-    finally:
-        shutil.rmtree(wheels)
+    with booted_with_wheels() as booted:
+        booted.wait(1800.0)
     assert "service: active enabled" in booted.output, booted.output
     assert "from: /opt/venvs/uuv-hil/bin/" in booted.output, booted.output

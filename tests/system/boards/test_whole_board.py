@@ -9,7 +9,7 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
-from tests.support.boards.emulated import built_board
+from tests.support.boards.emulated import held_board
 from tests.support.processes import free_port, wait_for
 from tools.virtual_board.commands import TO_BOOT, missing
 from tools.virtual_board.system import Booted
@@ -152,9 +152,10 @@ def last_of(booted: Booted) -> str:
 
 
 def test_the_service_on_a_whole_board() -> None:
-    board = built_board()
     port = free_port()
-    with Booted(board, JOB + LIMITS, {port: 7447}) as booted:
+    with held_board() as board:
+        whole = Booted(board, JOB + LIMITS, {port: 7447})
+    with whole as booted:
         assert wait_for(lambda: "service: " in booted.output or booted.status is not None, 900), last_of(booted)
         assert "service: active active" in booted.output, last_of(booted)
         with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
