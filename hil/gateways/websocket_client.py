@@ -82,6 +82,7 @@ class SocketClient(ABC):
         finally:
             for task in self._tasks:
                 task.cancel()
+            await asyncio.gather(*self._tasks, return_exceptions=True)  # one may fail while it is cancelled
 
     @abstractmethod
     async def _on_text(self, text: str) -> None:

@@ -3,11 +3,12 @@
 import json
 from typing import Any
 
-GREEN, BLUE, ORANGE = "#16a34a", "#2563eb", "#ea580c"
+COLOURS = "#2563eb", "#ea580c", "#16a34a", "#9333ea", "#0891b2", "#ca8a04", "#db2777", "#64748b"
+BLUE, ORANGE, GREEN = COLOURS[:3]
 MESSAGES_OF_PLOTS = {
     "depth": (("odom.pose.pose.position.z", "z (up, m)"), ("altitude.range", "altitude (m)")),
     "speed": (("odom.twist.twist.linear.x", "surge (m/s)"), ("cmd_vel.linear.x", "commanded (m/s)")),
-    "thrusts": (("joint_states.effort[:]{all}", "thrust (N)"),),
+    "thrusts": tuple((f"joint_states.effort[{n}]", f"thrust {n + 1} (N)") for n in range(len(COLOURS))),
     "battery": (("battery.voltage", "voltage (V)"), ("battery.current", "current (A)")),
 }
 
@@ -58,7 +59,7 @@ def _three_d(node: str, frame: str) -> dict[str, Any]:
         "followTf": frame,
         "followMode": "follow-position",
         "cameraState": {"distance": 12, "phi": 55, "thetaOffset": 45, "targetOffset": [0, 0, 0], "fovy": 45},
-        "scene": {"backgroundColor": "#0b1622"},
+        "scene": {"backgroundColor": "#0b1622", "transforms": {"showLabel": False}},
         "transforms": {},
         "topics": {
             "/scene": visible, f"/{node}/laser": {**points, "flatColor": ORANGE},
@@ -73,10 +74,9 @@ def _image(topic: str) -> dict[str, Any]:
 
 
 def _plot(node: str, curves: tuple[tuple[str, str], ...]) -> dict[str, Any]:
-    colours = BLUE, ORANGE
     paths = [
         {"value": f"/{node}/{path}", "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
-        for (path, label), colour in zip(curves, colours, strict=False)
+        for (path, label), colour in zip(curves, COLOURS, strict=False)
     ]
     return {"paths": paths, "showLegend": True, "legendDisplay": "top", "isSynced": True, "followingViewWidth": 60}
 

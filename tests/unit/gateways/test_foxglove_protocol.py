@@ -53,7 +53,7 @@ def test_the_layout_names_the_topics_of_its_vehicle() -> None:
 def test_the_layout_plots_fields_that_messages_have() -> None:
     for curves in MESSAGES_OF_PLOTS.values():
         for path, _ in curves:
-            name, *fields = path.replace("[:]{all}", "").split(".")
+            name, *fields = path.partition("[")[0].split(".")
             message: Any = ros_message.empty(TOPICS[name].type)
             for field in fields:
                 message = message[field]

@@ -1,12 +1,13 @@
 """The queue of a websocket client is bounded, also for messages that must not be dropped."""
 
 import asyncio
+import gc
 from typing import Any, cast
 
 import pytest
 
 from hil.gateways import websocket_client
-from hil.gateways.websocket_client import SendQueue
+from hil.gateways.websocket_client import SendQueue, SocketClient
 
 
 class Socket:
@@ -73,3 +74,30 @@ def test_the_oldest_is_dropped_first() -> None:
         assert socket.sent == [b"%02d" % number for number in range(3, 8)]
 
     asyncio.run(run())
+
+
+class Gone(SocketClient):
+    """A client that has nothing more to say, and to whom nothing can be sent."""
+
+    async def _read(self) -> None:
+        await asyncio.sleep(0)
+
+    async def _write(self) -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            raise ConnectionError("closing")
+
+    _on_text = _on_binary = cast(Any, None)
+
+
+def test_a_client_that_leaves_while_something_is_sent_leaves_no_error_behind() -> None:
+    reported: list[dict[str, Any]] = []
+
+    async def run() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: reported.append(context))
+        await Gone(cast(Any, Socket())).serve()
+
+    asyncio.run(run())
+    gc.collect()
+    assert reported == []
