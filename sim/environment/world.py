@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, find_preset, parse
 from hil.common.tables import read_table
+from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class World(NamedTuple):
     `magnetic_field` is the earth's: intensity in tesla, inclination (down is positive) and declination (east is
     positive), each angle in rad. Left out it is that of the World Magnetic Model at the origin, and without an origin
     about that of central Europe (sim/environment/geomagnetism.py).
+    `bottom` is what the seabed is made of, for sonars and cameras; left out it is even and smooth below the grid.
     Not modelled: eddies, the water's calm in the lee of an obstacle.
     """
 
@@ -51,6 +53,7 @@ class World(NamedTuple):
     magnetic_field: tuple[Annotated[float, Range(0.0, 1e-3)], Angle, Angle] | None = None
     cylinder: tuple[Cylinder, ...] = ()
     box: tuple[Box, ...] = ()
+    bottom: Bottom | None = None
     ocean: "Ocean | None" = None  # these are read by load_world, each with a schema of its own
     terrain: "Terrain | None" = None
     mesh: "tuple[MeshObstacle, ...]" = ()

@@ -17,7 +17,7 @@ from hil.master.avoid import AvoidSettings
 from hil.network.security import Security
 from hil.network.settings import Network
 from hil.scenario import autopilot_records, config, fleet_records, mavlink_records, modem_records, records
-from sim.environment import mesh, obstacles, ocean, relief, terrain, world
+from sim.environment import bottom, mesh, obstacles, ocean, relief, terrain, world
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
@@ -169,6 +169,7 @@ def vehicle_file() -> str:
 def world_file() -> str:
     """Return the page of the world file."""
     linked = {
+        "bottom": "table, [`bottom`](#bottom)",
         "ocean": "table, [`ocean`](#ocean)",
         "terrain": "table, [`terrain`](#terrain-from-a-file)",
         "mesh": "tables, [`mesh`](#mesh)",
@@ -181,6 +182,7 @@ def world_file() -> str:
         Section("terrain from a file", terrain.StoredKeys, "Depths as little-endian 32-bit floats, row after row."),
         *[Section(f"terrain {kind}", record, f"`kind = \"{kind}\"` in `[terrain]`.")
           for kind, record in relief.KINDS.items()],
+        Section("bottom", bottom.Bottom, "`[bottom]` is what sonars and cameras see of the seabed below its grid."),
         Section("ocean", ocean.Ocean),
         *[Section(record.__name__, record) for record in (
             ocean.Layers, ocean.GaussMarkov, ocean.Tide, ocean.Series, ocean.Profile, ocean.Waves)],

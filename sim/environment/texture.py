@@ -1,0 +1,128 @@
+"""Relief and composition of a seabed below the resolution of its grid, by place: one source for sonar and camera.
+
+The relief is noise with the power spectrum k^-exponent of a natural bed (APL-UW 1994, TR 9407: 3 to 3.5), cut off at
+`OUTER` m, and ripples; the composition is a slower noise. Both repeat after some 20 to 40 m, each on a grid of its own.
+`footprint` (m) is the size over which a sensor takes the mean: what is smaller is not seen. Slopes are how much deeper
+it gets per m, as in sim.environment.terrain.Terrain.gradient.
+"""
+
+from functools import lru_cache
+from math import cos, sin, tau
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.environment.bottom import OUTER, PROPERTIES, Bottom
+from sim.environment.terrain import Terrain
+
+Floats = NDArray[np.float32]
+
+_SIDE = 512  # nodes of a tile, a power of two
+_NODE = 0.04  # m between nodes of the finest relief: it repeats after 20 m
+_PATCH_NODE = 0.083  # m, of the composition: after 42 m
+_LEVELS = 6  # each of half the resolution of the one before
+
+
+class _Tiles(NamedTuple):
+    """Slopes to the north and the east and strength, for each level a flattened square of nodes."""
+
+    north: tuple[Floats, ...]
+    east: tuple[Floats, ...]
+    strength: tuple[Floats, ...]
+
+
+class Texture:
+    """The texture of one bottom."""
+
+    def __init__(self, bottom: Bottom) -> None:
+        kind = PROPERTIES[bottom.kind]
+        height = kind.height if bottom.roughness is None else bottom.roughness
+        patches = kind.patches if bottom.patches is None else bottom.patches
+        self._tiles = _tiles(bottom.seed, kind.exponent)
+        self._height, self._patches = np.float32(height), np.float32(patches)
+        self.echo = kind.echo  # dB, re sand
+        wave = tau / bottom.ripple_length
+        self._wave = np.float32(wave * cos(bottom.ripple_heading)), np.float32(wave * sin(bottom.ripple_heading))
+        self._ripple, self._length = 0.5 * bottom.ripple_height, bottom.ripple_length
+
+    def slopes(self, north: Any, east: Any, footprint: float) -> tuple[Floats, Floats]:
+        """Return the slopes to the north and the east that come on top of those of the grid, at places (m, NED)."""
+        index, level = _index(north, east, _NODE, footprint)
+        to_north = self._height * self._tiles.north[level].take(index)
+        to_east = self._height * self._tiles.east[level].take(index)
+        left = self._ripple * float(np.sinc(footprint / self._length)) if footprint < self._length else 0.0
+        if left:
+            along, across = self._wave
+            rise = np.float32(left) * np.cos(along * np.float32(north) + across * np.float32(east))
+            to_north, to_east = to_north + along * rise, to_east + across * rise
+        return to_north, to_east
+
+    def strength(self, north: Any, east: Any, footprint: float) -> Floats:
+        """Return how much stronger than in the mean the echo is (dB); of a camera's brightness about as much."""
+        index, level = _index(north, east, _PATCH_NODE, footprint)
+        strength: Floats = self._patches * self._tiles.strength[level].take(index)
+        return strength
+
+
+def smooth_slopes(terrain: Terrain, north: Any, east: Any) -> tuple[Floats, Floats]:
+    """Return the slopes of a terrain at places (m, NED) without the edges of its cells: bilinear between nodes.
+
+    Those of the surface itself change from cell to cell, which a picture shows as facets. 0 beyond the grid and where
+    there is no data near.
+    """
+    _, _, _, rows, columns = terrain.grid
+    x, y = terrain.coordinates(np.asarray(north), np.asarray(east))  # type: ignore[arg-type]
+    row = np.clip(x, 0.0, rows - 1.001).astype(np.int64)
+    column = np.clip(y, 0.0, columns - 1.001).astype(np.int64)
+    u, v = np.float32(np.clip(x - row, 0.0, 1.0)), np.float32(np.clip(y - column, 0.0, 1.0))
+    depths = np.asarray(terrain.depths, np.float32)
+
+    def at(i: Any, j: Any) -> Any:
+        return depths.take(np.clip(i, 0, rows - 1) * columns + np.clip(j, 0, columns - 1))
+
+    block = [[at(row + i, column + j) for j in (-1, 0, 1, 2)] for i in (-1, 0, 1, 2)]
+    scale = np.float32(0.5 * terrain.scale)
+    down = [[(block[i + 1][j] - block[i - 1][j]) for j in (1, 2)] for i in (1, 2)]
+    across = [[(block[i][j + 1] - block[i][j - 1]) for j in (1, 2)] for i in (1, 2)]
+    outside = (x < 0.0) | (y < 0.0) | (x > rows - 1) | (y > columns - 1)
+    slopes = []
+    for (a, b), (c, d) in (down, across):
+        slope = scale * ((a + (b - a) * v) * (1.0 - u) + (c + (d - c) * v) * u)
+        slopes.append(np.nan_to_num(np.where(outside, 0.0, slope)).astype(np.float32))
+    return slopes[0], slopes[1]
+
+
+def _index(north: Any, east: Any, node: float, footprint: float) -> tuple[NDArray[np.int64], int]:
+    """Return which nodes of which level places lie at: the finest that is not finer than the footprint."""
+    level = min(max(round(float(np.log2(max(footprint / node, 1.0)))), 0), _LEVELS - 1)
+    side = _SIDE >> level
+    scale = np.float32(1.0 / (node * 2**level))
+    row = np.floor(np.asarray(north, np.float32) * scale).astype(np.int64) & (side - 1)
+    column = np.floor(np.asarray(east, np.float32) * scale).astype(np.int64) & (side - 1)
+    return row * side + column, level
+
+
+@lru_cache(maxsize=4)
+def _tiles(seed: int, exponent: float) -> _Tiles:
+    """Return the tiles of a relief of standard deviation 1 m, and of a strength of standard deviation 1."""
+    random = np.random.default_rng((seed, 17))
+    down, across = np.fft.fftfreq(_SIDE)[:, None], np.fft.rfftfreq(_SIDE)[None, :]
+    frequency = np.sqrt(down * down + across * across)  # cycles a node
+    frequency[0, 0] = np.inf
+    relief = np.fft.rfft2(random.standard_normal((_SIDE, _SIDE))) * frequency ** (-0.5 * exponent)
+    relief[frequency < _NODE / OUTER] = 0.0
+    relief /= np.fft.irfft2(relief, (_SIDE, _SIDE)).std()
+    composition = np.fft.rfft2(random.standard_normal((_SIDE, _SIDE))) / frequency
+    composition /= np.fft.irfft2(composition, (_SIDE, _SIDE)).std()
+    per_metre = tau / _NODE
+    spectra = relief * 1j * per_metre * down, relief * 1j * per_metre * across, composition
+    return _Tiles(*(_pyramid(np.fft.irfft2(spectrum, (_SIDE, _SIDE))) for spectrum in spectra))
+
+
+def _pyramid(tile: NDArray[np.float64]) -> tuple[Floats, ...]:
+    levels = [tile]
+    for _ in range(_LEVELS - 1):
+        last = levels[-1]
+        levels.append(0.25 * (last[::2, ::2] + last[1::2, ::2] + last[::2, 1::2] + last[1::2, 1::2]))
+    return tuple(level.astype(np.float32).ravel() for level in levels)
