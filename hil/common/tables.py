@@ -30,7 +30,7 @@ Stamp = tuple[int, int]  # time of change in ns, size in bytes
 def read_table(path: str) -> dict[str, Any]:
     """Return the TOML file at `path`. Raises ConfigError if it is missing, cannot be read or is not TOML."""
     stamp = check_file(path, LARGEST)
-    kept = _read_cache(path, stamp)
+    kept: dict[str, Any] | None = read_kept(path, stamp)
     return _read_toml(path, stamp) if kept is None else kept
 
 
@@ -155,7 +155,7 @@ def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
     except ValueError:  # whose own words name a setting of the interpreter
         digits = sys.get_int_max_str_digits()
         raise ConfigError(f"{path}: not valid TOML: a number of more than {digits} digits") from None
-    _write_cache(path, stamp, table)
+    keep(path, stamp, table)
     return table
 
 
@@ -170,23 +170,25 @@ def _is_deep(table: dict[str, Any]) -> bool:
     return True
 
 
-def _read_cache(path: str, stamp: Stamp) -> dict[str, Any] | None:
+def read_kept(path: str, stamp: Any) -> Any:
+    """Return what `keep` was given for `path` with the same `stamp`, None if it is not there."""
     try:
         with open(cache_path(path), "rb") as file:
             # Never trust what another user left there. Windows has no such numbers, and folders of one user only.
             if hasattr(os, "getuid") and os.fstat(file.fileno()).st_uid != os.getuid():
                 return None
-            kept_stamp, table = marshal.load(file)
+            kept_stamp, value = marshal.loads(file.read())  # load() would read it number by number
     except (OSError, EOFError, ValueError, TypeError):  # none, or damaged
         return None
-    return table if kept_stamp == stamp else None
+    return value if kept_stamp == stamp else None
 
 
-def _write_cache(path: str, stamp: Stamp, table: dict[str, Any]) -> None:
+def keep(path: str, stamp: Any, value: Any) -> None:
+    """Put `value`, made of plain types, into the cache for `path`, if it is small and the folder can be written."""
     cache = cache_path(path)
     fresh = f"{cache}.{os.getpid()}"
     try:
-        data = marshal.dumps((stamp, table))
+        data = marshal.dumps((stamp, value))
         if len(data) > LARGEST_KEPT:
             return
         os.makedirs(os.path.dirname(cache), mode=0o700, exist_ok=True)

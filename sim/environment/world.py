@@ -1,17 +1,21 @@
 """Worlds read from TOML: water, seabed and obstacles."""
 
+import os
+import sys
 from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, find_preset, parse
-from hil.common.tables import read_table
+from hil.common.tables import LARGEST, check_file, keep, read_kept, read_table
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Any
 
+    from hil.common.tables import Stamp
     from sim.environment.mesh import MeshObstacle
     from sim.environment.ocean import Ocean
     from sim.environment.terrain import Terrain
@@ -22,6 +26,10 @@ Angle = Annotated[float, Range(-pi, pi, "rad")]
 
 
 _RELIEF_WITHIN = 50.0  # m
+# From so many obstacles on they are kept as they were found, and not checked again while the files stay as they are: a
+# chart's two thousand take a slave of a tenth of a second a third more.
+_MANY = 100
+_CHECKED = ".obstacles"  # what they are kept as, after the world's file
 
 
 class World(NamedTuple):
@@ -85,11 +93,15 @@ class World(NamedTuple):
         return (*self.cylinder, *self.box, *self._walls())
 
     def buried(self) -> str | None:
-        """Return which obstacle could not be seen, if any, and which mesh is not in the world at all."""
+        """Return which obstacle could not be seen, if any."""
         placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
         for obstacle in placed:
             if obstacle.top >= self.seabed(obstacle.north, obstacle.east):
                 return f"the obstacle at ({obstacle.north:g}, {obstacle.east:g}) has its top in the seabed"
+        return None
+
+    def misplaced_mesh(self) -> str | None:
+        """Return which mesh could not be seen or is not in the world at all, if any."""
         north_min, north_max, east_min, east_max = self.extent
         for mesh in self.mesh:
             if not (north_min <= mesh.north <= north_max and east_min <= mesh.east <= east_max):
@@ -137,9 +149,13 @@ class World(NamedTuple):
 def load_world(name_or_path: str) -> World:
     """Return a preset of `sim/worlds`, or a file ending in `.toml`. Raises ConfigError."""
     path = find_preset("sim/worlds", name_or_path)
-    table = read_table(path)
+    stamp = (*check_file(path, LARGEST), Cylinder._fields, Box._fields)
+    kept = read_kept(path + _CHECKED, stamp)
+    table, piles, blocks, bed = kept or (read_table(path), (), (), None)
     ocean, terrain, mesh = (table.pop(key, None) for key in ("ocean", "terrain", "mesh"))
     world = parse(table, World, path)
+    if kept:
+        world = world._replace(cylinder=tuple(map(Cylinder._make, piles)), box=tuple(map(Box._make, blocks)))
     if mesh is not None:  # most worlds do without these, and start sooner
         from sim.environment.mesh import read_meshes
 
@@ -152,11 +168,25 @@ def load_world(name_or_path: str) -> World:
         from sim.environment.ocean import read_ocean
 
         world = world._replace(ocean=read_ocean(ocean, path))
-    if problem := world.buried():
+    now = _stamp_of_bed(terrain, path)
+    if problem := (None if kept and now == bed else world.buried()) or world.misplaced_mesh():
         raise ConfigError(f"{path}: {problem}")
+    if len(world.cylinder) + len(world.box) >= _MANY and not (kept and now == bed):
+        rest = {key: value for key, value in table.items() if key not in ("cylinder", "box")}
+        sections = {key: value for key, value in (("ocean", ocean), ("terrain", terrain), ("mesh", mesh)) if value}
+        keep(
+            path + _CHECKED, stamp, ({**rest, **sections}, [*map(tuple, world.cylinder)], [*map(tuple, world.box)], now)
+        )
     if world.terrain is not None:
         world.terrain.unmap()  # what the obstacles stand on
     return world
+
+
+def _stamp_of_bed(terrain: "dict[str, Any] | None", path: str) -> "Stamp | None":
+    """Return time and size of the file that a checked `[terrain]` has its depths in, None if they are in no file."""
+    if terrain is None or "file" not in terrain:
+        return None
+    return check_file(os.path.join(os.path.dirname(path), str(terrain["file"])), sys.maxsize)
 
 
 def water_pressure(world: World) -> "Callable[[float], float]":

@@ -1,7 +1,7 @@
 """The scene that a sensor's rays meet: the seabed, obstacles, and solids that are added."""
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from hil.common.errors import ConfigError
@@ -30,7 +30,8 @@ class RayScene:
 
     def __init__(self, world: World, engine: Engine = "") -> None:
         self._world = world
-        self._solids = [standing(obstacle) for obstacle in world.obstacles()]
+        self._standing = len(world.obstacles())
+        self._added: list[Solid] = []
         self._moving: list[tuple[int, State]] = []
         self._geometry: Geometry | None = None
         self._caster: Callable[..., None] | None = None
@@ -38,11 +39,12 @@ class RayScene:
 
     def add(self, solid: Solid, state: "State | None" = None) -> int:
         """Put a solid there; its number. With a `state` it goes with that vehicle: its own axes are the body's."""
-        self._solids.append(solid)
+        self._added.append(solid)
+        number = self._standing + len(self._added)
         if state is not None:
-            self._moving.append((len(self._solids), state))
+            self._moving.append((number, state))
         self._geometry = None
-        return len(self._solids)
+        return number
 
     def ranges(
         self,
@@ -114,16 +116,39 @@ class RayScene:
             for place, value in enumerate((*state.position, *matrix(state.quaternion)), first):
                 solids[place] = value
 
-    def _gather(self) -> Geometry:
-        numbers, nodes, triangles = array("d"), array("d"), array("d")
-        for solid in self._solids:
-            root = 0
-            if solid.triangles:
-                from sim.rays.tree import append_tree
+    def _solid(self, place: int) -> Solid:
+        """Return the solid of object `place` + 1."""
+        is_added = place >= self._standing
+        return self._added[place - self._standing] if is_added else standing(self._world.obstacles()[place])
 
-                root = append_tree(solid.triangles, nodes, triangles)
-            numbers.extend(solid.numbers(root))
+    def _gather(self) -> Geometry:
+        numbers, nodes, triangles = (array("d", part) for part in _standing(self._world))
+        _append(self._added, numbers, nodes, triangles)
         return Geometry(self._world.terrain, self._world.depth, numbers, nodes, triangles)
+
+
+Numbers = tuple["array[float]", "array[float]", "array[float]"]  # of solids, of trees' nodes, of triangles
+_latest: "list[tuple[World, Numbers]]" = []  # of one world
+
+
+def _standing(world: World) -> Numbers:
+    """Return the numbers of a world's obstacles, made once for all sensors that look at it."""
+    if not _latest or _latest[0][0] is not world:
+        numbers, nodes, triangles = array("d"), array("d"), array("d")
+        _append((standing(obstacle) for obstacle in world.obstacles()), numbers, nodes, triangles)
+        _latest[:] = [(world, (numbers, nodes, triangles))]
+    return _latest[0][1]
+
+
+def _append(solids: Iterable[Solid], numbers: "array[float]", nodes: "array[float]", triangles: "array[float]") -> None:
+    """Append the numbers of `solids` to those of others."""
+    for solid in solids:
+        root = 0
+        if solid.triangles:
+            from sim.rays.tree import append_tree
+
+            root = append_tree(solid.triangles, nodes, triangles)
+        numbers.extend(solid.numbers(root))
 
 
 def _doubles(directions: Any) -> "memoryview[float]":

@@ -1,3 +1,5 @@
+import os
+from array import array
 from itertools import pairwise
 from math import cos, inf, pi, sin
 from pathlib import Path
@@ -8,6 +10,8 @@ from hil.common.errors import ConfigError
 from hil.common.schema import preset_names
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World, load_world
+from sim.rays.scene import RayScene
+from sim.rays.solids import sphere
 
 EMPTY = World("sea", "test", (-10.0, 10.0, -20.0, 20.0), 30.0)
 
@@ -131,3 +135,57 @@ def test_a_thing_ends_below_its_top(tmp_path: Path) -> None:
     )
     with pytest.raises(ConfigError, match=r"the obstacle at \(1, 2\) has its bottom above its top"):
         load_world(str(tmp_path / "w.toml"))
+
+
+@pytest.fixture
+def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file of a world with many obstacles on a bed in a file."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = tmp_path / "crowded.toml"
+    piles = [f"[[cylinder]]\nnorth = {i % 20}.0\neast = {i // 20}.0\nradius = 0.5\ntop = 8.0\n" for i in range(150)]
+    (tmp_path / "bed.f32").write_bytes(array("f", [10.0] * 4).tobytes())
+    bed = (
+        '[terrain]\nfile = "bed.f32"\nnorth_min = -50.0\neast_min = -50.0\nresolution = 100.0\nrows = 2\ncolumns = 2\n'
+    )
+    path.write_text("\n".join([
+        'name = "crowded"\nsource = "made"\nextent = [-50.0, 50.0, -50.0, 50.0]\ndepth = 10.0\n', bed, *piles,
+        "[[box]]\nnorth = 30.0\neast = 1.0\nsize_north = 2.0\nsize_east = 3.0\nheading = 0.5\nname = 'pier'\n",
+    ]))  # fmt: skip
+    return path
+
+
+def test_many_obstacles_are_checked_once(crowded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = load_world(str(crowded))
+    monkeypatch.setattr(World, "buried", lambda self: pytest.fail("checked again"))
+    second = load_world(str(crowded))
+    assert (second.cylinder, second.box, second.extent) == (first.cylinder, first.box, first.extent)
+    assert len(second.cylinder) == 150
+    assert isinstance(second.cylinder[0], Cylinder)
+    assert second.terrain is not None
+    assert first.terrain is not None
+    assert bytes(second.terrain.depths) == bytes(first.terrain.depths)
+
+
+def test_many_obstacles_are_checked_again_when_a_file_changes(crowded: Path) -> None:
+    load_world(str(crowded))
+    bed = crowded.with_name("bed.f32")
+    bed.write_bytes(array("f", [6.0] * 4).tobytes())
+    os.utime(bed, ns=(1, 1))
+    with pytest.raises(ConfigError, match="has its top in the seabed"):
+        load_world(str(crowded))
+    bed.write_bytes(array("f", [10.0] * 4).tobytes())
+    crowded.write_text(crowded.read_text() + "[[cylinder]]\nnorth = 80.0\neast = 0.0\nradius = 1.0\n")
+    with pytest.raises(ConfigError, match="is outside the extent"):
+        load_world(str(crowded))
+
+
+def test_sensors_share_the_numbers_of_a_worlds_obstacles(crowded: Path) -> None:
+    world = load_world(str(crowded))
+    scene, other = RayScene(world), RayScene(world)
+    ball = other.add(sphere((0.0, 40.0, 5.0), 1.0))
+    assert ball == len(world.obstacles()) + 1
+    away = array("d", (0.0, 1.0, 0.0))
+    assert other.hits((0.0, 30.0, 5.0), away, 50.0).objects[0] == ball
+    assert scene.hits((0.0, 30.0, 5.0), away, 50.0).objects[0] != ball, "what is added to one is not in the other"
+    north = array("d", (1.0, 0.0, 0.0))
+    assert scene.hits((25.0, 1.0, 5.0), north, 50.0).objects[0] == 151

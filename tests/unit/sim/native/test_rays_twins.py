@@ -145,7 +145,7 @@ def test_casting_leaks_nothing() -> None:
         for _ in range(20):
             scene.add(solids.sphere((0.0, 0.0, 9.0), 0.1))
             scene.ranges((0.0, 0.0, 3.0), rays, 50.0)
-            scene._solids.pop()
+            scene._added.pop()
         counts.append((sys.getrefcount(rays), sys.getallocatedblocks()))
     assert counts[2][0] == counts[1][0]
     assert abs(counts[2][1] - counts[1][1]) < 100
