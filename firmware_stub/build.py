@@ -1,12 +1,14 @@
 """Compile the firmware in C.
 
-    python -m firmware_stub.build                                   makes the shipped image again, bit for bit
-    python -m firmware_stub.build --crystal 12 --output my_board    another image, for a board with that crystal
+    python -m firmware_stub.build                                   makes the shipped images again, bit for bit
+    python -m firmware_stub.build --chip f405 --crystal 12 --output my_board    another one, for that crystal
 
     src/*.c, include/*.h      the core, for any machine
-    src/f405/                 the STM32F405: needs arm-none-eabi-gcc
+    src/stm32/                what all STM32 have alike: needs arm-none-eabi-gcc
+    src/stm32f1/, stm32f4/    a family of them: clocks, pins
+    src/f103/, f405/ ...      a chip: frequencies, pins, memory
     src/native/               a Linux process: needs any C compiler
-    images/*.bin, *.toml      the image for the STM32F405, and the recipe that it was made by
+    images/*.bin, *.toml      the image for each chip; its wiring, and the recipe that it was made by
 
 MAVLink needs pymavlink when it is compiled, nothing when it runs.
 """
@@ -22,27 +24,34 @@ import sys
 from typing import NamedTuple
 
 from firmware_stub import mavlink_headers
-from firmware_stub.image import IMAGE
-from hil.common.errors import DeviceError, HilError
+from firmware_stub.image import CHIPS, IMAGES, image_path
+from hil.common.errors import ConfigError, DeviceError, HilError
 from hil.common.scratch import ScratchFolder
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-RECIPE = os.path.join(HERE, "images", "uuv_hil_stm32f405.toml")
 
 CORE = ("board.c", "stream.c", "frame.c", "vesc.c", "firmware.c")
 MAVLINK, NO_MAVLINK = ("mavlink.c", "mavlink_answers.c"), ("without_mavlink.c",)
 NATIVE = ("native/main.c", "native/pty.c")
-F405 = ("startup.c", "main.c", "clock.c", "parameters.c", "pwm.c", "uart.c", "can.c")
+STM32 = ("startup.c", "main.c", "clock.c", "parameters.c", "pwm.c", "uart.c")
+FAMILY = ("rcc.c", "pins.c")
+# chip -> its family, its core, whether it has CAN
+PARTS = {
+    "f103": ("stm32f1", "cortex-m3", True),
+    "f405": ("stm32f4", "cortex-m4", True),
+    "f411": ("stm32f4", "cortex-m4", False),
+    "f446": ("stm32f4", "cortex-m4", True),
+}
 
 WARNINGS = ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 ARM = "arm-none-eabi-gcc"
 # Without an FPU's registers an interrupt costs less, and the one message with floats is not worth them.
-ARM_FLAGS = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=soft", "-Os", "-ffreestanding", "-nostdlib"]
+ARM_FLAGS = ["-mthumb", "-mfloat-abi=soft", "-Os", "-ffreestanding", "-nostdlib"]
 ARM_FLAGS += ["-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-Wl,--build-id=none"]
 
 
 class Image(NamedTuple):
-    """Firmware image for the STM32F405: the program for a debugger (ELF), and the contents of the flash."""
+    """Firmware image for an STM32: the program for a debugger (ELF), and the contents of the flash."""
 
     elf: str
     binary: str
@@ -75,30 +84,40 @@ def compile_native(target: str, mavlink: bool) -> str:
     return compile_core(target, [_source(name) for name in NATIVE], [*native_compiler(), "-O2"], mavlink)
 
 
-def compile_image(folder: str, crystal: int = 8) -> Image:
-    """Compile the image into `folder`, for a board with a crystal of `crystal` MHz (4 to 26).
+def compile_image(folder: str, chip: str, crystal: int | None = None) -> Image:
+    """Compile the image for a chip into `folder`. crystal: of its board, MHz; None: that of the shipped image.
 
-    Raises DeviceError without a compiler for Arm; MissingExtraError without pymavlink.
+    Raises ConfigError for a chip that there is no folder for; DeviceError without a compiler for Arm;
+    MissingExtraError without pymavlink.
     """
+    binary = os.path.join(folder, os.path.basename(image_path(chip)))
     if not shutil.which(ARM):
         raise DeviceError(f"no {ARM} for the STM32's image: sudo apt install --no-install-recommends gcc-arm-none-eabi")
-    image = Image(os.path.join(folder, "uuv_hil_stm32f405.elf"), os.path.join(folder, os.path.basename(IMAGE)))
-    here = _source("f405")
-    sources = [os.path.join(here, name) for name in F405]
-    place = [f"-I{here}", "-isystem", os.path.join(here, "freestanding"), "-T", os.path.join(here, "f405.ld")]
-    compile_core(image.elf, [*sources, *place, "-lgcc"], [ARM, *ARM_FLAGS, f"-DHSE_MHZ={crystal}u"], mavlink=True)
+    image = Image(binary.removesuffix(".bin") + ".elf", binary)
+    family, core, has_can = PARTS[chip]
+    names = [f"stm32/{name}" for name in (*STM32, "can.c" if has_can else "no_can.c")]
+    names += [f"{family}/{name}" for name in FAMILY]
+    place = [f"-I{_source(name)}" for name in (chip, family, "stm32")]
+    place += ["-isystem", _source("stm32/freestanding"), f"-L{_source('stm32')}", "-T", _source(f"{chip}/chip.ld")]
+    flags = [f"-mcpu={core}", *ARM_FLAGS, *([] if crystal is None else [f"-DHSE_MHZ={crystal}u"])]
+    compile_core(image.elf, [*map(_source, names), *place, "-lgcc"], [ARM, *flags], mavlink=True)
     _run(["arm-none-eabi-objcopy", "-O", "binary", image.elf, image.binary])
     os.chmod(image.binary, 0o644)
     return image
 
 
-def recipe(binary: str) -> dict[str, str | int]:
-    """Return what decides the bytes of an image made here, and a fingerprint of those bytes."""
+def image_sources(chip: str) -> list[str]:
+    """Return the files that the image for a chip is made of."""
+    return sources("include", "src", "src/stm32", "src/stm32/freestanding", f"src/{PARTS[chip][0]}", f"src/{chip}")
+
+
+def recipe(binary: str, chip: str) -> dict[str, str | int]:
+    """Return what decides the bytes of a chip's image made here, and a fingerprint of those bytes."""
     version = subprocess.run([ARM, "--version"], check=True, capture_output=True, text=True).stdout.splitlines()[0]
     return {
         "compiler": version,
         "pymavlink": mavlink_headers.version() or "",
-        "sources": fingerprint(sources("include", "src", "src/f405", "src/f405/freestanding")),
+        "sources": fingerprint(image_sources(chip)),
         "size": os.path.getsize(binary),
         "sha256": fingerprint([binary]),
     }
@@ -130,29 +149,40 @@ def _run(command: list[str]) -> None:
         raise DeviceError(f"{command[0]}: {errors[0].strip()}")
 
 
-def _ship() -> None:
+def description(chip: str, made_by: dict[str, str | int]) -> str:
+    """Return the text of the .toml beside an image: how it was made, then the wiring of its chip."""
+    lines = [f"{key} = {json.dumps(value)}\n" for key, value in made_by.items()]
+    with open(_source(f"{chip}/chip.toml"), encoding="utf-8") as file:
+        wiring = file.read()
+    return "".join([f"# How uuv_hil_stm32{chip}.bin was made: python -m firmware_stub.build\n", *lines, "\n", wiring])
+
+
+def _ship(chip: str) -> None:
+    path = image_path(chip)
     with ScratchFolder("image") as folder:
-        shutil.copyfile(compile_image(folder.path).binary, IMAGE)
-    lines = [f"{key} = {json.dumps(value)}\n" for key, value in recipe(IMAGE).items()]
-    with open(RECIPE, "w", encoding="utf-8") as file:
-        file.writelines(["# What uuv_hil_stm32f405.bin was made with: python -m firmware_stub.build\n", *lines])
-    print(f"{IMAGE}: {os.path.getsize(IMAGE)} bytes")
+        shutil.copyfile(compile_image(folder.path, chip).binary, path)
+    with open(path.removesuffix(".bin") + ".toml", "w", encoding="utf-8") as file:
+        file.write(description(chip, recipe(path, chip)))
+    print(f"{path}: {os.path.getsize(path)} bytes")
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Compile the shipped image, or another one."""
+    """Compile the shipped images, or another one."""
     parser = argparse.ArgumentParser(
         prog="python -m firmware_stub.build", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--output", metavar="FOLDER", help="where to put another image; it has to exist")
-    parser.add_argument("--crystal", metavar="MHZ", type=int, choices=range(4, 27), default=8, help="its board's [8]")
+    add = parser.add_argument
+    add("--output", metavar="FOLDER", help=f"where to put other images than the shipped ones in {IMAGES}; it exists")
+    add("--chip", choices=CHIPS, help="one chip instead of all")
+    add("--crystal", metavar="MHZ", type=int, choices=range(4, 27), help="that of the board, instead of the usual one")
     options = parser.parse_args(argv)
-    if options.output:
-        print(*compile_image(options.output, options.crystal), sep="\n")
-    elif options.crystal == 8:
-        _ship()
-    else:
-        parser.error("the shipped image is for 8 MHz: say where to put another one with --output")
+    if options.crystal is not None and not (options.output and options.chip):
+        raise ConfigError("another crystal: name the chip with --chip and where to put its image with --output")
+    for chip in [options.chip] if options.chip else CHIPS:
+        if options.output:
+            print(*compile_image(options.output, chip, options.crystal), sep="\n")
+        else:
+            _ship(chip)
 
 
 if __name__ == "__main__":

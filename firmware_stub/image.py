@@ -1,27 +1,79 @@
-"""The shipped image for the STM32F405, and the parameters that adapt it to a vehicle.
+"""The shipped images, what is known of their chips, and the parameters that adapt an image to a vehicle.
 
-On the board both are written once, by any flash tool: the image to 0x08000000, the parameters to 0x08004000. Where
-there are no parameters the image drives 6 thrusters at 50 Hz, with a watchdog of 200 ms, on 115200 bit/s.
+On the board both are written once: the image to 0x08000000, the parameters to 0x08004000. Where there are no
+parameters an image drives 6 thrusters at 50 Hz, with a watchdog of 200 ms, on 115200 bit/s.
 """
 
 import os
 import struct
+from typing import Any, NamedTuple
 
-from hil.common.errors import DeviceError
+from hil.common.errors import ConfigError, DeviceError
 
-IMAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "images", "uuv_hil_stm32f405.bin")
+IMAGES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "images")
+CHIPS = ("f103", "f405", "f411", "f446")
+DEFAULT_CHIP = "f405"  # that of the emulators, unless another is named
+FLASH_ADDRESS = 0x0800_0000
 PARAMETERS_ADDRESS = 0x0800_4000
 PARAMETERS_MAGIC = 0x5056_5555
 MAX_CHANNELS = 8
 
 
+def image_path(chip: str = DEFAULT_CHIP) -> str:
+    """Return the path of the shipped image for a chip of `CHIPS`. Raises ConfigError for another."""
+    if chip not in CHIPS:
+        raise ConfigError(f"no image for the chip {chip!r}; there are: {', '.join(CHIPS)}")
+    return os.path.join(IMAGES, f"uuv_hil_stm32{chip}.bin")
+
+
+IMAGE = image_path()
+
+
+class Image(NamedTuple):
+    """A shipped image, with the wiring of its chip; the source of all but `name` and `path` is the .toml beside it.
+
+    outputs: the pin of each thruster. serial: `port`, `tx`, `rx` and a `note`. can: `rx`, `tx` and a `note`; empty for
+    a chip without CAN. headers: pin -> its name on a Nucleo board. sha256: of the file's bytes.
+    """
+
+    name: str
+    path: str
+    chip: str
+    device_ids: tuple[int, ...]
+    boards: tuple[str, ...]
+    clock: str
+    outputs: tuple[str, ...]
+    serial: dict[str, str]
+    can: dict[str, str]
+    headers: dict[str, str]
+    size: int
+    sha256: str
+
+
+def load_image(chip: str) -> Image:
+    """Return what is known of the image for a chip of `CHIPS`. Raises ConfigError for another, or a damaged file."""
+    from hil.common.tables import parse_toml  # an emulated STM32 needs the bytes alone
+
+    path = image_path(chip)
+    try:
+        with open(path.removesuffix(".bin") + ".toml", encoding="utf-8") as file:
+            table: dict[str, Any] = parse_toml(file.read())
+        return Image(
+            chip, path, table["chip"], tuple(table["device_ids"]), tuple(table["boards"]), table["clock"],
+            tuple(table["outputs"]), table["serial"], table.get("can", {}), table.get("headers", {}),
+            table["size"], table["sha256"],
+        )  # fmt: skip
+    except (OSError, KeyError, ValueError) as error:
+        raise ConfigError(f"{path}: no valid description beside it ({error}); install uuv-hil again") from None
+
+
 def parameters(channels: int, watchdog: float = 0.2, pwm_hz: int = 50, baud: int = 115_200) -> bytes:
-    """Return the bytes to write to `PARAMETERS_ADDRESS`; src/f405/f405.h has the layout.
+    """Return the bytes to write to `PARAMETERS_ADDRESS`; src/stm32/stm32.h has the layout.
 
     channels: thrusters, 1 to 8. watchdog: the longest time without a command, 0.01 to 60 s. pwm_hz: 50 to 400.
-    baud: 9600 to 5 250 000 bit/s. The firmware takes its default in place of what is outside.
-    Raises DeviceError for a number of thrusters that the board has no outputs for.
+    baud: from 9600 bit/s to a 16th of the serial port's clock. The firmware takes its default in place of what is
+    outside. Raises DeviceError for a number of thrusters that the board has no outputs for.
     """
     if not 1 <= channels <= MAX_CHANNELS:
-        raise DeviceError(f"the STM32F405's image drives 1 to {MAX_CHANNELS} thrusters, not {channels}")
+        raise DeviceError(f"the STM32's image drives 1 to {MAX_CHANNELS} thrusters, not {channels}")
     return struct.pack("<5I", PARAMETERS_MAGIC, channels, round(watchdog * 1000), pwm_hz, baud)

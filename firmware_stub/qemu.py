@@ -1,8 +1,12 @@
-"""The shipped image on QEMU's STM32F405: an independent emulator as a second check of the firmware.
+"""The shipped images in QEMU, an independent emulator as a second check of the firmware.
 
 QEMU 7.2's machine netduinoplus2 has the USARTs, SysTick and the registers of the timers, but no clock control, no
 watchdog in hardware, no pins and no CAN. It sends bytes at once, whatever the baud rate. When the machine is busy it
 loses SysTicks: the firmware's time is then slower than the wall's, and its watchdog later.
+
+It has no machine with an F411 or F446: their images run on that F405, which has all that they use; nor with an F103,
+whose image runs on the F100 of stm32vldiscovery: serial port and SysTick, without timers. These machines' cores have
+another clock than the chip, so that the firmware's time passes at `Machine.speed` times the wall's.
 """
 
 import json
@@ -13,9 +17,9 @@ import socket
 import subprocess
 import time
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, NamedTuple
 
-from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
+from firmware_stub.image import DEFAULT_CHIP, PARAMETERS_ADDRESS, image_path, parameters
 from hil.common.children import foreign_command, start_child
 from hil.common.errors import DeviceError
 from hil.common.lifeline import NO_PROGRAM
@@ -30,22 +34,46 @@ NO_ESCAPE = "0x100"  # of the multiplexer's commands: no byte is this one
 PULSE_REGISTERS = (0x4000_0434, 0x4000_0834)  # CCR1 to CCR4 of TIM3, then of TIM4
 
 
+class Machine(NamedTuple):
+    """QEMU's machine that an image runs on.
+
+    usart: the number of the serial port that the image uses. speed: of the firmware's time, 1 is the wall's.
+    """
+
+    name: str
+    usart: int
+    speed: float
+    has_timers: bool
+
+
+MACHINES = {
+    "f103": Machine("stm32vldiscovery", 0, 24 / 64, has_timers=False),
+    "f405": Machine("netduinoplus2", 0, 1.0, has_timers=True),
+    "f411": Machine("netduinoplus2", 1, 168 / 84, has_timers=True),
+    "f446": Machine("netduinoplus2", 1, 1.0, has_timers=True),
+}
+
+
 class QemuStm32:
     """Process of QEMU with the firmware running when this returns; end it with `close`.
 
     channels: 1 to 8. watchdog: the longest time without a command before all thrusters stop, s of the firmware's time.
-    cpu: the one processor it may run on.
+    cpu: the one processor it may run on. chip: whose image it runs, of firmware_stub.image.CHIPS.
 
     `wire` is the host's end of its USART; unread bytes are lost, after some hundred or a thousand of them.
 
     Raises DeviceError without QEMU, if it does not start, or if the firmware sends nothing.
     """
 
-    def __init__(self, channels: int = 6, watchdog: float = 0.2, cpu: int | None = None) -> None:
+    def __init__(
+        self, channels: int = 6, watchdog: float = 0.2, cpu: int | None = None, chip: str = DEFAULT_CHIP
+    ) -> None:
         if not shutil.which(PROGRAM):
             raise DeviceError(f"no {PROGRAM}: sudo apt install --no-install-recommends {PROGRAM}")
         in_flash = parameters(channels, watchdog)
         self._channels = channels
+        self._image = image_path(chip)
+        self.machine = MACHINES[chip]
         self._qmp: _Qmp | None = None
         with ExitStack() as held:  # if a step fails, all before it is undone
             folder = held.enter_context(ScratchFolder("qemu"))
@@ -63,7 +91,7 @@ class QemuStm32:
             self._held = held.pop_all()
 
     def pwm_us(self) -> tuple[int, ...]:
-        """Pulses (us) from the timers' compare registers, read by QEMU and not by the firmware."""
+        """Pulses (us) from the compare registers, read by QEMU and not by the firmware; 0 without timers."""
         if self._qmp is None:
             self._qmp = _Qmp(self._connect_monitor())
         words = [word for address in PULSE_REGISTERS for word in self._qmp.words(address, 4)]
@@ -93,10 +121,11 @@ class QemuStm32:
         # a command and its answer take 0.3 ms instead of 0.8.
         usart = f"host={HERE},port={self.wire.port},localaddr={THERE},localport={self.wire.port},mux=on"
         return [
-            PROGRAM, "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-kernel", IMAGE,
+            PROGRAM, "-M", self.machine.name, "-display", "none", "-monitor", "none", "-kernel", self._image,
             "-device", f"loader,file={parameters_path},addr={PARAMETERS_ADDRESS:#x},force-raw=on",
             "-qmp", f"unix:{self._monitor},server=on,wait=off",
-            "-chardev", f"udp,id=usart,{usart}", "-serial", "chardev:usart", "-echr", NO_ESCAPE,
+            "-chardev", f"udp,id=usart,{usart}", *["-serial", "null"] * self.machine.usart,
+            "-serial", "chardev:usart", "-echr", NO_ESCAPE,
         ]  # fmt: skip
 
     def _connect_monitor(self) -> socket.socket:
@@ -116,7 +145,7 @@ class QemuStm32:
             if self._process.poll() is not None:
                 raise DeviceError(f"{PROGRAM}: did not come up: {self._error_text()}")
             if time.monotonic() > deadline:
-                raise DeviceError(f"{PROGRAM}: the firmware says nothing; is {IMAGE} whole?")
+                raise DeviceError(f"{PROGRAM}: the firmware says nothing; is {self._image} whole?")
 
     def _error_text(self) -> str:
         """Return the error messages of the process, which has ended."""

@@ -1,4 +1,4 @@
-"""`stm32 = "unicorn"`: the firmware's own image on an STM32F405 emulated in this process.
+"""`stm32 = "unicorn"`: the firmware's own image on an STM32 emulated in this process, an F405 unless another is named.
 
 Deterministic and in step with its caller: simulated time passes only in `UnicornBoard.run_until`, and the same
 calls give the same bits. Instructions take no time: between two events (a byte, a millisecond, a watchdog) the core
@@ -10,8 +10,9 @@ from collections.abc import Iterable
 from firmware_stub.emulation.chip import Chip
 from firmware_stub.emulation.core import Core
 from firmware_stub.emulation.memory import FLASH
+from firmware_stub.emulation.models import MODELS
 from firmware_stub.emulation.rcc import PIN_RESET, POWER_RESET, WATCHDOG_RESET
-from firmware_stub.image import IMAGE, PARAMETERS_ADDRESS, parameters
+from firmware_stub.image import DEFAULT_CHIP, PARAMETERS_ADDRESS, image_path, parameters
 from hil.common.clock import NS_PER_MS, NS_PER_S
 from hil.common.errors import DeviceError
 from hil.links.contract import Wire
@@ -20,37 +21,47 @@ from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_
 BUSY_NS = NS_PER_MS
 BUSY_INSTRUCTIONS = 16_000  # what the core's own 16 MHz oscillator would let it do in a millisecond
 OUTPUTS = ("TIM3", "TIM4")  # their four channels each are thrusters 1 to 4 and 5 to 8
-PORT = "USART1"
+PORTS = {"f103": "USART1", "f405": "USART1", "f411": "USART2", "f446": "USART2"}  # as src/*/chip.h has them
 WATCHDOG_NS = 200 * NS_PER_MS
 
 
-def shipped_image() -> bytes:
-    """Return the shipped firmware. Raises DeviceError if the file is missing."""
+def shipped_image(chip: str = DEFAULT_CHIP) -> bytes:
+    """Return the shipped firmware for a chip. Raises ConfigError without one, DeviceError if the file is missing."""
+    path = image_path(chip)
     try:
-        with open(IMAGE, "rb") as file:
+        with open(path, "rb") as file:
             return file.read()
     except OSError as error:
-        raise DeviceError(f"{IMAGE}: {error.strerror}; make it: python -m firmware_stub.build") from None
+        raise DeviceError(f"{path}: {error.strerror}; make it: python -m firmware_stub.build") from None
 
 
 class UnicornBoard:
-    """An STM32F405 with its firmware: bytes and frames in and out, and pulses.
+    """An STM32 with its firmware: bytes and frames in and out, and pulses.
 
     image: what is in its flash, vector table first. channels: number of thrusters, 1 to 8. watchdog_ns: the longest
     time without a command before the firmware stops them; like `channels` the firmware reads it from its parameters in
     flash, unless the image itself reaches that far. paced: whether bytes take their time on the serial line.
+    chip: which STM32 it is, of firmware_stub.image.CHIPS.
 
     Raises DeviceError for a number of thrusters that it has no outputs for and, naming program counter and address,
     when the firmware does what no program can; MissingExtraError without Unicorn.
     Not modelled: pins, analogue inputs, the time the chip takes to start.
     """
 
-    def __init__(self, image: bytes, channels: int = 8, watchdog_ns: int = WATCHDOG_NS, *, paced: bool = False) -> None:
+    def __init__(
+        self,
+        image: bytes,
+        channels: int = 8,
+        watchdog_ns: int = WATCHDOG_NS,
+        *,
+        paced: bool = False,
+        chip: str = DEFAULT_CHIP,
+    ) -> None:
         self.channels = channels
         self.resets = 0  # by the watchdog
-        self._chip = Chip(paced)
+        self._chip = Chip(paced, MODELS[chip])
         self._core = Core(self._chip, _with_parameters(image, channels, watchdog_ns))
-        self._port = self._chip.usarts[PORT]
+        self._port = self._chip.usarts[PORTS[chip]]
         self._busy_ns = BUSY_NS
         self._start(POWER_RESET)
 

@@ -39,7 +39,7 @@ class Core:
     def __init__(self, chip: Chip, image: bytes) -> None:
         self._chip = chip
         self._nvic = chip.nvic
-        self._memory = Memory(image)
+        self._memory = Memory(image, chip.model)
         self._engine = Engine(chip, self._memory, self._would_interrupt, self._is_masked)
         self.sleeping = False
         self._event = False  # an exception has returned: the next wait for an event does not wait

@@ -1,12 +1,16 @@
-"""Flash and RAM of the STM32F405 (RM0090, section 2.3), shared by Python and Unicorn."""
+"""Flash and RAM of an STM32 (RM0090, section 2.3; RM0008, section 3.3), shared by Python and Unicorn."""
 
 from ctypes import addressof, c_char
 from mmap import mmap
 from struct import Struct
 from typing import NamedTuple
 
-FLASH, FLASH_SIZE = 0x0800_0000, 0x10_0000
-SYSTEM_MEMORY, UNIQUE_ID, FLASH_KIBIBYTES = 0x1FFF_0000, 0x7A10, 0x7A22
+from firmware_stub.emulation.models import KIB, Model
+
+FLASH = 0x0800_0000
+# The part of a family's system memory that says which chip it is: its address and size, and from there the chip's own
+# number and the size of its flash.
+SYSTEM = {"f4": (0x1FFF_0000, 0x8000, 0x7A10, 0x7A22), "f1": (0x1FFF_F000, 0x1000, 0x7E8, 0x7E0)}
 READ, WRITE, EXECUTE = 1, 2, 4
 
 _WORD = Struct("<I")
@@ -20,24 +24,22 @@ class Region(NamedTuple):
     rights: int
 
 
-REGIONS = (
-    Region(FLASH, FLASH_SIZE, READ | EXECUTE),
-    Region(0x2000_0000, 0x2_0000, READ | WRITE | EXECUTE),
-    Region(0x1000_0000, 0x1_0000, READ | WRITE),  # the core's own
-    Region(SYSTEM_MEMORY, 0x8000, READ | EXECUTE),
-)
-
-
 class Memory:
     """Memory by address. `image` is the beginning of the flash; the rest of it is erased."""
 
-    def __init__(self, image: bytes) -> None:
+    def __init__(self, image: bytes, model: Model) -> None:
         self.image = image
-        self.pieces = [(region.start, region.size, mmap(-1, region.size)) for region in REGIONS]
-        self.pieces[0][2][:] = image[:FLASH_SIZE].ljust(FLASH_SIZE, b"\xff")
+        start, size, unique_id, flash_kib = SYSTEM[model.family]
+        self.regions = [
+            Region(FLASH, model.flash_size, READ | EXECUTE),
+            *(Region(address, ram, READ | WRITE | EXECUTE) for address, ram in model.ram.items()),
+            Region(start, size, READ | EXECUTE),
+        ]
+        self.pieces = [(region.start, region.size, mmap(-1, region.size)) for region in self.regions]
+        self.pieces[0][2][:] = image[: model.flash_size].ljust(model.flash_size, b"\xff")
         system = self.pieces[-1][2]
-        system[UNIQUE_ID : UNIQUE_ID + 12] = b"uuv-hil\0f405"
-        system[FLASH_KIBIBYTES : FLASH_KIBIBYTES + 2] = (FLASH_SIZE // 1024).to_bytes(2, "little")
+        system[unique_id : unique_id + 12] = f"uuv-hil\0{model.name}".encode()
+        system[flash_kib : flash_kib + 2] = (model.flash_size // KIB).to_bytes(2, "little")
 
     def find(self, address: int, size: int) -> tuple[mmap, int] | None:
         """Return the region that holds these bytes, and their offset in it; None if there is none."""
@@ -60,5 +62,5 @@ class Memory:
     def places(self) -> list[tuple[int, int, int, int]]:
         """Return start, size and rights of each region, and its address in this process; the flash is also at 0."""
         here = [addressof(c_char.from_buffer(piece)) for _, _, piece in self.pieces]
-        regions = [(*region, place) for region, place in zip(REGIONS, here, strict=True)]
-        return [*regions, (0, FLASH_SIZE, READ | EXECUTE, here[0])]
+        regions = [(*region, place) for region, place in zip(self.regions, here, strict=True)]
+        return [*regions, (0, self.regions[0].size, READ | EXECUTE, here[0])]

@@ -5,7 +5,7 @@ Not modelled: priority groups (every bit of a priority preempts, as ST's own sta
 """
 
 SVCALL, PENDSV, SYSTICK, FIRST_INTERRUPT = 11, 14, 15, 16
-INTERRUPTS = 82  # RM0090, table 62
+INTERRUPTS = 97  # of the F446, which has the most
 NMI = 2
 PRIORITY_BITS = 0xF0  # the four upper ones exist
 LEAST_URGENT = 0x100  # of a program that handles no exception

@@ -1,5 +1,6 @@
-"""The image for the STM32F405 that is shipped: whole, of the present sources, and the same bits when made again."""
+"""The images that are shipped: whole, of the present sources, and the same bits when made again."""
 
+import re
 import shutil
 import struct
 from pathlib import Path
@@ -8,41 +9,68 @@ from typing import Any
 import pytest
 
 from firmware_stub import build
-from firmware_stub.image import IMAGE, parameters
-from hil.common.errors import DeviceError
+from firmware_stub.image import CHIPS, image_path, load_image, parameters
+from hil.common.errors import ConfigError, DeviceError
 from hil.common.tables import parse_toml
 
 FLASH, SECTOR = 0x0800_0000, 16 * 1024
-RAM_TOP = 0x2002_0000
+RAM_TOP = {"f103": 0x2000_2000}
 REMEDY = "make it again: python -m firmware_stub.build"
 
 
+@pytest.fixture(params=CHIPS)
+def chip(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
 @pytest.fixture
-def recipe() -> dict[str, Any]:
-    return parse_toml(Path(build.RECIPE).read_text())
+def recipe(chip: str) -> dict[str, Any]:
+    return parse_toml(Path(image_path(chip)).with_suffix(".toml").read_text())
 
 
-def test_it_is_whole(recipe: dict[str, Any]) -> None:
-    assert build.fingerprint([IMAGE]) == recipe["sha256"], REMEDY
-    assert Path(IMAGE).stat().st_size == recipe["size"] <= SECTOR
+def test_it_is_whole(chip: str, recipe: dict[str, Any]) -> None:
+    assert build.fingerprint([image_path(chip)]) == recipe["sha256"], REMEDY
+    assert Path(image_path(chip)).stat().st_size == recipe["size"] <= SECTOR
 
 
-def test_it_is_of_the_present_sources(recipe: dict[str, Any]) -> None:
-    sources = build.sources("include", "src", "src/f405", "src/f405/freestanding")
-    assert build.fingerprint(sources) == recipe["sources"], REMEDY
+def test_it_is_of_the_present_sources(chip: str, recipe: dict[str, Any]) -> None:
+    assert build.fingerprint(build.image_sources(chip)) == recipe["sources"], REMEDY
 
 
-def test_its_vectors_point_into_memory(recipe: dict[str, Any]) -> None:
-    """The stack at the top of the RAM, and 97 handlers in Thumb code of this image; so the core can start."""
-    stack, *handlers = struct.unpack("<98I", Path(IMAGE).read_bytes()[: 4 * 98])
-    assert stack == RAM_TOP
-    reserved_or_code = [h for h in handlers if h]
-    assert len(reserved_or_code) == len(handlers)
+def test_its_vectors_point_into_memory(chip: str, recipe: dict[str, Any]) -> None:
+    """The stack at the top of the RAM, and a handler in Thumb code of this image for each interrupt of the chip."""
+    header = (Path(build.HERE) / "src" / chip / "chip.h").read_text()
+    (interrupts,) = re.findall(r"#define INTERRUPTS (\d+)u", header)
+    count = 16 + int(interrupts)
+    stack, *handlers = struct.unpack_from(f"<{count}I", Path(image_path(chip)).read_bytes())
+    assert stack == RAM_TOP.get(chip, 0x2002_0000)
     assert all(h % 2 == 1 and FLASH < h < FLASH + recipe["size"] for h in handlers)
 
 
+def test_its_wiring_is_said_beside_it_as_its_folder_has_it(chip: str, recipe: dict[str, Any]) -> None:
+    made_by = {key: recipe[key] for key in ("compiler", "pymavlink", "sources", "size", "sha256")}
+    assert Path(image_path(chip)).with_suffix(".toml").read_text() == build.description(chip, made_by), REMEDY
+    image = load_image(chip)
+    assert image.device_ids
+    assert image.boards
+    assert len(set(image.outputs)) == 8
+    assert set(image.headers) <= {*image.outputs, *image.can.values()}
+
+
+def test_a_chip_without_an_image_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no image for the chip 'f042'; there are: f103, f405, f411, f446"):
+        load_image("f042")
+
+
+def test_a_description_that_is_damaged_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("firmware_stub.image.IMAGES", str(tmp_path))
+    (tmp_path / "uuv_hil_stm32f405.toml").write_text('chip = "STM32F405"\n')
+    with pytest.raises(ConfigError, match=r"uuv_hil_stm32f405.bin: no valid description .*device_ids"):
+        load_image("f405")
+
+
 def test_parameters_as_the_board_reads_them() -> None:
-    """Five little-endian words; see src/f405/f405.h."""
+    """Five little-endian words; see src/stm32/stm32.h."""
     assert parameters(8, 0.25).hex(" ", 4) == "55555650 08000000 fa000000 32000000 00c20100"
     for channels in (0, 9):
         with pytest.raises(DeviceError, match=f"drives 1 to 8 thrusters, not {channels}"):
@@ -51,10 +79,10 @@ def test_parameters_as_the_board_reads_them() -> None:
 
 @pytest.mark.arm
 @pytest.mark.skipif(not shutil.which(build.ARM), reason=f"needs {build.ARM}")
-def test_made_again_it_is_the_same_to_the_bit(recipe: dict[str, Any], tmp_path: Path) -> None:
-    image = build.compile_image(str(tmp_path))
-    here = build.recipe(image.binary)
+def test_made_again_it_is_the_same_to_the_bit(chip: str, recipe: dict[str, Any], tmp_path: Path) -> None:
+    image = build.compile_image(str(tmp_path), chip)
+    here = build.recipe(image.binary, chip)
     for tool in ("compiler", "pymavlink"):
         if here[tool] != recipe[tool]:
             pytest.skip(f"it was made with {tool} {recipe[tool]}; here is {here[tool]}")
-    assert Path(image.binary).read_bytes() == Path(IMAGE).read_bytes(), REMEDY
+    assert Path(image.binary).read_bytes() == Path(image_path(chip)).read_bytes(), REMEDY

@@ -2,14 +2,15 @@
 
 import pytest
 
-from firmware_stub.emulation.chip import PLACES, Chip
+from firmware_stub.emulation.chip import Chip
+from firmware_stub.emulation.models import F405_PLACES
 from firmware_stub.emulation.nvic import FIRST_INTERRUPT
 
 MS = 1_000_000
 
 
 RCC, USART1, TIM3, TIM1, IWDG, CAN1, GPIOA = (
-    PLACES[name].address for name in ("RCC", "USART1", "TIM3", "TIM1", "IWDG", "CAN1", "GPIOA")
+    F405_PLACES[name].address for name in ("RCC", "USART1", "TIM3", "TIM1", "IWDG", "CAN1", "GPIOA")
 )
 
 

@@ -1,4 +1,4 @@
-"""The shipped image on the emulated STM32F405."""
+"""The shipped images, each on its emulated STM32: the same behaviour on all."""
 
 import hashlib
 import random
@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import pytest
 
+from firmware_stub.emulation.rcc import Rcc
+from firmware_stub.image import CHIPS, load_image
 from firmware_stub.stub import Stm32, Stm32End
 from firmware_stub.unicorn_board import UnicornBoard, shipped_image
 from hil.common.errors import DeviceError
@@ -18,7 +20,7 @@ from tests.support.links.link_contract import uuv_hil
 MS = 1_000_000
 FULL = (1900, 1100, 1600, 1400, 1501, 1499)
 NEUTRAL = [1500] * 6
-IMAGE = shipped_image()
+WITH_CAN = tuple(chip for chip in CHIPS if load_image(chip).can)
 FOREVER = b"\xfe\xe7"  # b .
 
 
@@ -33,9 +35,18 @@ def decode(data: bytes) -> list[ThrusterTelemetry]:
     return reports
 
 
+def power_up(chip: str, channels: int = 6, watchdog_ns: int = 200 * MS, paced: bool = False) -> UnicornBoard:
+    return UnicornBoard(shipped_image(chip), channels, watchdog_ns, paced=paced, chip=chip)
+
+
+@pytest.fixture(params=CHIPS)
+def chip(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
 @pytest.fixture
-def board() -> UnicornBoard:
-    return UnicornBoard(IMAGE, 6)
+def board(chip: str) -> UnicornBoard:
+    return power_up(chip)
 
 
 def test_it_starts_neutral_and_reports_each_20_ms(board: UnicornBoard) -> None:
@@ -50,8 +61,8 @@ def test_it_starts_neutral_and_reports_each_20_ms(board: UnicornBoard) -> None:
 
 
 @pytest.mark.parametrize("channels", [1, 4, 5, 8])
-def test_it_drives_as_many_thrusters_as_configured(channels: int) -> None:
-    board = UnicornBoard(IMAGE, channels)
+def test_it_drives_as_many_thrusters_as_configured(chip: str, channels: int) -> None:
+    board = power_up(chip, channels)
     board.transmitted()
     pulses = tuple(1200 + 50 * i for i in range(channels))
     board.receive(encode(1, pulses))
@@ -61,7 +72,7 @@ def test_it_drives_as_many_thrusters_as_configured(channels: int) -> None:
 
 def test_more_thrusters_than_outputs_are_refused() -> None:
     with pytest.raises(DeviceError, match="1 to 8 thrusters, not 9"):
-        UnicornBoard(IMAGE, 9)
+        power_up("f405", 9)
 
 
 def test_a_command_is_answered_at_once(board: UnicornBoard) -> None:
@@ -74,8 +85,8 @@ def test_a_command_is_answered_at_once(board: UnicornBoard) -> None:
 
 
 @pytest.mark.parametrize("watchdog_ms", [50, 200, 1000])
-def test_silence_stops_the_thrusters_in_the_registers(watchdog_ms: int) -> None:
-    board = UnicornBoard(IMAGE, 6, watchdog_ms * MS)
+def test_silence_stops_the_thrusters_in_the_registers(chip: str, watchdog_ms: int) -> None:
+    board = power_up(chip, 6, watchdog_ms * MS)
     board.run_until(7 * MS)
     board.receive(encode(1))
     board.run_until((7 + watchdog_ms) * MS - 1)
@@ -122,7 +133,7 @@ def test_what_goes_wrong_in_a_peripheral_is_raised_to_the_caller(
         raise ZeroDivisionError("in the peripheral")
 
     with monkeypatch.context() as patch:
-        patch.setattr(board._chip.usarts["USART1"], access, breaks)
+        patch.setattr(board._port, access, breaks)
         with pytest.raises(ZeroDivisionError, match="in the peripheral"):
             board.receive(encode(1))
     board.run_until(board.now_ns + 300 * MS)
@@ -216,9 +227,9 @@ def run_python(events: list[Event], end_ms: int) -> tuple[list[ThrusterTelemetry
     return decode(wire.outgoing), pulses
 
 
-def run_image(events: list[Event], end_ms: int, slice_ms: float = 0.0) -> tuple[bytes, list[list[int]], str]:
+def run_image(chip: str, events: list[Event], end_ms: int, slice_ms: float = 0.0) -> tuple[bytes, list[list[int]], str]:
     """Return the output of the image, its pulses after each event, and a digest of its RAM at the end."""
-    board, pulses = UnicornBoard(IMAGE, 6), []
+    board, pulses = power_up(chip), []
     for event in [*events, Event(end_ms, b"")]:
         at_ns = round(event.at_ms * MS)
         while slice_ms and board.now_ns + slice_ms * MS < at_ns:
@@ -226,15 +237,15 @@ def run_image(events: list[Event], end_ms: int, slice_ms: float = 0.0) -> tuple[
         board.run_until(at_ns)
         board.receive(event.data)
         pulses.append(board.pwm_us)
-    return board.transmitted(), pulses, hashlib.sha256(board.read_memory(0x2000_0000, 0x2_0000)).hexdigest()
+    return board.transmitted(), pulses, hashlib.sha256(board.read_memory(0x2000_0000, 0x5000)).hexdigest()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_it_does_what_its_specification_in_python_does(seed: int) -> None:
+@pytest.mark.parametrize(("chip", "seed"), [*zip(CHIPS, range(4), strict=True), *(("f405", i) for i in (0, 2, 3))])
+def test_it_does_what_its_specification_in_python_does(chip: str, seed: int) -> None:
     events = list(life(seed))
     end_ms = round(events[-1].at_ms) + 500
     specified, pulses = run_python(events, end_ms)
-    output, moved, _ = run_image(events, end_ms)
+    output, moved, _ = run_image(chip, events, end_ms)
     reports = decode(output)
     assert moved == pulses
     assert [report._replace(age_us=0) for report in reports] == [report._replace(age_us=0) for report in specified]
@@ -244,18 +255,19 @@ def test_it_does_what_its_specification_in_python_does(seed: int) -> None:
     assert reports[-1].errors > 3
 
 
-def test_the_same_input_gives_the_same_bits_however_time_is_sliced() -> None:
+@pytest.mark.parametrize("chip", ["f405"])  # that is the emulator's doing, not the image's
+def test_the_same_input_gives_the_same_bits_however_time_is_sliced(chip: str) -> None:
     events = list(life(9))
     end_ms = round(events[-1].at_ms) + 300
-    whole = run_image(events, end_ms)
+    whole = run_image(chip, events, end_ms)
     assert len(whole[0]) > 2000
-    assert run_image(events, end_ms) == whole
-    assert run_image(events, end_ms, slice_ms=0.37) == whole
-    assert run_image(events, end_ms, slice_ms=7.3) == whole
+    assert run_image(chip, events, end_ms) == whole
+    assert run_image(chip, events, end_ms, slice_ms=0.37) == whole
+    assert run_image(chip, events, end_ms, slice_ms=7.3) == whole
 
 
-def test_paced_bytes_delay_the_answer_by_their_time_on_the_line() -> None:
-    board = UnicornBoard(IMAGE, 6, paced=True)
+def test_paced_bytes_delay_the_answer_by_their_time_on_the_line(chip: str) -> None:
+    board = power_up(chip, paced=True)
     board.run_until(25 * MS)
     board.transmitted()
     command = encode(7)
@@ -271,7 +283,9 @@ def test_paced_bytes_delay_the_answer_by_their_time_on_the_line() -> None:
     assert (answer.sequence, answer.age_us) == (7, 0)
 
 
-def test_as_motor_controllers_on_a_can_bus(board: UnicornBoard) -> None:
+@pytest.mark.parametrize("chip", WITH_CAN)
+def test_as_motor_controllers_on_a_can_bus(chip: str) -> None:
+    board = power_up(chip)
     host = open_protocol("vesc", "host", 6)
     reports: list[ThrusterTelemetry] = []
     for sequence in range(1, 30):
@@ -285,3 +299,69 @@ def test_as_motor_controllers_on_a_can_bus(board: UnicornBoard) -> None:
     assert reports[-1].sequence == 29
     board.run_until((29 * 20 + 200) * MS)
     assert board.pwm_us == NEUTRAL
+
+
+# ---- what is said of a chip is what its image does
+
+
+def pin_modes(board: UnicornBoard) -> dict[str, str]:
+    """Return what each pin of ports A to C is, of those that the program has set: "driven", "read" with a pull-up."""
+    modes = {}
+    for port in "ABC":
+        words = board._chip.peripherals[f"GPIO{port}"].words
+        for pin in range(16):
+            if board._chip.model.family == "f1":
+                mode = words.get(4 * (pin // 8), 0) >> 4 * (pin % 8) & 15
+                name = {10: "driven", 8: "read"}.get(mode, "")
+            else:
+                alternate = words.get(0, 0) >> 2 * pin & 3 == 2
+                pulled = words.get(0x0C, 0) >> 2 * pin & 3 == 1
+                function = words.get(0x20 + 4 * (pin // 8), 0) >> 4 * (pin % 8) & 15
+                name = f"{'read' if pulled else 'driven'}, function {function}" if alternate else ""
+            if name:
+                modes[f"P{port}{pin}"] = name
+    return modes
+
+
+def test_the_pins_are_those_of_the_wiring_that_people_are_told(chip: str, board: UnicornBoard) -> None:
+    image = load_image(chip)
+    timers, serial, can = ("", "", "") if chip == "f103" else (", function 2", ", function 7", ", function 9")
+    wiring = dict.fromkeys(image.outputs, f"driven{timers}")
+    wiring |= {image.serial["tx"]: f"driven{serial}", image.serial["rx"]: f"read{serial}"}
+    if image.can:
+        wiring |= {image.can["tx"]: f"driven{can}", image.can["rx"]: f"read{can}"}
+    assert pin_modes(board) == wiring
+
+
+@pytest.mark.parametrize("crystal", [True, False])
+def test_all_clocks_are_right_with_the_crystal_and_without(
+    chip: str, crystal: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the chip as the program sets it: a pulse of 1500 us, a bit of the serial port, a bit of CAN, a millisecond."""
+    if not crystal:
+        ready, write = 1 << 17, Rcc.write
+
+        def never_ready(rcc: Rcc, offset: int, value: int) -> None:
+            write(rcc, offset, value)
+            rcc.words[0] &= ~ready
+
+        monkeypatch.setattr(Rcc, "write", never_ready)
+    board = power_up(chip)
+    board.run_until(100 * MS)  # for which it waits for a crystal that does not swing
+    rcc, hz = board._chip.rcc, {"f103": 64_000_000, "f411": 84_000_000}.get(chip, 168_000_000)
+    assert rcc.core_hz == hz
+    assert board.pwm_us == NEUTRAL
+    assert board._port._byte_ns() == pytest.approx(10e9 / 115_200, rel=0.005)
+    if chip in WITH_CAN:
+        timing = board._chip.can.words[0x1C]
+        quanta = 3 + (timing >> 16 & 15) + (timing >> 20 & 7)
+        assert rcc.apb1_hz / ((timing & 0x3FF) + 1) / quanta == 500_000
+
+
+def test_a_chip_without_can_has_no_register_of_it_touched() -> None:
+    """The emulated F411 has nothing at that address: the image would have ended with a message."""
+    board = power_up("f411")
+    assert "CAN1" not in board._chip.peripherals
+    board.receive_can(unpack_frames(open_protocol("vesc", "host", 6).encode(ThrusterCommand(1, True, FULL))))
+    board.run_until(100 * MS)
+    assert (board.transmitted_can(), board.pwm_us) == ([], NEUTRAL)

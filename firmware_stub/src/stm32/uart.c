@@ -1,7 +1,6 @@
-/* USART1 with a ring buffer each way, both served by its interrupt. */
+/* The serial port with a ring buffer each way, both served by its interrupt. */
 
-#include "f405.h"
-#include "registers.h"
+#include "stm32.h"
 
 #define RING_SIZE 512u /* a power of two; at 115200 bit/s 44 ms */
 
@@ -37,20 +36,20 @@ static uint8_t get(Ring *ring)
 /* Send what the line takes now; its interrupt sends the rest. Emulators raise none, but take all at once. */
 static void send_on(void)
 {
-    while (held(&to_send) > 0 && (USART1_SR & USART_SR_TXE))
-        USART1_DR = get(&to_send);
+    while (held(&to_send) > 0 && (USART_SR(UART) & USART_SR_TXE))
+        USART_DR(UART) = get(&to_send);
     if (held(&to_send) > 0)
-        USART1_CR1 |= USART_CR1_TXEIE;
+        USART_CR1(UART) |= USART_CR1_TXEIE;
     else
-        USART1_CR1 &= ~USART_CR1_TXEIE;
+        USART_CR1(UART) &= ~USART_CR1_TXEIE;
 }
 
 /* Read all that is there. An overrun requests the interrupt too, until the data register is read. */
-void USART1_Handler(void)
+void UART_Handler(void)
 {
     uint32_t status;
-    while ((status = USART1_SR) & (USART_SR_RXNE | USART_SR_ORE)) {
-        uint8_t byte = (uint8_t)USART1_DR;
+    while ((status = USART_SR(UART)) & (USART_SR_RXNE | USART_SR_ORE)) {
+        uint8_t byte = (uint8_t)USART_DR(UART);
         if (status & USART_SR_RXNE)
             put(&received, byte);
     }
@@ -59,12 +58,11 @@ void USART1_Handler(void)
 
 void uart_start(uint32_t baud)
 {
-    GPIO_AFR(GPIOA, 9) |= 7u << 4 | 7u << 8; /* PA9, PA10 */
-    GPIO_PUPDR(GPIOA) |= BIT(20);            /* an open line reads as idle */
-    GPIO_MODER(GPIOA) |= 2u << 18 | 2u << 20;
-    USART1_BRR = (APB2_HZ + baud / 2) / baud;
-    USART1_CR1 = USART_CR1_UE | USART_CR1_TE | USART_CR1_RE | USART_CR1_RXNEIE;
-    NVIC_ISER(USART1_INTERRUPT) = BIT(USART1_INTERRUPT % 32);
+    pin_drive(UART_PORT, UART_TX_PIN, FUNCTION_USARTS);
+    pin_read(UART_PORT, UART_RX_PIN, FUNCTION_USARTS); /* pulled up, an open line reads as idle */
+    USART_BRR(UART) = (UART_HZ + baud / 2) / baud;
+    USART_CR1(UART) = USART_CR1_UE | USART_CR1_TE | USART_CR1_RE | USART_CR1_RXNEIE;
+    NVIC_ISER(UART_INTERRUPT) = BIT(UART_INTERRUPT % 32);
 }
 
 bool uart_idle(void)

@@ -1,6 +1,6 @@
-/* Parameters of the vehicle, from their own flash sector: the program is the same for every vehicle. */
+/* Parameters of the vehicle, from a place of their own in flash: the program is the same for every vehicle. */
 
-#include "f405.h"
+#include "stm32.h"
 
 #define PARAMETERS_ADDRESS 0x08004000u
 
@@ -15,9 +15,9 @@ Parameters parameters_read(void)
     bool valid = stored->magic == PARAMETERS_MAGIC;
     return (Parameters){
         .magic = PARAMETERS_MAGIC,
-        .channels = within(valid ? stored->channels : 0, 1, F405_CHANNELS, 6),
+        .channels = within(valid ? stored->channels : 0, 1, OUTPUTS, 6),
         .watchdog_ms = within(valid ? stored->watchdog_ms : 0, 10, 60000, 200),
         .pwm_hz = within(valid ? stored->pwm_hz : 0, 50, 400, 50),
-        .baud = within(valid ? stored->baud : 0, 9600, 5250000, 115200),
+        .baud = within(valid ? stored->baud : 0, 9600, UART_HZ / 16, 115200),
     };
 }

@@ -3,7 +3,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "f405.h"
+#include "stm32.h"
 
 extern uint32_t stack_top, data_image, data_start, data_end, bss_start, bss_end;
 
@@ -37,16 +37,16 @@ void Reset_Handler(void)
 
 typedef void (*Handler)(void);
 
-/* Entries 0 to 15 are the core's; 16 + n is interrupt n of RM0090, table 62. */
-__attribute__((section(".vectors"), used)) static const Handler vectors[16 + 82] = {
+/* Entries 0 to 15 are the core's; 16 + n is interrupt n of the chip. */
+__attribute__((section(".vectors"), used)) static const Handler vectors[16 + INTERRUPTS] = {
     (Handler)(uintptr_t)&stack_top,
     Reset_Handler,
     [2 ... 14] = Fault_Handler,
     [15] = SysTick_Handler,
-    [16 ... 16 + 18] = Fault_Handler,
-    [16 + 19] = CAN1_TX_Handler,
-    [16 + 20] = CAN1_RX0_Handler,
-    [16 + 21 ... 16 + 36] = Fault_Handler,
-    [16 + 37] = USART1_Handler,
-    [16 + 38 ... 16 + 81] = Fault_Handler,
+    [16 ... 16 + CAN_TX_INTERRUPT - 1] = Fault_Handler,
+    [16 + CAN_TX_INTERRUPT] = CAN_TX_Handler,
+    [16 + CAN_RX0_INTERRUPT] = CAN_RX0_Handler,
+    [16 + CAN_RX0_INTERRUPT + 1 ... 16 + UART_INTERRUPT - 1] = Fault_Handler,
+    [16 + UART_INTERRUPT] = UART_Handler,
+    [16 + UART_INTERRUPT + 1 ... 16 + INTERRUPTS - 1] = Fault_Handler,
 };

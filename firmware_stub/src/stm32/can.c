@@ -1,7 +1,6 @@
-/* CAN1 at 500 kbit/s, the VESCs' default: extended data frames, with a ring buffer each way. */
+/* CAN at 500 kbit/s, the VESCs' default: extended data frames, with a ring buffer each way. */
 
-#include "f405.h"
-#include "registers.h"
+#include "stm32.h"
 
 #define RING_SIZE 32u /* a power of two; a report is 8 */
 #define PATIENCE 10000u /* polls; it takes one frame's time, and for ever without a controller */
@@ -62,14 +61,14 @@ static void send_on(void)
             load(mailbox, &frame);
 }
 
-void CAN1_TX_Handler(void)
+void CAN_TX_Handler(void)
 {
     CAN_TSR = CAN_TSR_DONE;
     send_on();
 }
 
 /* One frame an interrupt; it stays raised while there are more. */
-void CAN1_RX0_Handler(void)
+void CAN_RX0_Handler(void)
 {
     uint32_t id = CAN_RI0R;
     UuvHilCanFrame frame = {.id = id >> 3, .size = (uint8_t)(CAN_RDT0R & 15u)};
@@ -92,16 +91,18 @@ static void accept_all(void)
 
 void can_start(void)
 {
-    GPIO_AFR(GPIOA, 11) |= 9u << 12 | 9u << 16; /* PA11, PA12 */
-    GPIO_MODER(GPIOA) |= 2u << 22 | 2u << 24;
+    if (!rcc_can_on())
+        return; /* a chip of the family without it, or an emulator */
+    pin_read(GPIOA, 11, FUNCTION_CAN);
+    pin_drive(GPIOA, 12, FUNCTION_CAN);
     CAN_MCR = CAN_MCR_INRQ;
     for (uint32_t i = 0; i < PATIENCE && !(CAN_MSR & BIT(0)); i++) {
     }
-    CAN_BTR = 1u << 20 | 10u << 16 | 5u; /* 42 MHz / 6 / (1 + 11 + 2), sampled at 86 % */
+    CAN_BTR = CAN_BIT_TIMING;
     accept_all();
     CAN_IER = CAN_IER_TMEIE | CAN_IER_FMPIE0;
     CAN_MCR = CAN_MCR_ABOM | CAN_MCR_TXFP; /* off the bus after errors: back by itself; first in, first out */
-    NVIC_ISER(CAN1_TX_INTERRUPT) = BIT(CAN1_TX_INTERRUPT % 32) | BIT(CAN1_RX0_INTERRUPT % 32);
+    NVIC_ISER(CAN_TX_INTERRUPT) = BIT(CAN_TX_INTERRUPT % 32) | BIT(CAN_RX0_INTERRUPT % 32);
 }
 
 bool can_idle(void)

@@ -1,13 +1,12 @@
 /* Eight pulses on TIM3 and TIM4, in microseconds. */
 
-#include "f405.h"
-#include "registers.h"
+#include "stm32.h"
 
 static const uint32_t timers[] = {TIM3, TIM4};
 
 static void start_timer(uint32_t timer, uint32_t pwm_hz)
 {
-    TIM_PSC(timer) = APB1_TIMER_HZ / 1000000u - 1u; /* counts microseconds */
+    TIM_PSC(timer) = TIMER_HZ / 1000000u - 1u; /* counts microseconds */
     TIM_ARR(timer) = 1000000u / pwm_hz - 1u;
     TIM_CCMR1(timer) = 0x6868; /* PWM mode 1; a new width waits for the next period, so that no pulse is cut */
     TIM_CCMR2(timer) = 0x6868;
@@ -18,21 +17,19 @@ static void start_timer(uint32_t timer, uint32_t pwm_hz)
     TIM_CR1(timer) = BIT(7) | BIT(0);
 }
 
-/* Four neighbouring pins to alternate function 2, the timers'. */
-static void connect(uint32_t port, uint32_t first_pin)
-{
-    for (uint32_t pin = first_pin; pin < first_pin + 4; pin++) {
-        GPIO_AFR(port, pin) |= 2u << 4 * (pin % 8);
-        GPIO_MODER(port) |= 2u << 2 * pin;
-    }
-}
+/* Port and number of a pin. */
+typedef struct {
+    uint32_t port, pin;
+} Pin;
+
+static const Pin pins[OUTPUTS] = {OUTPUT_PINS};
 
 void pwm_start(uint32_t pwm_hz)
 {
     start_timer(TIM3, pwm_hz);
     start_timer(TIM4, pwm_hz);
-    connect(GPIOC, 6);
-    connect(GPIOB, 6);
+    for (uint32_t i = 0; i < OUTPUTS; i++)
+        pin_drive(pins[i].port, pins[i].pin, FUNCTION_TIMERS);
 }
 
 void pwm_set(const uint16_t *pulse_us, uint8_t channels)

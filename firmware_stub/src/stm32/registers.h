@@ -1,29 +1,13 @@
-/* The registers of the STM32F405 that this firmware uses. Source: ST RM0090 (memory map, and the register
- * section of each peripheral); Cortex-M4 core peripherals: ARMv7-M Architecture Reference Manual, B3. */
-#ifndef UUV_HIL_F405_REGISTERS_H
-#define UUV_HIL_F405_REGISTERS_H
+/* The registers that the families F1 and F4 have alike, and this firmware uses. Source: ST RM0008 (F103), RM0090 (F405),
+ * RM0383 (F411), RM0390 (F446), the register section of each peripheral; the core's own: ARMv7-M Architecture Reference
+ * Manual, B3. */
+#ifndef UUV_HIL_REGISTERS_H
+#define UUV_HIL_REGISTERS_H
 
 #include <stdint.h>
 
 #define REGISTER(address) (*(volatile uint32_t *)(address))
 #define BIT(n) (1u << (n))
-
-/* Reset and clock control */
-#define RCC_CR REGISTER(0x40023800)
-#define RCC_PLLCFGR REGISTER(0x40023804)
-#define RCC_CFGR REGISTER(0x40023808)
-#define RCC_AHB1ENR REGISTER(0x40023830)
-#define RCC_APB1ENR REGISTER(0x40023840)
-#define RCC_APB2ENR REGISTER(0x40023844)
-#define FLASH_ACR REGISTER(0x40023C00)
-
-/* Pins */
-#define GPIOA 0x40020000u
-#define GPIOB 0x40020400u
-#define GPIOC 0x40020800u
-#define GPIO_MODER(port) REGISTER((port) + 0x00)
-#define GPIO_PUPDR(port) REGISTER((port) + 0x0C)
-#define GPIO_AFR(port, pin) REGISTER((port) + 0x20 + 4 * ((pin) / 8))
 
 /* Timers 3 and 4 */
 #define TIM3 0x40000400u
@@ -37,11 +21,11 @@
 #define TIM_ARR(timer) REGISTER((timer) + 0x2C)
 #define TIM_CCR(timer, channel) REGISTER((timer) + 0x34 + 4 * (channel))
 
-/* USART 1 */
-#define USART1_SR REGISTER(0x40011000)
-#define USART1_DR REGISTER(0x40011004)
-#define USART1_BRR REGISTER(0x40011008)
-#define USART1_CR1 REGISTER(0x4001100C)
+/* A USART: `port` is its address, of chip.h. */
+#define USART_SR(port) REGISTER((port) + 0x00)
+#define USART_DR(port) REGISTER((port) + 0x04)
+#define USART_BRR(port) REGISTER((port) + 0x08)
+#define USART_CR1(port) REGISTER((port) + 0x0C)
 #define USART_SR_ORE BIT(3)
 #define USART_SR_RXNE BIT(5)
 #define USART_SR_TXE BIT(7)
@@ -51,7 +35,7 @@
 #define USART_CR1_TXEIE BIT(7)
 #define USART_CR1_UE BIT(13)
 
-/* CAN 1 */
+/* CAN: the only controller, or the first */
 #define CAN_MCR REGISTER(0x40006400)
 #define CAN_MSR REGISTER(0x40006404)
 #define CAN_TSR REGISTER(0x40006408)
@@ -79,6 +63,11 @@
 #define CAN_IER_TMEIE BIT(0)
 #define CAN_IER_FMPIE0 BIT(1)
 
+/* Alternate functions of pins on an F4; the pins of an F1 have one each */
+#define FUNCTION_TIMERS 2u
+#define FUNCTION_USARTS 7u
+#define FUNCTION_CAN 9u
+
 /* Independent watchdog */
 #define IWDG_KR REGISTER(0x40003000)
 #define IWDG_PR REGISTER(0x40003004)
@@ -89,8 +78,7 @@
 #define SYST_RVR REGISTER(0xE000E014)
 #define SYST_CVR REGISTER(0xE000E018)
 #define NVIC_ISER(interrupt) REGISTER(0xE000E100 + 4 * ((interrupt) / 32))
-#define USART1_INTERRUPT 37u
-#define CAN1_TX_INTERRUPT 19u
-#define CAN1_RX0_INTERRUPT 20u
+#define CAN_TX_INTERRUPT 19u
+#define CAN_RX0_INTERRUPT 20u
 
 #endif

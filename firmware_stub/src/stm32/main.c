@@ -1,7 +1,6 @@
-/* Main loop on the board: read bytes and frames, run the firmware, sleep. See f405.h for pins and memory. */
+/* Main loop on the board: read bytes and frames, run the firmware, sleep. See stm32.h for the memory, chip.h for the pins. */
 
-#include "f405.h"
-#include "registers.h"
+#include "stm32.h"
 
 #define IWDG_KICK 0xAAAAu
 #define IWDG_UNLOCK 0x5555u
@@ -88,9 +87,9 @@ int main(void)
 /* Anything that must not happen: thrusters to neutral, and the watchdog starts the program again. */
 void Fault_Handler(void)
 {
-    const uint16_t neutral_us[F405_CHANNELS] = {1500, 1500, 1500, 1500, 1500, 1500, 1500, 1500};
+    const uint16_t neutral_us[OUTPUTS] = {1500, 1500, 1500, 1500, 1500, 1500, 1500, 1500};
     interrupts_off();
-    pwm_set(neutral_us, F405_CHANNELS);
+    pwm_set(neutral_us, OUTPUTS);
     for (;;) {
     }
 }
