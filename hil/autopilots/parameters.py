@@ -2,11 +2,13 @@
 
 import os
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from hil.autopilots.frames import CUSTOM, MotorMap, load_frame
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_folder
 from hil.scenario.autopilot_records import AutopilotSettings
+from sim.sensors.suite import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
 FOLDER = "hil/autopilots/parameters"
@@ -16,6 +18,7 @@ MOTOR_1 = 101  # PX4's output function of its first motor
 MOST_ROTORS = 12
 
 Parameters = Mapping[str, float]
+NO_SENSORS: SensorSet = MappingProxyType({})
 
 # What makes ArduSub take its position of a companion's messages. Sources: 0 none, 1 barometer, 6 external navigation.
 _EXTERNAL = {
@@ -28,6 +31,16 @@ _POSITIONS: dict[str, Parameters] = {
     "dvl": _EXTERNAL,
     "gps": {"SIM_GPS1_ENABLE": 0.0, "GPS1_TYPE": 14.0},  # 14: by MAVLink
 }
+# What an autopilot knows the place of a sensor by, each followed by _X, _Y or _Z in m. Its own simulated GPS is at the
+# body origin, and so is what a navigation solution says.
+_PLACES: dict[str, dict[str, tuple[str, ...]]] = {
+    "ardupilot": {
+        "imu": ("INS_POS1", "INS_POS2", "INS_POS3"), "altimeter": ("RNGFND1_POS",), "dvl": ("VISO_POS",),
+        "gps": ("GPS1_POS",),
+    },
+    "px4": {"imu": ("EKF2_IMU_POS",), "gps": ("EKF2_GPS_POS",)},
+}  # fmt: skip
+_BY_POSITIONS = ("dvl", "gps")  # sensors that ArduPilot hears of only where [autopilot] positions says so
 
 
 def read_parameters(path: str) -> dict[str, float]:
@@ -69,14 +82,29 @@ def parameter_file(settings: AutopilotSettings, controller: str, vehicle: Vehicl
     raise ConfigError(f"[autopilot] parameters: no file {settings.parameters!r}; there are: {known}, or a path")
 
 
-def all_parameters(settings: AutopilotSettings, controller: str, vehicle: Vehicle, motors: MotorMap) -> Parameters:
-    """Return what the autopilot of that vehicle is started with: its file over what follows from the frame."""
+def all_parameters(
+    settings: AutopilotSettings, controller: str, vehicle: Vehicle, motors: MotorMap, sensors: SensorSet = NO_SENSORS
+) -> Parameters:
+    """Return what the autopilot is started with: its file over what follows from frame, positions and mountings."""
     if controller == "ardupilot":
         own = {**ardusub_frame(motors), **_POSITIONS[settings.positions]}
     else:
         own = dict(px4_geometry(vehicle, motors))
     path = parameter_file(settings, controller, vehicle)
-    return {**own, **(read_parameters(path) if path else {})}
+    return {**own, **sensor_places(settings, controller, sensors), **(read_parameters(path) if path else {})}
+
+
+def sensor_places(settings: AutopilotSettings, controller: str, sensors: SensorSet) -> Parameters:
+    """Return where the sensors are that the autopilot reads: m from the body origin; none for those that are there."""
+    parameters: dict[str, float] = {}
+    for name, prefixes in _PLACES[controller].items():
+        unused = controller == "ardupilot" and name in _BY_POSITIONS and name != settings.positions
+        if name not in sensors or unused or not any(sensors[name].mounting.position):
+            continue
+        for prefix in prefixes:
+            for axis, place in zip("XYZ", sensors[name].mounting.position, strict=True):
+                parameters[f"{prefix}_{axis}"] = place
+    return parameters
 
 
 def ardusub_frame(motors: MotorMap) -> Parameters:

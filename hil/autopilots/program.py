@@ -41,7 +41,8 @@ class Program:
         self.log = self._folder.file("output.txt")
         try:
             frame = CUSTOM if scenario.controller == "px4" and settings.frame == AUTO else settings.frame
-            parameters = all_parameters(settings, scenario.controller, vehicle, map_motors(frame, vehicle))
+            motors = map_motors(frame, vehicle)
+            parameters = all_parameters(settings, scenario.controller, vehicle, motors, scenario.sensors)
             if scenario.controller == "ardupilot":
                 command, variables = self._ardusub(settings, scenario, world, parameters)
             else:

@@ -91,5 +91,6 @@ def _parameters(scenario: Scenario, vehicle: Vehicle) -> int:
     from hil.autopilots.parameters import all_parameters, format_parameters
 
     motors = map_motors(_frame(scenario), vehicle)
-    print(format_parameters(all_parameters(settings_of(scenario), scenario.controller, vehicle, motors)), end="")
+    found = all_parameters(settings_of(scenario), scenario.controller, vehicle, motors, scenario.sensors)
+    print(format_parameters(found), end="")
     return 0

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from hil.autopilots.frames import map_motors
-from hil.autopilots.parameters import all_parameters, format_parameters, px4_geometry, read_parameters
+from hil.autopilots.parameters import all_parameters, format_parameters, px4_geometry, read_parameters, sensor_places
 from hil.common.errors import ConfigError
 from hil.scenario.autopilot_records import AutopilotSettings
+from sim.sensors.suite import read_suite
 from sim.vehicle.vehicle import load_vehicle
 
 
@@ -48,3 +49,29 @@ def test_a_file_that_is_not_there() -> None:
     vehicle, _ = load_vehicle("bluerov2")
     with pytest.raises(ConfigError, match="no file 'bluerov3'; there are: ardupilot_bluerov2, "):
         all_parameters(AutopilotSettings(parameters="bluerov3"), "ardupilot", vehicle, map_motors("auto", vehicle))
+
+
+@pytest.mark.parametrize(
+    ("controller", "positions", "expected"),
+    [
+        ("ardupilot", "simulated", {"INS_POS1": (0.1, 0, 0), "INS_POS3": (0.1, 0, 0), "RNGFND1_POS": (0, 0, 0.2)}),
+        ("ardupilot", "dvl", {"VISO_POS": (-0.3, 0.05, 0.15), "INS_POS2": (0.1, 0, 0)}),
+        ("ardupilot", "gps", {"GPS1_POS": (0, 0, -0.4)}),
+        ("px4", "simulated", {"EKF2_IMU_POS": (0.1, 0, 0), "EKF2_GPS_POS": (0, 0, -0.4)}),
+    ],
+)
+def test_the_autopilot_knows_where_its_sensors_are(
+    controller: str, positions: str, expected: dict[str, tuple[float, float, float]]
+) -> None:
+    mounted = {
+        "imu": {"position": [0.1, 0, 0]},
+        "dvl": {"position": [-0.3, 0.05, 0.15]},
+        "gps": {"position": [0, 0, -0.4]},
+        "altimeter": {"position": [0, 0, 0.2]},
+    }
+    settings = AutopilotSettings(positions=positions)  # type: ignore[arg-type]
+    found = sensor_places(settings, controller, read_suite(mounted, "test"))
+    for prefix, place in expected.items():
+        assert tuple(found[f"{prefix}_{axis}"] for axis in "XYZ") == place
+    assert any(name.startswith("VISO") for name in found) == (positions == "dvl")
+    assert not sensor_places(settings, controller, read_suite({name: {} for name in mounted}, "test"))
