@@ -12,6 +12,7 @@ from hil.client.client import Stamped
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.vectors import Vector3
 from hil.ros.dvl import AltitudeSample
+from hil.ros.topics import first_of
 from sim.sensors import extra_samples as extra
 from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
 
@@ -139,7 +140,7 @@ def aged(topic: str, stamped: Stamped) -> Any:
         value = 0, value
     if not isinstance(value, tuple):
         return stamped
-    kind = KINDS.get(topic) or _others.get(topic)
+    kind = KINDS.get(first_of(topic)) or _others.get(topic)
     if kind is None:
         if not hasattr(value, "_fields"):
             return stamped

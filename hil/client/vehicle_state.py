@@ -16,13 +16,14 @@ from hil.network.session import Session
 from hil.network.settings import Network
 from hil.ros import graph
 from hil.ros.diagnostics import Diagnostics
-from hil.ros.topics import DESCRIPTIONS, TOPICS, is_picture
+from hil.ros.topics import DESCRIPTIONS, TOPICS, is_picture, learn
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
 FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
+STARTED_WITHIN_S = 30.0  # the same of pictures whose process is still starting
 MADE_WITHIN_S = 30.0  # the same of pictures and descriptions, which are made when somebody subscribes
 
 T = TypeVar("T")
@@ -119,8 +120,10 @@ class VehicleState:
         """
         self._listen(topic)
         within = FIRST_WITHIN_S
-        if topic not in self.client.latest and (topic in DESCRIPTIONS or topic in self._pictures()):
+        if topic not in self.client.latest and (topic in DESCRIPTIONS or topic in self.pictures()):
             within = MADE_WITHIN_S
+        elif self._starts(topic):
+            within = STARTED_WITHIN_S
         with self._first:
             self._first.wait_for(lambda: topic in self.client.latest or not self.present, within)
         self._require_presence()
@@ -138,7 +141,7 @@ class VehicleState:
 
         def check(waited: float) -> None:
             self._require_presence()
-            if waited > timeout:
+            if waited > (max(timeout, STARTED_WITHIN_S) if self._starts(topic) else timeout):
                 raise NetworkError(self._no_sensor(topic, waited))
 
         self._listen(topic)
@@ -163,7 +166,7 @@ class VehicleState:
         self.client.close()
 
     def _listen(self, topic: str) -> None:
-        if topic not in TOPICS:
+        if topic not in TOPICS and not self._learn(topic):
             raise ConfigError(
                 f"{self.name}: no topic {topic!r}{nearest(topic, list(TOPICS))}; a sensor of your own is known once "
                 "its scenario was read: hil.scenario.config.load_scenario(FILE)"
@@ -191,7 +194,13 @@ class VehicleState:
             )
 
     def _no_sensor(self, topic: str, waited: float) -> str:
-        pictures = self._pictures()
+        if self._starts(topic):
+            sensor = topic.partition("/")[0]
+            return (
+                f"{self.name} has sent no {topic!r} for {waited:.1f} s: the process that makes the pictures of its "
+                f"{sensor} is still starting; ask again, or see the slave's log if it does not come up"
+            )
+        pictures = self.pictures()
         there = ", ".join(sorted({name for name in self.client.offers() if name.isidentifier()} | pictures))
         other = topic.removesuffix(COMPRESSED) if topic.endswith(COMPRESSED) else topic + COMPRESSED
         if other in pictures - {topic}:
@@ -200,10 +209,28 @@ class VehicleState:
             remedy = "other sensors are sections [sensors.NAME] of the slave's scenario"
         return f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {there}; {remedy}"
 
-    def _pictures(self) -> set[str]:
-        """Return the topics of its pictures, by its node in the graph: none is sent before somebody asks."""
+    def pictures(self) -> set[str]:
+        """Return the topics of its pictures, by its node in the graph: none is sent before somebody asks.
+
+        Those of further sensors of a kind are known from then on.
+        """
+        return {name for name, kind in self._published().items() if is_picture(name) and learn(name, kind)}
+
+    def _published(self) -> dict[str, str]:
+        """Return the types of the topics that it publishes, by its node in the graph."""
         own = f"/{self.name}/"
         entities = [graph.read_token(key) for key in self._session.tokens(graph.ALL)]
-        published = {entity.topic for entity in entities if entity and entity.kind == "MP"}
-        names = {topic.removeprefix(own) for topic in published if topic.startswith(own)}
-        return {name for name in names if is_picture(name)}
+        published = {entity.topic: entity.type for entity in entities if entity and entity.kind == "MP"}
+        return {topic.removeprefix(own): kind for topic, kind in published.items() if topic.startswith(own)}
+
+    def _learn(self, topic: str) -> bool:
+        """Return whether the vehicle publishes a topic that is like one of ours, which is known from then on."""
+        published = self._published()
+        return topic in published and learn(topic, published[topic])
+
+    def _starts(self, topic: str) -> bool:
+        """Return whether the topic is of a sensor of pictures whose process has published none since it started."""
+        sensors = self.diagnostics.imaging_requested or {}
+        return topic.partition("/")[0] in sensors and not any(
+            name.partition("/")[0] in sensors for name in self.pictures()
+        )

@@ -16,6 +16,7 @@ from hil.ros.encoders import (
     swap_body,
     unpack_stamped,
 )
+from hil.ros.topics import sample_topics
 from sim.sensors.samples import Covariance, DvlSample
 
 # Constants of marine_acoustic_msgs/Dvl.
@@ -116,16 +117,17 @@ def decode_range(data: bytes) -> AltitudeSample:
     return AltitudeSample(time_ns, distance)
 
 
-def _encode_all(sample: DvlSample, prefix: str) -> Encoded:
+def _encode_all(sample: DvlSample, prefix: str, name: str = "dvl") -> Encoded:
+    own, twist, altitude = sample_topics(name)
     return [
-        ("dvl", encode_dvl(sample, f"{prefix}dvl_transducer_link")),
-        ("dvl_twist", encode_dvl_twist(sample, f"{prefix}dvl_link")),
-        ("altitude", encode_range(sample, f"{prefix}dvl_link")),
+        (own, encode_dvl(sample, f"{prefix}{name}_transducer_link")),
+        (twist, encode_dvl_twist(sample, f"{prefix}{name}_link")),
+        (altitude, encode_range(sample, f"{prefix}{name}_link")),
     ]
 
 
-def _encode_water(sample: DvlSample, prefix: str, variance: float = 0.0) -> Encoded:
-    return [("dvl_water", encode_dvl(sample, f"{prefix}dvl_water_transducer_link", variance, WATER))]
+def _encode_water(sample: DvlSample, prefix: str, variance: float = 0.0, name: str = "dvl_water") -> Encoded:
+    return [(name, encode_dvl(sample, f"{prefix}{name}_transducer_link", variance, WATER))]
 
 
 ENCODERS: dict[str, Encoder] = {"dvl": _encode_all, "dvl_water": _encode_water}

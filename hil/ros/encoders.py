@@ -6,6 +6,7 @@ payload. Covariances are diagonals; 0 says "unknown", as in ROS, and -1 that som
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from importlib import import_module
 from math import isfinite, sqrt
 from struct import Struct, pack
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 from hil.common.vectors import Quaternion, Vector3
 from hil.ros import dialect
 from hil.ros.cdr import HEADER, Layout, MalformedError, Reader, Writer, check_header, diagonal, tolerant
+from hil.ros.topics import first_of
 from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 
 Status = tuple[str, int, str, dict[str, str]]  # name, level (0 ok, 1 warning, 2 error, 3 stale), message, values
@@ -262,14 +264,21 @@ def encoder(topic: str) -> Encoder:
     """Return what turns the simulator's samples called `topic` into messages, each with the topic it goes out on.
 
     Its second argument is set before the names of the vehicle's frames ("uuv1/imu_link"), empty for none. Others are
-    the variances of what is measured, where `sim.sensors.spread` knows them.
+    the variances of what is measured, where `sim.sensors.spread` knows them, and `name` is the sensor's own.
     """
-    return _ENCODERS.get(topic) or _ENCODERS.setdefault(topic, _later(topic).ENCODERS[topic])
+    known = _ENCODERS.get(topic)
+    if known is None:
+        first = first_of(topic)
+        # The topics and frames of one more of a kind have its name instead.
+        known = _later(topic).ENCODERS[topic] if first == topic else partial(encoder(first), name=topic)
+        _ENCODERS[topic] = known
+    return known
 
 
 def decoder(topic: str) -> Decoder | None:
     """Return what turns a message on one of the topics of `hil.ros.topics` into our records; None for another topic."""
-    return _DECODERS.get(topic) or _later(topic).DECODERS.get(topic)
+    first = first_of(topic)
+    return _DECODERS.get(topic) or _DECODERS.get(first) or _later(first).DECODERS.get(first)
 
 
 def introduce(topic: str, encode: Encoder, decode: Decoder) -> None:
@@ -283,12 +292,12 @@ def _later(topic: str) -> Any:
     return import_module(f"hil.ros.{_ELSEWHERE.get(topic, 'sensors')}")
 
 
-def _encode_imu(sample: ImuSample, prefix: str, *variances: float) -> Encoded:
-    return [("imu", encode_imu(sample, f"{prefix}imu_link", variances or _UNKNOWN[:4]))]
+def _encode_imu(sample: ImuSample, prefix: str, *variances: float, name: str = "imu") -> Encoded:
+    return [(name, encode_imu(sample, f"{prefix}{name}_link", variances or _UNKNOWN[:4]))]
 
 
-def _encode_pressure(sample: PressureSample, prefix: str, variance: float = 0.0) -> Encoded:
-    return [("pressure", encode_pressure(sample, f"{prefix}pressure_link", variance))]
+def _encode_pressure(sample: PressureSample, prefix: str, variance: float = 0.0, name: str = "pressure") -> Encoded:
+    return [(name, encode_pressure(sample, f"{prefix}{name}_link", variance))]
 
 
 def _encode_odom(sample: OdometrySample, prefix: str, *variances: float) -> Encoded:

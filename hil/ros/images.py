@@ -117,25 +117,27 @@ def decode_camera_info(data: bytes) -> Pinhole:
     return Pinhole(time_of(message), message["width"], message["height"], intrinsics, message["d"])
 
 
-def camera_messages(sample: CameraSample, prefix: str, images: str = "raw", quality: int = 80) -> ros.Encoded:
+def camera_messages(
+    sample: CameraSample, prefix: str, images: str = "raw", quality: int = 80, name: str = "camera"
+) -> ros.Encoded:
     """Return all messages of one picture: `images` is "raw", "jpeg" or "both". Raises MissingExtraError."""
-    frame, shape = f"{prefix}camera_optical_frame", (sample.time_ns, sample.width, sample.height)
+    frame, shape = f"{prefix}{name}_optical_frame", (sample.time_ns, sample.width, sample.height)
     info = encode_camera_info(Pinhole(*shape, sample.intrinsics, sample.distortion), frame)
-    messages = [("camera/camera_info", info)]
+    messages = [(f"{name}/camera_info", info)]
     if images != "jpeg":
-        messages.append(("camera/image_raw", encode_image(Picture(*shape, "rgb8", sample.rgb), frame)))
+        messages.append((f"{name}/image_raw", encode_image(Picture(*shape, "rgb8", sample.rgb), frame)))
     if images != "raw":
         messages.append(
-            ("camera/image_raw/compressed", encode_compressed(sample.time_ns, jpeg(sample, quality), frame))
+            (f"{name}/image_raw/compressed", encode_compressed(sample.time_ns, jpeg(sample, quality), frame))
         )
     if sample.depth is not None:
-        messages.append(("camera/depth/camera_info", info))
-        messages.append(("camera/depth/image_raw", encode_image(Picture(*shape, "32FC1", sample.depth), frame)))
+        messages.append((f"{name}/depth/camera_info", info))
+        messages.append((f"{name}/depth/image_raw", encode_image(Picture(*shape, "32FC1", sample.depth), frame)))
     if sample.points is not None:
         cloud = Cloud(*shape, coloured(sample.points, sample.rgb))
-        messages.append(("camera/depth/points", encode_cloud(cloud, frame)))
+        messages.append((f"{name}/depth/points", encode_cloud(cloud, frame)))
     if sample.labels is not None:
-        messages.append(("camera/labels", encode_image(Picture(*shape, "32SC1", sample.labels), frame)))
+        messages.append((f"{name}/labels", encode_image(Picture(*shape, "32SC1", sample.labels), frame)))
     return messages
 
 
@@ -222,10 +224,12 @@ def _read_echoes(image: Message) -> tuple[Encoding, int, bytes]:
 
 ENCODERS: dict[str, ros.Encoder] = {
     "camera": camera_messages,
-    "forward_sonar": lambda sample, prefix: [
-        ("forward_sonar/image", encode_sonar(sample, f"{prefix}forward_sonar_fan"))
+    "forward_sonar": lambda sample, prefix, name="forward_sonar": [
+        (f"{name}/image", encode_sonar(sample, f"{prefix}{name}_fan"))
     ],
-    "side_scan": lambda sample, prefix: [("side_scan/image", encode_side_scan(sample, f"{prefix}side_scan_link"))],
+    "side_scan": lambda sample, prefix, name="side_scan": [
+        (f"{name}/image", encode_side_scan(sample, f"{prefix}{name}_link"))
+    ],
 }
 DECODERS: dict[str, Any] = {
     "camera/image_raw": decode_image,

@@ -1,4 +1,4 @@
-"""Topics and messages of a user's own sensors, made from their definitions."""
+"""Topics of a scenario's further sensors of a kind, and topics and messages of a user's own, from their definitions."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from hil.common.errors import ConfigError
 from hil.ros import encoders as ros
 from hil.ros import message as ros_message
-from hil.ros.topics import TOPICS, Topic
+from hil.ros.topics import OURS, TOPICS, Topic, add_further, further_topics
 from hil.ros.types import definition
 from sim.sensors.own import OwnKind, OwnSample
 
@@ -14,19 +14,25 @@ if TYPE_CHECKING:
     from sim.sensors.suite import SensorSet
 
 HEADER = "std_msgs/msg/Header"
-_ours = frozenset(TOPICS)
 
 
 def announce(suite: "SensorSet", where: str) -> None:
-    """Let the topics of a suite's own sensors be known in this process. Raises ConfigError."""
+    """Let the topics of a suite's own and further sensors be known in this process. Raises ConfigError."""
+    taken = {*OURS}
     for name, fitted in suite.items():
-        if isinstance(fitted.sensor, OwnKind):
-            place = f"{where}: {name}"
-            if name in _ours:
-                raise ConfigError(f"{place}: the topic {name!r} is taken: give the sensor another name")
+        place, is_own = f"{where}: {name}", isinstance(fitted.sensor, OwnKind)
+        if not (is_own or fitted.name):
+            continue
+        added = {name, *([] if is_own else further_topics(name, fitted.sensor.topic))}
+        if common := sorted(added & taken):
+            raise ConfigError(f"{place}: the topic {common[0]!r} is taken: give the sensor another name")
+        taken |= added
+        if is_own:
             kind = _whole(fitted.sensor.message, place)
             TOPICS[name] = Topic(name, kind, fitted.model.rate, "data")
             ros.introduce(name, _encoder(name, kind, place), _decoder(kind))
+        else:
+            add_further(name, fitted.sensor.topic)
 
 
 def _whole(message: str, place: str) -> str:

@@ -51,13 +51,13 @@ def _decode(data: bytes) -> LaserSample:
 
 
 ENCODERS: dict[str, ros.Encoder] = {
-    "laser": lambda sample, prefix: [("laser", encode_scan(sample, f"{prefix}laser_link"))],
-    "profiler": lambda sample, prefix: [("profiler", encode_profile(sample, f"{prefix}profiler_scan"))],
-    "scanning_sonar": lambda sample, prefix: [
-        ("scanning_sonar", encode_scan(sample, f"{prefix}scanning_sonar_link")),
+    "laser": lambda sample, prefix, name="laser": [(name, encode_scan(sample, f"{prefix}{name}_link"))],
+    "profiler": lambda sample, prefix, name="profiler": [(name, encode_profile(sample, f"{prefix}{name}_scan"))],
+    "scanning_sonar": lambda sample, prefix, name="scanning_sonar": [
+        (name, encode_scan(sample, f"{prefix}{name}_link")),
     ],
-    "echosounder": lambda sample, prefix, *variance: [
-        ("echosounder", encode_distance(sample, f"{prefix}echosounder_link", *variance)),
+    "echosounder": lambda sample, prefix, *variance, name="echosounder": [
+        (name, encode_distance(sample, f"{prefix}{name}_link", *variance)),
     ],
 }
 DECODERS: dict[str, ros.Decoder] = {

@@ -158,23 +158,23 @@ def decode_battery(data: bytes) -> BatterySample:
 
 def _framed(topic: str, encode: Callable[..., bytes]) -> ros.Encoder:
     """Return the encoder of a topic whose frame is called like it."""
-    return lambda sample, prefix, *variances: [(topic, encode(sample, f"{prefix}{topic}_link", *variances))]
+    return lambda sample, prefix, *variances, name=topic: [(name, encode(sample, f"{prefix}{name}_link", *variances))]
 
 
-def _encode_ahrs(sample: ImuSample, prefix: str, *variances: float) -> ros.Encoded:
-    return [("ahrs", ros.encode_imu(sample, f"{prefix}ahrs_link", *([variances] if variances else [])))]
+def _encode_ahrs(sample: ImuSample, prefix: str, *variances: float, name: str = "ahrs") -> ros.Encoded:
+    return [(name, ros.encode_imu(sample, f"{prefix}{name}_link", *([variances] if variances else [])))]
 
 
 ENCODERS: dict[str, ros.Encoder] = {
     "ahrs": _encode_ahrs,
     "altimeter": _framed("altimeter", encode_distance),
     "battery": _framed("battery", encode_battery),
-    "contact": lambda sample, _: [("contact", encode_bool(sample))],
+    "contact": lambda sample, _, name="contact": [(name, encode_bool(sample))],
     "current_meter": _framed("current_meter", encode_velocity),
     "gps": _framed("gps", encode_fix),
-    "leak": lambda sample, _: [("leak", encode_bool(sample))],
+    "leak": lambda sample, _, name="leak": [(name, encode_bool(sample))],
     "magnetometer": _framed("magnetometer", encode_field),
-    "usbl": lambda sample, _: [("usbl", encode_position(sample))],
+    "usbl": lambda sample, _, name="usbl": [(name, encode_position(sample))],
 }
 DECODERS: dict[str, ros.Decoder] = {
     "ahrs": ros.decode_imu,

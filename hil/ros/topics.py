@@ -101,6 +101,8 @@ TOPICS = {
     )
 }
 
+OURS = tuple(TOPICS)  # without those of further sensors of a kind, and of a user's own
+
 # The sensors whose samples go out on several topics, by the simulator's name of their samples.
 _SAMPLE_TOPICS = {"dvl": ("dvl", "dvl_twist", "altitude"), "odom": ("odom", "/tf")}
 
@@ -145,9 +147,61 @@ TYPE_HASHES = {
 }
 
 
+_alike: dict[str, str] = {}  # names and topics of further sensors of a kind: those of its first
+
+
+def first_of(name: str) -> str:
+    """Return the same topic, or name of samples, of the first sensor of its kind; "camera/labels" for "left/labels"."""
+    return _alike.get(name, name)
+
+
 def sample_topics(name: str) -> tuple[str, ...]:
     """Return the topics on which samples of that name go out; none for those of a sensor that makes pictures."""
-    return _SAMPLE_TOPICS.get(name) or ((name,) if name in TOPICS else ())
+    first = first_of(name)
+    topics = _SAMPLE_TOPICS.get(first) or ((first,) if first in TOPICS else ())
+    return topics if name == first else tuple([_renamed(topic, first, name) for topic in topics])
+
+
+def further_topics(name: str, first: str) -> dict[str, str]:
+    """Return the topics of one more sensor, called `name`, of the kind whose samples are called `first`.
+
+    Each with that of the first of the kind which is like it.
+    """
+    rows = [*sample_topics(first), *[topic for topic in OURS if topic.startswith(f"{first}/")]]
+    return {_renamed(topic, first, name): topic for topic in rows}
+
+
+def add_further(name: str, first: str) -> None:
+    """Let those topics be known in this process."""
+    _alike[name] = first
+    for topic, row in further_topics(name, first).items():
+        TOPICS[topic], _alike[topic] = TOPICS[row]._replace(name=topic), row
+
+
+def learn(topic: str, type_name: str) -> bool:
+    """Let a topic that a vehicle's node in the graph says be known, if it is like one of a sensor; False if not.
+
+    So does a process know further sensors whose scenario it has not read.
+    """
+    if topic in TOPICS:
+        return True
+    name, slash, rest = topic.partition("/")
+    for row in [TOPICS[each] for each in OURS if TOPICS[each].type == type_name]:
+        first, _, end = row.name.partition("/")
+        if end == rest and first and not row.from_master and row.priority != "real_time":
+            if slash:
+                add_further(name, first)
+            else:
+                TOPICS[topic], _alike[topic] = row._replace(name=topic), row.name
+            return True
+    return False
+
+
+def _renamed(topic: str, first: str, name: str) -> str:
+    """Return a kind's topic as that of its sensor `name`: "dvl_twist" as "aft_twist", "altitude" as "aft_altitude"."""
+    if topic == first or topic.startswith((f"{first}/", f"{first}_")):
+        return name + topic[len(first) :]
+    return f"{name}_{topic}"
 
 
 def is_picture(topic: str) -> bool:

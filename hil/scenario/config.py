@@ -210,8 +210,8 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
                 f"{path}: autopilot: positions: {positions!r} needs that sensor: add [sensors.{positions}]"
             )
         scenario = scenario._replace(autopilot=scenario.autopilot.resolve_paths(folder))
-    if any("class" in section for section in sensors.values()):
-        from hil.ros.own import announce  # most vehicles have no sensor of a user's own
+    if any("class" in section or "sensor" in section for section in sensors.values()):
+        from hil.ros.own import announce  # most vehicles have no sensor of a user's own, and one of each kind
 
         announce(scenario.sensors, f"{path}: sensors")
     blind = [name for name in FEEDBACK if name not in scenario.sensors]

@@ -61,8 +61,8 @@ class Mavlink(NamedTuple):
     Ground stations on other machines may only look unless `commands_from` is "network". `signing_key`, a passphrase
     or 64 hexadecimal digits, signs all packets and refuses unsigned ones. `parameters` is the file of stored
     parameters ("": one of this user's for the node), `logs` the folder that MAVFTP offers. `video_port` is that of the
-    camera's picture as MJPEG over HTTP on this machine, 0 for none; `rtp` ("HOST:PORT") gets it as H.264. With `start`
-    the slave starts the process; else `uuv-hil mavlink` does.
+    camera's picture as MJPEG over HTTP on this machine, 0 for none; `rtp` ("HOST:PORT") gets it as H.264; `camera` is
+    that camera's name. With `start` the slave starts the process; else `uuv-hil mavlink` does.
     """
 
     endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")
@@ -74,6 +74,7 @@ class Mavlink(NamedTuple):
     logs: str = "recordings"
     video_port: Annotated[int, Range(0, 65_535)] = 0
     rtp: str = ""
+    camera: str = "camera"
     start: bool = True
 
     def validate(self) -> str | None:

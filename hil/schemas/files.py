@@ -18,7 +18,7 @@ from sim.environment.ocean import Ocean
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.mounting import Mounting
-from sim.sensors.suite import DEVICES, SENSORS, load_sensor
+from sim.sensors.suite import DEVICES, ONLY_ONE, SENSORS, load_sensor
 from sim.vehicle import battery, meshes, vehicle
 from sim.vehicle.equipment_keys import EquipmentKeys
 from sim.vehicle.fins import Fin
@@ -87,12 +87,14 @@ def _modem(converter: Converter, kind: str, record: Any) -> Schema:
 
 
 def _sensors(converter: Converter, own: Schema) -> Schema:
-    sections = {}
+    sections, further = {}, []
     for name in SENSORS:
         device = {"type": "string", "description": f"One that can be bought: {', '.join(preset_names(DEVICES))}."}
         keys = converter.keys(load_sensor(name).Model) | converter.keys(Mounting)
         sections[name] = table(keys | {"device": device})
-    return table(sections, others=own)
+        if name not in ONLY_ONE:
+            further.append(table(keys | {"device": device, "sensor": {"enum": [name]}}, ["sensor"]))
+    return table(sections, others={"anyOf": [own, *further]})
 
 
 def _vehicle(converter: Converter) -> Schema:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from hil.client import services
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import HilError
+from hil.ros.topics import first_of
 from hil.view.front import Front
 from hil.view.panels import instruments, pictures
 from hil.view.panels.acts import ActsPanel
@@ -30,7 +31,9 @@ PANEL_EVERY = 4  # frames
 TRACK_EVERY = 10
 CAMERA_OFFSET = (-1.8, -3.0, 1.8)  # m, of a camera that follows
 TOP_HEIGHT = 20.0  # m
-CAMERAS = {"camera/image_raw/compressed": "camera", "camera/image_raw": "camera"}
+JPEG, RAW, SONAR, SIDE_SCAN = (
+    "camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image",
+)  # fmt: skip
 
 
 class Shown(NamedTuple):
@@ -147,21 +150,24 @@ class LiveView:
             self._world.draw_path(plan, self._shown.depth, "path" if alone else f"path/{name}")
 
     def _draw_pictures(self, name: str, sensors: SensorScene, latest: Mapping[str, Any]) -> None:
-        for topic, title in CAMERAS.items():
-            if topic in latest and (picture := pictures.camera_picture(latest[topic])) is not None:
-                sensors.draw_camera(picture)
-                if name == self._name:
-                    self._panels.show_picture(title, picture)
-                break
-        if sonar := latest.get("forward_sonar/image"):
-            altitude = latest["altitude"].distance if "altitude" in latest else 0.0
-            sensors.draw_sonar(*pictures.fan_points(sonar, altitude, sensors.mounting("forward_sonar")))
-            if name == self._name:
-                self._panels.show_picture("forward sonar, ahead is up", pictures.fan_picture(sonar))
-        if (ping := latest.get("side_scan/image")) and name == self._name:
-            waterfall = self._waterfalls.setdefault(name, pictures.Waterfall())
-            if waterfall.add(ping):
-                self._panels.show_picture("side scan, port left", waterfall.picture())
+        is_chosen = name == self._name
+        for topic, image in latest.items():
+            sensor, first = topic.partition("/")[0], first_of(topic)
+            title = sensor.replace("_", " ")
+            if first == JPEG or (first == RAW and f"{topic}/compressed" not in latest):
+                if (picture := pictures.camera_picture(image)) is not None:
+                    sensors.draw_camera(picture, sensor)
+                    if is_chosen:
+                        self._panels.show_picture(title, picture)
+            elif first == SONAR:
+                altitude = latest["altitude"].distance if "altitude" in latest else 0.0
+                sensors.draw_sonar(*pictures.fan_points(image, altitude, sensors.mounting(sensor)), sensor)
+                if is_chosen:
+                    self._panels.show_picture(f"{title}, ahead is up", pictures.fan_picture(image))
+            elif first == SIDE_SCAN and is_chosen:
+                waterfall = self._waterfalls.setdefault(f"{name}/{sensor}", pictures.Waterfall())
+                if waterfall.add(image):
+                    self._panels.show_picture(f"{title}, port left", waterfall.picture())
 
     def _draw_panels(self, name: str) -> None:
         figures = self._source.diagnostics(name)

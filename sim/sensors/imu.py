@@ -39,7 +39,7 @@ class Imu:
         self._turn = mounting.quaternion if mounting.turned else None
         self._gravity = scene.world.gravity
         models = [model.attitude] * 3 + [model.angular_velocity] * 3 + [model.acceleration] * 3
-        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, IMU))
+        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
         native = None if self._turn else make_imu(self._errors, ImuSample, self._position, self._gravity)
         self._measure: Callable[[int, State], ImuSample] = native or self._measure_apart
 

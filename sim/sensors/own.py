@@ -89,10 +89,15 @@ class _Fitted:
         return None if values is None else OwnSample(time_ns, values)
 
 
-def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[Any, OwnModel, Mounting]:
-    """Read the section of an own sensor: an OwnKind that makes it, its keys, its mounting. Raises ConfigError."""
+def check_name(name: str, where: str) -> None:
+    """Check that a sensor's name can be a topic's. Raises ConfigError."""
     if not name.isidentifier() or not name.isascii():
         raise ConfigError(f"{where}: a sensor's name becomes a topic's: letters, digits and _, no digit first")
+
+
+def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[Any, OwnModel, Mounting]:
+    """Read the section of an own sensor: an OwnKind that makes it, its keys, its mounting. Raises ConfigError."""
+    check_name(name, where)
     sits = {key: value for key, value in section.items() if key in Mounting._fields}
     rest = {key: value for key, value in section.items() if key not in (*Mounting._fields, "rate")}
     if "rate" not in section:

@@ -36,7 +36,7 @@ class Pressure:
         self._mounting = mounting
         self._water = water_pressure(scene.world)
         self._wave_field = scene.wave_field
-        self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, PRESSURE))
+        self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> PressureSample:
         """Return the measurement of `state`; in the air that of the air."""

@@ -23,8 +23,8 @@ def spreads(suite: SensorSet, world: World) -> Mapping[str, Spread]:
     position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Others:
     the one.
     """
-    topics = {fitted.sensor.topic: fitted.model for fitted in suite.values() if fitted.sensor.topic in _SPREADS}
-    return {topic: _SPREADS[topic](model, world) for topic, model in topics.items()}
+    known = [fitted for fitted in suite.values() if fitted.sensor.topic in _SPREADS]
+    return {fitted.topic: _SPREADS[fitted.sensor.topic](fitted.model, world) for fitted in known}
 
 
 def _imu(model: Any, _: World) -> Spread:

@@ -12,6 +12,9 @@ device = "oculus_m750d"        # values of sim/sensors/devices/oculus_m750d.toml
 [sensors.dvl]
 rate = 0                       # none
 
+[sensors.camera_down]
+sensor = "camera"              # one more of a kind, by a name of its own, which its topics and frames have too
+
 [sensors.thermometer]
 class = "my_sensors:Thermometer"  # one of the user's own: sim/sensors/own.py
 rate = "2 Hz"
@@ -55,15 +58,28 @@ SENSORS = {
     "side_scan": "sim.sensors.imaging.side_scan:SideScan",
 }
 DEVICES = "sim/sensors/devices"
+ONLY_ONE = ("odometry", "ground_truth")  # they say where the vehicle's origin is
 DEFAULT_SENSORS = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 
 
 class SensorSpec(NamedTuple):
-    """A sensor as it is fitted: its class, the record of its own keys, and how it sits."""
+    """A sensor as it is fitted: its class, the record of its own keys, how it sits, its name if one more of a kind."""
 
     sensor: type[Sensor]
     model: Any
     mounting: Mounting = Mounting()
+    name: str = ""
+
+    @property
+    def topic(self) -> str:
+        """Return the name of its samples: that of its kind, or its own if it is one more."""
+        return self.name or self.sensor.topic
+
+    def build(self, seed: int, scene: Scene) -> Sensor:
+        """Return the sensor of a simulation; one more of a kind has random numbers of its own."""
+        named = type(self.sensor.__name__, (self.sensor,), {"topic": self.name}) if self.name else self.sensor
+        made: Sensor = named(self.model, self.mounting, seed, scene)
+        return made
 
     @property
     def offloaded(self) -> bool:
@@ -80,10 +96,14 @@ def read_suite(sections: Any, where: str) -> SensorSet:
         raise ConfigError(f"{where}: expected a table for each sensor, such as [sensors.imu]")
     for name, section in sections.items():
         if not isinstance(section, dict):
-            raise ConfigError(f"{where}: {name}: expected a table, such as [sensors.{name}]")
-        if name not in SENSORS and "class" not in section:
+            several = f', and one more of it as [sensors.{name}_2] with sensor = "{name}"' if name in SENSORS else ""
+            raise ConfigError(f"{where}: {name}: expected a table, such as [sensors.{name}]{several}")
+        if name not in SENSORS and "class" not in section and "sensor" not in section:
             known = f"{nearest(name, list(SENSORS))}; there are: {_names()}"
-            raise ConfigError(f'{where}: no sensor {name!r}{known}; one of your own needs class = "module:Class"')
+            raise ConfigError(
+                f'{where}: no sensor {name!r}{known}; one more of a kind needs sensor = "KIND", such as "camera", one '
+                'of your own class = "module:Class"'
+            )
     names = [*DEFAULT_SENSORS, *(name for name in sections if name not in DEFAULT_SENSORS)]
     fitted = {name: _read_sensor(name, sections.get(name, {}), f"{where}: {name}") for name in names}
     return {name: each for name, each in fitted.items() if each.model.rate}
@@ -169,8 +189,8 @@ class Slot:
             )
         if fitted.offloaded:
             _require_numpy(name)
-        self.sensor = fitted.sensor(fitted.model, fitted.mounting, seed, scene)
-        self.topic = fitted.sensor.topic
+        self.sensor = fitted.build(seed, scene)
+        self.topic = fitted.topic
         self.due_ns = self.period_ns
         self._latency_ns = round(fitted.mounting.latency * 1e9)
         self._drop_out = fitted.mounting.drop_out
@@ -196,6 +216,9 @@ def _require_numpy(name: str) -> None:
 
 
 def _read_sensor(name: str, section: dict[str, Any], where: str) -> SensorSpec:
+    if "sensor" in section and "class" not in section:  # which may have a key of that name
+        kind, section = _kind_of(name, section, where)
+        return _read_sensor(kind, section, where)._replace(name=name if name != kind else "")
     if name not in SENSORS:
         from sim.sensors.own import read_own  # most vehicles have none
 
@@ -206,10 +229,27 @@ def _read_sensor(name: str, section: dict[str, Any], where: str) -> SensorSpec:
     common, own = Mounting._fields, sensor.Model._fields
     for key in section:
         if key not in (*common, *own):
-            raise ConfigError(f"{where}: no key {key!r}{nearest(key, [*own, *common])}")
+            further = f'; one more {name} is a section of its own: [sensors.{name}_{key}] with sensor = "{name}"'
+            remedy = further if isinstance(section[key], dict) else nearest(key, [*own, *common])
+            raise ConfigError(f"{where}: no key {key!r}{remedy}")
     sits = {key: value for key, value in section.items() if key in common}
     rest = {key: value for key, value in section.items() if key not in common}
     return SensorSpec(sensor, parse(rest, sensor.Model, where), parse(sits, Mounting, where))
+
+
+def _kind_of(name: str, section: dict[str, Any], where: str) -> tuple[str, dict[str, Any]]:
+    """Return the kind that the key `sensor` says, and the section without it. Raises ConfigError."""
+    kind = section["sensor"]
+    if not isinstance(kind, str) or kind not in SENSORS:
+        raise ConfigError(f"{where}: sensor: no {kind!r}{nearest(str(kind), list(SENSORS))}; there are: {_names()}")
+    if name in SENSORS and name != kind:
+        raise ConfigError(f"{where}: sensor: {name!r} is the name of another kind; give this {kind} another name")
+    if kind in ONLY_ONE and name != kind:
+        raise ConfigError(f"{where}: sensor: a vehicle has one {kind}: change [sensors.{kind}]")
+    from sim.sensors.own import check_name  # most vehicles have one of each kind
+
+    check_name(name, where)
+    return kind, {key: value for key, value in section.items() if key != "sensor"}
 
 
 def _with_device(name: str, section: dict[str, Any], where: str) -> dict[str, Any]:

@@ -117,7 +117,10 @@ def sensor_keys() -> str:
     text = (
         f"Each sensor is a section `[sensors.NAME]` of the scenario. These are always fitted: {usual}. A rate of 0 "
         f"takes one away. `device` fills in the values of one that can be bought: "
-        f"{', '.join(f'`{name}`' for name in preset_names(DEVICES))}."
+        f"{', '.join(f'`{name}`' for name in preset_names(DEVICES))}. One more of a kind is a section of another name "
+        'with the kind as `sensor`: `[sensors.camera_down]` with `sensor = "camera"`. Its topics and frames have that '
+        "name instead (`camera_down/image_raw`, `camera_down_optical_frame`), and its random numbers are "
+        "its own."
     )
     sections = [
         Section("Every sensor", Mounting),

@@ -26,6 +26,7 @@ examples:
   uuv-hil foxglove --connect tcp/192.168.3.116:7447
   uuv-hil foxglove --scenario mine.toml --command
   uuv-hil foxglove --layout uuv1 > layout.json       a layout with all panels, to import in Foxglove
+  uuv-hil foxglove --layout uuv1 --scenario mine.toml > layout.json   with a panel for each of its cameras and sonars
   uuv-hil foxglove --listen 0.0.0.0:9000             for other machines: programs that reach it can look
 """
 LISTEN = "127.0.0.1:8765"
@@ -44,7 +45,8 @@ def main(arguments: list[str]) -> int:
     if options.layout:
         from hil.gateways.foxglove.layout import layout
 
-        print(layout(options.layout))
+        described = scenario_and_endpoints(options)[0]
+        print(layout(options.layout, sensors=described.sensors if described else {}))
         return 0
     scenario, endpoints = scenario_and_endpoints(options)
     try:
@@ -104,10 +106,10 @@ def _show_fan(server: "FoxgloveServer", message: Message) -> None:
     """Publish a sonar's picture as a fan too, while somebody looks."""
     from hil.gateways.foxglove import scene
 
-    node, _, name = message.topic[1:].partition("/")
-    if name != scene.SONAR_TOPIC:
+    sonar, _, end = message.topic.rpartition("/")
+    if message.type != scene.SONAR_TYPE or end != "image":
         return
-    channel = scene.fan_channel(node)
+    channel = scene.fan_channel(sonar)
     server.offer(channel)
     if server.is_watched(channel.topic) and (fan := scene.encode_fan(message)):
         server.publish(channel, message.published_ns, fan)

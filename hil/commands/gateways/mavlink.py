@@ -12,6 +12,7 @@ from hil.common.options import PORT, add_scenario, checked, new_parser, whole
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.settings import Network
+from hil.ros.topics import TOPICS, learn
 from hil.scenario.config import Scenario
 from hil.scenario.mavlink_records import Mavlink, parse_endpoint, rtp_target
 
@@ -48,7 +49,7 @@ def main(arguments: list[str]) -> int:
     from hil.gateways.mavlink.protocols.parameters import ParameterTable
     from hil.gateways.mavlink.protocols.signing import SigningKey
     from hil.gateways.mavlink.vehicle_port import NetworkVehicle
-    from hil.gateways.mavlink.video import PICTURES, VideoServer
+    from hil.gateways.mavlink.video import VideoServer
 
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
@@ -56,16 +57,18 @@ def main(arguments: list[str]) -> int:
         session = stack.enter_context(open_master_session(*endpoints, network=network, security=security))
         node = options.vehicle or (scenario.slave.node if scenario else "uuv1")
         video = stack.enter_context(VideoServer(settings.video_port)) if settings.video_port else None
-        rtp = _open_rtp(stack, settings.rtp, camera_of(scenario, ()).rate)
+        rtp = _open_rtp(stack, settings.rtp, camera_of(scenario, (), settings.camera).rate)
+        pictures = f"{settings.camera}/image_raw/compressed"
+        learn(pictures, TOPICS["camera/image_raw/compressed"].type)
         client = stack.enter_context(
             VehicleClient(
                 session, node, rank=int(options.take_over), network=network, security=security, report=_print,
-                on_sample=_shown_by(video, rtp), topics=("odom",),
+                on_sample=_shown_by(pictures, video, rtp), topics=("odom",),
             )
         )  # fmt: skip
         if video:
-            video.on_viewer = lambda: client.watch(PICTURES)
-        client.watch(*([PICTURES] if rtp else []))
+            video.on_viewer = lambda: client.watch(pictures)
+        client.watch(*([pictures] if rtp else []))
         port = stack.enter_context(NetworkVehicle(client, _print))
         stored = settings.parameters or parameter_file(node)
         table = ParameterTable(stored, port.parameters, port.set_parameter, defaults_of(scenario))
@@ -74,7 +77,7 @@ def main(arguments: list[str]) -> int:
             print(fault, flush=True)
         settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
         streams = [*([h264(rtp.port)] if rtp else []), *([mjpeg(video.address)] if video else [])]
-        picture = camera_of(scenario, tuple(streams)) if streams else None
+        picture = camera_of(scenario, tuple(streams), settings.camera) if streams else None
         gateway = Gateway(port, settings, table, links, origin_of(scenario), picture, _print, signing)
         link_names = ", ".join([link.name for link in links])
         print(
@@ -113,6 +116,7 @@ def _parser() -> argparse.ArgumentParser:
         type=checked(_rtp),
         help="ground station that gets the camera's picture as H.264 in RTP, such as 127.0.0.1:5600 [none]",
     )
+    parser.add_argument("--camera", metavar="NAME", help="camera whose picture that is [camera]")
     parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
     parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
     add_take_over(parser)
@@ -138,12 +142,13 @@ def _open_rtp(stack: ExitStack, target: str, rate: float) -> "RtpVideo | None":
     return stack.enter_context(RtpVideo(*host_and_port, rate))
 
 
-def _shown_by(*viewers: "VideoServer | RtpVideo | None") -> Callable[[str, Stamped], None]:
+def _shown_by(pictures: str, *viewers: "VideoServer | RtpVideo | None") -> Callable[[str, Stamped], None]:
     there = [viewer for viewer in viewers if viewer]
 
     def show(topic: str, stamped: Stamped) -> None:
-        for viewer in there:
-            viewer.on_sample(topic, stamped)
+        if topic == pictures:
+            for viewer in there:
+                viewer.show(stamped.value.data)
 
     return show
 
@@ -157,6 +162,7 @@ def _settings(options: argparse.Namespace, scenario: Scenario | None) -> Mavlink
         "commands_from": options.commands_from,
         "video_port": options.video_port,
         "rtp": options.rtp,
+        "camera": options.camera,
         "logs": options.logs,
         "parameters": options.parameters,
     }

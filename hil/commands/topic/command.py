@@ -20,11 +20,13 @@ from hil.common.schema import nearest
 from hil.common.stop import StopSignals, Wakeup
 from hil.common.text import json_text
 from hil.network import services
+from hil.network.presence import fetch_last
 from hil.network.publisher import Publisher
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
-from hil.ros import dialect, graph, types
+from hil.ros import dialect, encoders, graph, types
 from hil.ros import message as ros_message
+from hil.ros.diagnostics import Diagnostics
 from hil.ros.graph import Entity, Node
 from hil.ros.topics import TOPICS, Topic
 
@@ -171,8 +173,28 @@ def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple
         published = _published(session)  # there may be more by now
         if name in published:
             raise NetworkError(f"{name} is there, but nothing came on it within {options.wait:g} s; raise --wait")
+        if sensor := _starting(session, name, published):
+            raise NetworkError(
+                f"nothing came on {name} within {options.wait:g} s: the process that makes the pictures of {sensor} is "
+                "still starting; ask again, or raise --wait"
+            )
         raise NetworkError(f"nobody publishes {name}; {_there_is(name, published)}")
     return arrivals, came
+
+
+def _starting(session: Session, name: str, published: Collection[str]) -> str:
+    """Return the sensor of a topic if it makes pictures and none is published yet, as its vehicle says; else ""."""
+    node, _, topic = name[1:].partition("/")
+    sensor = topic.partition("/")[0]
+    if any(each.startswith(f"/{node}/{sensor}/") for each in published):
+        return ""
+    received: list[bytes] = []
+    fetch_last(session, node, lambda _topic, payload, *_: received.append(payload), "diagnostics")
+    for payload in received:
+        statuses = encoders.decode_diagnostics(payload)
+        if statuses and sensor in (Diagnostics(statuses[0][3]).imaging_requested or {}):
+            return sensor
+    return ""
 
 
 def _published(session: Session) -> dict[str, Entity]:

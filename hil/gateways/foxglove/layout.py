@@ -1,7 +1,12 @@
 """A layout for Foxglove in which all panels are of one vehicle: to import, for live data and recordings alike."""
 
 import json
-from typing import Any
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sim.sensors.suite import SensorSet
 
 COLOURS = "#2563eb", "#ea580c", "#16a34a", "#9333ea", "#0891b2", "#ca8a04", "#db2777", "#64748b"
 BLUE, ORANGE, GREEN = COLOURS[:3]
@@ -13,19 +18,22 @@ MESSAGES_OF_PLOTS = {
 }
 
 
-def layout(node: str, frame_prefix: str = "") -> str:
-    """Return the layout of the vehicle called `node` as the JSON that Foxglove imports."""
+def layout(node: str, frame_prefix: str = "", sensors: "SensorSet" = MappingProxyType({})) -> str:
+    """Return the layout of the vehicle called `node` as the JSON that Foxglove imports.
+
+    It has a panel for each camera and forward-looking sonar of `sensors`, one of both without any.
+    """
+    images = _images(sensors)
     panels: dict[str, Any] = {
         "3D!scene": _three_d(node, f"{frame_prefix}base_link"),
-        "Image!camera": _image(f"/{node}/camera/image_raw/compressed"),
-        "Image!sonar": _image(f"/{node}/forward_sonar/fan"),
+        **{panel: _image(f"/{node}/{topic}") for panel, topic in images.items()},
         "Teleop!stick": _teleop(node),
         "CallService!arm": {"serviceName": f"/{node}/arm", "requestPayload": '{"data": true}', "layout": "vertical"},
         "Parameters!gains": {"title": "Parameters"},
         "DiagnosticSummary!health": {"minLevel": 0, "topicToRender": "/diagnostics", "hardwareIdFilter": ""},
         **{f"Plot!{name}": _plot(node, curves) for name, curves in MESSAGES_OF_PLOTS.items()},
     }
-    left = _split("column", "3D!scene", _split("row", "Image!camera", "Image!sonar"), 65)
+    left = _split("column", "3D!scene", _row([*images]), 65)
     plots = _split("column", _split("row", "Plot!depth", "Plot!speed"), _split("row", "Plot!thrusts", "Plot!battery"))
     acts = _split("row", _split("column", "Teleop!stick", "CallService!arm", 65), "Parameters!gains")
     right = _split("column", plots, _split("row", acts, "DiagnosticSummary!health", 65), 55)
@@ -44,8 +52,21 @@ def layout(node: str, frame_prefix: str = "") -> str:
 def topics_of(node: str) -> set[str]:
     """Return the topics that the layout shows."""
     plotted = {path.partition(".")[0] for curves in MESSAGES_OF_PLOTS.values() for path, _ in curves}
-    shown = {*plotted, "laser", "profiler", "camera/image_raw/compressed", "forward_sonar/fan"}
+    shown = {*plotted, "laser", "profiler", *_images({}).values()}
     return {f"/{node}/{name}" for name in shown}
+
+
+def _images(sensors: "SensorSet") -> Mapping[str, str]:
+    """Return the panels of pictures, each with its topic."""
+    kinds = {"camera": "image_raw/compressed", "forward_sonar": "fan"}
+    shown = {name: kinds[each.sensor.topic] for name, each in sensors.items() if each.sensor.topic in kinds}
+    return {f"Image!{name}": f"{name}/{end}" for name, end in (shown or kinds).items()}
+
+
+def _row(panels: list[str]) -> Any:
+    """Return panels side by side, all as wide."""
+    first, *others = panels
+    return _split("row", first, _row(others), 100 // len(panels)) if others else first
 
 
 def _split(direction: str, first: Any, second: Any, percent: int = 50) -> dict[str, Any]:

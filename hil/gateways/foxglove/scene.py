@@ -18,8 +18,7 @@ from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
 SCENE_TOPIC = "/scene"
-SONAR_TOPIC, FAN_TOPIC = "forward_sonar/image", "forward_sonar/fan"
-FAN_TYPE = "sensor_msgs/msg/CompressedImage"
+SONAR_TYPE, FAN_TYPE = "marine_acoustic_msgs/msg/ProjectedSonarImage", "sensor_msgs/msg/CompressedImage"
 MOST_NODES = 150  # a side of the seabed that is sent: 45,000 triangles
 MAP = "map"
 GROUND, HULL = (0.55, 0.5, 0.4, 1.0), (0.98, 0.8, 0.08, 1.0)  # red, green, blue, opacity
@@ -27,10 +26,10 @@ THRUSTER, OBSTACLE = (0.12, 0.16, 0.23, 1.0), (0.4, 0.45, 0.55, 0.6)
 THRUSTER_SIZE = 0.1, 0.1, 0.1  # m
 
 
-def fan_channel(node: str) -> Channel:
-    """Return the channel of a sonar's fan as a picture."""
+def fan_channel(sonar: str) -> Channel:
+    """Return the channel of the fan of a sonar, such as "/uuv1/forward_sonar", as a picture."""
     encoding, text = schema_of(FAN_TYPE)
-    return Channel(f"/{node}/{FAN_TOPIC}", FAN_TYPE, schema=text.decode(), schema_encoding=encoding)
+    return Channel(f"{sonar}/fan", FAN_TYPE, schema=text.decode(), schema_encoding=encoding)
 
 
 def encode_fan(message: Message) -> bytes | None:
@@ -44,7 +43,7 @@ def encode_fan(message: Message) -> bytes | None:
         return None
     file = BytesIO()
     Image.fromarray(fan_picture(sample)).save(file, "JPEG", quality=85)
-    return encode_compressed(sample.time_ns, file.getvalue(), "forward_sonar_link")
+    return encode_compressed(sample.time_ns, file.getvalue(), f"{message.topic.split('/')[-2]}_link")
 
 
 def scene_channel() -> Channel:

@@ -4,6 +4,7 @@ import os
 from math import degrees
 from typing import Any
 
+from hil.common.errors import ConfigError
 from hil.gateways.mavlink.camera import CameraInfo, Stream
 from hil.gateways.mavlink.snapshot import Origin
 from hil.scenario.config import Scenario
@@ -45,10 +46,16 @@ def defaults_of(scenario: Scenario | None) -> dict[str, float]:
     return defaults
 
 
-def camera_of(scenario: Scenario | None, streams: tuple[Stream, ...]) -> CameraInfo:
-    """Return what is known of the camera whose picture these `streams` have."""
-    fitted = scenario.sensors.get("camera") if scenario else None
-    if fitted is None:
+def camera_of(scenario: Scenario | None, streams: tuple[Stream, ...], name: str = "camera") -> CameraInfo:
+    """Return what is known of the camera called `name`, whose picture these `streams` have.
+
+    Raises ConfigError for one that the scenario has not, unless it is the usual name.
+    """
+    fitted = scenario.sensors.get(name) if scenario else None
+    if fitted is None or fitted.sensor.topic != "camera":
+        if scenario and name != "camera":
+            there = [each for each, spec in scenario.sensors.items() if spec.sensor.topic == "camera"]
+            raise ConfigError(f"mavlink: camera: no camera {name!r}; there are: {', '.join(there) or 'none'}")
         return CameraInfo(streams)
     model: Any = fitted.model
     return CameraInfo(streams, model.width, model.height, model.rate, degrees(model.field_of_view))

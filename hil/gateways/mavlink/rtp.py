@@ -10,10 +10,8 @@ import threading
 from fractions import Fraction
 from typing import Any
 
-from hil.client.client import Stamped
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
-from hil.gateways.mavlink.video import PICTURES
 
 CLOCK_HZ = 90_000  # of RTP's time stamps for video (RFC 6184)
 PACKET = 1200  # bytes; below the MTU of every usual network
@@ -58,11 +56,6 @@ class RtpVideo:
             self._is_ending = True
             self._changed.notify()
         self._thread.join(2.0)
-
-    def on_sample(self, topic: str, stamped: Stamped) -> None:
-        """Send a sample of the vehicle, if it is a picture."""
-        if topic == PICTURES:
-            self.show(stamped.value.data)
 
     def show(self, jpeg: bytes) -> None:
         """Send a new picture; one that still waits for the encoder is dropped."""

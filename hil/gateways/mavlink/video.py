@@ -5,10 +5,8 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from hil.client.client import Stamped
 from hil.common.errors import NetworkError
 
-PICTURES = "camera/image_raw/compressed"  # the topic of pictures as JPEG
 BOUNDARY = "uuv-hil-picture"
 SILENT_S = 10.0  # after which a stream without a new picture ends
 MOST_VIEWERS = 8
@@ -53,11 +51,6 @@ class VideoServer:
     def address(self) -> str:
         """Return where it is, as a URL."""
         return f"http://127.0.0.1:{self.port}/"
-
-    def on_sample(self, topic: str, stamped: Stamped) -> None:
-        """Show a sample of the vehicle, if it is a picture."""
-        if topic == PICTURES:
-            self.show(stamped.value.data)
 
     def show(self, jpeg: bytes) -> None:
         """Show a new picture to all viewers."""

@@ -27,6 +27,8 @@ from hil.network.settings import settings
 from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.graph import Identity
+from hil.ros.own import announce
+from hil.ros.topics import first_of
 from hil.scenario.config import Scenario, build_simulation
 from hil.slave.imaging.neighbours import Neighbours
 from hil.slave.imaging.sensors import DONE, REQUEST
@@ -156,6 +158,7 @@ class Studio:
     """
 
     def __init__(self, scenario: Scenario) -> None:
+        announce(scenario.sensors, f"{scenario.path}: sensors")
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._simulation = build_simulation(scenario._replace(sensors={}), vehicle, load_world(scenario.world))
         step_ns = 1  # whatever the loop's is
@@ -191,10 +194,8 @@ class Studio:
         topic, sample = taken
         stamped = sample._replace(time_ns=sample.time_ns + epoch_ns)
         prefix, settings = self._settings.frame_prefix, self._settings
-        if topic == "camera":
-            from hil.ros.images import camera_messages
-
-            yield from camera_messages(stamped, prefix, settings.images, settings.jpeg_quality)
+        if first_of(topic) == "camera":
+            yield from ros.encoder(topic)(stamped, prefix, settings.images, settings.jpeg_quality)
         else:
             yield from ros.encoder(topic)(stamped, prefix)
 

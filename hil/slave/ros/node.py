@@ -25,13 +25,14 @@ from sim.sensors.suite import SensorSet
 _HALF_SQRT = sqrt(0.5)
 WITHOUT_PLACE = ("odometry", "ground_truth")  # they are of the body's origin
 TURNED_UP = (0.0, 1.0, 0.0, 0.0)  # half a turn about x: from FLU to the z-down axes of a velocity log's message
-# Sensors whose messages have axes of their own: their frame, and the quaternion from its axes to the link's FLU.
+# Kinds of sensors whose messages have axes of their own: how their frame's name ends, and the quaternion
+# from its axes to the link's FLU.
 HEADS = {
-    "dvl": ("dvl_transducer_link", TURNED_UP),
-    "dvl_water": ("dvl_water_transducer_link", TURNED_UP),
-    "profiler": ("profiler_scan", (0.0, _HALF_SQRT, 0.0, -_HALF_SQRT)),  # x down, y to starboard, z astern
-    "camera": ("camera_optical_frame", (0.5, -0.5, 0.5, -0.5)),  # x to starboard, y down, z ahead
-    "forward_sonar": ("forward_sonar_fan", (0.0, _HALF_SQRT, 0.0, _HALF_SQRT)),  # x up, y to starboard, z ahead
+    "dvl": ("transducer_link", TURNED_UP),
+    "dvl_water": ("transducer_link", TURNED_UP),
+    "profiler": ("scan", (0.0, _HALF_SQRT, 0.0, -_HALF_SQRT)),  # x down, y to starboard, z astern
+    "camera": ("optical_frame", (0.5, -0.5, 0.5, -0.5)),  # x to starboard, y down, z ahead
+    "forward_sonar": ("fan", (0.0, _HALF_SQRT, 0.0, _HALF_SQRT)),  # x up, y to starboard, z ahead
 }
 
 
@@ -47,7 +48,7 @@ class RosNode:
         self._wrench = _Due(settings.wrench)
         self._joints = _Due(settings.joints)
         for fitted in [fitted for fitted in scenario.sensors.values() if not fitted.offloaded]:
-            ros.encoder(fitted.sensor.topic)  # loaded now, not at the first sample
+            ros.encoder(fitted.topic)  # loaded now, not at the first sample
         if loop.pilot:
             for name in [name for name in COMMANDS if name != "cmd_vel"]:  # which was there from the beginning
                 loop.sample_publisher.graph.subscribes(TOPICS[name], node)
@@ -137,7 +138,7 @@ def static_transforms(suite: SensorSet, settings: Ros, time_ns: int) -> list[Tra
     for name in [name for name in suite if name not in WITHOUT_PLACE]:
         mounting, link = suite[name].mounting, f"{prefix}{name}_link"
         frames.append(mounted(time_ns, base, link, mounting.position, mounting.quaternion))
-        if name in HEADS:
-            head, turn = HEADS[name]
-            frames.append(Transform(time_ns, link, f"{prefix}{head}", (0.0, 0.0, 0.0), turn))
+        if (kind := suite[name].sensor.topic) in HEADS:
+            head, turn = HEADS[kind]
+            frames.append(Transform(time_ns, link, f"{prefix}{name}_{head}", (0.0, 0.0, 0.0), turn))
     return frames

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.ros.topics import first_of
 from hil.view.scene import colours
 from hil.view.scene.frames import body_attitude, to_body
 from sim.sensors.mounting import Mounting
@@ -28,31 +29,29 @@ class SensorScene:
 
     def draw_scans(self, latest: Mapping[str, Any]) -> None:
         """Show the points of laser and profiler."""
-        for topic, colour, points in (
-            ("laser", colours.LASER, _laser_points), ("profiler", colours.PROFILER, _profiler_points)
-        ):  # fmt: skip
-            scan = latest.get(topic)
-            if scan is not None and len(places := points(scan)):
+        for topic, scan in latest.items():
+            colour, points = SCANS.get(first_of(topic), (None, None))
+            if points is not None and len(places := points(scan)):
                 self._scene.add_point_cloud(
                     f"{self._seat(topic)}/points", to_body(places), colour, point_size=0.06, point_shape="circle"
                 )
 
-    def draw_camera(self, picture: Any) -> None:
-        """Show the camera's frustum with its picture (height x width x 3)."""
-        camera = self._sensors.get("camera")
+    def draw_camera(self, picture: Any, sensor: str = "camera") -> None:
+        """Show a camera's frustum with its picture (height x width x 3)."""
+        camera = self._sensors.get(sensor)
         horizontal = float(camera.model.field_of_view) if camera else FIELD_OF_VIEW
         height, width = picture.shape[:2]
         vertical = 2.0 * np.arctan(np.tan(0.5 * horizontal) * height / width)
         self._scene.add_camera_frustum(
-            f"{self._seat('camera')}/frustum", float(vertical), width / height, scale=FRUSTUM, image=picture,
+            f"{self._seat(sensor)}/frustum", float(vertical), width / height, scale=FRUSTUM, image=picture,
             wxyz=LOOKS_AHEAD, color=colours.SONAR,
         )  # fmt: skip
 
-    def draw_sonar(self, points: Any, strengths: Any) -> None:
-        """Show the fan of the forward sonar: places along the vehicle's FRD (m), and strengths from 0 to 1."""
+    def draw_sonar(self, points: Any, strengths: Any, sensor: str = "forward_sonar") -> None:
+        """Show the fan of a forward sonar: places along the vehicle's FRD (m), and strengths from 0 to 1."""
         shade = np.clip(strengths, 0.0, 1.0)[:, None]
         tint = (np.array(colours.SONAR) * shade).astype(np.uint8)
-        self._scene.add_point_cloud(f"{self._root}/sonar", to_body(points), tint, point_size=0.08)
+        self._scene.add_point_cloud(f"{self._root}/sonar/{sensor}", to_body(points), tint, point_size=0.08)
 
     def _seat(self, sensor: str) -> str:
         """Return the name of a frame along the axes of a sensor, which goes with the vehicle."""
@@ -80,3 +79,6 @@ def _fan(scan: Any, place: Any) -> Any:
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     there = np.isfinite(ranges)
     return np.stack(place(ranges[there], angles[there]), axis=1)
+
+
+SCANS = {"laser": (colours.LASER, _laser_points), "profiler": (colours.PROFILER, _profiler_points)}

@@ -9,16 +9,18 @@ import hil
 from hil.client.delay import HOPS, DelayMeter
 from hil.client.fleet import Fleet
 from hil.client.vehicle_handle import Vehicle
+from hil.common.clock import now_ns
 from hil.common.errors import NetworkError
 from hil.common.quantiles import quantile
 from hil.common.stop import Wakeup
 from hil.ros.diagnostics import Diagnostics
-from hil.ros.topics import ALL
+from hil.ros.topics import ALL, first_of
 from hil.scenario.config import Scenario
 from hil.view.sources.plans import Plans
 from hil.view.sources.recording import ViewRecorder
 
 PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
+DISCOVERED_EVERY_NS = 2_000_000_000  # that other pictures are looked for in the graph
 PLACES = ("ground_truth", "odom")
 NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
 LOG_LINES = 200
@@ -57,6 +59,7 @@ class LiveSource:
         self._waking = threading.Lock()
         self._is_closed = False
         self._places = Wakeup()
+        self._discovery_ns = 0
 
     def __enter__(self) -> "LiveSource":
         self._plans.__enter__()
@@ -107,7 +110,7 @@ class LiveSource:
             pictures = self._pictures
         if pictures and name in pictures.names:
             newest = dict(pictures[name].client.latest)
-            stamped |= {topic: newest[topic] for topic in PICTURES if topic in newest}
+            stamped |= {topic: value for topic, value in newest.items() if first_of(topic) in PICTURES}
         return plan | {topic: each.value for topic, each in stamped.items()}
 
     def diagnostics(self, name: str) -> Diagnostics:
@@ -146,6 +149,11 @@ class LiveSource:
         elif wanted and self._pictures:
             for name in self._pictures.names:
                 self._pictures[name].client.watch(*PICTURES)
+            if now_ns() >= self._discovery_ns:
+                self._discovery_ns = now_ns() + DISCOVERED_EVERY_NS
+                for name in self._pictures.names:
+                    shown = [topic for topic in self._pictures[name].pictures() if first_of(topic) in PICTURES]
+                    self._pictures[name].client.watch(*shown)
 
     def log_lines(self) -> list[str]:
         """Return what happened since the last call."""

@@ -8,10 +8,11 @@ from hil.ros.diagnostics import Diagnostics
 from hil.ros.dvl import altitude_of
 from hil.ros.images import Picture
 from hil.ros.joints import JointStates
+from hil.ros.topics import first_of
 from hil.view.sources.paced_time import PacedTime
 from sim.simulation import Simulation
 
-RENAMED = {"forward_sonar": "forward_sonar/image", "side_scan": "side_scan/image"}
+IMAGES = ("forward_sonar", "side_scan")
 WAIT_S = 0.005  # that a step waits at a time for its instant
 UPDATE_NS = NS_PER_S // 20
 
@@ -48,11 +49,12 @@ class SimulatedSource:
         simulation = vehicle.simulation
         newest: dict[str, Any] = {"ground_truth": simulation.truth()}
         for topic, sample in vehicle.samples.items():
-            if topic == "camera":
+            first = first_of(topic)
+            if first == "camera":
                 picture = Picture(sample.time_ns, sample.width, sample.height, "rgb8", sample.rgb)
-                newest["camera/image_raw"] = picture
-            elif topic in RENAMED:
-                newest[RENAMED[topic]] = sample
+                newest[f"{topic}/image_raw"] = picture
+            elif first in IMAGES:
+                newest[f"{topic}/image"] = sample
             else:
                 newest[topic] = sample
                 if topic == "dvl":  # what the slave publishes of it as a topic of its own

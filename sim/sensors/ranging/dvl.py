@@ -69,7 +69,7 @@ class Dvl:
         self._mounting = mounting
         self._seabed = scene.world.depth
         models = [model.velocity, model.range] * _BEAMS
-        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, DVL))
+        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
         self._beams = _janus(model.tilt)
         self._body_beams = [rotate(mounting.quaternion, beam) for beam in self._beams]  # the same in body axes
         self._ground = Ground(scene.world, mounting, self._body_beams, model.max_range)
