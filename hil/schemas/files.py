@@ -87,13 +87,15 @@ def _modem(converter: Converter, kind: str, record: Any) -> Schema:
 
 
 def _sensors(converter: Converter, own: Schema) -> Schema:
-    sections, further = {}, []
+    sections: dict[str, Schema] = {}
+    further: list[Schema] = []
     for name in SENSORS:
         device = {"type": "string", "description": f"One that can be bought: {', '.join(preset_names(DEVICES))}."}
         keys = converter.keys(load_sensor(name).Model) | converter.keys(Mounting)
         sections[name] = table(keys | {"device": device})
         if name not in ONLY_ONE:
-            further.append(table(keys | {"device": device, "sensor": {"enum": [name]}}, ["sensor"]))
+            kind = {"enum": [name], "description": "Kind of this further one."}
+            further.append(table(keys | {"device": device, "sensor": kind}, ["sensor"]))
     return table(sections, others={"anyOf": [own, *further]})
 
 

@@ -11,7 +11,7 @@ J. Oceanic Eng. 15(2):101) but for its forward-scattered part, a blur.
     from sim.environment.optics import jerlov, underwater
     wet = underwater(rgb, depth, jerlov("1C", depth=5.0))
 
-Not modelled: that blur, the backscatter of lamps, caustics, polarisation.
+Not modelled: that blur, polarisation.
 """
 
 from functools import lru_cache
@@ -39,13 +39,15 @@ class Water(NamedTuple):
     """Coefficients in 1/m, and radiances as shares of that of a white surface under full daylight; red, green, blue.
 
     `attenuation` is beta_D, `backscatter` beta_B, `veil` B. `light` is what is left of daylight where the scene is:
-    a scene rendered in full daylight is to be multiplied by it; `underwater` leaves it to the caller.
+    a scene rendered in full daylight is to be multiplied by it; `underwater` leaves it to the caller. `scattering` is
+    what the water scatters of a white lamp's light, into all directions.
     """
 
     attenuation: Rgb
     backscatter: Rgb
     veil: Rgb
     light: Rgb = (1.0, 1.0, 1.0)
+    scattering: Rgb = (0.0, 0.0, 0.0)
 
 
 CLEAR = Water((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -128,9 +130,9 @@ def jerlov(water: str, depth: float = 5.0, distance: float | None = None, forwar
             -np.log(seen @ (veil * passing) / far) / distance,
             far / seen.sum(),
             lit / seen.sum(),
+            seen @ spectrum.scattering / seen.sum(),
         ))  # fmt: skip
-    attenuation, backscatter, veils, light = (tuple(map(float, row)) for row in zip(*channels, strict=True))
-    return Water(attenuation, backscatter, veils, light)  # type: ignore[arg-type]  # three each
+    return Water(*(tuple(map(float, row)) for row in zip(*channels, strict=True)))  # type: ignore[arg-type]  # three each
 
 
 class _Spectrum(NamedTuple):

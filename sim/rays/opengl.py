@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _KEY = 'sensors: camera: renderer = "opengl"'
+MOST_WIDER = 6  # times as many pixels as the picture has
+MOST_STRETCH = 1.5  # of a distance within half a pixel
 _UNKNOWN = -1e6  # m: the depth of a node without data
 _SOLID = "3f 9f 3f 3f 3f/i"  # position, rotation, low, high; radius, kind, number
 
@@ -37,11 +39,17 @@ _SOLID = "3f 9f 3f 3f 3f/i"  # position, rotation, low, high; radius, kind, numb
 class PictureScene(RayScene):
     """A RayScene for one camera: `width` x `height` square pixels, `focal` of them long, the axis through the middle.
 
-    To be asked by the thread that made it. Raises MissingExtraError without moderngl, ConfigError without OpenGL.
+    With a `lens` that distorts, its unit vectors (n x 3), a picture without distortion is drawn that has all it
+    sees; each of its rays then ends where it meets the plane of what the nearest pixel of that picture shows. To be
+    asked by the thread that made it. Raises MissingExtraError without moderngl, ConfigError without OpenGL.
     """
 
-    def __init__(self, world: World, width: int, height: int, focal: float) -> None:
+    def __init__(self, world: World, width: int, height: int, focal: float, lens: Any = None) -> None:
         super().__init__(world)
+        self._lens: Any = None
+        if lens is not None:
+            size, self._nearest = straightened(lens, width * height, focal)
+            self._lens, (width, height) = np.ascontiguousarray(lens.T, np.float32), size
         self._size, self._focal = (float(width), float(height)), focal
         right, down = np.meshgrid(np.arange(width) - 0.5 * (width - 1), np.arange(height) - 0.5 * (height - 1))
         toward = np.stack([np.full(right.size, focal), right.ravel(), down.ravel()])
@@ -73,8 +81,12 @@ class PictureScene(RayScene):
         objects: Any = np.empty(len(drawn), np.int32)
         self._frame.read_into(drawn, components=4, attachment=0, dtype="f4")
         self._frame.read_into(objects, components=1, attachment=1, dtype="i4")
+        toward = self._toward
+        if self._lens is not None:
+            toward, drawn, objects = self._lens, drawn[self._nearest], objects[self._nearest]
+            drawn[:, 3] *= along_plane(drawn[:, :3] @ turned.astype(np.float32), self._toward[:, self._nearest], toward)
         distances = drawn[:, 3].copy()
-        points: Any = turned.astype(np.float32) @ self._toward
+        points: Any = turned.astype(np.float32) @ toward
         points *= np.where(objects == NOTHING, np.float32(np.nan), distances)
         points += at.astype(np.float32)[:, None]
         return Hits(distances, points.T, drawn[:, :3], objects)
@@ -172,6 +184,31 @@ class PictureScene(RayScene):
         solids = context.buffer(instances(rows, numbers)), _SOLID, "position", "turn", "low", "high", "kind"
         context.vertex_array(self._solid, [(self._cube, "3f", "corner"), solids]).render(instances=len(rows))
         context.enable_only(context.DEPTH_TEST)
+
+
+def straightened(lens: Floats, pixels: int, focal: float) -> tuple[tuple[int, int], Integers]:
+    """Return the size of an undistorted picture that has all that a lens sees, and which of its pixels is nearest.
+
+    `lens` are unit vectors (n x 3) of the `pixels`. Raises ConfigError for one that sees too far to the sides.
+    """
+    ends = lens[:, 1:] / np.maximum(lens[:, :1], 1e-3) * focal
+    half = np.ceil(np.abs(ends).max(axis=0)).astype(int) + 1
+    width, height = (2 * half + 1).tolist()
+    if width * height > MOST_WIDER * pixels or lens[:, 0].min() <= 0.0:
+        raise ConfigError(f'{_KEY}: this lens sees too far to the sides; take renderer = "rays", or less distortion')
+    columns, rows = np.rint(ends + half).astype(np.int64).T
+    return (width, height), rows * width + columns
+
+
+def along_plane(normals: Any, one: Any, other: Any) -> Any:
+    """Return how much longer rays `other` (3 x n) are than `one` (3 x n), n x 3 `normals` being of the same planes.
+
+    1 where the plane is nearly along the ray: what is beyond the surface's edge is not known.
+    """
+    down, across = np.einsum("ri,ir->r", normals, one), np.einsum("ri,ir->r", normals, other)
+    with np.errstate(all="ignore"):
+        ratio = down / across
+    return np.where((ratio > 1.0 / MOST_STRETCH) & (ratio < MOST_STRETCH), ratio, np.float32(1.0))
 
 
 def nodes(at: float, count: int, spacing: float, low: float, high: float, far: float) -> tuple[Integers, Floats]:

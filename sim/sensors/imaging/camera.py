@@ -4,6 +4,7 @@ from math import tan
 from typing import TYPE_CHECKING
 
 from sim.dynamics import State
+from sim.sensors.error import sensor_random
 from sim.sensors.imaging.camera_model import CameraModel
 from sim.sensors.imaging.samples import CameraSample, Distortion, Intrinsics, need_numpy
 from sim.sensors.mounting import Mounting
@@ -18,9 +19,9 @@ class Camera:
 
     Rays give what each pixel sees in its middle, sim.sensors.imaging.scenery its colour, sim.environment.optics what
     the water makes of
-    that. Daylight fades with depth; the water's surface is flat. Not modelled: motion blur, a rolling shutter, focus,
-    pixels that see an edge in parts, the backscatter of the lamps; depth is found wherever a ray ends, though a stereo
-    camera would find none in fog.
+    that, sim.sensors.imaging.camera_effects what lamps, particles, waves and motion add. Daylight fades with depth; the
+    water's surface is flat. Not modelled: focus, pixels that see an edge in parts; depth is found wherever a ray ends,
+    though a stereo camera would find none in fog.
     """
 
     Model = CameraModel
@@ -35,7 +36,9 @@ class Camera:
         focal = 0.5 * model.width / tan(0.5 * model.field_of_view)
         self._intrinsics = Intrinsics(focal, focal, 0.5 * (model.width - 1), 0.5 * (model.height - 1))
         self._distortion: Distortion = model.distortion
-        self._eye = Eye(model, self._intrinsics, mounting, scene)
+        self._eye = Eye(
+            model, self._intrinsics, mounting, scene, sensor_random(seed, f"{self.topic}/water").getrandbits(63)
+        )
         self._development = Development(model, self._eye.axial, seed, self.topic)
 
     def add(self, solid: "Solid", state: State) -> None:

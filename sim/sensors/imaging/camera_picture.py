@@ -13,6 +13,7 @@ from sim.rays.scene import NOTHING, RayScene
 from sim.rays.solids import Solid, half_space
 from sim.rotations import matrix
 from sim.sensors.error import sensor_random
+from sim.sensors.imaging.camera_effects import Effects, Shot
 from sim.sensors.imaging.camera_model import CameraModel
 from sim.sensors.imaging.samples import Distortion, Intrinsics
 from sim.sensors.imaging.scenery import Scenery, Seen
@@ -30,17 +31,20 @@ _BRIGHT, _NEARLY_WHITE = 98.0, 0.9  # automatic exposure: this percentile gets t
 class Eye:
     """The rays of a camera into the world of `scene`; `axial` is the cosine of each off the optical axis."""
 
-    def __init__(self, model: CameraModel, intrinsics: Intrinsics, mounting: Mounting, scene: Scene) -> None:
+    def __init__(
+        self, model: CameraModel, intrinsics: Intrinsics, mounting: Mounting, scene: Scene, seed: int = 0
+    ) -> None:
         self._model, self._mounting, self._scene = model, mounting, scene
         directions = pixel_rays(model.width, model.height, intrinsics, model.distortion)
         self.axial = directions[:, 0].astype(np.float32)
         self._directions = directions
         self._toward = directions.astype(np.float32)
         self._pixel = 1.0 / intrinsics.fx  # rad in the middle
-        self._rays = _rays(model, intrinsics.fx, scene.world)
+        self._rays = _rays(model, intrinsics.fx, scene.world, directions)
         self._surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
         self._scenery = Scenery(scene.world, self._surface)
         self._water, self._water_depth = CLEAR, -1.0
+        self._effects = Effects(model, intrinsics.fx, self._toward, seed)
 
     def add(self, solid: Solid, state: State) -> None:
         """Put a solid there that goes with a vehicle's `state`."""
@@ -59,9 +63,12 @@ class Eye:
         facing = -np.einsum("ir,ri->r", np.array(rotation, np.float32).reshape(3, 3).T @ normals, self._toward)
         distances = ranges.astype(np.float32)
         seen = Seen(points, normals, objects, distances, facing, distances * np.float32(self._pixel))
-        water = self._around(place[2])
-        radiance = self._scenery.radiance(seen, water.light, self._model.lamps, water.attenuation)
-        return underwater(radiance, ranges, water), ranges, objects
+        water, effects = self._around(place[2]), self._effects
+        turned = np.array(rotation).reshape(3, 3)
+        lights = effects.beams(self._rays, place, turned, seen), effects.dapple(seen, time_ns)
+        radiance = self._scenery.radiance(seen, water.light, self._model.lamps, water.attenuation, *lights)
+        wet = effects.water(underwater(radiance, ranges, water), ranges, place, turned, water)
+        return effects.move(Shot(wet, ranges, objects), self._mounting, state.nu)
 
     def points(self, depth: bytes) -> bytes:
         """Return where a picture's depths (see CameraSample) are in the sensor's axes, nan where they are inf."""
@@ -101,13 +108,13 @@ class Development:
         return encode(signal).tobytes(), depth.astype(np.float32).tobytes()
 
 
-def _rays(model: CameraModel, focal: float, world: World) -> RayScene:
+def _rays(model: CameraModel, focal: float, world: World, directions: NDArray[np.float64]) -> RayScene:
     """Return whatever finds what the pixels look at. Raises what PictureScene does."""
     if model.renderer == "rays":
         return RayScene(world)
     from sim.rays.opengl import PictureScene
 
-    return PictureScene(world, model.width, model.height, focal)
+    return PictureScene(world, model.width, model.height, focal, directions if any(model.distortion) else None)
 
 
 def _rows(vectors: Floats, objects: NDArray[np.int32]) -> NDArray[np.float32]:

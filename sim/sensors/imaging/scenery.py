@@ -2,9 +2,10 @@
 
 Made up, but the same for the same world in every run, and the same from wherever it is seen: colours go by what a thing
 is and how steep and how bent it is, grain by its place. Numbers are shares of what a white surface would send back.
-Not modelled: shadows, gloss, a texture that goes with what moves.
+Not modelled: shadows of daylight, gloss, a texture that goes with what moves.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -42,6 +43,13 @@ class Seen(NamedTuple):
     footprint: Pixels
 
 
+class Beam(NamedTuple):
+    """The light of a lamp at n hits: how far (m) it came, and the cosine of its incidence, 0 in the shadow."""
+
+    ranges: Pixels
+    facing: Pixels
+
+
 class Scenery:
     """The looks of a world; `surface` is the number of the water's surface among the objects."""
 
@@ -58,11 +66,20 @@ class Scenery:
         """One more object, the `number`-th."""
         self._colours = np.insert(self._colours, number, _PAINTS[(number - 2) % len(_PAINTS)], axis=0)
 
-    def radiance(self, seen: Seen, light: Rgb, lamps: float, attenuation: Rgb) -> Pixels:
-        """Return the radiance (n x 3) of each hit in daylight, of which `light` is left, and in lamps at the camera.
+    def radiance(
+        self,
+        seen: Seen,
+        light: Rgb,
+        lamps: float,
+        attenuation: Rgb,
+        beams: Sequence[Beam] | None = None,
+        dapple: Pixels | None = None,
+    ) -> Pixels:
+        """Return the radiance (n x 3) of each hit in daylight, of which `light` is left, and in lamps.
 
         `lamps` is what a white surface 1 m before them would send back; their light is weakened on its way by
-        `attenuation` (1/m). One colour lies after the other in memory, which is quick.
+        `attenuation` (1/m). `beams` are those of the single lamps, by default of one at the camera; `dapple` is what
+        waves make of the daylight from above. One colour lies after the other in memory, which is quick.
         """
         seabed, surface = seen.objects == SEABED, seen.objects == self._surface
         tone = np.where(surface, np.float32(1.0), _grain(seen))
@@ -70,13 +87,19 @@ class Scenery:
             tone[seabed] *= self._bent(seen.points[:, seabed])
         # From above as from a sky that is evenly bright, and a fifth from all sides.
         day = tone * np.where(surface, np.float32(1.0), np.float32(0.6) - np.float32(0.4) * seen.normals[2])
+        if dapple is not None:
+            day *= dapple
+        if beams is None:
+            beams = [Beam(seen.ranges, seen.facing)]
         # Sand where the seabed is level, rock where it is steep, paint for the rest.
         rock = np.clip((np.float32(0.93) + seen.normals[2]) / np.float32(0.12), 0.0, 1.0) * seabed
         radiance = np.empty((3, len(tone)), np.float32)
         for channel, out in enumerate(radiance):
             np.multiply(day, np.float32(light[channel]), out)
             if lamps:
-                out += tone * np.float32(lamps) * _lamplight(seen, attenuation[channel]) * ~surface
+                share = np.float32(lamps / len(beams))
+                for beam in beams:
+                    out += tone * share * _lamplight(beam, attenuation[channel]) * ~surface
             out *= self._colours[:, channel].take(seen.objects, mode="wrap") + rock * np.float32(
                 _ROCK[channel] - _SAND[channel]
             )
@@ -95,11 +118,11 @@ class Scenery:
         return bent
 
 
-def _lamplight(seen: Seen, attenuation: float) -> Pixels:
-    """Return how much of it falls on things; on what faces the lamps 1 m away, without water, 1."""
-    distances = np.clip(seen.ranges, np.float32(0.05), np.float32(1e4))
+def _lamplight(beam: Beam, attenuation: float) -> Pixels:
+    """Return how much of it falls on things; on what faces the lamp 1 m away, without water, 1."""
+    distances = np.clip(beam.ranges, np.float32(0.05), np.float32(1e4))
     falls: Pixels = (
-        np.maximum(seen.facing, 0.0) * np.exp(distances * np.float32(-attenuation)) / (distances * distances)
+        np.maximum(beam.facing, 0.0) * np.exp(distances * np.float32(-attenuation)) / (distances * distances)
     )
     return falls
 

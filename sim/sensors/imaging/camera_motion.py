@@ -1,0 +1,84 @@
+"""What motion does to a camera's picture: blur while it is exposed, and the skew of a rolling shutter.
+
+Both move the pixels of one picture along the flow that the camera's motion gives them, by their distance; what would
+come out from behind an edge meanwhile is not there. The world stands still.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.rotations import rotate_inverse
+from sim.sensors.mounting import Mounting
+
+Floats = NDArray[np.float32]
+
+_MOST_TAPS = 32  # places of the path of a pixel that are averaged
+_LEAST_FLOW = 0.25  # pixels: less is not seen
+
+
+class Shot(NamedTuple):
+    """The numbers of a picture: radiance (n x 3), range (m) and object of each pixel."""
+
+    radiance: Floats
+    ranges: Any
+    objects: NDArray[np.int32]
+
+
+class Motion:
+    """The motion within a picture of `width` x `height` pixels, `focal` of them long, exposed and read for times in s.
+
+    `toward` are the unit vectors of its pixels (n x 3) in the sensor's axes.
+    """
+
+    def __init__(
+        self, size: tuple[int, int], focal: float, toward: Floats, exposure_time: float, readout_time: float
+    ) -> None:
+        self._width, self._height = size
+        self._focal, self._exposure, self._readout = focal, exposure_time, readout_time
+        ahead = np.maximum(toward[:, 0], 1e-3)
+        self._ahead, self._x, self._y = ahead, toward[:, 1] / ahead, toward[:, 2] / ahead
+        rows, columns = np.divmod(np.arange(len(toward)), self._width)
+        self._rows, self._columns = rows.astype(np.float32), columns.astype(np.float32)
+        self._late = ((rows + 0.5) / self._height - 0.5).astype(np.float32) * np.float32(readout_time)
+
+    def flow(self, mounting: Mounting, nu: Any, ranges: Any) -> tuple[Floats, Floats]:
+        """Return how fast what each pixel sees moves to the right and down (pixels/s), of a vehicle that moves by `nu`.
+
+        By the derivative of the pinhole's projection (Longuet-Higgins & Prazdny 1980).
+        """
+        still = mounting.quaternion
+        va, vr, vd = rotate_inverse(still, mounting.velocity(nu))
+        wa, wr, wd = rotate_inverse(still, nu[3:6])
+        nearness = (1.0 / np.maximum(np.asarray(ranges) * self._ahead, 0.05)).astype(np.float32)
+        x, y = self._x, self._y
+        forward = -va * nearness - (wr * y - wd * x)
+        right = -vr * nearness - (wd - wa * y) - x * forward
+        down = -vd * nearness - (wa * x - wr) - y * forward
+        return (self._focal * right).astype(np.float32), (self._focal * down).astype(np.float32)
+
+    def apply(self, shot: Shot, mounting: Mounting, nu: Any) -> Shot:
+        """Return the picture as it is recorded while the camera moves."""
+        right, down = self.flow(mounting, nu, shot.ranges)
+        most = float(np.hypot(right, down).max(initial=0.0))
+        if self._readout and most * self._readout > _LEAST_FLOW:
+            # What a row sees late was, in the picture of the middle, where it comes from.
+            places = self._places(right * -self._late, down * -self._late)
+            shot = Shot(shot.radiance[places], np.asarray(shot.ranges)[places], shot.objects[places])
+            right, down = right[places], down[places]
+        if self._exposure and most * self._exposure > _LEAST_FLOW:
+            taps = min(max(2, int(most * self._exposure) + 1), _MOST_TAPS)
+            total = np.zeros_like(shot.radiance)
+            for instant in (np.arange(taps) + 0.5) / taps - 0.5:
+                share = np.float32(instant * self._exposure)
+                total += shot.radiance[self._places(right * share, down * share)]
+            shot = shot._replace(radiance=total / np.float32(taps))
+        return shot
+
+    def _places(self, right: Floats, down: Floats) -> NDArray[np.int64]:
+        """Return which pixel is so far from each, at the picture's edge the last."""
+        rows = np.clip(np.rint(self._rows + down), 0, self._height - 1).astype(np.int64)
+        columns = np.clip(np.rint(self._columns + right), 0, self._width - 1).astype(np.int64)
+        places: NDArray[np.int64] = rows * self._width + columns
+        return places

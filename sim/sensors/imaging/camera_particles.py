@@ -1,0 +1,188 @@
+"""Light and shade of the water that a camera sees: marine snow, and what waves make of the sun on the seabed."""
+
+from itertools import product
+from math import ceil, tau
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.environment.optics import Water
+from sim.sensors.imaging.scenery import Seen
+
+Floats = NDArray[np.float32]
+
+_CELL = 0.5  # m: a side of the cubes of water whose particles are drawn together
+_SNOW_REACH, _NEAREST = 2.5, 0.08  # m
+_RADII = (0.0004, 0.003)  # m: of aggregates that a camera sees; most are small
+_WHITE = 0.5  # of a particle's light that it sends back
+_SHARPEST, _LARGEST = 0.6, 12.0  # pixels: radius of a point's image, and of a particle near the lens
+_FOCUS = 1.0  # m at which the lens is focused; a particle elsewhere is wider by the aperture's share
+_APERTURE = 0.004  # m
+
+_TILE, _SIDE = 256, 4.0  # nodes and m of the pattern of caustics along a side; then it repeats itself
+_WAVES, _FOCAL_DEPTH = 40, 1.2  # m: of the depth at which these waves focus best
+_RMS_SLOPE = 0.12  # of a surface under a light breeze (Cox & Munk 1954: 0.06 to 0.2)
+_BEND = 0.25  # of a ray by the slope of the surface: 1 - 1 / 1.33
+_FADES = 7.0  # m of depth by which the contrast falls to 1/e
+_GRAVITY = 9.81
+
+
+class Snow:
+    """Marine snow, `density` particles in a m³, where they are in the water for ever."""
+
+    def __init__(self, density: float, size: tuple[int, int], focal: float, seed: int) -> None:
+        self._density, self._size, self._focal, self._seed = density, size, focal, seed
+
+    def fall(
+        self, radiance: Floats, ranges: Any, place: Any, rotation: Any, water: Water, lamps: tuple[float, float]
+    ) -> Floats:
+        """Return a picture with the particles before a camera at `place`; `rotation` has its axes (3 x 3).
+
+        `lamps` are their brightness and how far (m) they are beside the camera.
+        """
+        places, radii = self._particles(np.asarray(place, np.float64))
+        own = (places - place) @ rotation
+        ahead, away = own[:, 0], np.sqrt((own * own).sum(axis=1))
+        half = 0.5 * np.array(self._size)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            centres = own[:, 1:] / ahead[:, None] * self._focal + half - 0.5
+            seen = (ahead > _NEAREST) & (away < _SNOW_REACH) & (np.abs(centres - half) < half + _LARGEST).all(axis=1)
+        centres, ahead, away, radii = centres[seen], ahead[seen], away[seen], radii[seen]
+        sharp = radii / ahead * self._focal
+        blurred = 0.5 * _APERTURE * np.abs(1.0 / ahead - 1.0 / _FOCUS) * self._focal
+        spread = np.clip(np.hypot(sharp, blurred), _SHARPEST, _LARGEST)
+        # The light of a disc goes over all pixels that it is spread upon: a small one covers a part of a pixel.
+        cover = np.minimum(1.0, (sharp / spread) ** 2)
+        colours = self._colours(away, water, lamps)
+        through, added = np.ones(len(radiance), np.float32), np.zeros(radiance.shape, np.float32)
+        reaches = np.ceil(2.0 * spread).astype(int)
+        for reach in np.unique(reaches):
+            few = reaches == reach
+            pixels, squares = self._squares(centres[few], reach)
+            share = np.exp(-squares / spread[few, None] ** 2) * cover[few, None]
+            share *= (pixels >= 0) & (np.asarray(ranges)[pixels] > away[few, None])
+            np.multiply.at(through, pixels.ravel(), (1.0 - share).astype(np.float32).ravel())
+            for channel in range(3):
+                sent = (share * colours[few, channel, None]).astype(np.float32)
+                np.add.at(added[:, channel], pixels.ravel(), sent.ravel())
+        return radiance * through[:, None] + added
+
+    def _squares(self, centres: Any, reach: int) -> tuple[NDArray[np.int64], Any]:
+        """Return the pixels about each centre, -1 beyond the picture's edge, and their squared distances from it."""
+        width, height = self._size
+        steps = np.arange(-reach, reach + 1)
+        columns = np.rint(centres[:, 0]).astype(np.int64)[:, None] + np.tile(steps, len(steps))
+        rows = np.rint(centres[:, 1]).astype(np.int64)[:, None] + np.repeat(steps, len(steps))
+        inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        squares = (columns - centres[:, :1]) ** 2 + (rows - centres[:, 1:]) ** 2
+        return np.where(inside, rows * width + columns, -1), squares
+
+    @staticmethod
+    def _colours(away: Any, water: Water, lamps: tuple[float, float]) -> Any:
+        """Return the radiance (n x 3) of particles so far away, in day and lamplight, through the water between."""
+        brightness, offset = lamps
+        lit, attenuation = np.hypot(away, offset)[:, None], np.array(water.attenuation)
+        light = 0.5 * np.array(water.light) + brightness * np.exp(-attenuation * lit) / np.maximum(lit, 0.2) ** 2
+        return _WHITE * light * np.exp(-attenuation * away[:, None])
+
+    def _particles(self, place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return places (m, NED) and radii (m) of those around; each cube of water has its own, by its place."""
+        middle = np.floor(place / _CELL).astype(np.int64)
+        span = range(-ceil(_SNOW_REACH / _CELL), ceil(_SNOW_REACH / _CELL) + 1)
+        cells = middle + np.array(list(product(span, span, span)), np.int64)
+        near = np.linalg.norm((cells + 0.5) * _CELL - place, axis=1) < _SNOW_REACH + _CELL
+        cells = cells[near]
+        most = ceil(2.0 * self._density * _CELL**3) + 1
+        lots = _uniform(cells, 5 * most + 1, self._seed)
+        # So many on average, between none and twice that.
+        count = np.floor(2.0 * self._density * _CELL**3 * lots[:, 0] + 0.5)
+        lots = lots[:, 1:].reshape(len(cells), most, 5)
+        there = np.arange(most) < count[:, None]
+        places = ((cells[:, None, :] + lots[..., :3]) * _CELL)[there]
+        low, high = _RADII
+        radii = low * (high / low) ** (lots[..., 3] ** 3)
+        return places, radii[there]
+
+
+def _uniform(cells: NDArray[np.int64], count: int, seed: int) -> NDArray[np.float64]:
+    """Return `count` numbers from 0 to 1 for each cell, always the same for it (splitmix64)."""
+    with np.errstate(over="ignore"):
+        keys = np.full(len(cells), seed, np.uint64)
+        for axis in range(3):
+            keys = _mixed(keys * np.uint64(0x9E3779B97F4A7C15) + cells[:, axis].astype(np.uint64))
+        steps = np.arange(1, count + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+        values = _mixed(keys[:, None] + steps[None, :])
+    numbers: NDArray[np.float64] = (values >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return numbers
+
+
+def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    values = (values ^ (values >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    values = (values ^ (values >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return values ^ (values >> np.uint64(31))
+
+
+class Caustics:
+    """The sun's light, focused by waves on the surface, on what lies below; `contrast` at its best depth.
+
+    Rays of a sun overhead are bent by the slopes of a few dozen waves that repeat every 4 m, and counted where they
+    come to a plane 1.2 m below: the pattern of that depth serves all others, weaker the deeper.
+    """
+
+    def __init__(self, contrast: float, seed: int) -> None:
+        self._contrast = contrast
+        random = np.random.default_rng(seed)
+        numbers = random.integers(-12, 13, (_WAVES, 2))
+        numbers[~numbers.any(axis=1)] = (1, 2)
+        self._vectors = numbers * (tau / _SIDE)  # rad/m, so that they fit the side
+        lengths = np.linalg.norm(self._vectors, axis=1)
+        self._rates = np.sqrt(_GRAVITY * lengths)  # rad/s, of deep water
+        self._phases = random.uniform(0.0, tau, _WAVES)
+        # As steep at all lengths.
+        self._slopes = self._vectors / lengths[:, None] * (_RMS_SLOPE * np.sqrt(2.0 / _WAVES))
+        self._time_ns, self._tile = -1, np.ones((_TILE, _TILE), np.float32)
+
+    def dapple(self, seen: Seen, time_ns: int) -> Floats:
+        """Return the factor of the daylight at each hit, 1 on average; only on what faces up."""
+        if time_ns != self._time_ns:
+            self._time_ns, self._tile = time_ns, self._pattern(time_ns * 1e-9)
+        north, east, down = seen.points
+        scale = np.float32(_TILE / _SIDE)
+        rows = (north * scale).astype(np.int64) & (_TILE - 1)
+        columns = (east * scale).astype(np.int64) & (_TILE - 1)
+        depth = np.maximum(down, np.float32(0.0))
+        strength = np.minimum(depth / np.float32(_FOCAL_DEPTH), np.float32(1.0))
+        strength *= np.exp((depth - np.float32(_FOCAL_DEPTH)).clip(0.0) * np.float32(-1.0 / _FADES))
+        strength *= np.float32(self._contrast) * np.clip(-seen.normals[2], 0.0, 1.0)
+        dapple: Floats = np.float32(1.0) + strength * (self._tile[rows, columns] - np.float32(1.0))
+        return dapple
+
+    def _pattern(self, time: float) -> Floats:
+        """Return how much light comes to each node of the tile, 1 on average."""
+        axis = (np.arange(_TILE) + 0.5) * (_SIDE / _TILE)
+        phases = self._phases - self._rates * time
+        # Each wave is a product of a wave along either axis.
+        along = np.exp(1j * (axis[:, None] * self._vectors[None, :, 0] + phases[None, :]))
+        across = np.exp(1j * axis[:, None] * self._vectors[None, :, 1])
+        lean = [((along * self._slopes[None, :, i]) @ across.T).real for i in range(2)]
+        throw = _BEND * _FOCAL_DEPTH * _TILE / _SIDE
+        node = np.arange(_TILE)
+        rows = (node[:, None] + throw * lean[0]).ravel()
+        columns = (node[None, :] + throw * lean[1]).ravel()
+        whole_rows, whole_columns = np.floor(rows).astype(np.int64), np.floor(columns).astype(np.int64)
+        a, b = rows - whole_rows, columns - whole_columns
+        tile = np.zeros(_TILE * _TILE)
+        for i, j in product((0, 1), repeat=2):
+            share = (a if i else 1.0 - a) * (b if j else 1.0 - b)
+            where = ((whole_rows + i) & (_TILE - 1)) * _TILE + ((whole_columns + j) & (_TILE - 1))
+            tile += np.bincount(where, share, _TILE * _TILE)
+        pattern: Floats = _smooth(tile.reshape(_TILE, _TILE)).astype(np.float32)
+        return pattern
+
+
+def _smooth(tile: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return it without the grain of single rays: the sun's disc is half a degree wide."""
+    for axis in (0, 1):
+        tile = 0.25 * np.roll(tile, 1, axis) + 0.5 * tile + 0.25 * np.roll(tile, -1, axis)
+    return tile
