@@ -20,15 +20,15 @@ def announce(suite: "SensorSet", where: str) -> None:
     """Let the topics of a suite's own and further sensors be known in this process. Raises ConfigError."""
     taken = {*OURS}
     for name, fitted in suite.items():
-        place, is_own = f"{where}: {name}", isinstance(fitted.sensor, OwnKind)
-        if not (is_own or fitted.name):
+        place, own = f"{where}: {name}", fitted.sensor if isinstance(fitted.sensor, OwnKind) else None
+        if not (own or fitted.name):
             continue
-        added = {name, *([] if is_own else further_topics(name, fitted.sensor.topic))}
+        added = {name, *([] if own else further_topics(name, fitted.sensor.topic))}
         if common := sorted(added & taken):
             raise ConfigError(f"{place}: the topic {common[0]!r} is taken: give the sensor another name")
         taken |= added
-        if is_own:
-            kind = _whole(fitted.sensor.message, place)
+        if own:
+            kind = _whole(own.message, place)
             TOPICS[name] = Topic(name, kind, fitted.model.rate, "data")
             ros.introduce(name, _encoder(name, kind, place), _decoder(kind))
         else:

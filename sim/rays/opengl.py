@@ -55,7 +55,7 @@ class PictureScene(RayScene):
         toward = np.stack([np.full(right.size, focal), right.ravel(), down.ravel()])
         self._toward = (toward / np.sqrt((toward * toward).sum(axis=0))).astype(np.float32)
         self._context = context = open_context()
-        self._planes, self._seabed, self._solid, self._mesh = (
+        self._planes, self._seabed, self._primitive, self._mesh = (
             context.program(*program) for program in (shaders.PLANES, shaders.SEABED, shaders.SOLIDS, shaders.MESH)
         )
         size = width, height
@@ -94,7 +94,7 @@ class PictureScene(RayScene):
     def _draw(self, geometry: Geometry, at: Floats, turned: Floats, reach: float) -> None:
         """Draw the view from `at` into both pictures of the frame; `turned` is the camera's axes in the world's."""
         context = self._context
-        for program in (self._planes, self._seabed, self._solid, self._mesh):
+        for program in (self._planes, self._seabed, self._primitive, self._mesh):
             program["rotation"], program["reach"] = tuple(turned.T.ravel()), reach
             program["size"], program["focal"] = self._size, self._focal
         rows = np.frombuffer(geometry.solids).reshape(-1, ROW).copy()
@@ -182,7 +182,7 @@ class PictureScene(RayScene):
         context.enable_only(context.DEPTH_TEST | context.CULL_FACE)
         context.cull_face = "back"
         solids = context.buffer(instances(rows, numbers)), _SOLID, "position", "turn", "low", "high", "kind"
-        context.vertex_array(self._solid, [(self._cube, "3f", "corner"), solids]).render(instances=len(rows))
+        context.vertex_array(self._primitive, [(self._cube, "3f", "corner"), solids]).render(instances=len(rows))
         context.enable_only(context.DEPTH_TEST)
 
 

@@ -77,7 +77,8 @@ class Lamps:
             one = table.take(first) * (1 - b) + table.take(first + 1) * b
             other = table.take(first + _ANGLES) * (1 - b) + table.take(first + _ANGLES + 1) * b
             out[:] = one + (other - one) * a
-        return veils.T
+        veil: Floats = veils.T
+        return veil
 
     def _tabulate(self, water: Water) -> Floats:
         """Return the veil for each colour, range and angle; see `veil`."""

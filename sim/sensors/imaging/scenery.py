@@ -7,7 +7,7 @@ Not modelled: shadows of daylight, gloss, a texture that goes with what moves.
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,13 @@ from sim.environment.terrain import Terrain
 from sim.environment.world import World
 from sim.rays.geometry import SEABED
 
+if TYPE_CHECKING:
+    from sim.environment.texture import Texture
+
 _SAND, _ROCK = (0.42, 0.36, 0.26), (0.17, 0.16, 0.14)
+# By the kind of a world's `[bottom]`.
+_GROUNDS = {"mud": (0.22, 0.19, 0.14), "sand": _SAND, "gravel": (0.30, 0.28, 0.24), "rock": _ROCK}
+_FINEST = 0.01  # m: of a pixel on the seabed
 Pixels = NDArray[np.float32]
 
 # Concrete, rust, paint in yellow, weed, paint in red, bare metal; objects take them in turn.
@@ -61,6 +67,11 @@ class Scenery:
                 self._colours[number] = mesh.keys.colour
         self._surface = surface
         self._terrain = world.terrain
+        if world.bottom:
+            from sim.environment.texture import Texture
+
+            self._colours[SEABED] = _GROUNDS[world.bottom.kind]
+        self._texture = Texture(world.bottom) if world.bottom else None
 
     def add(self, number: int) -> None:
         """One more object, the `number`-th."""
@@ -85,6 +96,8 @@ class Scenery:
         tone = np.where(surface, np.float32(1.0), _grain(seen))
         if self._terrain is not None and seabed.any():
             tone[seabed] *= self._bent(seen.points[:, seabed])
+        if self._texture is not None and seabed.any():
+            tone[seabed] *= self._textured(self._texture, seen, seabed)
         # From above as from a sky that is evenly bright, and a fifth from all sides.
         day = tone * np.where(surface, np.float32(1.0), np.float32(0.6) - np.float32(0.4) * seen.normals[2])
         if dapple is not None:
@@ -105,6 +118,26 @@ class Scenery:
             )
         pixels: Pixels = radiance.T
         return pixels
+
+    @staticmethod
+    def _textured(texture: "Texture", seen: Seen, seabed: NDArray[np.bool_]) -> Pixels:
+        """Return the brightness by what is smaller than the grid: patches, and slopes that lean towards the camera.
+
+        Daylight comes from everywhere, so a slope shows by how much less of the sky it sees.
+        """
+        north, east, _ = seen.points[:, seabed]
+        footprints = seen.footprint[seabed]
+        level = np.round(np.log2(np.maximum(footprints, np.float32(_FINEST)) / np.float32(_FINEST))).astype(int)
+        shade = np.empty(len(north), np.float32)
+        for one in np.unique(level):
+            some, size = level == one, _FINEST * 2.0 ** int(one)
+            to_north, to_east = texture.slopes(north[some], east[some], size)
+            steep = to_north * to_north + to_east * to_east
+            # A fifth of the light comes from the side, from the north-east, as under a low sun.
+            lean = np.clip(np.float32(0.5) * (to_north + to_east), -0.5, 0.5)
+            bright = np.float32(10.0) ** (texture.strength(north[some], east[some], size) * np.float32(0.05))
+            shade[some] = bright * (np.float32(0.8) / np.sqrt(np.float32(1.0) + steep) + np.float32(0.2) + lean)
+        return shade
 
     def _bent(self, points: Pixels) -> Pixels:
         """Crests are bright, hollows dark. Only the nodes from the first to the last that is hit are looked at."""

@@ -81,7 +81,7 @@ class _Client:
 class _Starting(VehicleState):
     """A vehicle with a graph that is given, whose sensors are waited for no longer than a moment."""
 
-    present = True  # type: ignore[assignment]
+    present = True
 
     def __init__(self, published: dict[str, str]) -> None:
         import threading

@@ -69,7 +69,7 @@ def gateway(fleet: Fleet) -> Iterator[JsonGateway]:
 def wait_for_pictures(fleet: Fleet) -> None:
     """Wait until the process that makes the pictures has started, which may take long on a busy machine."""
     vehicle = fleet["uuv1"]
-    assert wait_for(lambda: any(topic.startswith("camera/") for topic in vehicle._pictures()))
+    assert wait_for(lambda: any(topic.startswith("camera/") for topic in vehicle.pictures()))
 
 
 class Client:

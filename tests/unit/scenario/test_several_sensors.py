@@ -91,7 +91,7 @@ def test_frames_of_transforms() -> None:
 
 def test_each_has_random_numbers_of_its_own_and_the_first_the_usual_ones() -> None:
     sections = {"pressure_2": {"sensor": "pressure"}}
-    scene = Simulation(load_vehicle("bluerov2")[0], load_world("plain_field"), {})
+    scene = Simulation(load_vehicle("bluerov2")[0], load_world("open_water"), {})
     read = read_suite(sections, "")
     one, other, usual = (
         Slot(n, s[n], scene, 1, 1).sensor for n, s in (("pressure", read), ("pressure_2", read), ("pressure", fit()))

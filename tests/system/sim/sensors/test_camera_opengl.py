@@ -15,6 +15,7 @@ import pytest
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.schema import parse
 from sim.dynamics import State
+from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.relief import Fractal
 from sim.environment.terrain import Terrain, covering
@@ -40,6 +41,7 @@ PIXELS = pixel_rays(WIDTH, HEIGHT, Intrinsics(FOCAL, FOCAL, 0.5 * (WIDTH - 1), 0
 GROUND, EXTENT = (-24.0, 24.0, -20.0, 20.0), (-25.0, 25.0, -21.0, 21.0)
 # Relative error of distances, error of normals, and the share of pixels that must keep them.
 CLOSE, ALIKE, SHARE = 1e-4, 1e-3, 0.999
+LENS_SHARE = 0.97  # the same with a lens that distorts, and of effects that look far from a pixel
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +183,9 @@ def shot(renderer: Any, world: World, **keys: Any) -> CameraSample:
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
     camera = Camera(model, Mounting(orientation=(0.0, radians(-20.0), 0.0)), 1, scene)
     camera.add(hull(VEHICLE), State(OTHER))
-    return camera.sample(0, State((0.0, 0.0, 9.5)))
+    state = State((0.0, 0.0, 9.5))
+    state.nu = [0.6, 0.2, -0.1, 0.1, -0.3, 0.5]
+    return camera.sample(0, state)
 
 
 def test_the_pictures_are_the_same(context: Any) -> None:
@@ -198,6 +202,44 @@ def test_the_pictures_are_the_same(context: Any) -> None:
         assert colours[0].std() > 5.0
         depths = [np.frombuffer(sample.depth or b"", np.float32) for sample in (one, other)]
         assert np.isclose(depths[0], depths[1], rtol=CLOSE).mean() > SHARE
+
+
+LENSES = [(-0.25, 0.06, 0.002, -0.001, 0.0), (0.15, 0.0, 0.0, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_a_lens_distorts_as_with_rays(context: Any, lens: Any) -> None:
+    """Half a pixel at outlines apart, distances to 5 in 1000: the ray meets the plane of what is nearest."""
+    keys = {"ground_truth": True, "distortion": lens}
+    one, other = (shot(renderer, relief(), **keys) for renderer in ("rays", "opengl"))
+    labels = [np.frombuffer(sample.labels or b"", np.int32) for sample in (one, other)]
+    assert (labels[0] == labels[1]).mean() > LENS_SHARE
+    assert len(np.unique(labels[1])) > 4
+    depths = [np.frombuffer(sample.depth or b"", np.float32) for sample in (one, other)]
+    some = (labels[0] == labels[1]) & np.isfinite(depths[0])
+    assert np.isclose(depths[0][some], depths[1][some], rtol=5e-3).mean() > LENS_SHARE
+    straight = np.frombuffer(shot("opengl", relief(), ground_truth=True).labels or b"", np.int32)
+    assert (labels[1] != straight).mean() > 1.5 * (1.0 - LENS_SHARE), "it does distort"
+
+
+EFFECTS: list[dict[str, Any]] = [
+    {"lamps": 1.0, "lamp_offset": 0.4}, {"lamps": 1.0, "lamp_offset": 0.4, "lamp_shadows": True},
+    {"lamps": 1.0, "lamp_offset": 0.4, "backscatter": 1.0}, {"snow": 500.0, "lamps": 1.0}, {"caustics": 1.0},
+    {"exposure_time": 0.05}, {"readout_time": 0.05}, {"distortion": LENSES[0], "caustics": 0.5, "snow": 100.0},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("keys", EFFECTS, ids="-".join)
+def test_effects_are_the_same(context: Any, keys: dict[str, Any]) -> None:
+    """Both renderers have each effect: colours within two of 255 levels but at a few pixels in a hundred."""
+    one, other, without = (
+        np.frombuffer(shot(renderer, relief()._replace(bottom=Bottom()), exposure=2.0, **some).rgb, np.uint8).astype(
+            int
+        )
+        for renderer, some in (("rays", keys), ("opengl", keys), ("rays", {}))
+    )
+    assert (np.abs(one - other) <= 2).mean() > LENS_SHARE
+    assert (one != without).mean() > 0.02, "it changes the picture"
 
 
 def test_rays_are_the_default_and_load_no_opengl() -> None:
@@ -218,10 +260,10 @@ def test_another_renderer_is_refused() -> None:
     assert parse({"renderer": "opengl"}, CameraModel, "deep.toml: sensors.camera").renderer == "opengl"
 
 
-def test_a_lens_that_distorts_is_refused() -> None:
-    model = CameraModel(renderer="opengl", distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
-    assert "no distortion" in str(model.validate())
-    assert model._replace(renderer="rays").validate() is None
+def test_a_lens_that_sees_too_far_to_the_sides_is_refused(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(opengl, "MOST_WIDER", 1)
+    with pytest.raises(ConfigError, match="too far to the sides; take renderer"):
+        shot("opengl", relief(), distortion=(-0.25, 0.06, 0.0, 0.0, 0.0))
 
 
 @pytest.fixture

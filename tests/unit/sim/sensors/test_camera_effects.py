@@ -1,0 +1,209 @@
+"""Effects of lamps, particles, waves and motion on the camera's picture: seeded, and of the right size."""
+
+from math import exp, pi, radians, tan
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from sim.dynamics import State
+from sim.environment.bottom import Bottom
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.optics import jerlov
+from sim.environment.world import World
+from sim.rotations import from_euler
+from sim.rotations import integrate as turn
+from sim.sensors.imaging.camera import Camera
+from sim.sensors.imaging.camera_lamps import _BACK, Lamps
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera_particles import Caustics, Snow
+from sim.sensors.imaging.samples import CameraSample
+from sim.sensors.imaging.scenery import Seen
+from sim.sensors.mounting import Mounting
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+EXTENT = (-60.0, 60.0, -60.0, 60.0)
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+PILED = World("piled", "test", EXTENT, 60.0, cylinder=(Cylinder(3.0, 0.0, 0.2, top=50.0),),
+              box=(Box(6.0, 0.0, 0.5, 20.0, 0.0, top=50.0),))  # fmt: skip
+SHALLOW = World("shallow", "test", EXTENT, 3.0)
+HERE = State((0.0, 0.0, 58.0))
+KEYS = CameraModel(width=80, height=60, read_noise=0.0, full_well=1e7, depth_noise=0.0, vignetting=0.0, exposure=1.0)
+DOWN = Mounting(orientation=(0.0, radians(-90.0), 0.0))
+
+
+def shot(world: World = PILED, state: State = HERE, mounting: Mounting = Mounting(), seed: int = 1, time_ns: int = 0,
+         **keys: Any) -> CameraSample:  # fmt: skip
+    scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
+    return Camera(KEYS._replace(**keys), mounting, seed, scene).sample(time_ns, state)
+
+
+def colours(sample: CameraSample) -> Any:
+    return np.frombuffer(sample.rgb, np.uint8).reshape(sample.height, sample.width, 3).astype(int)
+
+
+LAMPS: dict[str, Any] = {"lamps": 1.0, "lamp_offset": 0.4}
+
+
+def test_lamps_beside_the_camera_throw_shadows() -> None:
+    """Behind a pile there is a shadow for either lamp on the wall 3 m behind it, and none straight behind."""
+    keys = LAMPS | {"lamps": 300.0, "water": "clear", "exposure": 0.1}
+    free, shaded = (colours(shot(lamp_shadows=on, **keys)).sum(axis=2) for on in (False, True))
+    row = 30
+    darker = np.flatnonzero(shaded[row] < 0.8 * free[row])
+    assert (shaded <= free + 1).all()
+    # The shadow of the lamp at port lies where the line by the pile's middle meets the wall: 2 * 0.4 m of the wall.
+    scale = 0.5 * 80 / tan(radians(40.0)) / 5.75
+    middle = 39.5
+    for side in (-1, 1):
+        place = middle + side * (0.4 / 3.0 * (5.75 - 3.0)) * scale
+        assert np.abs(darker - place).min() < 1.0
+    assert len(darker)
+
+
+def test_shadows_and_backscatter_need_lamps_beside_the_camera() -> None:
+    assert "lamp_shadows needs lamps and a lamp_offset" in str(KEYS._replace(lamp_shadows=True).validate())
+    assert "backscatter needs lamps" in str(KEYS._replace(backscatter=1.0, lamps=1.0).validate())
+    assert KEYS._replace(backscatter=1.0, **LAMPS).validate() is None
+
+
+@pytest.mark.parametrize("water", ["II", "7C"])
+@pytest.mark.parametrize("distance", [1.0, 4.0, 25.0])
+def test_backscatter_is_the_integral_of_single_scattering(water: str, distance: float) -> None:
+    kind = jerlov(water, 30.0)
+    lamps = Lamps(0.4, 2.0, False, 1.0, 30.0)
+    found = lamps.veil(np.array([distance], np.float32), np.zeros(1, np.float32), kind)[0]
+    for channel in range(3):
+        c, b = kind.attenuation[channel], kind.scattering[channel]
+
+        def sent(way: float, c: float = c, b: float = b) -> float:
+            squared = way * way + 0.16
+            return pi * 2.0 * exp(-c * (way + squared**0.5)) / squared * b * _BACK
+
+        expected = integrate.quad(sent, 0.4, distance)[0]
+        assert found[channel] == pytest.approx(expected, rel=0.03)
+
+
+def test_backscatter_brightens_and_grows_with_its_key() -> None:
+    means = [colours(shot(backscatter=share, exposure=3.0, **LAMPS)).mean() for share in (0.0, 0.3, 1.0)]
+    assert means[0] < means[1] < means[2]
+
+
+def test_snow_is_fixed_in_the_water_and_seeded() -> None:
+    snow = Snow(400.0, (80, 60), 40.0, 5)
+    here, _ = snow._particles(np.array([0.0, 0.0, 10.0]))
+    there, _ = snow._particles(np.array([0.4, -0.3, 10.2]))
+    both = {tuple(row) for row in here.round(6).tolist()} & {tuple(row) for row in there.round(6).tolist()}
+    assert len(both) > 0.5 * len(here)
+    volume = 4.0 / 3.0 * pi * 2.5**3
+    within = (np.linalg.norm(here - (0.0, 0.0, 10.0), axis=1) < 2.5).sum()
+    assert within == pytest.approx(400.0 * volume, rel=0.1)
+    pictures = [shot(snow=400.0, lamps=1.0, seed=seed).rgb for seed in (1, 1, 2)]
+    assert pictures[0] == pictures[1] != pictures[2]
+    assert pictures[0] != shot(lamps=1.0).rgb
+
+
+def test_snow_behind_things_is_hidden() -> None:
+    snow = Snow(2000.0, (80, 60), 40.0, 5)
+    dark = np.zeros((4800, 3), np.float32)
+    kind = jerlov("II", 5.0)
+    near, far = (
+        snow.fall(dark, np.full(4800, reach), np.zeros(3), np.eye(3), kind, (1.0, 0.0)).sum() for reach in (0.5, 30.0)
+    )
+    assert 0.0 < near < 0.8 * far
+
+
+def test_caustics_keep_the_light_and_fade_with_depth() -> None:
+    caustics = Caustics(1.0, 7)
+    side = 200
+    north, east = np.meshgrid(np.linspace(0.0, 4.0, side, endpoint=False), np.linspace(0.0, 4.0, side, endpoint=False))
+    contrast = {}
+    for depth in (0.1, 1.2, 5.0, 20.0):
+        points = np.stack([north.ravel(), east.ravel(), np.full(side * side, depth)]).astype(np.float32)
+        up = np.zeros_like(points)
+        up[2] = -1.0
+        ranges = np.ones(side * side, np.float32)
+        seen = Seen(points, up, np.zeros(side * side, np.int32), ranges, ranges, ranges)
+        dapple = caustics.dapple(seen, 0)
+        assert dapple.mean() == pytest.approx(1.0, abs=0.02)
+        assert dapple.min() >= 0.0
+        contrast[depth] = float(dapple.std())
+    assert contrast[1.2] > 0.4
+    assert contrast[0.1] < 0.2 * contrast[1.2]
+    assert contrast[1.2] > contrast[5.0] > contrast[20.0]
+    assert contrast[20.0] < 0.1 * contrast[1.2]
+    later = caustics.dapple(seen, 200_000_000)
+    assert not np.array_equal(later, caustics.dapple(seen, 0)), "they move"
+
+
+def test_caustics_are_on_the_seabed_of_shallow_water() -> None:
+    above = State((0.0, 0.0, 1.5))
+    plain, bright = (colours(shot(SHALLOW, above, DOWN, water="IB", caustics=c)) for c in (0.0, 1.0))
+    assert np.abs(bright - plain).mean() > 8.0
+    assert bright.mean() == pytest.approx(plain.mean(), rel=0.1)
+    assert colours(shot(SHALLOW, above, DOWN, water="IB", caustics=1.0, time_ns=10**8)).tolist() != bright.tolist()
+
+
+def moving(nu: tuple[float, ...]) -> State:
+    state = State((0.0, 0.0, 1.5))
+    state.nu = list(nu)
+    return state
+
+
+def test_a_camera_at_rest_has_no_blur() -> None:
+    still = shot(SHALLOW, moving((0.0,) * 6), DOWN, exposure_time=0.1, readout_time=0.1)
+    assert still.rgb == shot(SHALLOW, moving((0.0,) * 6), DOWN).rgb
+
+
+def test_blur_is_along_the_motion() -> None:
+    """Over a level seabed seen straight down, along the rows' direction, which is up in the picture for surge."""
+    sharp, blurred = (
+        colours(shot(SHALLOW, moving((1.0, 0, 0, 0, 0, 0)), DOWN, exposure_time=t, water="clear")).mean(axis=2)
+        for t in (0.0, 0.2)
+    )
+    along, across = (
+        np.abs(np.diff(blurred, axis=axis)).mean() / np.abs(np.diff(sharp, axis=axis)).mean() for axis in (0, 1)
+    )
+    assert along < 0.5 * across
+    assert blurred.mean() == pytest.approx(sharp.mean(), rel=0.05)
+
+
+def test_a_rolling_shutter_shows_each_row_as_it_was_seen_then() -> None:
+    """A row of a turning camera is that of a camera at the row's instant with all rows at once."""
+    rate, readout = 0.8, 0.1
+    state = State(HERE.position, from_euler(0.0, 0.0, 0.0))
+    state.nu = [0.0, 0.0, 0.0, 0.0, 0.0, rate]
+    rolled = colours(shot(state=state, readout_time=readout, water="clear")).sum(axis=2)
+    still = colours(shot(water="clear")).sum(axis=2)
+    for row in (2, 57):
+        late = ((row + 0.5) / 60 - 0.5) * readout
+        then = State(HERE.position, turn((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, rate), late))
+        then.nu = [0.0] * 6
+        true = colours(shot(state=then, water="clear")).sum(axis=2)
+        inner = slice(5, 75)
+        error = np.abs(rolled[row, inner] - true[row, inner]).mean()
+        assert error < 0.7 * np.abs(still[row, inner] - true[row, inner]).mean()
+
+
+def test_the_bottom_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ripples of the world's [bottom] are stripes across their heading."""
+    rippled = SHALLOW._replace(bottom=Bottom("sand", roughness=0.0, patches=0.0, ripple_height=0.06, ripple_length=0.5))
+    monkeypatch.setattr("sim.sensors.imaging.scenery._grain", lambda seen: np.ones(len(seen.ranges), np.float32))
+    picture = colours(shot(rippled, State((0.0, 0.0, 0.5)), DOWN, water="clear")).mean(axis=2)
+    assert picture.std(axis=0).mean() > 5.0 * picture.std(axis=1).mean()
+    flat = colours(shot(SHALLOW, State((0.0, 0.0, 0.5)), DOWN, water="clear")).mean(axis=2)
+    assert flat.std() < 0.2 * picture.std()
+
+
+def test_the_ground_truth_has_no_effect() -> None:
+    everything: dict[str, Any] = {
+        "snow": 500.0,
+        "caustics": 1.0,
+        "exposure_time": 0.1,
+        "readout_time": 0.1,
+        "backscatter": 1.0,
+    }
+    truth = shot(ground_truth=True, **LAMPS)
+    assert shot(ground_truth=True, **everything, **LAMPS).rgb == truth.rgb
