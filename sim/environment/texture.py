@@ -1,7 +1,7 @@
 """Relief and composition of a seabed below the resolution of its grid, by place: one source for sonar and camera.
 
 The relief is noise with the power spectrum k^-exponent of a natural bed (APL-UW 1994, TR 9407: 3 to 3.5), cut off at
-`OUTER` m, and ripples; the composition is a slower noise. Both repeat after some 20 to 40 m, each on a grid of its own.
+`OUTER` m, and ripples; the composition is a slower noise. They repeat after 20 m and 41 m.
 `footprint` (m) is the size over which a sensor takes the mean: what is smaller is not seen. Slopes are how much deeper
 it gets per m, as in sim.environment.terrain.Terrain.gradient.
 """
@@ -20,15 +20,13 @@ Floats = NDArray[np.float32]
 
 _SIDE = 512  # nodes of a tile, a power of two
 _NODE = 0.04  # m between nodes of the finest relief: it repeats after 20 m
-_PATCH_NODE = 0.083  # m, of the composition: after 42 m
 _LEVELS = 6  # each of half the resolution of the one before
 
 
 class _Tiles(NamedTuple):
-    """Slopes to the north and the east and strength, for each level a flattened square of nodes."""
+    """Slopes to the north and the east (two columns) and strength, for each level the flattened square of nodes."""
 
-    north: tuple[Floats, ...]
-    east: tuple[Floats, ...]
+    slopes: tuple[Floats, ...]
     strength: tuple[Floats, ...]
 
 
@@ -46,23 +44,28 @@ class Texture:
         self._wave = np.float32(wave * cos(bottom.ripple_heading)), np.float32(wave * sin(bottom.ripple_heading))
         self._ripple, self._length = 0.5 * bottom.ripple_height, bottom.ripple_length
 
-    def slopes(self, north: Any, east: Any, footprint: float) -> tuple[Floats, Floats]:
-        """Return the slopes to the north and the east that come on top of those of the grid, at places (m, NED)."""
-        index, level = _index(north, east, _NODE, footprint)
-        to_north = self._height * self._tiles.north[level].take(index)
-        to_east = self._height * self._tiles.east[level].take(index)
+    def sample(self, north: Any, east: Any, footprint: float) -> tuple[Floats, Floats, Floats]:
+        """Return what `slopes` and `strength` do, in half the time."""
+        level, row, column = _nodes(north, east, footprint)
+        side = _SIDE >> level
+        slopes = self._tiles.slopes[level].take((row & (side - 1)) * side + (column & (side - 1)), axis=0)
+        to_north, to_east = self._height * slopes[..., 0], self._height * slopes[..., 1]
         left = self._ripple * float(np.sinc(footprint / self._length)) if footprint < self._length else 0.0
         if left:
             along, across = self._wave
             rise = np.float32(left) * np.cos(along * np.float32(north) + across * np.float32(east))
             to_north, to_east = to_north + along * rise, to_east + across * rise
-        return to_north, to_east
+        # Patches are twice as large as the relief's nodes: they repeat later.
+        strength = self._tiles.strength[level].take(((row >> 1) & (side - 1)) * side + ((column >> 1) & (side - 1)))
+        return to_north, to_east, self._patches * strength
+
+    def slopes(self, north: Any, east: Any, footprint: float) -> tuple[Floats, Floats]:
+        """Return the slopes to the north and the east that come on top of those of the grid, at places (m, NED)."""
+        return self.sample(north, east, footprint)[:2]
 
     def strength(self, north: Any, east: Any, footprint: float) -> Floats:
         """Return how much stronger than in the mean the echo is (dB); of a camera's brightness about as much."""
-        index, level = _index(north, east, _PATCH_NODE, footprint)
-        strength: Floats = self._patches * self._tiles.strength[level].take(index)
-        return strength
+        return self.sample(north, east, footprint)[2]
 
 
 def smooth_slopes(terrain: Terrain, north: Any, east: Any) -> tuple[Floats, Floats]:
@@ -93,14 +96,12 @@ def smooth_slopes(terrain: Terrain, north: Any, east: Any) -> tuple[Floats, Floa
     return slopes[0], slopes[1]
 
 
-def _index(north: Any, east: Any, node: float, footprint: float) -> tuple[NDArray[np.int64], int]:
-    """Return which nodes of which level places lie at: the finest that is not finer than the footprint."""
-    level = min(max(round(float(np.log2(max(footprint / node, 1.0)))), 0), _LEVELS - 1)
-    side = _SIDE >> level
-    scale = np.float32(1.0 / (node * 2**level))
-    row = np.floor(np.asarray(north, np.float32) * scale).astype(np.int64) & (side - 1)
-    column = np.floor(np.asarray(east, np.float32) * scale).astype(np.int64) & (side - 1)
-    return row * side + column, level
+def _nodes(north: Any, east: Any, footprint: float) -> tuple[int, NDArray[np.int32], NDArray[np.int32]]:
+    """Return the finest level that is not finer than the footprint, and the rows and columns of its nodes."""
+    level = min(max(round(float(np.log2(max(footprint / _NODE, 1.0)))), 0), _LEVELS - 1)
+    scale = np.float32(1.0 / (_NODE * 2**level))
+    row = np.floor(np.asarray(north, np.float32) * scale).astype(np.int32)
+    return level, row, np.floor(np.asarray(east, np.float32) * scale).astype(np.int32)
 
 
 @lru_cache(maxsize=4)
@@ -117,7 +118,8 @@ def _tiles(seed: int, exponent: float) -> _Tiles:
     composition /= np.fft.irfft2(composition, (_SIDE, _SIDE)).std()
     per_metre = tau / _NODE
     spectra = relief * 1j * per_metre * down, relief * 1j * per_metre * across, composition
-    return _Tiles(*(_pyramid(np.fft.irfft2(spectrum, (_SIDE, _SIDE))) for spectrum in spectra))
+    north, east, strength = (_pyramid(np.fft.irfft2(spectrum, (_SIDE, _SIDE))) for spectrum in spectra)
+    return _Tiles(tuple(np.stack(pair, axis=-1) for pair in zip(north, east, strict=True)), strength)
 
 
 def _pyramid(tile: NDArray[np.float64]) -> tuple[Floats, ...]:

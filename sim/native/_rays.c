@@ -129,18 +129,33 @@ static void answer(const Geometry *geometry, const double *origin, const double 
     normal(geometry, &hit, along, point, out);
 }
 
-enum { DIRECTIONS, DISTANCES, POINTS, NORMALS, OBJECTS, VIEWS };
+enum { DIRECTIONS, DISTANCES, POINTS, NORMALS, OBJECTS, ORIGINS, VIEWS };
+
+/* One origin for all rays, or a buffer with one for each; 0 with an exception set if it is neither. */
+static int get_origins(PyObject *object, double *origin, Py_buffer *views)
+{
+    Py_ssize_t wanted = views[DIRECTIONS].len;
+    if (wanted > 24 && PyObject_CheckBuffer(object)) {
+        if (PyObject_GetBuffer(object, &views[ORIGINS], PyBUF_SIMPLE) != 0)
+            return 0;
+        if (views[ORIGINS].len == wanted)
+            return 1;
+        PyBuffer_Release(&views[ORIGINS]);
+        views[ORIGINS].buf = NULL;
+    }
+    return read_numbers(object, origin, 3);
+}
 
 /* Gets the buffers, casts, and leaves the buffers to who called. */
 static int cast_views(Geometry *geometry, PyObject *const *arguments, int count, Py_buffer *views)
 {
-    static const Py_ssize_t sizes[VIEWS] = {24, 8, 24, 24, 4}; /* bytes a ray */
-    double origin[3], rotation[9], reach = PyFloat_AsDouble(arguments[3]);
-    PyObject *const objects[VIEWS] = {arguments[2], arguments[4], count > 5 ? arguments[5] : NULL,
+    static const Py_ssize_t sizes[ORIGINS] = {24, 8, 24, 24, 4}; /* bytes a ray */
+    double common[3], rotation[9], reach = PyFloat_AsDouble(arguments[3]);
+    PyObject *const objects[ORIGINS] = {arguments[2], arguments[4], count > 5 ? arguments[5] : NULL,
                                       count > 5 ? arguments[6] : NULL, count > 5 ? arguments[7] : NULL};
-    if ((reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[0], origin, 3) || !read_numbers(arguments[1], rotation, 9))
+    if ((reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[1], rotation, 9))
         return 0;
-    for (int i = 0; i < VIEWS && objects[i] != NULL; i++) {
+    for (int i = 0; i < ORIGINS && objects[i] != NULL; i++) {
         if (PyObject_GetBuffer(objects[i], &views[i], i == DIRECTIONS ? PyBUF_SIMPLE : PyBUF_WRITABLE) != 0)
             return 0;
         if (views[i].len % sizes[i] != 0 || views[i].len / sizes[i] != views[DIRECTIONS].len / 24) {
@@ -148,11 +163,17 @@ static int cast_views(Geometry *geometry, PyObject *const *arguments, int count,
             return 0;
         }
     }
-    const double *direction = views[DIRECTIONS].buf;
-    find_near(geometry, origin, reach);
+    if (!get_origins(arguments[0], common, views))
+        return 0;
+    const double *direction = views[DIRECTIONS].buf, *origins = views[ORIGINS].buf;
+    if (origins == NULL)
+        find_near(geometry, common, reach);
     Answers to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
     for (Py_ssize_t ray = 0, rays = views[DIRECTIONS].len / 24; ray < rays; ray++, direction += 3) {
+        const double *origin = origins == NULL ? common : origins + 3 * ray;
         double along[3];
+        if (origins != NULL)
+            find_near(geometry, origin, reach);
         turn(rotation, direction, along);
         answer(geometry, origin, along, reach, ray, &to);
     }

@@ -13,6 +13,7 @@ from sim.rotations import matrix
 
 if TYPE_CHECKING:
     from sim.dynamics import State
+    from sim.rays.boxes import Boxes
 
 __all__ = ["ALONG_AXES", "NOTHING", "SEABED", "Engine", "Hits", "RayScene"]
 
@@ -36,6 +37,7 @@ class RayScene:
         self._geometry: Geometry | None = None
         self._caster: Callable[..., None] | None = None
         self._engine = engine
+        self._trees: dict[int, Any] = {}  # see `boxes`
 
     def add(self, solid: Solid, state: "State | None" = None) -> int:
         """Put a solid there; its number. With a `state` it goes with that vehicle: its own axes are the body's."""
@@ -55,9 +57,10 @@ class RayScene:
     ) -> "array[float]":
         """Return how far it is along each ray from `origin` (NED, m): m, inf if nothing is within `reach` m.
 
-        `directions` are unit vectors, three doubles a ray, as a buffer (array("d"), numpy); `rotation` (3 x 3, row
-        after row) turns them into NED, the identity if left out. A ray that begins inside something has distance 0.
-        Raises ValueError for a buffer of anything else.
+        `origin` is one for all rays, or a buffer of doubles with one for each. `directions` are unit vectors, three
+        doubles a ray, as a buffer (array("d"), numpy); `rotation` (3 x 3, row after row) turns them into NED, the
+        identity if left out. A ray that begins inside something has distance 0.
+        Raises ValueError for a buffer of anything else, and for origins of another number.
         """
         rays = _doubles(directions)
         distances = array("d", bytes(rays.nbytes // 3))
@@ -81,6 +84,15 @@ class RayScene:
         self._cast(origin, rays, reach, rotation, hits.distances, hits)
         return hits
 
+    def boxes(self, place: Sequence[float], reach: float) -> "Boxes":
+        """Return boxes around what is within about `reach` m of `place` (NED), where it is now; half spaces have none.
+
+        Needs numpy.
+        """
+        from sim.rays.boxes import boxes_within
+
+        return boxes_within(self._present(), self._trees, place, reach)
+
     def _cast(
         self,
         origin: Sequence[float],
@@ -91,6 +103,8 @@ class RayScene:
         hits: Hits | None,
     ) -> None:
         geometry = self._present()
+        if len(origin) not in (3, len(rays)):
+            raise ValueError(f"origin: three numbers, or three for each of {len(rays) // 3} rays; found {len(origin)}")
         if self._caster is not None:
             self._caster(origin, rotation, rays, reach, distances, *(hits[1:] if hits else ()))
             return

@@ -60,10 +60,11 @@ def cast(
     hits: Hits | None,
 ) -> None:
     """Fill `distances`, and `hits` where it is given, for all rays: see RayScene."""
-    x, y, z = origin
+    each = len(origin) > 3  # a place for each ray
     for ray in range(len(distances)):
+        start = x, y, z = tuple(origin[3 * ray : 3 * ray + 3] if each else origin)
         along = turn(rotation, *directions[3 * ray : 3 * ray + 3])
-        hit = trace(geometry, origin, along, reach)
+        hit = trace(geometry, start, along, reach)
         distances[ray] = hit.distance
         if hits is None:
             continue

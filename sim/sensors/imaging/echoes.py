@@ -9,7 +9,8 @@ and the beam pattern b works on the way out and back (Urick 1983, Principles of 
 
 Nearer and farther edges of the patch follow from the plane through it, and its echo is spread between them: over a
 plane there is no gap between one ray and the next, however much the beam grazes it.
-Not modelled: rays that bend, second echoes, mirrors, the surface's echo, reverberation in the water, Doppler.
+Second echoes are in sim/sensors/imaging/multipath.py, the seabed's texture in bottom_echo.py, split rays in
+splitting.py. Not modelled: rays that bend, the surface's own echo, reverberation in the water, Doppler.
 """
 
 from typing import Any, NamedTuple
@@ -18,103 +19,88 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.common.errors import ConfigError
-from sim.dynamics import State
-from sim.rays.scene import RayScene
-from sim.rays.solids import Solid, half_space
-from sim.rotations import matrix
-from sim.sensors.mounting import Mounting
-from sim.sensors.samples import Scene
-from sim.sensors.surface import submersion
+from sim.sensors.imaging.splitting import Lattice
 
 Floats = NDArray[np.floating[Any]]
 
-_MARGIN = 1.25  # rays go farther than the last bin, for the near edges of patches beyond it
-_STRETCH = 2.0  # an edge is at most so many times farther than the patch's middle
+MARGIN = 1.25  # rays go farther than the last bin, for the near edges of patches beyond it
+STRETCH = 2.0  # an edge is at most so many times farther than the patch's middle
 _THINNEST = 1e-3  # bins: no echo is shorter
+_FIRST_LOBE = 13.26  # dB of sinc² below its middle
 HALF_POWER = 0.4429464  # sinc² is a half there, in units of its first null
+
+
+class Mirrors(NamedTuple):
+    """What a reflection at the surface and at the seabed costs, in dB."""
+
+    surface: float
+    bottom: float
+
+
+class View(NamedTuple):
+    """Where a sonar is (NED, m) and how it stands; its cells, the height of its beams (rad), how far it looks (m)."""
+
+    place: Floats
+    turn: Floats
+    lattice: Lattice | None
+    height: float
+    reach: float
+
+
+class Ground(NamedTuple):
+    """What the rays of an aperture of `shape` have met from `place`: points (n x 3, NED; nan for nothing) and cosines.
+
+    The cosines are those of the angles of incidence.
+    """
+
+    place: Any
+    points: Floats
+    facing: Floats
+    shape: tuple[int, ...]
 
 
 class Aperture(NamedTuple):
     """Directions of a sonar: `beams` x `rays` unit vectors in its axes.
 
-    `directions` are the middles of the patches, `edges` (one more a beam) what parts them, `weights` b² dO.
+    `directions` are the middles of the patches, `edges` (one more a beam) what parts them, `weights` b² dO. With a
+    `lattice` of the same cells and the `height` (rad at half power) of its beams rays are split where there are
+    small things.
     """
 
     directions: Floats
     edges: Floats
     weights: Floats
+    lattice: Lattice | None = None
+    height: float = 0.0
 
 
 class Echoes(NamedTuple):
-    """Echo of each ray: range (m) of its patch's middle, nearest and farthest edge, and echo / source."""
+    """Echoes of a ping, one a ray: those of the aperture beam by beam, then those of split rays, then second ones.
+
+    Range (m) of its patch's middle, nearest and farthest edge, echo / source, the number of its beam, and the object.
+    `ground` tells where the aperture's own rays have met things, for what knows more of the seabed.
+    """
 
     ranges: Floats
     near: Floats
     far: Floats
     energy: Floats
+    beam: NDArray[np.int64]
+    object: NDArray[np.int32]
+    ground: Ground | None = None
 
 
-class Pinger:
-    """Sends pings through an aperture into the world of `scene`.
+class Rays(NamedTuple):
+    """Rays and what they have met: n directions (sensor's axes), two edges each, weights, beams; and the hits."""
 
-    `reach` m is the farthest range of interest, `absorption` dB/m, `seabed` and `objects` are 10 lg mu in dB.
-    """
-
-    def __init__(
-        self, scene: Scene, mounting: Mounting, aperture: Aperture, reach: float,
-        absorption: float, seabed: float, objects: float,
-    ) -> None:  # fmt: skip
-        self._scene, self._mounting, self._aperture = scene, mounting, aperture
-        self._reach, self._absorption = _MARGIN * reach, absorption
-        self._rays = RayScene(scene.world)
-        surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
-        self._object_strength = 10.0 ** (objects / 10.0)
-        self._strengths = np.full(surface + 2, self._object_strength)  # by object; NOTHING is the last one
-        self._strengths[0] = 10.0 ** (seabed / 10.0)
-        first = 1 + len(scene.world.upright())
-        for number, mesh in enumerate(scene.world.mesh, first):
-            self._strengths[number] *= 10.0 ** (mesh.keys.echo / 10.0)
-        self._strengths[surface:] = 0.0
-        self._flat = np.ascontiguousarray(aperture.directions.reshape(-1, 3), dtype=float)
-
-    def add(self, solid: Solid, state: State) -> None:
-        """Put a solid there that goes with a vehicle's `state`; it echoes as the objects do."""
-        number = self._rays.add(solid, state)
-        self._strengths = np.insert(self._strengths, number, self._object_strength)
-
-    def ping(self, time_ns: int, state: State) -> Echoes | None:
-        """Return what comes back to where the sonar is now; None out of the water."""
-        place = self._mounting.place(state)
-        if place[2] <= 0.0 or submersion(self._scene, time_ns, place) <= 0.0:
-            return None
-        rotation = matrix(self._mounting.attitude(state))
-        hits = self._rays.hits(place, self._flat, self._reach, rotation)
-        directions, edges, weights = self._aperture
-        shape = weights.shape
-        ranges = np.frombuffer(hits.distances).reshape(shape)
-        strengths = self._strengths[np.frombuffer(hits.objects, np.int32)].reshape(shape)
-        echoing = (strengths > 0.0) & (ranges > 0.0)
-        ranges = np.where(echoing, ranges, 1.0)
-        normals = np.frombuffer(hits.normals).reshape(-1, 3) @ np.array(rotation).reshape(3, 3)
-        normals = np.where(echoing[..., None], normals.reshape(*shape, 3), -directions)
-        facing = _facing(normals, directions)
-        first, second = (ranges * _farther(facing, _facing(normals, e)) for e in (edges[:, :-1], edges[:, 1:]))
-        energy = np.where(echoing, strengths * facing * weights / ranges**2, 0.0)
-        energy *= 10.0 ** (-0.2 * self._absorption * ranges)
-        near, far = np.minimum(first, second), np.maximum(first, second)
-        return Echoes(np.where(echoing, ranges, np.inf), np.minimum(near, ranges), np.maximum(far, ranges), energy)
-
-
-def _facing(normals: Floats, directions: Floats) -> Floats:
-    cosines: Floats = -np.einsum("bri,bri->br", normals, directions)
-    return cosines
-
-
-def _farther(middle: Floats, edge: Floats) -> Floats:
-    """Return how many times as far as its middle a plane's edge is, from the cosines of incidence of the two."""
-    grazing = edge * _STRETCH <= middle
-    times: Floats = np.where(grazing, _STRETCH, middle / np.where(grazing, 1.0, edge))
-    return np.maximum(times, 1.0 / _STRETCH)
+    directions: Floats
+    edges: tuple[Floats, Floats]
+    weights: Floats
+    beam: NDArray[np.int64]
+    ranges: Floats
+    points: Floats
+    normals: Floats
+    object: NDArray[np.int32]
 
 
 class Bins:
@@ -125,39 +111,42 @@ class Bins:
     """
 
     def __init__(self, first: float, step: float, count: int, absorption: float) -> None:
-        self._step, self.count = step, count
+        self.first, self.step, self.count = first, step, count
         self._below = int(first / step + 1e-6)  # bins of the table before the first
         self._origin = first - self._below * step
-        middles = self._origin + step * (np.arange(self._below + round(_MARGIN * _STRETCH * count) + 1) + 0.5)
+        middles = self._origin + step * (np.arange(self._below + round(MARGIN * STRETCH * count) + 1) + 0.5)
         self._law = np.maximum(middles / step, 1.0) ** -5 * 10.0 ** (-0.2 * absorption * middles)
         self._beyond = np.append(np.cumsum(self._law[::-1])[::-1], 0.0)  # summed from afar, where it is least
 
-    def shares(self, echoes: Echoes) -> Floats:
-        """Return what of the echoes of each beam is in each bin: beams x bins.
+    def shares(self, echoes: Echoes, beams: int, of: NDArray[np.bool_] | None = None) -> Floats:
+        """Return what of the echoes of each beam is in each bin: beams x bins; of a part of the echoes, if said.
 
         All at once by sums of sums: of how much begins and ends in each bin, in units of the law.
         """
-        low = self._places(echoes.near)
-        high = np.maximum(self._places(echoes.far), low + _THINNEST)
+        energy = echoes.energy
+        here = np.flatnonzero(energy > 0.0 if of is None else of & (energy > 0.0))
+        low = self._places(echoes.near[here])
+        high = np.maximum(self._places(echoes.far[here]), low + _THINNEST)
         length = self._above(low) - self._above(high)
-        density = echoes.energy / np.where(length > 0.0, length, np.inf)
-        beams, width = len(density), self.count + 2
-        rows = (np.arange(beams) * width)[:, None]
+        density = energy[here] / np.where(length > 0.0, length, np.inf)
+        width = self.count + 2
+        rows = echoes.beam[here] * width
         index, change = [], []
         for place, slope in ((low, density), (high, -density)):
             place = np.clip(place - self._below, 0.0, self.count)
             whole = place.astype(np.int64)
             part = (place - whole) * slope
-            index += [(rows + whole).ravel(), (rows + whole + 1).ravel()]
-            change += [(slope - part).ravel(), part.ravel()]
+            index += [rows + whole, rows + whole + 1]
+            change += [slope - part, part]
         slopes = np.bincount(np.concatenate(index), np.concatenate(change), beams * width)
         sums = np.cumsum(slopes.reshape(beams, width), axis=1)[:, : self.count]
-        shares: Floats = sums * self._law[self._below : self._below + self.count]
-        return np.maximum(shares, 0.0)  # below 0 it is rounding
+        shares: Floats = np.maximum(sums, 0.0)  # below 0 it is rounding
+        shares *= self._law[self._below : self._below + self.count]
+        return shares
 
     def _places(self, ranges: Floats) -> Floats:
         """Ranges in bins of the table."""
-        places: Floats = (ranges - self._origin) / self._step
+        places: Floats = (ranges - self._origin) / self.step
         return np.clip(places, 0.0, len(self._law) - 1.0)
 
     def _above(self, places: Floats) -> Floats:
@@ -174,6 +163,16 @@ def pattern(angles: Floats, width: float) -> Floats:
     """
     x = np.sin(angles) * HALF_POWER / np.sin(0.5 * width)
     return np.where((np.abs(x) < 1.0) & (np.abs(angles) < 0.5 * np.pi), np.sinc(x) ** 2, 0.0)
+
+
+def array_pattern(angles: Floats, width: float, side_lobes: float) -> Floats:
+    """Return `pattern` with side lobes: those of sinc², raised or lowered so that the first is `side_lobes` dB down.
+
+    A line of even strength has its first 13.26 dB down; shading lowers them, errors of its elements raise them.
+    """
+    x = np.sin(angles) * HALF_POWER / np.sin(0.5 * width)
+    beyond = (np.abs(x) >= 1.0) & (np.abs(angles) < 0.5 * np.pi)
+    return np.where(beyond, np.sinc(x) ** 2 * 10.0 ** (0.1 * (_FIRST_LOBE - side_lobes)), pattern(angles, width))
 
 
 def main_lobe(width: float) -> float:

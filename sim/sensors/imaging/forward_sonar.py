@@ -25,17 +25,18 @@ class ForwardSonarModel(NamedTuple):
     absorption (Francois & Garrison) in water of `temperature` (deg C) and `salinity` (PSU), and
     `sound_speed` m/s is what the device takes it for. `source_level` is in dB re 1 uPa at 1 m, `noise_level` in dB re
     1 uPa behind the beam former, in the band. `seabed_strength` and `object_strength` are 10 lg mu in dB. `looks`:
-    see sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below a beam's own echo the sum of
-    all others'
-    at its range is received. `error` is that of all ranges.
+    see sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam hears
+    those of its first side lobe; the others fall as those of a line array. With `multipath` sound comes by way of the
+    surface and the seabed, which take `surface_loss` and `bottom_loss` dB of it. `error` is that of all ranges.
 
     The picture: amplitudes to the power of `contrast`; white is the echo of seabed right across a beam, `gain` dB more
     is brighter; `tvg` is the share of the losses by range that the device makes good (1: all). With `ground_truth` it
     is the mean intensity, echo / source, without noise, speckle and error.
 
     Defaults: Blueprint Subsea Oculus M750d at 750 kHz (130 x 20 deg, 512 beams of 1 deg, 0.1 to 120 m, 40 Hz at most;
-    sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks and the picture are
-    our choice. Seabed: Mackenzie 1961; objects 7 dB more, our choice. Scale: a speed of sound 7 m/s off.
+    sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, side lobes, losses
+    and the picture are our choice. Seabed: Mackenzie 1961; objects 7 dB more, our choice. Scale: a speed of sound 7 m/s
+    off.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
@@ -56,7 +57,10 @@ class ForwardSonarModel(NamedTuple):
     seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
     object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 1.0
-    side_lobes: Annotated[float, Range(0.0, 100.0)] = 0.0
+    side_lobes: Annotated[float, Range(0.0, 100.0)] = 25.0
+    multipath: bool = False
+    surface_loss: Annotated[float, Range(0.0, 100.0)] = 3.0
+    bottom_loss: Annotated[float, Range(0.0, 100.0)] = 10.0
     error: ErrorModel = ErrorModel(scale=0.005)
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0)] = 12.0
@@ -84,7 +88,9 @@ class ForwardSonar:
         import numpy as np
 
         from sim.environment.absorption import francois_garrison
-        from sim.sensors.imaging.echoes import Bins, Pinger, bins_of, pattern
+        from sim.sensors.imaging.bottom_echo import make_texture
+        from sim.sensors.imaging.echoes import Bins, Mirrors, array_pattern, bins_of, pattern
+        from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
         self._model = model
@@ -96,10 +102,17 @@ class ForwardSonar:
         count = bins_of(model.min_range, model.max_range, model.range_step)
         self._bins = Bins(model.min_range, model.range_step, count, absorption)
         self._pinger = Pinger(
-            scene, mounting, aperture, model.max_range, absorption, model.seabed_strength, model.object_strength
-        )
-        taps = pattern(np.arange(model.beams) * spacing, model.beam_width)
+            scene, mounting, aperture, model.max_range, absorption, model.seabed_strength, model.object_strength,
+            Mirrors(model.surface_loss, model.bottom_loss) if model.multipath else None,
+        )  # fmt: skip
+        self._texture = make_texture(scene.world)
+        self._stride = max(1, round(0.5 * model.beam_width / spacing))
+        apart = np.arange(model.beams) * spacing
+        taps = pattern(apart, model.beam_width)
         self._taps = taps[taps > 0.0].astype(np.float32)
+        if model.side_lobes:
+            of = np.abs(np.arange(model.beams)[:, None] - np.arange(model.beams))
+            self._lobes = array_pattern(apart, model.beam_width, model.side_lobes)[of].astype(np.float32)
         solid_angle = float(aperture.weights[0].sum() * (2.0 * self._taps.sum() - self._taps[0]))
         ranges = model.min_range + (np.arange(count) + 0.5) * model.range_step
         self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic)
@@ -124,17 +137,20 @@ class ForwardSonar:
         """Mean echo / source, beams x bins."""
         import numpy as np
 
+        from sim.sensors.imaging.bottom_echo import shares_of
+
         m = self._model
         scaled = self._scale.measure(self._pinger.ping(time_ns, state), state)
         if scaled is None:
             return np.zeros((m.beams, self._bins.count), np.float32)
-        echoes = self._bins.shares(scaled).astype(np.float32)
+        echoes = shares_of(scaled, self._bins, m.beams, self._texture, self._stride).astype(np.float32)
+        if m.side_lobes:
+            heard: Floats = self._lobes @ echoes
+            return heard
         total: Floats = self._taps[0] * echoes
         for beam, tap in enumerate(self._taps[1:], 1):
             total[beam:] += tap * echoes[:-beam]
             total[:-beam] += tap * echoes[beam:]
-        if m.side_lobes:
-            total += 10.0 ** (-0.1 * m.side_lobes) * echoes.sum(axis=0)
         return total
 
 
@@ -143,15 +159,14 @@ def _aperture(model: ForwardSonarModel, angles: "Floats", spacing: float) -> "Ap
     import numpy as np
 
     from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern
+    from sim.sensors.imaging.splitting import Lattice
 
     lobe = main_lobe(model.beam_height)
     edges = np.linspace(-lobe, lobe, model.rays + 1)
     downs = 0.5 * (edges[1:] + edges[:-1])
 
-    def unit(starboard: "Floats", down: "Floats") -> "Floats":
-        a, d = np.meshgrid(starboard, down, indexing="ij")
-        return np.stack([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)], axis=-1)
-
+    lattice = Lattice(np.linspace(-0.5 * model.sector, 0.5 * model.sector, model.beams + 1), edges)
     solid_angles = spacing * (np.sin(edges[1:]) - np.sin(edges[:-1]))
     weights = solid_angles * pattern(downs, model.beam_height) ** 2
-    return Aperture(unit(angles, downs), unit(angles, edges), np.tile(weights, (model.beams, 1)))
+    middles, parted = (lattice.unit(*np.meshgrid(angles, down, indexing="ij")) for down in (downs, edges))
+    return Aperture(middles, parted, np.tile(weights, (model.beams, 1)), lattice, model.beam_height)

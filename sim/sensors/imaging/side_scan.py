@@ -70,7 +70,9 @@ class SideScan:
         import numpy as np
 
         from sim.environment.absorption import francois_garrison
-        from sim.sensors.imaging.echoes import Bins, Pinger, bins_of
+        from sim.sensors.imaging.bottom_echo import make_texture
+        from sim.sensors.imaging.echoes import Bins, bins_of
+        from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
         self._model = model
@@ -81,6 +83,7 @@ class SideScan:
         self._pinger = Pinger(
             scene, mounting, aperture, model.max_range, absorption, model.seabed_strength, model.object_strength
         )
+        self._texture = make_texture(scene.world)
         solid_angle = float(aperture.weights.sum()) / 2.0
         ranges = (np.arange(count) + 0.5) * model.range_step
         self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic)
@@ -94,13 +97,14 @@ class SideScan:
         """Return the measurement of `state`."""
         import numpy as np
 
+        from sim.sensors.imaging.bottom_echo import shares_of
         from sim.sensors.imaging.sonar_picture import encoding
 
         m = self._model
         echoes = self._scale.measure(self._pinger.ping(time_ns, state), state)
         sides, altitude = np.zeros((2, self._bins.count)), inf
         if echoes is not None:
-            intensities = self._bins.shares(echoes)
+            intensities = shares_of(echoes, self._bins, 2 * m.slices, self._texture)
             sides = intensities.reshape(2, m.slices, -1).sum(axis=1)
             nearest = float(echoes.near[echoes.energy > 0.0].min(initial=inf))
             altitude = nearest if nearest <= m.max_range else inf

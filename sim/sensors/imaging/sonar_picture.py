@@ -68,7 +68,7 @@ class RangeScale:
         if echoes is None:
             return None
         ranges, near, far = (scale * x + offset for x in echoes[:3])
-        return Echoes(ranges, near, far, echoes.energy)
+        return echoes._replace(ranges=ranges, near=near, far=far)
 
 
 class Picture:

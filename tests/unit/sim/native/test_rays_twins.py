@@ -103,6 +103,21 @@ def test_hits_are_equal(seed: int) -> None:
 
 
 @pytest.mark.usefixtures("native")
+def test_rays_from_places_of_their_own() -> None:
+    """They give what each gives alone, with either engine."""
+    chance = random.Random(9)
+    rays, scene, plain = random_rays(chance), random_scene(3, "C"), random_scene(3, "python")
+    origins = array("d", [chance.uniform(-15.0, 12.0) for _ in rays])
+    native, expected = (each.hits(origins, rays, 60.0) for each in (scene, plain))
+    for values, others in zip(native, expected, strict=True):
+        np.testing.assert_array_equal(np.array(values), np.array(others))
+    alone = [scene.ranges(origins[i : i + 3], rays[i : i + 3], 60.0)[0] for i in range(0, len(rays), 3)]
+    assert list(native.distances) == alone
+    with pytest.raises(ValueError, match="three for each of 60 rays"):
+        scene.ranges(origins[:-3], rays, 60.0)
+
+
+@pytest.mark.usefixtures("native")
 def test_blocks_change_nothing_on_a_large_grid() -> None:
     """The C strides over blocks of 16 x 16 and 4 x 4 cells, also where those end at an edge, at a hole or at land."""
     grid = covering((0.0, 333.0, 0.0, 275.0), 1.0)

@@ -1,12 +1,19 @@
 """Absorption, beam patterns, speckle, and how echoes are shared between range bins."""
 
 from math import exp, pi, radians, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
 
 from sim.environment.absorption import francois_garrison
-from sim.sensors.imaging.echoes import Bins, Echoes, main_lobe, pattern, speckled
+from sim.sensors.imaging.echoes import Bins, Echoes, array_pattern, main_lobe, pattern, speckled
+
+
+def echoes_of(near: Any, far: Any, energy: Any) -> Echoes:
+    """Beams x rays."""
+    beam = np.repeat(np.arange(len(near)), near.shape[1])
+    return Echoes(near.ravel(), near.ravel(), far.ravel(), energy.ravel(), beam, np.zeros(near.size, np.int32))
 
 
 def ainslie_mccolm(f: float, t: float, s: float, z: float) -> float:
@@ -36,11 +43,22 @@ def test_pattern() -> None:
     assert main_lobe(radians(140.0)) == pytest.approx(0.5 * pi)
 
 
+def test_side_lobes_are_as_far_down_as_the_key_says_and_fall() -> None:
+    angles = np.linspace(0.0, 0.5 * pi, 200_001)
+    found = array_pattern(angles, radians(1.0), 25.0)
+    main = angles < main_lobe(radians(1.0))
+    assert (found[main] == pattern(angles[main], radians(1.0))).all()
+    assert 10.0 * np.log10(found[~main].max()) == pytest.approx(-25.0, abs=0.1)
+    assert found[~main].argmax() * 2.0e-6 < radians(1.0)
+    far = angles > radians(30.0)
+    assert 10.0 * np.log10(found[far].max()) < -45.0
+
+
 def test_bins_share_an_echo_as_one_from_a_plane() -> None:
     """With the fifth power of the range, and absorption; what is before the first bin or beyond the last is lost."""
     near, far = np.array([[10.3, 40.5, 19.0, 5.0]]), np.array([[30.7, 40.5, 80.0, 11.0]])
     energy = np.array([[9.0, 0.5, 3.0, 2.0]])
-    found = Bins(10.0, 0.1, 500, 0.2).shares(Echoes(near, near, far, energy))[0]
+    found = Bins(10.0, 0.1, 500, 0.2).shares(echoes_of(near, far, energy), 1)[0]
 
     def share(low: float, high: float, first: float, last: float) -> float:
         def integral(a: float, b: float) -> float:
@@ -60,7 +78,7 @@ def test_bins_share_an_echo_as_one_from_a_plane() -> None:
 
 def test_an_echo_without_length_is_in_one_bin() -> None:
     at = np.array([[0.3], [4.7], [5.7]])
-    found = Bins(0.0, 0.5, 11, 0.1).shares(Echoes(at, at, at, np.array([[2.0], [3.0], [1.0]])))
+    found = Bins(0.0, 0.5, 11, 0.1).shares(echoes_of(at, at, np.array([[2.0], [3.0], [1.0]])), 3)
     assert found.sum(axis=1) == pytest.approx([2.0, 3.0, 0.0])
     assert [int(row.argmax()) for row in found] == [0, 9, 0]
 

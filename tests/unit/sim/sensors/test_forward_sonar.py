@@ -1,6 +1,7 @@
 """Forward-looking sonar against what planes, steps, spheres and cylinders must give."""
 
 from math import asin, atan2, cos, inf, log10, radians, sin
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.absorption import francois_garrison
+from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.ocean import Ocean, Profile
 from sim.environment.relief import Slope, Step
@@ -27,7 +29,7 @@ EXTENT = (-60.0, 60.0, -60.0, 60.0)
 VEHICLE, _ = load_vehicle("bluerov2_heavy")
 FLAT = World("flat", "test", EXTENT, 20.0)
 DEEP = World("deep", "test", EXTENT, 500.0)
-TRUE = ForwardSonarModel(ground_truth=True, beams=65, sector=radians(65.0), rays=60, min_range=0.0)
+TRUE = ForwardSonarModel(ground_truth=True, beams=65, sector=radians(65.0), rays=60, min_range=0.0, side_lobes=0.0)
 AHEAD = State((0.0, 0.0, 10.0))
 NEVER = ErrorModel()
 
@@ -59,10 +61,12 @@ def test_a_wall_gives_exact_ranges() -> None:
     sonar = forward(facing_wall(17.0))
     echoes = sonar._pinger.ping(0, AHEAD)
     assert echoes is not None
-    directions, edges, _ = sonar._pinger._aperture
-    assert echoes.ranges == pytest.approx(17.0 / directions[..., 0], abs=1e-6)
+    directions, edges = sonar._pinger._aperture[:2]
+    assert echoes.ranges.reshape(directions.shape[:2]) == pytest.approx(17.0 / directions[..., 0], abs=1e-6)
     at_edges = 17.0 / edges[..., 0]
-    assert np.maximum(at_edges[:, 1:], at_edges[:, :-1]) == pytest.approx(echoes.far, abs=1e-6)
+    assert np.maximum(at_edges[:, 1:], at_edges[:, :-1]) == pytest.approx(
+        echoes.far.reshape(directions.shape[:2]), abs=1e-6
+    )
 
 
 def test_a_slope_gives_exact_ranges() -> None:
@@ -73,12 +77,13 @@ def test_a_slope_gives_exact_ranges() -> None:
     sonar, state = forward(world, mounting=mounting), State((1.0, 2.0, 8.0), from_euler(0.1, 0.0, 1.0))
     echoes = sonar._pinger.ping(0, state)
     assert echoes is not None
-    hit = np.isfinite(echoes.ranges)
+    ranges = echoes.ranges.reshape(65, 60)
+    hit = np.isfinite(ranges)
     assert hit.sum() > 1000
     place = mounting.place(state)
     turned = sonar._pinger._aperture.directions[hit] @ np.array(matrix(mounting.attitude(state))).reshape(3, 3).T
     expected = (20.0 + 0.25 * place[0] - place[2]) / (turned[:, 2] - 0.25 * turned[:, 0])
-    assert echoes.ranges[hit] == pytest.approx(expected, abs=1e-6)
+    assert ranges[hit] == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_sphere_and_a_cylinder_give_exact_ranges() -> None:
@@ -94,10 +99,11 @@ def test_a_sphere_and_a_cylinder_give_exact_ranges() -> None:
         ball = to_sphere - np.sqrt(to_sphere**2 - across)
         pile = (to_pile - np.sqrt(to_pile**2 - (20.0**2 + 8.0**2 - 2.0**2))) / level
     expected = np.fmin(np.where(np.isnan(ball), inf, ball), np.where(np.isnan(pile), inf, pile))
-    seen = np.isfinite(echoes.ranges)
+    ranges = echoes.ranges[: expected.size].reshape(expected.shape)
+    seen = np.isfinite(ranges)
     assert (seen == np.isfinite(expected) & (10.0 + expected * rays[..., 2] > 0.0)).all()
     assert seen.sum() > 200
-    assert echoes.ranges[seen] == pytest.approx(expected[seen], abs=1e-6)
+    assert ranges[seen] == pytest.approx(expected[seen], abs=1e-6)
 
 
 def test_the_bin_of_a_thing_is_that_of_its_range() -> None:
@@ -198,11 +204,115 @@ def test_a_wide_beam_smears_by_its_pattern() -> None:
 
 
 def test_side_lobes_ring() -> None:
+    """A pile is heard by all beams at its range, farther off the weaker, and none of it without side lobes."""
     world = DEEP._replace(cylinder=(Cylinder(20.0, 0.0, 0.5),))
     picture = image(forward(world, TRUE._replace(side_lobes=25.0)).sample(0, AHEAD))
     row = picture[picture[:, 32].argmax()]
-    assert 0.0 < row[0] < 0.02 * row[32]
+    assert 0.0 < row[0] < row[24] < 0.01 * row[32]
     assert image(forward(world).sample(0, AHEAD))[:, 0].max() == 0.0
+
+
+# --- small things
+
+
+def seen_ball(radius: float, seed: int, model: ForwardSonarModel, floor: World = DEEP) -> tuple[float, float]:
+    """Return what comes back from a ball about 20 m away, somewhere in the fan, and what comes before it."""
+    chance = Random(seed)
+    across, down, distance = radians(chance.uniform(-28, 28)), radians(chance.uniform(-8, 8)), chance.uniform(19, 21)
+    sonar = forward(floor, model)
+    empty = image(sonar.sample(0, AHEAD))
+    place = distance * cos(down) * cos(across), distance * cos(down) * sin(across), 10.0 + distance * sin(down)
+    sonar.add(solids.sphere((0.0, 0.0, 0.0), radius), State(place))
+    more = image(sonar.sample(0, AHEAD)) - empty
+    first = int((distance - radius) / 0.1)
+    return float(more[first : first + 5].clip(0.0).sum()), float(more[: first - 1].clip(0.0).sum())
+
+
+@pytest.mark.parametrize("radius", [0.15, 0.075])
+def test_no_ball_is_lost_between_rays(radius: float) -> None:
+    """With the usual fan of 32 rays a beam: every ping sees it, and about as bright, and nothing comes before it."""
+    model = TRUE._replace(rays=32, beams=256)
+    found = [seen_ball(radius, seed, model) for seed in range(25)]
+    echoes = np.array(found)[:, 0]
+    assert echoes.min() > 0.25 * np.median(echoes)
+    assert max(before for _, before in found) < 1e-6 * np.median(echoes)
+
+
+def test_a_split_cell_is_counted_once() -> None:
+    """A ball takes from a wall behind it what it hides, no more; beams that do not see it hear the wall as before."""
+    sonar = forward(facing_wall(25.0), TRUE._replace(rays=32))
+    alone = image(sonar.sample(0, AHEAD))
+    sonar.add(solids.sphere((0.0, 0.0, 0.0), 0.2), State((15.0, 0.0, 10.0)))
+    both = image(sonar.sample(0, AHEAD))
+    wall = slice(245, 400)
+    assert both[wall].sum() < alone[wall].sum()
+    assert both[wall].sum() == pytest.approx(alone[wall].sum(), rel=0.01)
+    assert both[wall, :20] == pytest.approx(alone[wall, :20], rel=1e-5)
+    hidden = alone[wall, 32].sum() - both[wall, 32].sum()
+    assert 0.0 < hidden < 0.2 * alone[wall, 32].sum()
+
+
+def test_a_thin_rope_is_seen_in_every_beam_that_crosses_it() -> None:
+    """5 cm thick, level, 1.5 m below the sonar and 15 m ahead."""
+    sonar = forward(DEEP, TRUE._replace(rays=24, beams=128, beam_width=radians(0.5)))
+    across = from_euler(radians(90.0), 0.0, 0.0)
+    sonar.add(solids.cylinder((0.0, 0.0, 0.0), 0.025, 6.0), State((15.0, 0.0, 11.5), across))
+    picture = image(sonar.sample(0, AHEAD))
+    beams = np.array(sonar.sample(0, AHEAD).beams)
+    crossing = np.abs(np.tan(beams)) < 5.8 / 15.0
+    assert crossing.sum() > 80
+    assert picture[:, crossing].sum(axis=0).min() > 0.0
+
+
+# --- multipath
+
+
+def test_the_surface_mirrors_a_pile_at_the_range_of_the_bent_way() -> None:
+    """One way bent: (d + sqrt(d² + 4 h z)) / 2 for a thing at the sonar's depth h = z; there and back the bent way."""
+    model = TRUE._replace(beams=31, sector=radians(31.0), beam_height=radians(60.0), rays=256, multipath=True)
+    deep = State((0.0, 0.0, 4.0))
+
+    def picture(model: ForwardSonarModel) -> Any:
+        sonar = forward(DEEP, model)
+        sonar.add(solids.sphere((0.0, 0.0, 0.0), 0.6), State((15.6, 0.0, 4.0)))
+        return image(sonar.sample(0, deep))[:, 15]
+
+    plain, ghosts = picture(model._replace(multipath=False)), picture(model)
+    bent = (15.6**2 + 8.0**2) ** 0.5 - 0.6
+    extra = ghosts - plain
+    assert not extra[:150].any()
+    found = np.flatnonzero(extra > 0.01 * extra.max()) * 0.1
+    for way in (0.5 * (15.0 + bent), bent):
+        assert np.abs(found - way).min() < 0.25
+    assert ghosts.argmax() == plain.argmax()
+    lossy = picture(model._replace(surface_loss=23.0)) - plain
+    middle = slice(152, 160)
+    assert lossy[middle].sum() == pytest.approx(0.01 * extra[middle].sum(), rel=0.01)
+
+
+# --- the seabed below its grid
+
+
+def test_the_bottoms_texture_is_of_its_places() -> None:
+    """The same from the same place with another seed of noise; it stays in the mean; rougher ground varies more."""
+
+    def picture(kind: str | None, state: State = AHEAD, seed: int = 1) -> Any:
+        bottom = Bottom(kind) if kind else None  # type: ignore[arg-type]
+        return image(forward(FLAT._replace(bottom=bottom), seed=seed).sample(0, state))[260:]
+
+    smooth, sand, rock = picture(None), picture("sand"), picture("rock")
+    assert smooth.all()
+    assert (picture("sand", seed=9) == sand).all()
+    ratio = sand / smooth
+    assert ratio.std() > 0.1
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.3)
+    assert 10.0 * log10(np.median(rock / smooth)) == pytest.approx(10.0, abs=4.0)
+    assert (rock / smooth / 10.0).std() > ratio.std()
+    moved = picture("sand", State((0.0, 0.0, 10.0), from_euler(0.0, 0.0, radians(10.0))))
+    same = np.corrcoef((moved[:, 20] / smooth[:, 20]), (sand[:, 30] / smooth[:, 30]))[0, 1]  # ten beams on
+    other = np.corrcoef((moved[:, 20] / smooth[:, 20]), (sand[:, 45] / smooth[:, 45]))[0, 1]
+    assert same > 0.8
+    assert other < 0.5
 
 
 # --- pictures

@@ -1,0 +1,85 @@
+"""Boxes around the solids of a scene, by which others find where to look for them."""
+
+from array import array
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.rays.geometry import Geometry
+from sim.rays.solids import BOX, CYLINDER, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
+from sim.rays.tree import NODE
+
+_MOST = 256  # boxes of a mesh
+
+
+class Boxes(NamedTuple):
+    """The object of each box, a corner of it (NED, m), and its three sides from there (n x 3 x 3)."""
+
+    object: NDArray[np.int64]
+    corner: NDArray[np.float64]
+    sides: NDArray[np.float64]
+
+
+def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], place: Any, reach: float) -> Boxes:
+    """Return the boxes around all solids but half spaces, cut to what is within about `reach` m of `place`.
+
+    `trees` keeps the boxes of meshes, by their root, from one call to the next.
+    """
+    rows = np.frombuffer(geometry.solids).reshape(-1, ROW) if len(geometry.solids) else np.empty((0, ROW))
+    north, east = rows[:, POSITION] - place[0], rows[:, POSITION + 1] - place[1]
+    within = np.flatnonzero(north**2 + east**2 <= (rows[:, REACH] + reach) ** 2)
+    rows = rows[within]
+    turns = rows[:, ROTATION:SIZES].reshape(-1, 3, 3)
+    own = np.einsum("nij,ni->nj", turns, np.asarray(place) - rows[:, POSITION:ROTATION])
+    numbers: list[int] = []
+    lows, highs = [], []
+    for number, row in enumerate(rows):
+        found = _extent(row, geometry.nodes, trees)
+        if found is None:
+            continue
+        low, high = np.maximum(found[:, :3], own[number] - reach), np.minimum(found[:, 3:], own[number] + reach)
+        near = (low < high).all(axis=1)
+        numbers += [number] * int(near.sum())
+        lows.append(low[near])
+        highs.append(high[near])
+    if not numbers:
+        return Boxes(np.empty(0, int), np.empty((0, 3)), np.empty((0, 3, 3)))
+    index, low, high = np.array(numbers), np.concatenate(lows), np.concatenate(highs)
+    corner = rows[index, POSITION:ROTATION] + np.einsum("nij,nj->ni", turns[index], low)
+    sides = (high - low)[:, :, None] * turns[index].transpose(0, 2, 1)
+    return Boxes(within[index] + 1, corner, sides)
+
+
+def _extent(
+    row: NDArray[np.float64], nodes: "array[float]", trees: dict[int, NDArray[np.float64]]
+) -> NDArray[np.float64] | None:
+    """Return the least and greatest x, y, z of a solid's parts in its own axes, a row each; None for a half space."""
+    kind, sizes = int(row[KIND]), row[SIZES:ROOT]
+    if kind == SPHERE:
+        return np.repeat([[-sizes[0], sizes[0]]], 3, axis=1)
+    if kind == CYLINDER:
+        return np.array([[-sizes[0], -sizes[0], sizes[1], sizes[0], sizes[0], sizes[2]]])
+    if kind == BOX:
+        return sizes[None, [0, 2, 4, 1, 3, 5]]
+    if kind != MESH:
+        return None
+    root = int(row[ROOT])
+    if root not in trees:
+        trees[root] = _parts(nodes, root)
+    return trees[root]
+
+
+def _parts(nodes: "array[float]", root: int) -> NDArray[np.float64]:
+    """Return the boxes of a tree, level by level down to `_MOST` of them or its leaves."""
+    level, done = [root], list[int]()
+    while level and len(done) + 2 * len(level) <= _MOST:
+        below = []
+        for node in level:
+            place, count = nodes[NODE * node + 6], nodes[NODE * node + 7]
+            if count:
+                done.append(node)
+            else:
+                below += [node + 1, int(place)]
+        level = below
+    return np.array([nodes[NODE * node : NODE * node + 6] for node in (*done, *level)])
