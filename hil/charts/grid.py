@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 Depths = NDArray[np.float32]
 Extent = tuple[float, float, float, float]  # north_min, north_max, east_min, east_max, m
 
+STRIP_ROWS = 64  # that are read between giving back the pages of a mapped file
 FLAT_CELLS = 100  # along the longer side of a world without relief
 
 
@@ -75,9 +76,34 @@ def grid_of(world: World, resolution: float | None = None) -> Grid:
     flat = Grid(np.full((rows, columns), world.depth, np.float32), south, west, step)
     if terrain is None:
         return flat
-    places = np.meshgrid(flat.north, flat.east, indexing="ij")
-    sampled = grid_of(world).at(np.column_stack([axis.ravel() for axis in places]))
-    return flat._replace(depths=sampled.reshape(rows, columns).astype(np.float32))
+    whole, easts = grid_of(world), flat.east
+    for row, place in enumerate(flat.north):
+        flat.depths[row] = whole.at(np.column_stack([np.full(columns, place), easts]))
+        if row % STRIP_ROWS == 0:
+            terrain.unmap()
+    return flat
+
+
+def overview(world: World, most: int, resolution: float | None = None) -> Grid:
+    """Return `grid_of`, but of every second, third or later node where it has more than `most` along a side.
+
+    Only rows that are shown are read, and no more of a mapped file stays in memory.
+    """
+    south, north, west, east = world.extent
+    terrain = world.terrain
+    if terrain is None or resolution not in (None, terrain.grid.resolution):
+        return grid_of(world, resolution and max(resolution, max(north - south, east - west) / most))
+    whole = grid_of(world)
+    step = 1 + max(whole.depths.shape) // most
+    if step == 1:
+        return whole
+    thin = np.empty(whole.depths[::step, ::step].shape, np.float32)
+    for row in range(len(thin)):
+        thin[row] = whole.depths[row * step, ::step]
+        if row % STRIP_ROWS == 0:
+            terrain.unmap()
+    terrain.unmap()
+    return whole._replace(depths=thin, resolution=whole.resolution * step)
 
 
 def write_file(path: str, data: bytes) -> None:

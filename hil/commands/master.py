@@ -72,7 +72,9 @@ def main(arguments: list[str]) -> int:
     plan = prepare(scenario)
     progress = Progress(os.path.join(folder, "master.log"))
     planner = plan.planner
-    progress.print_line(f"{type(planner).__name__} planned {len(planner.path)} points in {plan.duration:.2f} s")
+    size = plan.request.map.resolution
+    cells = f", in cells of {size:g} m" if size > scenario.master.resolution and scenario.master.map == "known" else ""
+    progress.print_line(f"{type(planner).__name__} planned {len(planner.path)} points in {plan.duration:.2f} s{cells}")
     where = options.connect if options.connect != "lan" else _report_vehicles(options.wait)
     words = scenario_words(options)
     with (

@@ -122,12 +122,13 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
-    from hil.charts.grid import grid_of
-    from hil.charts.picture import Marks, draw
+    from hil.charts.grid import overview
+    from hil.charts.picture import MOST_PIXELS, Marks, draw
 
     world = load_world(options.world)
     path = options.output or f"{world.name}.png"
-    draw(grid_of(world, options.resolution), world.cylinder, world.box, Marks(), f"{world.name}: {world.source}", path)
+    grid = overview(world, MOST_PIXELS, options.resolution)
+    draw(grid, world.cylinder, world.box, Marks(), f"{world.name}: {world.source}", path)
     print(path)
     return 0
 

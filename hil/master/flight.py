@@ -16,7 +16,6 @@ from hil.autonomy.control.controller import (
     wrap,
 )
 from hil.autonomy.paths.astar import path_length
-from hil.autonomy.paths.occupancy import Extent
 from hil.common.clock import seconds_ns
 from hil.common.errors import MissionError, NoPathError
 from hil.common.schema import shortened
@@ -24,6 +23,7 @@ from hil.master.follow import Follow
 from hil.master.planner import Done, Planner, PlanRequest, Point, ReceivedSamples, Samples, topics_of
 from hil.ros.topics import ALL
 from hil.scenario.config import Scenario
+from hil.scenario.map_parts import MapPart
 from hil.scenario.world_map import known_map, parts_of
 from sim.environment.world import World, load_world
 from sim.run_events import EventKind, EventLog, RunEvent, RunMonitor, merge_events
@@ -120,23 +120,26 @@ def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner,
     """Return a planner that has begun, and with what: a map of a larger part of the world where one shows no path."""
     planner = make_planner(scenario)
     topics_of(planner)  # refuses what is no topic
-    *smaller, largest = parts_of(world, scenario.master, scenario.start, planner.places)
-    for part in smaller:
+    parts = parts_of(world, scenario.master, scenario.start, planner.places)
+    failed: MissionError | None = None
+    for part in parts:
+        is_coarse = part.resolution > scenario.master.resolution
         request = make_request(scenario, vehicle, world, part)
         try:
             planner.begin(request)
             return planner, request
-        except NoPathError:  # there may be one that leads farther round
-            planner = make_planner(scenario)
-    request = make_request(scenario, vehicle, world, largest)
-    try:
-        planner.begin(request)
-    except NoPathError as error:
-        if not smaller:
-            raise
-        size = f"{largest.north - largest.south:.0f} m x {largest.east - largest.west:.0f} m"
-        raise NoPathError(f"{error}; the map shows {size} around: a coarser master.resolution shows more") from None
-    return planner, request
+        except NoPathError as error:  # there may be one that leads farther round
+            failed = error
+        except MissionError as error:
+            if not is_coarse:
+                raise
+            failed = failed or error  # an end is too near to something for cells of that size
+        planner = make_planner(scenario)
+    assert failed is not None
+    if len(parts) == 1 and not is_coarse:
+        raise failed
+    size = f"{part.extent.north - part.extent.south:.0f} m x {part.extent.east - part.extent.west:.0f} m"
+    raise type(failed)(f"{failed}; the largest map shows {size} in cells of {part.resolution:g} m") from None
 
 
 def make_planner(scenario: Scenario) -> Planner:
@@ -149,7 +152,7 @@ def make_planner(scenario: Scenario) -> Planner:
     return planner
 
 
-def make_request(scenario: Scenario, vehicle: Vehicle, world: World, part: Extent | None = None) -> PlanRequest:
+def make_request(scenario: Scenario, vehicle: Vehicle, world: World, part: MapPart | None = None) -> PlanRequest:
     """Return the plan request for the scenario's planner, with the map of a part of the world. Raises ConfigError.
 
     Left out, it is the first one that `parts_of` gives.

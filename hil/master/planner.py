@@ -50,7 +50,8 @@ class PlanRequest(NamedTuple):
 
     `master` is the scenario's section: goal, depth, speed and so on. `map` shows what is known of the world at that
     depth, obstacles in their true size: nothing if the scenario says `map = "unknown"`. Of a world of more than a
-    million cells it shows the part around start, goal and the planner's places. `clearance` m is how far from
+    million cells it shows the part around start, goal and the planner's places, where they are far apart in cells
+    larger than the scenario's, each occupied where any part of it may be. `clearance` m is how far from
     them the vehicle's middle must stay, its own size and the margin of the scenario. `node` is the vehicle's name.
     """
 

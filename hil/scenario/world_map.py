@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.occupancy import Extent, OccupancyGrid, Point
 from hil.common.errors import ConfigError
-from hil.scenario.map_parts import map_parts
+from hil.scenario.map_parts import MapPart, map_parts
 from hil.scenario.records import Master, Start
 from sim.environment.mesh import MeshObstacle, Triangle
 from sim.environment.obstacles import Box, Cylinder, Obstacle
@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 HALF_DIAGONAL = 0.7072  # cells: how far a cell's corner is from its middle
 
 
-def parts_of(world: World, master: Master, start: Start, places: Sequence[Point] = ()) -> list[Extent]:
-    """Return the parts of the world that its map may show, growing: all of it, or what is about start and goal.
+def parts_of(world: World, master: Master, start: Start, places: Sequence[Point] = ()) -> list[MapPart]:
+    """Return the parts of the world that its map may show, growing: what is about start and goal, and all of it.
 
     `places` are others that a planner goes to.
     """
@@ -30,15 +30,16 @@ def parts_of(world: World, master: Master, start: Start, places: Sequence[Point]
     return map_parts(_extent(world), master.resolution, wanted)
 
 
-def known_map(master: Master, vehicle: Vehicle, world: World, part: Extent | None = None) -> OccupancyGrid:
+def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | None = None) -> OccupancyGrid:
     """The map that the scenario's `map` asks for: of the world, of nothing, or the one in a file. Raises ConfigError.
 
-    It shows a part of the world, all of it if left out. Obstacles that are `hidden` are not on it.
+    It shows a part of the world in its cells, all of it in the scenario's if left out. Obstacles that are `hidden` are
+    not on it.
     """
     below = 0.5 * vehicle.dimensions[2] + master.seabed_margin
-    part = part or _extent(world)
+    part = part or MapPart(_extent(world), master.resolution)
     if master.map == "unknown":
-        return OccupancyGrid.empty(part, master.resolution)
+        return OccupancyGrid.empty(*part)
     if master.map != "known":
         return OccupancyGrid.read(master.map)
     seen = world._replace(
@@ -51,27 +52,35 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: Extent | Non
             f"master: depth: at {master.depth:g} m the vehicle has not its {below:.2f} m of water above the seabed of "
             f"{world.name}, which is {world.depth:g} m deep; go higher, or lessen seabed_margin"
         )
-    return map_at(seen, master.depth, below, master.resolution, part)
+    return map_at(
+        seen, master.depth, below, part.resolution, part.extent, is_coarse=part.resolution > master.resolution
+    )
 
 
-def map_at(world: World, depth: float, below: float, resolution: float, part: Extent | None = None) -> OccupancyGrid:
+def map_at(
+    world: World, depth: float, below: float, resolution: float, part: Extent | None = None, is_coarse: bool = False
+) -> OccupancyGrid:
     """The map of `world` in cells of `resolution` m for a vehicle at `depth` m that needs `below` m of water under it.
 
     It shows all of the world, or a `part`. Occupied is what stands up to that depth, what hangs down to `below` m above
     it, and where the seabed is shallower, by the middles of cells; an obstacle too thin to be sure to cover one is
-    widened until it is. Raises ConfigError.
+    widened until it is. On a map that `is_coarse` a cell is occupied where any part of it may be. Raises ConfigError.
     """
+    seabed = shallowest if is_coarse else _seabed
 
     def clearance(norths: Array, easts: Array) -> Array:
         free = np.full(norths.shape, np.inf)
         for obstacle in world.obstacles():
             if obstacle.top < depth and obstacle.bottom > depth - below:
-                widen = max(0.0, HALF_DIAGONAL * resolution - _thickness(obstacle))
+                widen = max(0.0, HALF_DIAGONAL * resolution - (0.0 if is_coarse else _thickness(obstacle)))
                 if isinstance(obstacle, MeshObstacle):
                     _lower_by_mesh(free, obstacle.between(depth - below, depth), norths, easts, widen)
                 else:
                     lower(free, obstacle, norths, easts, widen)
-        return np.where(_seabed(world, norths, easts) > depth + below, free, -1.0)
+        is_deep = seabed(world, norths, easts) > depth + below
+        if world.terrain is not None:
+            world.terrain.unmap()  # the kernel maps far more around each place that is looked at
+        return np.where(is_deep, free, -1.0)
 
     return OccupancyGrid.rasterise(clearance, part or _extent(world), resolution, vectorised=True)
 
@@ -166,3 +175,29 @@ def _seabed(world: World, north: Array, east: Array) -> Any:
     a, b, c, d = (nodes[i + k, j + m].astype(np.float64) for k, m in ((0, 0), (0, 1), (1, 0), (1, 1)))
     depth = a + (c - a) * u + (b - a) * v + (a - b - c + d) * u * v
     return np.where(on_grid, np.where(np.isnan(depth), NO_DATA, depth), terrain.outside)
+
+
+def shallowest(world: World, north: Array, east: Array) -> Any:
+    """Return the least depth of the seabed (m), or less, in cells of two rows or more with these middles.
+
+    A cell's bed is not above the nodes in it and about it.
+    """
+    terrain = world.terrain
+    if terrain is None:
+        return world.depth
+    grid, half = terrain.grid, 0.5 * (north[1, 0] - north[0, 0])
+    nodes = np.asarray(terrain.depths, np.float32).reshape(grid.rows, grid.columns)
+    spans, is_inside = [], []
+    for middles, first, count in ((north[:, 0], grid.north_min, grid.rows), (east[0], grid.east_min, grid.columns)):
+        low, high = (np.floor((middles + side - first) * terrain.scale).astype(np.intp) for side in (-half, half))
+        is_inside.append((low >= 0) & (high + 1 < count))
+        spans.append((np.clip(low, 0, count - 1), np.clip(high + 1, 0, count - 1)))
+    (top, bottom), (left, right) = spans
+    ends = np.column_stack([left, right + 1]).ravel() - left[0]
+    least = np.empty(north.shape)
+    for row, (here, there) in enumerate(zip(top, bottom, strict=True)):
+        line = nodes[here : there + 1, left[0] : right[-1] + 1].min(axis=0)  # nan where one is
+        line = np.append(np.where(np.isnan(line), NO_DATA, line), np.inf)  # a span may end with the grid
+        least[row] = np.minimum.reduceat(line, ends)[::2]
+    is_whole = is_inside[0][:, None] & is_inside[1]
+    return np.where(is_whole, least, np.minimum(least, terrain.outside))

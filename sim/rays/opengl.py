@@ -156,7 +156,7 @@ class PictureScene(RayScene):
     def _draw_meshes(self, rows: Floats) -> None:
         for place in np.flatnonzero(rows[:, KIND] == MESH).tolist():
             if place not in self._meshes:
-                self._meshes[place] = self._load(self._solid(place))
+                self._meshes[place] = self._load(self._solid_at(place))
             mesh, vertices = self._meshes[place]
             self._mesh["position"] = tuple(rows[place, POSITION:ROTATION])
             self._mesh["turn"] = tuple(rows[place, ROTATION:SIZES].reshape(3, 3).T.ravel())

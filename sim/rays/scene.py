@@ -130,7 +130,7 @@ class RayScene:
             for place, value in enumerate((*state.position, *matrix(state.quaternion)), first):
                 solids[place] = value
 
-    def _solid(self, place: int) -> Solid:
+    def _solid_at(self, place: int) -> Solid:
         """Return the solid of object `place` + 1."""
         is_added = place >= self._standing
         return self._added[place - self._standing] if is_added else standing(self._world.obstacles()[place])

@@ -24,6 +24,7 @@ _SAVING = 2.0 - sqrt(2.0)
 # (rows, columns) of a move, all round from the east over the north: even ones straight, odd ones diagonal.
 _DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 ALL_DIRECTIONS = tuple(range(8))
+STRIP_ROWS = 64
 # How a path may go on after a move: a straight one up to a right angle, a diagonal one up to half of it.
 _ONWARD = [tuple((d + turn) % 8 for turn in (range(-1, 2) if d % 2 else range(-2, 3))) for d in range(8)]
 # The map as a move to the east, north, west or south sees it: going to growing columns.
@@ -171,13 +172,18 @@ class Jumps:
 
     def __init__(self, free: NDArray[np.bool_], goal: Cell) -> None:
         free = np.pad(free, 1)
-        index = np.arange(free.size, dtype=np.int32).reshape(free.shape)
         self.width = int(free.shape[1])
         self._goal = self.index(goal)
         self._straight: list[memoryview] = []
+        first = (np.arange(free.shape[0], dtype=np.int32) * self.width)[:, None]
+        numbers = np.broadcast_to(first, free.shape), np.broadcast_to(np.arange(self.width, dtype=np.int32), free.shape)
         for view in _VIEWS:
-            table = np.empty_like(index)
-            view(table)[...] = _next_turns(view(free), view(index), self._goal)
+            table = np.zeros(free.shape, np.int32)
+            seen, turns, (row_numbers, column_numbers) = view(free), view(table), map(view, numbers)
+            for start in range(1, len(seen) - 1, STRIP_ROWS):  # what is computed on the way is of a strip alone
+                end = min(start + STRIP_ROWS, len(seen) - 1)
+                index = row_numbers[start - 1 : end + 1] + column_numbers[start - 1 : end + 1]
+                turns[start:end] = _next_turns(seen[start - 1 : end + 1], index, self._goal)[1:-1]
             self._straight.append(table.ravel().data)
         self._diagonal = []
         for direction in range(1, 8, 2):

@@ -128,12 +128,16 @@ class OccupancyGrid:
 
     def nearest_free(self, point: Point) -> Point | None:
         """Return the centre of the free cell nearest to `point`, None if there is none."""
-        free = np.argwhere(~self.cells)
-        if not len(free):
-            return None
-        distances = np.hypot(*(free + 0.5 - self._scaled(point)).T)
-        row, column = free[int(np.argmin(distances))]
-        return self.centre((int(row), int(column)))
+        least, found = np.inf, None
+        for part in _strips(*self.cells.shape):
+            free = np.argwhere(~self.cells[part]) + np.array((part.start, 0))
+            if not len(free):
+                continue
+            distances = np.hypot(*(free + 0.5 - self._scaled(point)).T)
+            nearest = int(np.argmin(distances))
+            if distances[nearest] < least:
+                least, found = distances[nearest], (int(free[nearest][0]), int(free[nearest][1]))
+        return self.centre(found) if found else None
 
     def line_is_free(self, start: Point, end: Point) -> bool:
         """Return whether the straight line touches free cells only; the corner of an occupied one counts."""

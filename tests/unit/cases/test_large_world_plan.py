@@ -11,9 +11,11 @@ import pytest
 
 from hil.autonomy.paths.astar import path_length
 from hil.cases.variant import write_toml
+from hil.charts.grid import overview
 from hil.common.errors import NoPathError
 from hil.master.flight import make_request, prepare
 from hil.scenario.config import Scenario, load_scenario
+from hil.scenario.map_parts import MOST_GROWN
 from hil.view.scene.world import nodes
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
@@ -85,8 +87,35 @@ def test_a_detour_beyond_the_first_part_is_found(tmp_path: Path) -> None:
 
 
 def test_no_path_names_what_was_looked_at(tmp_path: Path) -> None:
-    with pytest.raises(NoPathError, match=r"obstacles part them.* m around: a coarser master.resolution shows"):
+    with pytest.raises(
+        NoPathError, match=r"obstacles part them.*; the largest map shows 50000 m x .* in cells of 32 m"
+    ):
         prepare(scenario(tmp_path, wall=3010.0))
+
+
+def test_far_places_are_planned_between_in_coarser_cells(tmp_path: Path) -> None:
+    """In cells of 0.25 m the part about them had 19 million."""
+    far = scenario(tmp_path, wall=1300.0, goal=[-100.0, 700.0], resolution=0.25)
+    plan = prepare(far)
+    assert plan.request.map.resolution == 1.0
+    assert plan.request.map.cells.size <= MOST_GROWN
+    world, vehicle = load_world(far.world), load_vehicle(far.vehicle)[0]
+    below = 0.5 * vehicle.dimensions[2] + far.master.seabed_margin
+    for north in (-370.0, -300.3, -204.2, -201.5, -200.0, -150.0):
+        for east in (-17.5, -12.6, -10.2, -3.0, 0.0, 9.9, 12.7):
+            is_deep = world.seabed(north, east) > far.master.depth + below
+            assert is_deep or not plan.request.map.is_free((north, east)), "what is shallow in a cell fills it"
+    assert plan.request.map.is_free((-150.0, 0.0))
+    assert (
+        peak_mb(
+            lambda: prepare(
+                load_scenario(
+                    str(tmp_path / "scenario.toml"), {"master.resolution": 0.25, "master.goal": [-100.0, 700.0]}
+                )
+            )
+        )
+        < 80.0
+    )
 
 
 def test_the_view_thins_the_bed_out_before_it_computes(tmp_path: Path) -> None:
@@ -97,3 +126,18 @@ def test_the_view_thins_the_bed_out_before_it_computes(tmp_path: Path) -> None:
     for row, column in ((0, 0), (190, 195), (200, 200)):
         assert depths[row, column] == world.seabed(norths[row], easts[column])
     assert peak_mb(lambda: nodes(world)) < 8.0
+
+
+def test_a_picture_is_drawn_of_every_so_many_nodes(tmp_path: Path) -> None:
+    world = load_world(scenario(tmp_path).world)
+    assert world.terrain is not None
+    thin = overview(world, 500)
+    assert max(thin.depths.shape) <= 500
+    for row, column in ((0, 0), (239, 241), (250, 250)):
+        north, east = float(thin.north[row]), float(thin.east[column])
+        assert thin.depths[row, column] == world.seabed(north, east)
+    coarse = overview(world, 500, 130.0)
+    assert coarse.resolution == 130.0
+    assert coarse.depths[193, 190] == pytest.approx(world.seabed(float(coarse.north[193]), float(coarse.east[190])))
+    assert overview(world, 500, 1.0).resolution == 100.0, "no finer than the picture"
+    assert peak_mb(lambda: overview(world, 1320)) < 20.0

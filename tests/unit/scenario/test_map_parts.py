@@ -4,27 +4,37 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.autonomy.paths.occupancy import Extent
-from hil.scenario.map_parts import LEAST_MARGIN_CELLS, MOST_CELLS, MOST_GROWN, map_parts
+from hil.scenario.map_parts import LEAST_MARGIN_CELLS, MOST_CELLS, MOST_GROWN, MapPart, map_parts
 from tests.support.examples import examples
 
 WIDE = Extent(-25_000.0, -25_000.0, 25_000.0, 25_000.0)
 
 
-def cells(part: Extent, resolution: float) -> float:
-    return (part.north - part.south) * (part.east - part.west) / resolution**2
+def cells(part: MapPart) -> float:
+    extent = part.extent
+    return (extent.north - extent.south) * (extent.east - extent.west) / part.resolution**2
 
 
 def test_a_small_world_is_shown_whole_and_so_is_one_without_places() -> None:
     small = Extent(-3.0, -3.0, 60.0, 60.0)
-    assert map_parts(small, 0.25, [(0.0, 0.0)]) == [small]
-    assert map_parts(WIDE, 2.0, []) == [WIDE]
+    assert map_parts(small, 0.25, [(0.0, 0.0)]) == [(small, 0.25)]
+    assert map_parts(WIDE, 2.0, []) == [(WIDE, 32.0)], "in cells of which it has not too many"
 
 
-def test_parts_double_their_margin_and_end_before_the_map_is_too_large() -> None:
-    parts = map_parts(WIDE, 2.0, [(0.0, 0.0), (1000.0, 400.0)])
-    assert [part.north - 1000.0 for part in parts] == [250.0 * 2**k for k in range(len(parts))]
-    assert cells(parts[-1], 2.0) <= MOST_GROWN < 4.0 * cells(parts[-1], 2.0)
-    assert map_parts(WIDE, 40.0, [(0.0, 0.0)])[-1] == WIDE, "the whole of it is no more than they may grow to"
+def test_parts_double_their_margin_until_the_map_is_too_large_and_then_show_all() -> None:
+    *parts, last = map_parts(WIDE, 2.0, [(0.0, 0.0), (1000.0, 400.0)])
+    assert [part.extent.north - 1000.0 for part in parts] == [250.0 * 2**k for k in range(len(parts))]
+    assert {part.resolution for part in parts} == {2.0}
+    assert cells(parts[-1]) <= MOST_GROWN < 4.5 * cells(parts[-1])
+    assert last == (WIDE, 32.0)
+    assert map_parts(WIDE, 40.0, [(0.0, 0.0)])[-1] == (WIDE, 40.0), "the whole of it is no more than they may grow to"
+
+
+def test_places_far_apart_are_shown_in_larger_cells() -> None:
+    first, last = map_parts(WIDE, 1.0, [(-4500.0, -4500.0), (4500.0, 4500.0)])
+    assert first.resolution == 16.0
+    assert cells(first) <= MOST_GROWN < 4.5 * cells(first)
+    assert last == (WIDE, 32.0)
 
 
 @examples(200)
@@ -36,7 +46,10 @@ def test_every_part_holds_the_places_and_has_the_cells_of_the_whole_map(
     places: list[tuple[float, float]], resolution: float
 ) -> None:
     before = None
-    for part in map_parts(WIDE, resolution, places):
+    for shown in map_parts(WIDE, resolution, places):
+        part, size = shown
+        assert size / resolution in {2.0**k for k in range(12)}
+        assert cells(shown) <= MOST_GROWN
         margin = LEAST_MARGIN_CELLS * resolution
         for north, east in places:
             assert part.south <= max(north - margin + 1e-6, WIDE.south)
@@ -44,9 +57,10 @@ def test_every_part_holds_the_places_and_has_the_cells_of_the_whole_map(
             assert part.west <= max(east - margin + 1e-6, WIDE.west)
             assert part.east >= min(east + margin - 1e-6, WIDE.east)
         for low, first in ((part.south, WIDE.south), (part.west, WIDE.west)):
-            whole = (low - first) / resolution
+            whole = (low - first) / size
             assert abs(whole - round(whole)) < 1e-6
         assert WIDE.south <= part.south < part.north <= WIDE.north
-        assert before is None or cells(part, resolution) >= cells(before, resolution) - 1e-6
+        assert before is None or part.north - part.south >= before.north - before.south - 1e-6
         before = part
-    assert cells(WIDE, resolution) > MOST_CELLS
+    assert part == WIDE
+    assert cells(MapPart(WIDE, resolution)) > MOST_CELLS
