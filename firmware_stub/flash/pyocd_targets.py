@@ -1,0 +1,76 @@
+"""The chips that there are images for, as pyOCD's targets: its own flash algorithms, with these chips' memory.
+
+pyOCD has the chips themselves only as packs that it downloads. Their families' flash is programmed alike: all F4 of
+ours have the sectors and registers of the F412, an F103C8 those of the F103RC with pages of 1 KiB.
+"""
+
+from typing import Any
+
+from pyocd.core.memory_map import FlashRegion, MemoryMap, RamRegion
+from pyocd.target import TARGET
+from pyocd.target.builtin.target_STM32F103RC import FLASH_ALGO as F1_ALGORITHM
+from pyocd.target.builtin.target_STM32F103RC import STM32F103RC
+from pyocd.target.builtin.target_STM32F412xx import FLASH_ALGO as F4_ALGORITHM
+from pyocd.target.builtin.target_STM32F412xx import STM32F412xE
+
+FLASH, RAM, KIB = 0x0800_0000, 0x2000_0000, 1024
+
+
+def _f4(flash_kib: int) -> MemoryMap:
+    sizes = ((64, 16), (64, 64), (flash_kib - 128, 128))  # KiB of a region, and of its sectors
+    regions: list[Any] = []
+    start = FLASH
+    for size, sector in sizes:
+        regions.append(
+            FlashRegion(
+                start=start, length=size * KIB, sector_size=sector * KIB, page_size=4 * KIB, algo=F4_ALGORITHM,
+                is_boot_memory=start == FLASH,
+            )
+        )  # fmt: skip
+        start += size * KIB
+    return MemoryMap(*regions, RamRegion(start=RAM, length=128 * KIB))
+
+
+class _F4(STM32F412xE):  # type: ignore[misc] # pyOCD's constructors have no types
+    """An F4: stops the watchdog while the core is halted, as pyOCD's F412 does."""
+
+    def __init__(self, session: Any) -> None:
+        super(STM32F412xE, self).__init__(session, self.MEMORY_MAP)  # without names for all registers
+
+
+class F405(_F4):
+    """STM32F405 (F407, F415, F417)."""
+
+    MEMORY_MAP = _f4(1024)
+
+
+class F411(_F4):
+    """STM32F411xE."""
+
+    MEMORY_MAP = _f4(512)
+
+
+class F446(_F4):
+    """STM32F446xE."""
+
+    MEMORY_MAP = _f4(512)
+
+
+class F103(STM32F103RC):  # type: ignore[misc]
+    """STM32F103x8."""
+
+    MEMORY_MAP = MemoryMap(
+        FlashRegion(start=FLASH, length=64 * KIB, blocksize=KIB, is_boot_memory=True, algo=F1_ALGORITHM),
+        RamRegion(start=RAM, length=20 * KIB),
+    )
+
+    def __init__(self, session: Any) -> None:
+        super(STM32F103RC, self).__init__(session, self.MEMORY_MAP)
+
+
+PREFIX = "uuv_hil_"
+
+
+def register() -> None:
+    """Add these targets to pyOCD's, each as `PREFIX` and the chip's name."""
+    TARGET.update({PREFIX + target.__name__.lower(): target for target in (F103, F405, F411, F446)})
