@@ -4,18 +4,19 @@ import argparse
 import select
 import sys
 from collections.abc import Callable
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import HilError
 from hil.common.lifeline import die_with_parent
-from hil.common.options import BAUD, BITRATE, Quantity, new_parser, whole
+from hil.common.options import Quantity, new_parser
 from hil.common.schema import Range, parse
 from hil.common.stop import StopSignals
 from hil.common.tables import settings
-from hil.links.address import FORMS, incompatibility, open_address
+from hil.links.address import incompatibility, open_address
 from hil.links.contract import MAX_THRUSTERS, ThrusterLink
+from hil.links.options import add_link
 from hil.links.protocols import open_protocol
 
 NAME = "uuv-hil stm32"
@@ -54,13 +55,20 @@ def main(argv: list[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; return the exit code. `argv` is without the command's name."""
     die_with_parent()
     try:
-        options = parse(vars(_parser().parse_args(argv)), Options, "command line")
-        with StopSignals() as stop_fd:
-            _run(options, stop_fd)
+        parser = new_parser("stm32", __doc__, EXAMPLES)
+        add_options(parser)
+        start(vars(parser.parse_args(argv)))
     except HilError as error:
         print(f"{NAME}: {error}", file=sys.stderr)
         return error.exit_code
     return 0
+
+
+def start(options: dict[str, Any]) -> None:
+    """Run with these values of `add_options` until SIGINT or SIGTERM. Raises HilError."""
+    checked = parse(options, Options, "command line")
+    with StopSignals() as stop_fd:
+        _run(checked, stop_fd)
 
 
 def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None = None) -> None:
@@ -120,26 +128,10 @@ def _print_line(line: str) -> None:
     print(line, flush=True)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = new_parser("stm32", __doc__, EXAMPLES)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add all options of an emulated STM32."""
+    add_link(parser, "pty:/tmp/uuv-hil-stm32")
     add = parser.add_argument
-    add("--port", default="pty:/tmp/uuv-hil-stm32", metavar="ADDRESS", help=f"{FORMS} [%(default)s]")
-    add("--protocol", metavar="NAME", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
-    add(
-        "--frame",
-        metavar="NAME|FILE",
-        default="uuv_hil",
-        help="name of a frame, or path of a frame's TOML file [%(default)s]",
-    )
-    add("--baud", metavar="BIT/S", type=BAUD, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
-    add(
-        "--bitrate",
-        metavar="BIT/S",
-        type=BITRATE,
-        default=1_000_000,
-        help="of a CAN bus, bit/s, where it is ours to set [%(default)s]",
-    )
-    add("--channels", metavar="N", type=whole(1, MAX_THRUSTERS), default=6, help="number of thrusters [%(default)s]")
     add(
         "--watchdog",
         metavar="S",
@@ -147,9 +139,7 @@ def _parser() -> argparse.ArgumentParser:
         default="200 ms",
         help="longest silence before all thrusters stop [%(default)s]",
     )
-    add("--option", action="append", default=[], metavar="NAME=VALUE", help="a setting of the protocol")
     add("--quiet", action="store_true", help="say nothing between start and end")
-    return parser
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ COMMANDS = {
     "mavlink": ("hil.commands.gateways.mavlink", "serve a vehicle to QGroundControl and other MAVLink software"),
     "loopback": ("hil.commands.loopback", "test a thruster link: losses, errors, round trips"),
     "frame": ("hil.commands.frame", "describe a thruster frame byte by byte; decode bytes of a line"),
-    "stm32": ("firmware_stub.serve", "emulate the STM32 alone, on a pty or a serial port"),
+    "stm32": ("hil.commands.stm32.command", "emulate the STM32 alone; flash a real one, and check its outputs"),
     "top": ("hil.commands.top.command", "show the health of slaves: loop, processor, memory, temperature, links"),
     "router": ("hil.commands.router", "forward between vehicles and masters that cannot reach each other"),
     "fleet": ("hil.commands.fleet", "start, show and stop the slaves of a fleet, here and on hosts over ssh"),
@@ -104,6 +104,7 @@ EXTRAS = {
     "can": "can",
     "msgpack": "can",
     "unicorn": "unicorn",
+    "pyocd": "flash",
     "distributed": "cluster",
     "ray": "cluster",
 }

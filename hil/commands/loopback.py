@@ -6,11 +6,10 @@ from typing import Any
 
 from hil.bench.loopback import Plan, Result, run
 from hil.common.clock import NS_PER_MS
-from hil.common.options import BAUD, BITRATE, DAY_S, SEED, Number, Quantity, Share, add_json, new_parser, whole
+from hil.common.options import DAY_S, SEED, Number, Quantity, Share, add_json, new_parser, whole
 from hil.common.schema import parse
 from hil.common.tables import settings
-from hil.links.address import FORMS
-from hil.links.contract import MAX_THRUSTERS
+from hil.links.options import add_link
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import DRIVERS
 
@@ -29,7 +28,6 @@ examples:
   uuv-hil loopback --stm32 jumper --port /dev/serial0 --json
 """
 LIMIT_BROKEN = 1
-CHANNELS = whole(1, MAX_THRUSTERS)
 RATE = Number(0.01, 10_000.0, "Hz", also=(0,))
 SECONDS = Number(0.01, DAY_S, "s")
 ERRORS = whole(0, 10**9)
@@ -40,7 +38,7 @@ def main(arguments: list[str]) -> int:
     """Test one link; 0, or 1 if a limit is broken. Raises HilError."""
     options = _parser().parse_args(arguments)
     plan = Plan(
-        options.stm32, _link(options), options.channels, options.rate, options.seconds,
+        options.stm32, link_of(options), options.channels, options.rate, options.seconds,
         options.spin or options.stm32 not in ("device",), options.seed,
     )  # fmt: skip
     show = sys.stderr.isatty()
@@ -54,28 +52,11 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> Any:
     parser = new_parser("loopback", __doc__, EXAMPLES)
+    add_link(parser, "pty:")
     add = parser.add_argument
-    add("--port", default="pty:", metavar="ADDRESS", help=f"{FORMS} [%(default)s]")
-    add("--protocol", metavar="NAME", default="frame", help="frame, mavlink, dronecan or vesc [%(default)s]")
-    add(
-        "--frame",
-        metavar="NAME|FILE",
-        default="uuv_hil",
-        help="name of a frame, or path of a frame's TOML file [%(default)s]",
-    )
-    add("--option", action="append", default=[], metavar="NAME=VALUE", help="a setting of the protocol")
     players = [*DRIVERS, "jumper"]
     about = f"what answers: {', '.join(players)} [%(default)s]"
     add("--stm32", metavar="NAME", default="python", choices=players, help=about)
-    add("--baud", metavar="BIT/S", type=BAUD, default=115_200, help="speed of a serial device, bit/s [%(default)s]")
-    add(
-        "--bitrate",
-        metavar="BIT/S",
-        type=BITRATE,
-        default=1_000_000,
-        help="speed of a CAN bus that this program sets up, bit/s [%(default)s]",
-    )
-    add("--channels", type=CHANNELS, default=6, metavar="N", help="number of thrusters [%(default)s]")
     add("--rate", type=RATE, default=50.0, metavar="HZ", help="commands a second; 0: one at a time [%(default)s]")
     add("--seconds", type=SECONDS, default=5.0, metavar="S", help="duration of the test [%(default)s]")
     fault = "baud, drop, corrupt, delay ... on our end"
@@ -100,12 +81,14 @@ def _parser() -> Any:
     return parser
 
 
-def _link(options: Any) -> Link:
+def link_of(options: Any) -> Link:
+    """Return the link that the options of hil.links.options.add_link, and --fault, describe. Raises ConfigError."""
     from hil.links.wires.faults import Faults
 
     table = {key: getattr(options, key) for key in ("port", "protocol", "frame", "baud", "bitrate")}
     link = parse(table, Link, "command line")
-    faults = parse(settings(options.fault, "--fault"), Faults, "command line: --fault") if options.fault else None
+    wanted = vars(options).get("fault")
+    faults = parse(settings(wanted, "--fault"), Faults, "command line: --fault") if wanted else None
     return link._replace(options=settings(options.option, "--option"), faults=faults)
 
 

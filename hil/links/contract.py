@@ -159,6 +159,10 @@ class Protocol(ABC):
         """Return what the protocol itself sends at `now_ns` (monotonic), for example heartbeats."""
         return b""
 
+    def motor_values(self, thruster: int) -> dict[str, float]:
+        """Return what the controller of a thruster, from 0, last reported of its motor, by unit; mostly nothing."""
+        return {}
+
 
 class SentCommands:
     """Find the command that a report answers, for protocols whose reports carry no sequence number.

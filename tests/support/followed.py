@@ -24,6 +24,7 @@ from tests.support.processes import Program, free_port, wait_for
 NOT_TYPED = {
     r"/path/to|^ardusub ": "needs an autopilot's program",
     r"/dev/tty": "needs a device",
+    r"stm32 flash(?!.*--dry-run)": "needs a board; tests/process/firmware_stub/test_flash.py",
     r"board install|^sudo ": "changes the machine",
     r"^git clone|^pip install|^python3 -m venv|^\. \.venv": "is done: the project is installed",
     r"^ros2 |^export ": "needs ROS 2",
@@ -157,7 +158,16 @@ class Follower:
         words = line.removesuffix("&").split()[1:]
         names = [word for word in words if word == "--view"] + [" ".join(words[:2]), words[0]]
         name = next((n for n in names if n in UNTIL_CTRL_C), "")
-        endless = name and not {"--count", "--once", "--matlab", "--json", "--grafana", "--layout"} & set(words)
+        endless = name and not {
+            "--count",
+            "--once",
+            "--matlab",
+            "--json",
+            "--grafana",
+            "--layout",
+            "--yes",
+            "--dry-run",
+        } & set(words)
         command = ["bash", "-c", f'exec {sys.executable} -m hil "$@"'.replace('"$@"', line.removeprefix("uuv-hil "))]
         path = os.pathsep.join([str(self.cwd), str(ROOT)])
         environment = {**package_environment(), "COLUMNS": "80", "PYTHONPATH": path}

@@ -1,6 +1,6 @@
 """The reference pages of the documentation, made from the code: `python -m tools.reference` writes docs/reference."""
 
-from tools.reference import commands, diagnostics, files, mavlink, topics
+from tools.reference import commands, diagnostics, files, mavlink, stm32, topics
 
 
 def pages() -> dict[str, str]:
@@ -11,4 +11,5 @@ def pages() -> dict[str, str]:
         "topics": topics.page(),
         "diagnostics": diagnostics.page(),
         "mavlink": mavlink.page(),
+        "stm32": stm32.page(),
     }

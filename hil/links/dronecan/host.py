@@ -19,6 +19,7 @@ from hil.links.dronecan.types import (
     RPM_COMMAND,
     STATUS_EXTENDED,
     BatteryInfo,
+    EscStatus,
     EscStatusExtended,
     NodeInfo,
     pack_allocation,
@@ -46,6 +47,7 @@ class DroneCanHost(DroneCanNode):
         self.extended: dict[int, EscStatusExtended] = {}
         self._answers = Answers(channels)
         self._rounds = Rounds(channels)
+        self._statuses: dict[int, EscStatus] = {}  # the last of each thruster
         self._errors = [0] * channels  # the error count of each controller
         self._codes: dict[int, int] = {}  # a node's vendor-specific status code, by number
         self._armed = False
@@ -82,6 +84,11 @@ class DroneCanHost(DroneCanNode):
             self.deadline_ns = min(self.deadline_ns, self._allocator.due_ns)
         return output
 
+    def motor_values(self, thruster: int) -> dict[str, float]:
+        """Return speed, current and voltage of a thruster's last status."""
+        status = self._statuses.get(thruster)
+        return {"rpm": status.rpm, "A": status.current_a, "V": status.voltage_v} if status else {}
+
     def _arming(self) -> bytes:
         status = FULLY_ARMED if self._armed else DISARMED
         return self._broadcast(ARMING_STATUS, PRIORITY_HIGH, bytes((status,)))
@@ -94,6 +101,7 @@ class DroneCanHost(DroneCanNode):
         thruster = status.esc_index - self._first
         if not 0 <= thruster < len(self._errors):
             return None  # not one of our thrusters
+        self._statuses[thruster] = status
         self._errors[thruster] = status.error_count
         pulses = self._rounds.add_report(thruster, pulse_at(status.rpm * self._us_per_rpm))
         return None if pulses is None else self._telemetry(pulses, transfer.source)

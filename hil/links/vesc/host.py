@@ -59,6 +59,11 @@ class VescHost(VescProtocol):
                 output.append(self._frame(SET_CURRENT, thruster, ARGUMENT.pack(0)))
         return b"".join(output)
 
+    def motor_values(self, thruster: int) -> dict[str, float]:
+        """Return speed, current and voltage of a thruster's last reports."""
+        motor = self.motors[thruster]
+        return {"ERPM": motor.erpm, "A": motor.current_a, "V": motor.voltage_v}
+
     def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
         thruster = controller - self._settings.first_id
         if command not in (STATUS, STATUS_4, STATUS_5) or not 0 <= thruster < self._channels:

@@ -9,7 +9,7 @@ from tests.support.followed import follow
 # How many commands of a page are typed at least, so that a page that is skipped is noticed.
 TYPED = {
     "docs/tutorials/two_machines.md": 3,
-    "docs/tutorials/real_stm32.md": 5,
+    "docs/tutorials/real_stm32.md": 9,
     "docs/tutorials/ros2.md": 5,
     "docs/tutorials/own_board.md": 5,
 }

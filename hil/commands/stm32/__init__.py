@@ -1,0 +1,1 @@
+"""`uuv-hil stm32` and its subcommands."""

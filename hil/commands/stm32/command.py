@@ -1,0 +1,45 @@
+"""`uuv-hil stm32`: emulate the STM32 alone, on a pty or a serial port; flash a real one, and check its outputs."""
+
+from argparse import Namespace
+
+from firmware_stub import serve
+from hil.commands.stm32 import check, flash
+from hil.common.options import new_parser
+
+EXAMPLES = f"""\
+Without a subcommand it emulates an STM32, for software that expects one on its link. flash and check have run with
+emulated probes and chips only, never yet on hardware.
+
+{serve.EXAMPLES}\
+  uuv-hil stm32 flash --dry-run --chip f411         what would be written, and the wiring
+  uuv-hil stm32 flash                               recognise the board and write its image, by a debug probe
+  uuv-hil stm32 flash --by dfu --chip f411          the same by USB, after BOOT0 and reset
+  uuv-hil stm32 check --port /dev/ttyUSB0           turn each output a little; propellers off first
+  uuv-hil stm32 check --stm32 unicorn --yes         the same with an emulated STM32
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Emulate, flash or check; the exit code. Raises HilError."""
+    parser = new_parser("stm32", __doc__, EXAMPLES)
+    serve.add_options(parser)
+    actions = parser.add_subparsers(dest="action", metavar="SUBCOMMAND", required=False)
+    flash.add_options(
+        actions.add_parser("flash", help="write the firmware's image to a board, by a debug probe or by USB (DFU)")
+    )
+    check.add_options(
+        actions.add_parser("check", help="turn each output a little, one after the other, and show what it answers")
+    )
+    options = parser.parse_args(arguments)
+    if options.action == "flash":
+        return flash.run(options)
+    if options.action == "check":
+        return check.run(options)
+    return _emulate(options)
+
+
+def _emulate(options: Namespace) -> int:
+    values = vars(options)
+    del values["action"]
+    serve.start(values)
+    return 0

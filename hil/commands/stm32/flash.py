@@ -1,0 +1,90 @@
+"""`uuv-hil stm32 flash`: write the firmware's image to a board."""
+
+import argparse
+import sys
+from collections.abc import Callable
+
+from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, load_image, parameters
+from hil.common.errors import ConfigError
+from hil.common.options import BAUD, Quantity, whole
+
+UNTRIED = "Note: this has been tried with emulated chips and probes only, not on hardware yet."
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of flashing."""
+    add = parser.add_argument
+    add("--chip", choices=CHIPS, help="chip of the board [recognised]; another one than the board's is refused")
+    add("--by", choices=("probe", "dfu"), default="probe", help="debug probe or USB bootloader [%(default)s]")
+    add("--probe", metavar="NUMBER", help="a part of the probe's number; with dfu a path of USB [the only one]")
+    add("--channels", metavar="N", type=whole(1, MAX_CHANNELS), help="also write parameters: number of thrusters [6]")
+    watchdog = Quantity(0.01, 60.0, "s")
+    add("--watchdog", metavar="S", type=watchdog, help="also write parameters: longest silence [200 ms]")
+    add("--pwm-hz", metavar="HZ", type=whole(50, 400), help="also write parameters: pulses a second, Hz [50]")
+    add("--baud", metavar="BIT/S", type=BAUD, help="also write parameters: speed of the serial port, bit/s [115200]")
+    add("--dry-run", action="store_true", help="only show what would be written, and the wiring; write nothing")
+    add("--yes", action="store_true", help="do not ask before the board's program is replaced")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Recognise the board, show the wiring, write; the exit code. Raises HilError."""
+    from firmware_stub.flash.content import load_content, wiring
+
+    if options.dry_run and options.chip:  # which needs no board
+        image, write = load_image(options.chip), None
+    else:
+        image, write = _recognise(options)
+    content = load_content(image, _parameters(options))
+    print(wiring(image))
+    for address, data in content.pieces:
+        print(f"{'would write' if options.dry_run else 'to write'}: {len(data)} bytes at {address:#010x}")
+    print(f"image: {image.path}, sha256 {image.sha256[:16]}")
+    print(UNTRIED)
+    if options.dry_run or write is None:
+        return 0
+    if not options.yes and not _agreed():
+        return 1
+    write(content, _report)
+    print("done; connect the wires, then: uuv-hil stm32 check --port PORT")
+    return 0
+
+
+def _recognise(options: argparse.Namespace) -> tuple[Image, Callable[..., None]]:
+    """Return the image for the board that is there, and what writes to it."""
+    if options.by == "dfu":
+        from firmware_stub.flash import dfu
+
+        board = dfu.find_board(options.probe)
+        image = dfu.choose_image(board, options.chip)
+        _report(f"board in DFU mode at {board.path}, {board.flash_kib} KiB of flash")
+        return image, lambda content, report: dfu.write(board, content, report)
+    from firmware_stub.flash import probe
+    from firmware_stub.flash.content import choose_image
+
+    chosen = probe.find_probe(options.probe)
+    found = probe.identify(chosen)
+    image = choose_image(found.device_id, options.chip)
+    name = f"{found.name}, " if found.name else ""
+    _report(f"{chosen.name} {chosen.unique_id}: {name}{image.chip}, device id {found.device_id:#05x}")
+    return image, lambda content, report: probe.write(chosen, content, report)
+
+
+def _parameters(options: argparse.Namespace) -> bytes | None:
+    """Return the parameters, if one of them was given; else those on the board stay."""
+    values = (options.channels, options.watchdog, options.pwm_hz, options.baud)
+    if all(value is None for value in values):
+        return None
+    channels, watchdog, pwm_hz, baud = (
+        other if given is None else given for given, other in zip(values, (6, 0.2, 50, 115_200), strict=True)
+    )
+    return parameters(int(channels), watchdog, int(pwm_hz), int(baud))
+
+
+def _report(text: str) -> None:
+    print(text, flush=True)
+
+
+def _agreed() -> bool:
+    if not sys.stdin.isatty():
+        raise ConfigError("nobody can be asked here: look at it with --dry-run, do it with --yes")
+    return input("replace the board's program? [y/N] ").strip().lower() in ("y", "yes")

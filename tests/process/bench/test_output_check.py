@@ -1,0 +1,191 @@
+"""`uuv-hil stm32 check`: each output turns a little, alone, and what telemetry answers is shown. STM32 emulated."""
+
+import io
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.bench import output_check
+from hil.bench.output_check import MAX_OFFSET_US, Finding
+from hil.cli import main
+from hil.commands.stm32.check import OFFSET, text
+from hil.common.children import module_command, package_environment
+from hil.links.contract import ThrusterCommand
+from hil.slave.drivers.driver import ThrusterDriver
+
+QUICK = ["--yes", "--seconds", "0.3", "--settle", "0.1 s"]
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[str, "subprocess.Popen[str]"]]:
+    """`uuv-hil stm32` as a process of its own, on a pty; and the pty's path."""
+    path = str(tmp_path / "stm32")
+    command = [*module_command("hil.cli", "stm32", "--port", f"pty:{path}", "--channels", "4")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=package_environment())
+    assert process.stdout
+    assert "Ctrl-C" in process.stdout.readline()
+    yield path, process
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE_S)
+
+
+def findings(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict[str, Any]]:
+    assert main(["stm32", "check", *QUICK, "--json", *words]) == 0
+    found: list[dict[str, Any]] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_over_a_real_pty(served: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]) -> None:
+    path, process = served
+    assert main(["stm32", "check", *QUICK, "--port", path, "--channels", "4", "--chip", "f411", "--offset", "-80"]) == 0
+    output = capsys.readouterr()
+    lines = output.out.splitlines()
+    for line, pin in zip(lines, ("1 (PA6)", "2 (PA7)", "3 (PB0)", "4 (PB1)"), strict=False):
+        assert re.fullmatch(rf"  output {re.escape(pin)}: 1420 us confirmed after \d+\.\d ms", line)
+    assert lines[4].startswith("4 of 4 outputs confirmed by telemetry")
+    assert output.err.startswith("WARNING: every thruster will turn")
+    assert output.err.endswith("all outputs neutral\n")
+    process.send_signal(signal.SIGINT)
+    assert "pwm 1500 1500 1500 1500" in process.communicate(timeout=PATIENCE_S)[0]
+
+
+@pytest.mark.parametrize("kind", ["python", "unicorn"])
+@pytest.mark.parametrize("protocol", ["frame", "mavlink"])
+def test_of_the_firmware_over_serial(kind: str, protocol: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found = findings(capsys, "--stm32", kind, "--protocol", protocol, "--channels", "8")
+    assert [(one["output"], one["pulse_us"], one["reported_us"]) for one in found] == [
+        (i, 1560, 1560) for i in range(1, 9)
+    ]
+    assert all(one["passed"] and one["others"] == [] for one in found)
+
+
+@pytest.mark.parametrize(("protocol", "unit"), [("vesc", "ERPM"), ("dronecan", "rpm")])
+def test_over_can_with_what_controllers_report(protocol: str, unit: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found = findings(capsys, "--stm32", "python", "--protocol", protocol, "--port", f"can:virtual:check-{protocol}")
+    assert len(found) == 6
+    assert all(one["motor"][unit] > 0 and "A" in one["motor"] and "V" in one["motor"] for one in found)
+
+
+def test_one_output_at_a_time_and_neutral_around(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is commanded: neutral, then each output alone, neutral between, disarmed at the end."""
+    sent: list[ThrusterCommand] = []
+    send = ThrusterDriver.send
+
+    def record(driver: ThrusterDriver, command: ThrusterCommand) -> None:
+        sent.append(command)
+        send(driver, command)
+
+    monkeypatch.setattr(ThrusterDriver, "send", record)
+    assert main(["stm32", "check", *QUICK, "--stm32", "python", "--channels", "3"]) == 0
+    phases = [sent[0].pwm_us]
+    for command in sent:
+        if command.pwm_us != phases[-1]:
+            phases.append(command.pwm_us)
+    neutral = (1500, 1500, 1500)
+    turns = [(1560, 1500, 1500), (1500, 1560, 1500), (1500, 1500, 1560)]
+    assert phases == [neutral, turns[0], neutral, turns[1], neutral, turns[2], neutral]
+    assert not sent[-1].armed
+
+
+def test_who_does_not_answer_is_not_turned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import os
+
+    near, far = os.openpty()
+    try:
+        assert main(["stm32", "check", *QUICK, "--port", os.ttyname(far)]) == 3
+    finally:
+        os.close(near)
+        os.close(far)
+    assert "the STM32 does not answer: check power, wiring (TX to RX), --baud and --protocol" in capsys.readouterr().err
+
+
+def test_an_output_that_keeps_neutral_is_not_confirmed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The firmware ignores the second output, and moves the third with the first."""
+    send = ThrusterDriver.send
+
+    def broken(driver: ThrusterDriver, command: ThrusterCommand) -> None:
+        first, _, third = command.pwm_us
+        send(driver, command._replace(pwm_us=(first, 1500, first if first != 1500 else third)))
+
+    monkeypatch.setattr(ThrusterDriver, "send", broken)
+    assert main(["stm32", "check", *QUICK, "--stm32", "python", "--channels", "3"]) == 1
+    first, second, third, last = capsys.readouterr().out.splitlines()
+    assert first.endswith("WRONG: telemetry shows that output 3 turned as well")
+    assert second == "  output 2: NOT CONFIRMED: telemetry shows neutral instead of 1560 us"
+    assert "1560 us confirmed" in third
+    assert last.startswith("1 of 3 outputs confirmed")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_it_neutral(served: tuple[str, "subprocess.Popen[str]"], number: signal.Signals) -> None:
+    path, stm32 = served
+    command = module_command("hil.cli", "stm32", "check", "--port", path, "--channels", "4", "--yes", "--settle", "0 s")
+    check = subprocess.Popen(
+        [*command, "--seconds", "5"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=package_environment(),
+    )
+    assert check.stderr
+    assert "WARNING" in check.stderr.readline()
+    time.sleep(1.5)
+    check.send_signal(number)
+    out, err = check.communicate(timeout=PATIENCE_S)
+    assert check.returncode == 130, err
+    assert "all outputs neutral" in err
+    assert "of 4 outputs" not in out
+    stm32.send_signal(signal.SIGINT)
+    assert "pwm 1500 1500 1500 1500" in stm32.communicate(timeout=PATIENCE_S)[0].splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("words", "refusal"),
+    [
+        ([], "no device: name it with --port"),
+        (["--port", "/dev/ttyUSB0", "--offset", "0"], "--offset: 0 turns nothing"),
+        (["--port", "/dev/ttyUSB0", "--offset", "300"], "--offset: expected a whole number from -150 to 150"),
+        (["--stm32", "unicrn"], "--stm32"),
+        (["--port", "/dev/ttyUSB0"], "nobody can be asked here: with free propellers do it with --yes"),
+    ],
+)
+def test_what_is_wrong_is_said_before_anything_turns(
+    words: list[str], refusal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+    assert main(["stm32", "check", *words]) == 2
+    assert refusal in capsys.readouterr().err
+
+
+def test_more_outputs_than_it_has(
+    served: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["stm32", "check", *QUICK, "--port", served[0]]) == 3
+    assert "check --channels, --baud, --protocol and --frame; nothing was turned" in capsys.readouterr().err
+
+
+def test_the_pulse_is_limited() -> None:
+    assert (OFFSET.low, OFFSET.high) == (-MAX_OFFSET_US, MAX_OFFSET_US)
+    assert output_check.PAUSE_S > 0
+
+
+def test_a_line_of_what_was_found() -> None:
+    finding = Finding(2, 1560, 12.34, 1560, (), {"rpm": 120, "A": 0.4})
+    assert text(finding, ("PA6", "PA7")) == "  output 2 (PA7): 1560 us confirmed after 12.3 ms; 120 rpm, 0.4 A"
+    assert text(finding._replace(confirmed_ms=None, reported_us=None, motor={}), ()) == (
+        "  output 2: NOT CONFIRMED: no telemetry while it was to turn"
+    )
+    assert "telemetry shows 1530 us instead of 1560 us" in text(
+        finding._replace(confirmed_ms=None, reported_us=1530), ()
+    )
