@@ -1,0 +1,99 @@
+"""A real slave's MAVLink vehicle, asked for all that QGroundControl does not go on without when it connects."""
+
+from collections.abc import Iterator
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.gateways.mavlink.flight.modes import Mode
+from tests.support.clients.qgroundcontrol import Station
+from tests.support.processes import Program, free_port, write_scenario
+
+LAYOUT = '[mavlink]\nendpoints = ["udpin:127.0.0.1:{udp}"]\nparameters = "{file}"\nautopilot = "{autopilot}"\n'
+
+
+@pytest.fixture(scope="module", params=["ardupilot", "generic"])
+def station(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
+    folder, udp = tmp_path_factory.mktemp("vehicle"), free_port()
+    scenario, _ = write_scenario(folder)
+    scenario.write_text(scenario.read_text().replace("paper_six", "bluerov2_heavy_t200"))
+    layout = LAYOUT.format(udp=udp, file=folder / "parameters.toml", autopilot=request.param)
+    scenario.write_text(scenario.read_text() + layout)
+    with Program(folder, "slave", scenario) as slave:
+        slave.expect("MAVLink system 1 is uuv1")
+        station = Station(f"udpout:127.0.0.1:{udp}")
+        station.beat()
+        station.connect()
+        yield station
+        station.link.close()
+
+
+def test_each_step_of_its_start_is_answered(station: Station) -> None:
+    station.start_streams()
+    capabilities = station.version().capabilities
+    modes = station.modes()
+    assert {mode.value for mode in Mode} == set(modes.values())
+    refused = dialect.MAV_RESULT_UNSUPPORTED
+    assert station.component_information() == [refused, refused]
+    assert capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
+    assert capabilities & dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+    assert {"WP_SPEED", "G_SURGE_P"} <= set(station.parameters())
+    station.plan(dialect.MAV_MISSION_TYPE_MISSION)
+    # It asks for fences and rally points where they are announced, or the version never came.
+    assert not station.plan(dialect.MAV_MISSION_TYPE_FENCE)
+    assert not station.plan(dialect.MAV_MISSION_TYPE_RALLY)
+
+
+def test_parameters_also_come_one_by_one_for_all_components(station: Station) -> None:
+    """Where the file did not come it asks component 0, and then for each that it misses."""
+    station.send.param_request_list_send(1, 0)
+    names: dict[int, str] = {}
+
+    def is_complete(value: object) -> bool:
+        index, name = getattr(value, "param_index", -1), str(getattr(value, "param_id", ""))
+        names[index] = name
+        return len(names) == getattr(value, "param_count", 0)
+
+    station.wait("PARAM_VALUE", is_complete)
+    assert set(names) == set(range(len(names)))
+    station.send.param_request_read_send(1, 1, b"", 3)
+    assert station.wait("PARAM_VALUE", lambda value: value.param_index == 3).param_id == names[3]
+
+
+@pytest.mark.parametrize(
+    ("command", "first"),
+    [
+        (dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION),
+        (dialect.MAV_CMD_REQUEST_MESSAGE, 300),  # PROTOCOL_VERSION
+        (dialect.MAV_CMD_DO_SEND_BANNER, 0),
+    ],
+)
+def test_what_there_is_not_is_refused_at_once(station: Station, command: int, first: int) -> None:
+    assert station.command_to(1, command, first) == dialect.MAV_RESULT_UNSUPPORTED
+
+
+def test_its_joystick_with_extensions_of_mavlink(station: Station) -> None:
+    """MANUAL_CONTROL as it sends it to a submarine: all axes, and the extensions for roll and pitch."""
+    station.set_mode(Mode.MANUAL)
+    assert station.command_to(1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0) == 0
+
+    def push() -> None:
+        station.send.manual_control_send(1, 600, 0, 500, 0, 0, 0, 3, 0, 0)
+
+    station.wait("VFR_HUD", lambda hud: hud.groundspeed > 0.1, push)
+    station.disarm()
+
+
+def test_turns_and_currents_of_its_motors_are_shown(station: Station) -> None:
+    """Of a vehicle whose thrusters follow their maker's table: both forms that it reads, each for all eight."""
+    station.set_mode(Mode.MANUAL)
+    assert station.command_to(1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0) == 0
+
+    def push() -> None:
+        station.sticks(x=800, z=300)
+
+    for kind in ("ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8"):
+        turning = station.wait(kind, lambda escs: min(escs.rpm) > 0, push)
+        assert min(turning.current) > 0
+        assert max(turning.rpm) < 4000
+    station.disarm()

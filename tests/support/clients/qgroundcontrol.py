@@ -1,0 +1,155 @@
+"""What QGroundControl asks a vehicle for when it connects, in its order, and what it does not go on without.
+
+Read in its sources of 2025 (mavlink/qgroundcontrol): Vehicle/InitialConnectStateMachine, Vehicle/StandardModes,
+Vehicle/ComponentInformation, Vehicle/FTPManager, FactSystem/ParameterManager, MissionManager/PlanManager,
+FirmwarePlugin/APM, Camera/QGCCameraManager.
+"""
+
+import struct
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.gateways.mavlink.protocols.newer_messages import AvailableModes
+from tests.support.clients.mavlink_ground import Ground
+
+AUTOPILOT, CAMERA = dialect.MAV_COMP_ID_AUTOPILOT1, dialect.MAV_COMP_ID_CAMERA
+COMPONENT_INFORMATION, COMPONENT_METADATA = 395, 397
+STREAMS = {  # APMFirmwarePlugin::initializeStreamRates: MAV_DATA_STREAM -> Hz
+    dialect.MAV_DATA_STREAM_RAW_SENSORS: 2, dialect.MAV_DATA_STREAM_EXTENDED_STATUS: 2,
+    dialect.MAV_DATA_STREAM_RC_CHANNELS: 2, dialect.MAV_DATA_STREAM_POSITION: 3, dialect.MAV_DATA_STREAM_EXTRA1: 10,
+    dialect.MAV_DATA_STREAM_EXTRA2: 10, dialect.MAV_DATA_STREAM_EXTRA3: 3,
+}  # fmt: skip
+PARAMETERS = "@PARAM/param.pck?withdefaults=1"
+OPEN_READ, BURST, RESET, ACK, NAK, END_OF_FILE = 4, 15, 2, 128, 129, 6
+HEADER = struct.Struct("<HBBBBBxI")
+MOST_DATA = 239
+WIDTHS = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}
+
+
+class Station(Ground):
+    """A ground station that connects as QGroundControl does; each step fails if that one would stall there."""
+
+    def __init__(self, address: str) -> None:
+        super().__init__(address, system=255)
+        self.expected = 0  # number of the file server's next packet
+
+    def command_to(self, component: int, command: int, *params: float) -> int:
+        """The MAV_RESULT of a command; the answer must come from the component that was asked, and be for us."""
+        values = [*params, *[0.0] * (7 - len(params))]
+        self.send.command_long_send(1, component, command, 0, *values)
+
+        def is_answer(ack: Any) -> bool:
+            return bool(
+                ack.command == command and ack.get_srcComponent() == component and ack.target_system in (0, 255)
+            )
+
+        return int(self.wait("COMMAND_ACK", is_answer).result)
+
+    def request(self, number: int, kind: str, component: int = AUTOPILOT) -> Any:
+        """Vehicle::requestMessage: the message after it was accepted, None where it was refused."""
+        if self.command_to(component, dialect.MAV_CMD_REQUEST_MESSAGE, number):
+            return None
+        return self.wait(kind, lambda message: message.get_srcComponent() == component)
+
+    def start_streams(self) -> None:
+        for stream, rate in STREAMS.items():
+            self.send.request_data_stream_send(1, AUTOPILOT, stream, rate, 1)
+        for number in (dialect.MAVLINK_MSG_ID_HOME_POSITION, dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE):
+            assert self.command_to(AUTOPILOT, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6) == 0
+
+    def version(self) -> Any:
+        found = self.request(dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
+        assert found is not None
+        return found
+
+    def modes(self) -> dict[str, int]:
+        """All modes at once: it waits without a limit until the last one has come."""
+        names: dict[str, int] = {}
+        assert self.command_to(AUTOPILOT, dialect.MAV_CMD_REQUEST_MESSAGE, AvailableModes.id, 0) == 0
+        while True:
+            packet = bytes(self.wait(f"UNKNOWN_{AvailableModes.id}").get_msgbuf())  # newer than pymavlink
+            size = AvailableModes.unpacker.size
+            number, _, count, index, _, name = AvailableModes.unpacker.unpack(packet[10:-2].ljust(size, b"\0")[:size])
+            names[name.rstrip(b"\0").decode()] = number
+            if index >= count:
+                assert len(names) == count, "a name that comes twice gets a number behind it"
+                return names
+
+    def component_information(self) -> list[int]:
+        """The results of both requests: it goes on without them, but only when each is answered."""
+        ask = dialect.MAV_CMD_REQUEST_MESSAGE
+        return [self.command_to(AUTOPILOT, ask, number) for number in (COMPONENT_METADATA, COMPONENT_INFORMATION)]
+
+    def parameters(self) -> dict[str, float]:
+        """By the file server, as it is announced for ArduPilot."""
+        opened, _, data = self.ftp(OPEN_READ, PARAMETERS.encode())
+        assert opened == ACK
+        assert len(data) == 4
+        content = self.read_burst()
+        assert self.ftp(RESET)[0] == ACK
+        return unpack(content)
+
+    def read_burst(self) -> bytes:
+        """FTPManager::_burstReadFileAckOrNak, without lost packets: each in its turn, then the end of the file."""
+        content, asks = b"", True
+        while True:
+            if asks:
+                self.ftp_send(BURST, b"", len(content), MOST_DATA)
+            answer, asks, data = self.ftp_answer(BURST)
+            if answer == NAK:
+                assert data == bytes((END_OF_FILE,))
+                return content
+            content += data
+            self.expected += 0 if asks else 1
+
+    def ftp(self, opcode: int, data: bytes = b"") -> tuple[int, bool, bytes]:
+        self.ftp_send(opcode, data, 0, len(data))
+        return self.ftp_answer(opcode)
+
+    def ftp_send(self, opcode: int, data: bytes, offset: int, size: int) -> None:
+        """FTPManager::_sendRequestExpectAck."""
+        payload = HEADER.pack(self.expected + 1, 0, opcode, size, 0, 0, offset) + data
+        self.expected += 2
+        self.send.file_transfer_protocol_send(0, 1, AUTOPILOT, list(payload.ljust(HEADER.size + MOST_DATA, b"\0")))
+
+    def ftp_answer(self, opcode: int) -> tuple[int, bool, bytes]:
+        """The next answer to us: its kind, whether a burst is complete, and its data."""
+        payload = bytes(self.wait("FILE_TRANSFER_PROTOCOL", lambda packet: packet.target_system == 255).payload)
+        sequence, session, answer, size, asked, complete, _ = HEADER.unpack_from(payload)
+        assert (sequence, session, asked) == (self.expected, 0, opcode)
+        return answer, bool(complete), payload[HEADER.size : HEADER.size + size]
+
+    def plan(self, kind: int) -> list[Any]:
+        """PlanManager::loadFromVehicle: all items of a mission, of a fence or of rally points."""
+        self.send.mission_request_list_send(1, AUTOPILOT, kind)
+        count = self.wait("MISSION_COUNT", lambda count: count.mission_type == kind).count
+        items = []
+        for index in range(count):
+            self.send.mission_request_int_send(1, AUTOPILOT, index, kind)
+            items.append(self.wait("MISSION_ITEM_INT"))
+            assert items[-1].seq == index
+        self.send.mission_ack_send(1, AUTOPILOT, dialect.MAV_MISSION_ACCEPTED, kind)
+        return items
+
+
+def unpack(content: bytes) -> dict[str, float]:
+    """ParameterManager::_parseParamFile: names and values; it refuses a file whose numbers do not fit."""
+    magic, count, total = struct.unpack_from("<HHH", content)
+    assert magic in (0x671B, 0x671C)
+    assert count == total
+    found: dict[str, float] = {}
+    at, last = 6, ""
+    while at < len(content):
+        if not content[at]:  # padding
+            at += 1
+            continue
+        kind, lengths = content[at] & 0x0F, content[at + 1]
+        assert not content[at] >> 4, "no default follows where none was promised"
+        rest = (lengths >> 4) + 1
+        last = last[: lengths & 0x0F] + content[at + 2 : at + 2 + rest].decode()
+        assert 0 < len(last) <= 16
+        (found[last],) = struct.unpack_from(WIDTHS[kind], content, at + 2 + rest)
+        at += 2 + rest + struct.calcsize(WIDTHS[kind])
+    assert len(found) == count
+    return found
