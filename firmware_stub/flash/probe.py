@@ -21,11 +21,15 @@ NO_PROBE = (
 
 
 class Probe(NamedTuple):
-    """A debug probe that is connected: its number, its name, and pyOCD's object."""
+    """A debug probe that is connected: its number, its name, and pyOCD's object.
+
+    under_reset: whether it holds the chip in reset while it connects.
+    """
 
     unique_id: str
     name: str
     handle: Any
+    under_reset: bool = False
 
 
 class Board(NamedTuple):
@@ -96,8 +100,11 @@ def _session(probe: Probe, target: str) -> Iterator[Any]:
     """Return an open session of pyOCD."""
     from pyocd.core.session import Session
 
-    what = f"{probe.name} {probe.unique_id}: failed: check SWDIO, SWCLK, GND and the chip's supply"
-    with _errors(what), Session(probe.handle, options=OPTIONS | {"target_override": target}) as session:
+    hint = "" if probe.under_reset else ", or try --under-reset"
+    what = f"{probe.name} {probe.unique_id}: failed: check SWDIO, SWCLK, GND and the chip's supply{hint}"
+    mode = "under-reset" if probe.under_reset else "halt"
+    options = OPTIONS | {"target_override": target, "connect_mode": mode}
+    with _errors(what), Session(probe.handle, options=options) as session:
         yield session
 
 

@@ -23,7 +23,7 @@ from tests.support.processes import Program, free_port, wait_for
 # What is not typed, and why: the page says at its place what it needs.
 NOT_TYPED = {
     r"/path/to|^ardusub ": "needs an autopilot's program",
-    r"/dev/tty": "needs a device",
+    r"/dev/tty|can:socketcan": "needs a device",
     r"stm32 flash(?!.*--dry-run)": "needs a board; tests/process/firmware_stub/test_flash.py",
     r"board install|^sudo ": "changes the machine",
     r"^git clone|^pip install|^python3 -m venv|^\. \.venv": "is done: the project is installed",
@@ -171,7 +171,7 @@ class Follower:
         command = ["bash", "-c", f'exec {sys.executable} -m hil "$@"'.replace('"$@"', line.removeprefix("uuv-hil "))]
         path = os.pathsep.join([str(self.cwd), str(ROOT)])
         environment = {**package_environment(), "COLUMNS": "80", "PYTHONPATH": path}
-        replaced = "slave" if words[0] in LISTENERS else name  # which listens where this will
+        replaced = "slave" if words[0] in LISTENERS else name if endless else ""  # which listens where this will
         if replaced in self._servers:
             self._servers.pop(replaced).stop(signal.SIGINT)
         program = Program(self.folder, command=command, cwd=self.cwd, environment=environment)

@@ -25,10 +25,20 @@ def main(arguments: list[str]) -> int:
     serve.add_options(parser)
     actions = parser.add_subparsers(dest="action", metavar="SUBCOMMAND", required=False)
     flash.add_options(
-        actions.add_parser("flash", help="write the firmware's image to a board, by a debug probe or by USB (DFU)")
+        actions.add_parser(
+            "flash",
+            help="write the firmware's image to a board, by a debug probe or by USB (DFU)",
+            description="Recognise the board, print its wiring, and write the firmware's image by a debug probe (pyOCD) "
+            "or by USB (dfu-util). Tried with emulated chips and probes only, never yet on hardware.",
+        )
     )
     check.add_options(
-        actions.add_parser("check", help="turn each output a little, one after the other, and show what it answers")
+        actions.add_parser(
+            "check",
+            help="turn each output a little, one after the other, and show what it answers",
+            description="Turn each output a little, one after the other, and show what telemetry answers. Propellers "
+            "must be free: it asks first. Tried with emulated STM32 only, never yet on hardware.",
+        )
     )
     options = parser.parse_args(arguments)
     if options.action == "flash":

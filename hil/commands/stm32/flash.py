@@ -17,6 +17,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--chip", choices=CHIPS, help="chip of the board [recognised]; another one than the board's is refused")
     add("--by", choices=("probe", "dfu"), default="probe", help="debug probe or USB bootloader [%(default)s]")
     add("--probe", metavar="NUMBER", help="a part of the probe's number; with dfu a path of USB [the only one]")
+    add(
+        "--under-reset",
+        action="store_true",
+        help="hold the chip in reset while connecting, for a program that sleeps or takes the debug pins",
+    )
     add("--channels", metavar="N", type=whole(1, MAX_CHANNELS), help="also write parameters: number of thrusters [6]")
     watchdog = Quantity(0.01, 60.0, "s")
     add("--watchdog", metavar="S", type=watchdog, help="also write parameters: longest silence [200 ms]")
@@ -61,7 +66,7 @@ def _recognise(options: argparse.Namespace) -> tuple[Image, Callable[..., None]]
     from firmware_stub.flash import probe
     from firmware_stub.flash.content import choose_image
 
-    chosen = probe.find_probe(options.probe)
+    chosen = probe.find_probe(options.probe)._replace(under_reset=options.under_reset)
     found = probe.identify(chosen)
     image = choose_image(found.device_id, options.chip)
     name = f"{found.name}, " if found.name else ""

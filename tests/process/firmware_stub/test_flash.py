@@ -50,7 +50,8 @@ def test_the_board_is_recognised_and_gets_its_image(
     chip: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board, image = FakeChip(chip), load_image(chip)
-    connect(monkeypatch, FakeProbe(board))
+    probe = FakeProbe(board)
+    connect(monkeypatch, probe)
     assert main(["stm32", "flash", "--yes"]) == 0
     output = capsys.readouterr().out
     assert f"STM32 STLink 066DFF515049657187: {image.chip}, device id {image.device_ids[0]:#05x}" in output
@@ -61,6 +62,7 @@ def test_the_board_is_recognised_and_gets_its_image(
     assert board.erased == [0x0800_0000 + i * page for i in range((image.size - 1) // page + 1)]
     assert bytes(board.flash[0x4000:]) == b"\x55" * (len(board.flash) - 0x4000), "nothing else is touched"
     assert board.resets >= 2, "before it is written, and to start it"
+    assert not probe.held_in_reset, "which needs a wire that not every probe has"
 
 
 def test_parameters_are_written_if_one_is_named(
@@ -108,6 +110,22 @@ def test_one_of_several_probes_by_a_part_of_its_number(
     connect(monkeypatch, *[FakeProbe(board, f"{i:02}AA") for i, board in enumerate(boards)])
     assert main(["stm32", "flash", "--yes", "--probe", "01a"]) == 0
     assert [bool(board.erased) for board in boards] == [False, True]
+
+
+def test_under_reset(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    probe = FakeProbe(FakeChip("f103"))
+    connect(monkeypatch, probe)
+    assert main(["stm32", "flash", "--yes", "--under-reset"]) == 0
+    assert probe.held_in_reset
+    assert probe.chip.flash[0] != 0x55
+
+
+def test_a_chip_that_does_not_answer(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    probe = FakeProbe(FakeChip("f103"))
+    probe.answers = False
+    connect(monkeypatch, probe)
+    assert main(["stm32", "flash", "--yes"]) == 3
+    assert "check SWDIO, SWCLK, GND and the chip's supply, or try --under-reset" in capsys.readouterr().err
 
 
 def test_a_chip_of_another_kind_is_refused_by_its_name(

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
+from pyocd.core.exceptions import TransferError
 from pyocd.core.memory_interface import MemoryInterface
 from pyocd.probe.debug_probe import DebugProbe
 
@@ -219,7 +220,9 @@ class FakeProbe(DebugProbe):  # type: ignore[misc]
         super().__init__()
         self.chip = chip
         self._id, self._name = unique_id, name
-        self._open = False
+        self.held_in_reset = False  # ever
+        self.answers = True
+        self._open = self._in_reset = False
         self._dp: dict[int, int] = {}
 
     description = property(lambda self: self._name)
@@ -254,16 +257,20 @@ class FakeProbe(DebugProbe):  # type: ignore[misc]
         self.chip.reset()
 
     def assert_reset(self, asserted: bool) -> None:
+        self._in_reset = asserted
+        self.held_in_reset |= asserted
         if not asserted:
             self.chip.reset()
 
     def is_reset_asserted(self) -> bool:
-        return False
+        return self._in_reset
 
     def flush(self) -> None:
         pass
 
     def read_dp(self, addr: int, now: bool = True) -> Any:
+        if not self.answers:
+            raise TransferError
         if addr == 0:
             value = 0x2BA0_1477
         else:

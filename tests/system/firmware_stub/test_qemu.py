@@ -14,6 +14,7 @@ import pytest
 from firmware_stub import qemu
 from firmware_stub.image import CHIPS
 from firmware_stub.qemu import PROGRAM, QemuStm32
+from hil.cli import main
 from hil.common.errors import DeviceError
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.protocols import open_protocol
@@ -150,6 +151,17 @@ class TestQemu:
             assert 0.3 < ratio < 1.1
 
         retry_when_busy(goes_as_ours, "an emulator in a process of its own", attempts=10)
+
+
+@pytest.mark.qemu
+@pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
+@pytest.mark.parametrize("protocol", ["frame", "mavlink"])
+def test_each_output_is_turned_and_confirmed(protocol: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--stm32", "qemu", "--protocol", protocol, "--yes", "--seconds", "0.5", "--settle", "0.5 s"]
+    assert main(["stm32", "check", *words, "--channels", "8"]) == 0
+    output = capsys.readouterr().out
+    assert output.count("1560 us confirmed after") == 8
+    assert "8 of 8 outputs confirmed" in output
 
 
 @pytest.mark.qemu

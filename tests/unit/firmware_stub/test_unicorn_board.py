@@ -358,6 +358,26 @@ def test_all_clocks_are_right_with_the_crystal_and_without(
         assert rcc.apb1_hz / ((timing & 0x3FF) + 1) / quanta == 500_000
 
 
+def test_half_of_the_stack_is_never_used(chip: str) -> None:
+    """The F103's has 5 KiB. Frames, MAVLink with its answers, noise, watchdog, CAN."""
+    board = power_up(chip)
+    bottom = 0x2000_0C80  # behind the variables: 3152 bytes
+    top = int.from_bytes(shipped_image(chip)[:4], "little")
+    assert top - bottom > 4096
+    board.write_memory(bottom, b"\xa5" * ((top - bottom) // 2))
+    for event in life(5):
+        board.run_until(round(event.at_ms * MS))
+        board.receive(event.data)
+    mavlink, vesc = open_protocol("mavlink", "host", 6), open_protocol("vesc", "host", 6)
+    for sequence in range(50):
+        command = ThrusterCommand(sequence, True, FULL)
+        board.run_until(board.now_ns + 20 * MS)
+        board.receive(mavlink.encode(command) + mavlink.tick(board.now_ns) + random.Random(1).randbytes(50))
+        board.receive_can(unpack_frames(vesc.encode(command)))
+    assert board.transmitted()
+    assert board.read_memory(bottom, (top - bottom) // 2).strip(b"\xa5") == b""
+
+
 def test_a_chip_without_can_has_no_register_of_it_touched() -> None:
     """The emulated F411 has nothing at that address: the image would have ended with a message."""
     board = power_up("f411")
