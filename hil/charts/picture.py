@@ -89,8 +89,8 @@ def _thinned(grid: Grid, most: int) -> Grid:
 def hillshade(depths: Depths, resolution: float) -> Depths:
     """Return how bright each node is, 0 to 1: Lambert's law, heights stretched so that the relief shows."""
     strips = _strips(len(depths))
-    thin = [[slope[::3, ::3].ravel() for slope in _slopes(depths, resolution, part)] for part in strips]
-    sample = [np.hypot(to_north, to_east) for to_north, to_east in thin]
+    thin = (np.array([slope[::3, ::3].ravel() for slope in _slopes(depths, resolution, part)]) for part in strips)
+    sample = [np.sqrt((slopes * slopes).sum(axis=0)) for slopes in thin]
     steep = float(np.quantile(np.concatenate(sample), 0.9))
     stretch = np.float32(min(MEAN_SHADE_SLOPE / steep, 20.0) if steep > 0.0 else 1.0)
     light = np.float32(np.cos(SUN_AZIMUTH)), np.float32(np.sin(SUN_AZIMUTH))

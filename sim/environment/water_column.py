@@ -1,9 +1,13 @@
 """The water as a column of layers: density, speed of sound and pressure by depth."""
 
 from bisect import bisect_right
+from typing import TYPE_CHECKING
 
 from sim.environment.ocean import Profile
 from sim.interpolation import PiecewiseLinear
+
+if TYPE_CHECKING:
+    from sim.environment.sound_rays import SoundRays
 
 SOUND_SPEED = 1500.0  # m/s, where a profile does not give it
 
@@ -21,6 +25,7 @@ class WaterColumn:
             densities.insert(0, densities[0])
         self._density = PiecewiseLinear(depths, densities)
         self._sound = PiecewiseLinear(profile.depth, profile.sound_speed or (SOUND_SPEED,) * len(profile.depth))
+        self._speeds = profile.depth, profile.sound_speed
         self._depths = depths
         self._gravity = gravity
         self._pressures = [0.0]
@@ -34,6 +39,15 @@ class WaterColumn:
     def sound_speed(self, depth: float) -> float:
         """Return the speed of sound (m/s) at `depth` m: 1500 without a profile."""
         return self._sound(depth)[0]
+
+    def rays(self, bottom: float) -> "SoundRays | None":
+        """Return the rays of sound over a bed at `bottom` m; None where sound has one speed, and they are straight."""
+        depths, speeds = self._speeds
+        if not speeds or min(speeds) == max(speeds):
+            return None
+        from sim.environment.sound_rays import SoundRays
+
+        return SoundRays(depths, speeds, bottom)
 
     def pressure(self, depth: float) -> float:
         """Pa above that of the air at `depth` m: the weight of the water on top, exactly; 0 in the air."""

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from sim.environment.water_column import SOUND_SPEED, WaterColumn
-from sim.modems.sound import ambient_noise, paths, power, transmission_loss
+from sim.modems.sound import Path, ambient_noise, paths, power, transmission_loss
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 
 NS = 1_000_000_000
@@ -91,17 +91,22 @@ class AcousticChannel:
     """The water between modems, over a bottom at `depth` m. Calls must come in the order of time.
 
     `counts`: sent, delivered, and why not: busy (the sender itself was still sending), too_long, unheard (too weak),
-    deaf (the receiver was sending), collided (it was hearing another), damaged (bit errors).
+    shadowed (no ray of sound leads there), deaf (the receiver was sending), collided (it was hearing another), damaged
+    (bit errors).
+
+    Where the profile of `column` bends the rays (sim/environment/sound_rays.py) time and length of the direct way are
+    theirs. Echoes go straight, at the direct way's mean speed; in a shadow the shortest of them carries the message.
 
     Vehicles stand still while a message is on its way: at 2 m/s over 1500 m that is 2 m. Bit errors are those of
     orthogonal signals without a common phase, ½ exp(-Eb / 2 N0) (Proakis, Digital Communications), without error
-    correction. Not modelled: rays that bend, Doppler, fading, directivity, what stands in the way.
+    correction. Not modelled: Doppler, fading, directivity, what stands in the way.
     """
 
     def __init__(self, modem: AcousticModem, depth: float, seed: int, column: WaterColumn | None = None) -> None:
         self._modem = modem
         self._depth = depth
         self._column = column
+        self._rays = column.rays(depth) if column else None
         self._random = sensor_random(seed, "acoustic_channel")
         self._ranging = ErrorProcess(modem.range_error, 1.0, sensor_random(seed, "acoustic_ranging"))
         spectral = ambient_noise(modem.frequency, modem.wind, modem.shipping)
@@ -150,17 +155,27 @@ class AcousticChannel:
         modem, speed = self._modem, self._sound_speed(source, place)
         level = hypot(source[0] - place[0], source[1] - place[1])
         depth = max(self._depth, source[2], place[2])
-        for path in paths(level, source[2], place[2], depth, modem.bounces):
+        ways = paths(level, source[2], place[2], depth, modem.bounces)
+        if self._rays is not None:
+            ray = self._rays.between(level, source[2], place[2])
+            if ray is None:
+                del ways[0]
+            elif ray.time > 0.0:
+                speed = ray.length / ray.time
+                ways[0] = Path(ray.length, 0, 0)
+            if not ways:
+                self.counts["shadowed"] += 1
+        for path in ways:
             loss = transmission_loss(path.length, modem.frequency, modem.spreading)
             loss += path.surface * modem.surface_loss + path.bottom * modem.bottom_loss
             received = power(modem.source_level - loss)
-            if received < _NEGLIGIBLE * self._noise and path.surface + path.bottom:
+            carries = path is ways[0]
+            if received < _NEGLIGIBLE * self._noise and not carries:
                 continue
             late = round(path.length / speed * NS)
-            direct = not path.surface + path.bottom
             self._arrivals.append(
                 _Arrival(
-                    begin_ns + late, end_ns + late, sender, receiver, self._number, received, direct,
+                    begin_ns + late, end_ns + late, sender, receiver, self._number, received, carries,
                     payload, begin_ns,
                 )
             )  # fmt: skip

@@ -22,7 +22,8 @@ class UsblModel(NamedTuple):
     """Rate in Hz (0: none), where the station is (m, NED), its reach, and errors of range (m) and direction (rad).
 
     Reach: Blueprint Subsea SeaTrac X150, 1 km. Errors: in the middle of what Stonefish's examples take, 1 to 5 cm and
-    0.05 to 0.5 deg; the rate is our choice.
+    0.05 to 0.5 deg; the rate is our choice. `assumed_speed` (m/s) is what the station makes a range of the travel time
+    with; 0: the speed of sound at the station, as one that measures it there.
     """
 
     rate: Annotated[float, Range(0.0, 50.0, "Hz")] = 1.0
@@ -30,6 +31,16 @@ class UsblModel(NamedTuple):
     max_range: Annotated[float, Range(1.0, 20_000.0, "m")] = 1000.0
     range: ErrorModel = ErrorModel(noise=0.03)
     angle: ErrorModel = ErrorModel(noise=0.005)
+    assumed_speed: Annotated[float, Range(0.0, 1800.0, "m/s")] = 0.0
+
+    def validate(self) -> str | None:
+        """Return what is wrong with a key, or None."""
+        low = 0.0 < self.assumed_speed < 1300.0
+        return (
+            f"assumed_speed: {self.assumed_speed:g} m/s is no speed of sound in water: give 1300 to 1800"
+            if low
+            else None
+        )
 
 
 class Usbl:
@@ -37,7 +48,9 @@ class Usbl:
 
     The direction is wrong by two small angles across the line of sight. A sample is of the instant when the beacon
     sent, and comes after the sound's way to the station and the mounting's `latency`, in which the way back to
-    the vehicle by modem belongs. Not modelled: rays that bend, echoes, obstacles in the way, the ship's motion.
+    the vehicle by modem belongs. Where the world's profile bends the rays of sound (sim/environment/sound_rays.py) the
+    range is that of the travel time, the direction that in which the sound comes, and there is no sample in a shadow.
+    Not modelled: echoes, obstacles in the way, the ship's motion.
     """
 
     Model = UsblModel
@@ -53,6 +66,10 @@ class Usbl:
         models = [model.range, model.angle, model.angle]
         self._errors = make_error_bank(models, period, sensor_random(seed, self.topic))
         self._column = _water_column(scene.world)
+        self._rays = self._column.rays(scene.world.depth) if self._column else None
+        at_station = self._column.sound_speed(model.station[2]) if self._column else SOUND_SPEED
+        self._assumed_speed = model.assumed_speed or at_station
+        self._stretch = self._assumed_speed / at_station  # of a range where sound has one speed
         self.delay_ns = 0
 
     def sample(self, time_ns: int, state: State) -> PositionSample | None:
@@ -60,11 +77,22 @@ class Usbl:
         place = self._mounting.place(state)
         x, y, z = [a - b for a, b in zip(place, self._station, strict=True)]
         distance = sqrt(x * x + y * y + z * z)
-        measured, up, starboard = self._errors.measure((distance, 0.0, 0.0))
-        if not 0.0 < distance <= self._max_range or submersion(self._scene, time_ns, place) < 0.0:
+        is_heard = 0.0 < distance <= self._max_range and submersion(self._scene, time_ns, place) >= 0.0
+        apparent, seconds = distance * self._stretch, distance / self._sound_speed(place)
+        line = (x / distance, y / distance, z / distance) if distance else (0.0, 0.0, 1.0)
+        if self._rays and is_heard:
+            level = sqrt(x * x + y * y)
+            ray = self._rays.between(level, self._station[2], place[2])
+            if ray is None:
+                is_heard = False
+            else:
+                apparent, seconds = ray.time * self._assumed_speed, ray.time
+                along = sqrt(max(0.0, 1.0 - ray.departure * ray.departure)) / level if level else 0.0
+                line = (x * along, y * along, ray.departure)
+        measured, up, starboard = self._errors.measure((apparent, 0.0, 0.0))
+        if not is_heard:
             return None
-        self.delay_ns = round(distance / self._sound_speed(place) * 1e9)
-        line = (x / distance, y / distance, z / distance)
+        self.delay_ns = round(seconds * 1e9)
         direction = _turned(line, up, starboard)
         north, east, down = [start + measured * along for start, along in zip(self._station, direction, strict=True)]
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.environment.ocean import Profile
+from sim.environment.sound_rays import SoundRays
 from sim.environment.water_column import WaterColumn
 from sim.modems.acoustic import NS, AcousticChannel, AcousticModem, Packet
 from sim.modems.optical import OpticalModem, bit_error, packet_arrives, quality
@@ -17,6 +18,31 @@ from sim.sensors.error import ErrorModel
 
 EXACT = AcousticModem(range_error=ErrorModel())
 TWO = {"a": (0.0, 0.0, 10.0), "b": (300.0, 400.0, 10.0)}
+
+
+SLOWER_BELOW = WaterColumn(Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0)), 9.81)
+
+
+def test_a_message_goes_along_the_bent_ray() -> None:
+    places = {"a": (0.0, 0.0, 60.0), "b": (600.0, 0.0, 90.0)}
+    ray = SoundRays((0.0, 200.0), (1520.0, 1480.0)).between(600.0, 60.0, 90.0)
+    assert ray is not None
+    channel = AcousticChannel(EXACT, 150.0, seed=1, column=SLOWER_BELOW)
+    through = channel.send(0, "a", b"x", places)
+    (packet,) = run(channel)
+    assert packet.received_ns == through + round(ray.time * NS)
+    assert packet.distance == pytest.approx(ray.time * 1500.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(("bounces", "fate"), [(0, "shadowed"), (1, "delivered")])
+def test_into_a_shadow_only_an_echo_leads(bounces: int, fate: str) -> None:
+    """Both 3 m deep, 550 m apart, under sound that bends down."""
+    places = {"a": (0.0, 0.0, 3.0), "b": (550.0, 0.0, 3.0)}
+    model = EXACT._replace(bounces=bounces, source_level=190.0)
+    channel = AcousticChannel(model, 100.0, seed=1, column=SLOWER_BELOW)
+    channel.send(0, "a", b"x", places)
+    assert len(run(channel)) == bounces
+    assert channel.counts == {"sent": 1, fate: 1}
 
 
 def run(channel: AcousticChannel, until_s: float = 10.0) -> list[Packet]:
