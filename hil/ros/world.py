@@ -3,21 +3,29 @@
 Of ours nobody reads the obstacles and the description: they are decoded by their definitions alone.
 """
 
+from collections.abc import Sequence
 from math import cos, sin
 from typing import Any, NamedTuple
 
+from hil.common.vectors import Vector3
 from hil.ros.cdr import MalformedError, tolerant
 from hil.ros.encoders import Decoder, Encoder
 from hil.ros.message import Message, encode, header, read
 from hil.ros.topics import TOPICS
 from sim.environment.mesh import MeshObstacle
 from sim.environment.obstacles import Box, Cylinder
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.things.zones import Zone
 from sim.environment.world import World
 
 FRAME = "map"
 OBSTACLES = "obstacles"  # the namespace of the markers
-_CUBE, _CYLINDER, _TRIANGLE_LIST = 1, 3, 11  # constants of visualization_msgs/Marker
+PIPELINES, ZONES = "pipelines", "zones"
+_CUBE, _CYLINDER, _LINE_STRIP, _LINE_LIST, _TRIANGLE_LIST = 1, 3, 4, 5, 11  # constants of visualization_msgs/Marker
 _COLOUR = {"r": 0.4, "g": 0.45, "b": 0.55, "a": 0.8}
+_ZONE_COLOUR = {"r": 0.75, "g": 0.1, "b": 0.6, "a": 0.9}  # magenta, as on charts
+_ZONE_WIDTH = 1.0  # m
+MOST_PIECES = 2000  # of a pipeline that is drawn
 _LEAST_HEIGHT = 0.01  # m: a marker without height is not drawn
 
 
@@ -57,12 +65,18 @@ def decode_map(data: bytes) -> GridMap:
 
 
 def encode_obstacles(time_ns: int, world: World) -> bytes:
-    """visualization_msgs/MarkerArray: a cylinder, a cube or triangles for each obstacle that is not hidden."""
+    """visualization_msgs/MarkerArray: all that is not hidden: cylinders, cubes, triangles, lines of pipelines and zones.
+
+    Raises ConfigError for a file of zones that cannot be read.
+    """
     placed: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
     seen = [obstacle for obstacle in placed if not obstacle.hidden]
     markers = [_marker(time_ns, number, obstacle, world) for number, obstacle in enumerate(seen)]
     meshes = [mesh for mesh in world.mesh if not mesh.hidden]
     markers += [_mesh_marker(time_ns, number, mesh) for number, mesh in enumerate(meshes, len(seen))]
+    pipelines = [pipeline for pipeline in world.pipeline if not pipeline.hidden]
+    markers += [_pipeline_marker(time_ns, number, pipeline, world) for number, pipeline in enumerate(pipelines)]
+    markers += [_zone_marker(time_ns, number, zone) for number, zone in enumerate(world.all_zones())]
     return encode("visualization_msgs/msg/MarkerArray", {"markers": markers})
 
 
@@ -86,10 +100,31 @@ def _marker(time_ns: int, number: int, obstacle: Cylinder | Box, world: World) -
 
 def _mesh_marker(time_ns: int, number: int, mesh: MeshObstacle) -> Message:
     """Return a list of triangles, in the axes of the map."""
-    points = [{"x": east, "y": north, "z": -down} for triangle in mesh.placed for north, east, down in triangle]
+    colour = dict(zip("rgba", (*mesh.keys.colour, _COLOUR["a"]), strict=True)) if mesh.keys.colour else _COLOUR
+    corners = [corner for triangle in mesh.placed for corner in triangle]
+    return _drawn(time_ns, OBSTACLES, number, _TRIANGLE_LIST, corners, 1.0, colour, mesh.label)
+
+
+def _pipeline_marker(time_ns: int, number: int, pipeline: Pipeline, world: World) -> Message:
+    ends = [end for piece in pipeline.drawn(world.seabed, world.spacing(), MOST_PIECES) for end in piece]
+    colour = dict(zip("rgba", (*pipeline.colour, 1.0), strict=True))
+    return _drawn(time_ns, PIPELINES, number, _LINE_LIST, ends, pipeline.diameter, colour, pipeline.label)
+
+
+def _zone_marker(time_ns: int, number: int, zone: Zone) -> Message:
+    corners = [(north, east, 0.0) for north, east in (*zone.outline, zone.outline[0])]
+    return _drawn(time_ns, ZONES, number, _LINE_STRIP, corners, _ZONE_WIDTH, _ZONE_COLOUR, zone.label)
+
+
+def _drawn(
+    time_ns: int, space: str, number: int, kind: int, places: Sequence[Vector3], size: float,
+    colour: dict[str, float], text: str,
+) -> Message:  # fmt: skip
+    """Return a marker of places (NED, m), `size` m wide if they are lines."""
     return {
-        "header": header(time_ns, FRAME), "ns": OBSTACLES, "id": number, "type": _TRIANGLE_LIST, "color": _COLOUR,
-        "scale": {"x": 1.0, "y": 1.0, "z": 1.0}, "text": mesh.label, "points": points,
+        "header": header(time_ns, FRAME), "ns": space, "id": number, "type": kind, "color": colour, "text": text,
+        "scale": {"x": size, "y": 1.0, "z": 1.0},
+        "points": [{"x": east, "y": north, "z": -down} for north, east, down in places],
         "pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"w": 1.0}},
     }  # fmt: skip
 

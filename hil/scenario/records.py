@@ -13,6 +13,7 @@ from hil.common.endpoint import validate_endpoint
 from hil.common.schema import Range
 from hil.links.address import incompatibility
 from hil.ros import dialect
+from sim.environment.obstacles import ZoneKind
 from sim.run_events import DEPTH_MARGIN_M, EventKind
 
 if TYPE_CHECKING:  # loaded when a scenario has faults
@@ -83,7 +84,8 @@ class Master(NamedTuple):
 
     `map` is the map at the start: "known" the world without its hidden obstacles, "unknown" an empty one, "NAME.yaml" a
     map of map_server. It has cells of `resolution`; obstacles are inflated by half the vehicle's horizontal diagonal
-    plus `margin`, and the seabed is one where it leaves less than `seabed_margin` under the vehicle. `lookahead` and
+    plus `margin`, and the seabed is one where it leaves less than `seabed_margin` under the vehicle. A known map shows
+    the world's zones of the kinds in `avoid_zones` as obstacles. `lookahead` and
     `tolerance` are those of the path. The run fails when the planner is not done within `time_limit`, and for every
     event of sim/run_events.py that `allow` does not name; the vehicle is too deep `depth_margin` below the deepest
     commanded depth.
@@ -102,6 +104,7 @@ class Master(NamedTuple):
     time_limit: Annotated[float, Range(1.0, 86_400.0, "s")] = 300.0
     depth_margin: Annotated[float, Range(0.0, 1000.0, "m")] = DEPTH_MARGIN_M
     allow: tuple[EventKind, ...] = ()
+    avoid_zones: tuple[ZoneKind, ...] = ()
 
     def validate(self) -> str | None:
         """Return why the map is invalid, None if it is valid."""

@@ -13,6 +13,7 @@ from hil.scenario.records import Master, Start
 from sim.environment.mesh import MeshObstacle, Triangle
 from sim.environment.obstacles import Box, Cylinder, Obstacle
 from sim.environment.terrain import NO_DATA
+from sim.environment.things.pipelines import Pipeline
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
@@ -46,15 +47,20 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | No
         cylinder=tuple(o for o in world.cylinder if not o.hidden),
         box=tuple(o for o in world.box if not o.hidden),
         mesh=tuple(o for o in world.mesh if not o.hidden),
+        pipeline=tuple(o for o in world.pipeline if not o.hidden),
     )
     if world.terrain is None and master.depth + below >= world.depth:
         raise ConfigError(
             f"master: depth: at {master.depth:g} m the vehicle has not its {below:.2f} m of water above the seabed of "
             f"{world.name}, which is {world.depth:g} m deep; go higher, or lessen seabed_margin"
         )
-    return map_at(
+    grid = map_at(
         seen, master.depth, below, part.resolution, part.extent, is_coarse=part.resolution > master.resolution
     )
+    for zone in world.all_zones():
+        if zone.kind in master.avoid_zones:
+            close(grid, zone.outline)
+    return grid
 
 
 def map_at(
@@ -73,7 +79,9 @@ def map_at(
         for obstacle in world.obstacles():
             if obstacle.top < depth and obstacle.bottom > depth - below:
                 widen = max(0.0, HALF_DIAGONAL * resolution - (0.0 if is_coarse else _thickness(obstacle)))
-                if isinstance(obstacle, MeshObstacle):
+                if isinstance(obstacle, Pipeline):
+                    _lower_by_pieces(free, obstacle, world, (depth - below, depth), norths, easts, widen)
+                elif isinstance(obstacle, MeshObstacle):
                     _lower_by_mesh(free, obstacle.between(depth - below, depth), norths, easts, widen)
                 else:
                     lower(free, obstacle, norths, easts, widen)
@@ -117,6 +125,44 @@ def _lower_by_mesh(free: Array, triangles: Iterable[Triangle], norths: Array, ea
             part[_to_triangle(corners, norths[rows, columns], easts[rows, columns]) <= widen] = -1.0
 
 
+def _lower_by_pieces(
+    free: Array, pipeline: Pipeline, world: World, depths: tuple[float, float], norths: Array, easts: Array,
+    widen: float,
+) -> None:  # fmt: skip
+    """Lower `free` to below 0 along what of a pipeline lies between two `depths`."""
+    radius, (south, north), (west, east) = 0.5 * pipeline.diameter, norths[[0, -1], 0], easts[0, [0, -1]]
+    middle, size = (0.5 * (south + north), 0.5 * (west + east)), float(np.hypot(north - south, east - west))
+    near = pipeline.pieces(world.seabed, world.spacing(), *middle, size)
+    level = [
+        (one, other, other)
+        for one, other in near
+        if min(one[2], other[2]) - radius < depths[1] and max(one[2], other[2]) + radius > depths[0]
+    ]
+    _lower_by_mesh(free, level, norths, easts, max(widen, radius))
+
+
+def close(grid: OccupancyGrid, outline: Sequence[Point]) -> None:
+    """Occupy the cells of a map whose middles are within an outline (corners, north and east in m).
+
+    Those are where a line to the north crosses its sides an odd number of times.
+    """
+    corners = np.array(outline)
+    middles = [
+        first + grid.resolution * (np.arange(count) + 0.5)
+        for first, count in zip(grid.origin, grid.cells.shape, strict=True)
+    ]
+    rows, columns = (
+        slice(*np.searchsorted(middle, (corners[:, axis].min(), corners[:, axis].max())))
+        for axis, middle in enumerate(middles)
+    )
+    north, east = middles[0][rows, None], middles[1][None, columns]
+    inside = np.zeros((len(north), east.shape[1]), bool)
+    for (x, y), (to_x, to_y) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if y != to_y:
+            inside ^= ((y <= east) != (to_y <= east)) & (north < x + (to_x - x) * (east - y) / (to_y - y))
+    grid.cells[rows, columns] |= inside
+
+
 def _to_triangle(corners: Array, north: Array, east: Array) -> Array:
     """Return how far (m) places are from a triangle (3 x 2, m), 0 inside it."""
     least, turns = np.full(north.shape, np.inf), []
@@ -141,7 +187,7 @@ def _thickness(obstacle: Obstacle) -> float:
     """Return the radius (m) of the greatest circle within it."""
     if isinstance(obstacle, Cylinder):
         return obstacle.radius
-    if isinstance(obstacle, MeshObstacle):
+    if isinstance(obstacle, (MeshObstacle, Pipeline)):
         return 0.0
     return 0.5 * min(obstacle.size_north, obstacle.size_east) if isinstance(obstacle, Box) else np.inf
 

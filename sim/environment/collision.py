@@ -109,7 +109,7 @@ class Contact:
         self._last: Sequence[float] | None = None  # where it was free
         self._obstacles = world.upright()
         self._meshes: MeshContact | None = None
-        if world.mesh:
+        if world.mesh or world.pipeline:
             from sim.environment import mesh_contact
 
             self._meshes = mesh_contact.MeshContact(world, self.radius, self.half_height)

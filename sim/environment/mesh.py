@@ -58,6 +58,8 @@ class MeshObstacle(NamedTuple):
 
     `triangles` are in its own axes (m; forward, right, down), `rotation` (3 x 3, row after row) turns these into NED,
     `placed` are they in NED. `radius` (m) is how far it extends from `north`, `east`, seen from above.
+    Of a `net` only the twines are seen: how far they are from each other along the sides of a triangle at its first
+    corner, and how thick (m).
     """
 
     keys: MeshKeys
@@ -67,6 +69,7 @@ class MeshObstacle(NamedTuple):
     radius: float
     top: float
     bottom: float
+    net: tuple[float, float] | None = None
 
     @property
     def north(self) -> float:
@@ -122,7 +125,11 @@ def place(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
     file = os.path.join(folder, keys.file)
     check_file(file, MOST_BYTES)
     up = keys.up or ("y" if file.lower().endswith((".glb", ".gltf")) else "z")
-    triangles = _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where)
+    return put(keys, _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where))
+
+
+def put(keys: MeshKeys, triangles: tuple[Triangle, ...], net: tuple[float, float] | None = None) -> MeshObstacle:
+    """Return triangles in their own axes at the place that `keys` say; `net` as of a MeshObstacle."""
     rotation = matrix(from_euler(*keys.orientation))
     a, b, c, d, e, f, g, h, i = rotation
     placed = tuple(
@@ -139,7 +146,16 @@ def place(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
     corners = [corner for triangle in placed for corner in triangle]
     radius = max(sqrt((n - keys.north) ** 2 + (e - keys.east) ** 2) for n, e, _ in corners)
     depths = [down for _, _, down in corners]
-    return MeshObstacle(keys, triangles, rotation, placed, radius, min(depths), max(depths))  # type: ignore[arg-type]
+    return MeshObstacle(
+        keys,
+        triangles,
+        rotation,
+        placed,
+        radius,
+        min(depths),
+        max(depths),
+        net,  # type: ignore[arg-type]
+    )
 
 
 @lru_cache(maxsize=32)

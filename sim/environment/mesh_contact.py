@@ -1,4 +1,4 @@
-"""Contact of a vehicle with the meshes of a world, by rays from its middle to places of its hull."""
+"""Contact of a vehicle with the meshes and pipelines of a world, by rays from its middle to places of its hull."""
 
 from array import array
 from collections.abc import Sequence
@@ -6,6 +6,7 @@ from math import cos, inf, pi, sin, sqrt
 
 from hil.common.vectors import Vector3
 from sim.environment.mesh import MeshObstacle
+from sim.environment.things.pipelines import Pipeline
 from sim.environment.world import World
 from sim.rays.geometry import NOTHING
 from sim.rays.scene import RayScene
@@ -22,9 +23,10 @@ class MeshContact:
     """
 
     def __init__(self, world: World, radius: float, half_height: float) -> None:
-        self._meshes: tuple[MeshObstacle, ...] = world.mesh
-        bare = world._replace(cylinder=(), box=(), walls=False, terrain=None, ocean=None, depth=_DEEP)
-        self._scene = RayScene(bare)
+        self._meshes: tuple[MeshObstacle | Pipeline, ...] = (*world.mesh, *world.pipeline)
+        tight = tuple(mesh._replace(net=None) for mesh in world.mesh)  # a vehicle does not pass between twines
+        bare = world._replace(mesh=tight, cylinder=(), box=(), walls=False, terrain=None, ocean=None, depth=_DEEP)
+        self._scene = RayScene(bare, bed=world)
         places = [(0.0, 0.0, half_height), (0.0, 0.0, -half_height)]
         for down in (-half_height, 0.0, half_height):
             turns = [2.0 * pi * k / _AROUND for k in range(_AROUND)]
@@ -34,7 +36,7 @@ class MeshContact:
         self._reach = max(self._lengths)
 
     def away(self, north: float, east: float) -> float:
-        """Return the distance (m) from a place to the nearest of the upright cylinders around the meshes."""
+        """Return the distance (m) from a place to the nearest pipeline or upright cylinder around a mesh."""
         return min(mesh.separation(north, east)[0] for mesh in self._meshes)
 
     def deepest(self, position: Sequence[float]) -> tuple[float, Vector3, str]:

@@ -1,7 +1,7 @@
 """Upright obstacles: each has a horizontal outline and reaches from its `top` down to its `bottom`, or the seabed."""
 
 from math import cos, sin, sqrt
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, Literal, NamedTuple, Protocol
 
 from hil.common.schema import Range
 
@@ -13,6 +13,8 @@ Top = Annotated[float, Range(-100.0, 11_000.0, "m")]
 STANDING = 20_000.0
 Bottom = Annotated[float, Range(-100.0, STANDING, "m")]
 Heading = Annotated[float, Range(-6.2832, 6.2832, "rad")]
+
+ZoneKind = Literal["restricted", "anchorage", "dumping", "military", "cable", "pipeline"]
 
 # Distance in m (negative inside) and the horizontal unit vector away from the obstacle, north and east.
 Separation = tuple[float, float, float]

@@ -3,7 +3,7 @@
 import os
 import sys
 from math import inf, pi
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, find_preset, parse
@@ -12,13 +12,15 @@ from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
+    from collections.abc import Callable, Iterator
 
     from hil.common.tables import Stamp
     from sim.environment.mesh import MeshObstacle
     from sim.environment.ocean import Ocean
     from sim.environment.terrain import Terrain
+    from sim.environment.things.bottom_map import BottomMap
+    from sim.environment.things.pipelines import Pipeline
+    from sim.environment.things.zones import Zone
 
 Edge = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(-5.0, 5.0, "m/s")]
@@ -30,6 +32,7 @@ _RELIEF_WITHIN = 50.0  # m
 # chart's two thousand take a slave of a tenth of a second a third more.
 _MANY = 100
 _CHECKED = ".obstacles"  # what they are kept as, after the world's file
+_SECTIONS = ("mesh", "shape", "pipeline", "bottom_map", "zone", "terrain", "ocean")
 
 
 class World(NamedTuple):
@@ -45,6 +48,7 @@ class World(NamedTuple):
     positive), each angle in rad. Left out it is that of the World Magnetic Model at the origin, and without an origin
     about that of central Europe (sim/environment/geomagnetism.py).
     `bottom` is what the seabed is made of, for sonars and cameras; left out it is even and smooth below the grid.
+    `zones` names a file with `[[zone]]` tables beside this one: see sim.environment.things.zones.
     Not modelled: eddies, the water's calm in the lee of an obstacle.
     """
 
@@ -62,9 +66,13 @@ class World(NamedTuple):
     cylinder: tuple[Cylinder, ...] = ()
     box: tuple[Box, ...] = ()
     bottom: Bottom | None = None
+    zones: str = ""
     ocean: "Ocean | None" = None  # these are read by load_world, each with a schema of its own
     terrain: "Terrain | None" = None
     mesh: "tuple[MeshObstacle, ...]" = ()
+    pipeline: "tuple[Pipeline, ...]" = ()
+    bottom_map: "BottomMap | None" = None
+    zone: "tuple[Zone, ...]" = ()
 
     def validate(self) -> str | None:
         """Return what is wrong between the keys, or None."""
@@ -86,11 +94,21 @@ class World(NamedTuple):
 
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Return all obstacles in the water, walls included."""
-        return (*self.upright(), *self.mesh)
+        return (*self.upright(), *self.mesh, *self.pipeline)
 
     def upright(self) -> tuple[Obstacle, ...]:
-        """Return the obstacles with a horizontal outline, walls included: all but meshes."""
+        """Return the obstacles with a horizontal outline, walls included: all but meshes and pipelines."""
         return (*self.cylinder, *self.box, *self._walls())
+
+    def looks(self) -> "Iterator[tuple[int, tuple[float, float, float] | None, float]]":
+        """Yield number among the `obstacles`, from 1 on, colour (None: any) and echo (dB) of meshes and pipelines."""
+        number = len(self.upright())
+        for mesh in self.mesh:
+            number += 1
+            yield number, mesh.keys.colour, mesh.keys.echo
+        for pipeline in self.pipeline:
+            number += 1
+            yield number, pipeline.colour, pipeline.echo
 
     def buried(self) -> str | None:
         """Return which obstacle could not be seen, if any."""
@@ -110,6 +128,18 @@ class World(NamedTuple):
                 return f"{mesh.label} has its top in the seabed"
         return None
 
+    def spacing(self) -> float:
+        """Return how long (m) the pieces of pipelines are that follow the seabed."""
+        return max(0.5, self.terrain.grid.resolution) if self.terrain else inf
+
+    def all_zones(self) -> "tuple[Zone, ...]":
+        """Return its zones, also those in its file of zones, which is read for this. Raises ConfigError."""
+        if not self.zones:
+            return self.zone
+        from sim.environment.things.zones import read_file
+
+        return (*self.zone, *read_file(self.zones))
+
     def foot(self, obstacle: Obstacle, north: float, east: float) -> float:
         """Return the depth (m) at which an obstacle at a place ends: that of the seabed, unless it hangs above."""
         return min(obstacle.bottom, self.seabed(north, east))
@@ -128,6 +158,11 @@ class World(NamedTuple):
         for mesh in self.mesh:
             if mesh.top < depth and mesh.bottom > highest and mesh.separation(north, east)[0] < least:
                 least = min(least, mesh.distance(north, east, highest, depth))
+        for pipeline in self.pipeline:
+            away = pipeline.separation(north, east)[0]
+            if depth < inf and away < min(least, within):
+                away = pipeline.distance(self.seabed, self.spacing(), north, east, highest, depth, min(least, within))
+            least = min(least, away)
         if self.terrain is None or depth == inf:
             return least
         from sim.environment.shallows import distance_to_shallows
@@ -152,28 +187,15 @@ def load_world(name_or_path: str) -> World:
     stamp = (*check_file(path, LARGEST), Cylinder._fields, Box._fields)
     kept = read_kept(path + _CHECKED, stamp)
     table, piles, blocks, bed = kept or (read_table(path), (), (), None)
-    ocean, terrain, mesh = (table.pop(key, None) for key in ("ocean", "terrain", "mesh"))
-    world = parse(table, World, path)
+    sections = {key: table.pop(key) for key in _SECTIONS if key in table}
+    world = _with_sections(parse(table, World, path), sections, path)
     if kept:
         world = world._replace(cylinder=tuple(map(Cylinder._make, piles)), box=tuple(map(Box._make, blocks)))
-    if mesh is not None:  # most worlds do without these, and start sooner
-        from sim.environment.mesh import read_meshes
-
-        world = world._replace(mesh=read_meshes(mesh, path))
-    if terrain is not None:
-        from sim.environment.terrain import read_terrain
-
-        world = world._replace(terrain=read_terrain(terrain, path, world.extent, world.depth))
-    if ocean is not None:
-        from sim.environment.ocean import read_ocean
-
-        world = world._replace(ocean=read_ocean(ocean, path))
-    now = _stamp_of_bed(terrain, path)
+    now = _stamp_of_bed(sections.get("terrain"), path)
     if problem := (None if kept and now == bed else world.buried()) or world.misplaced_mesh():
         raise ConfigError(f"{path}: {problem}")
     if len(world.cylinder) + len(world.box) >= _MANY and not (kept and now == bed):
         rest = {key: value for key, value in table.items() if key not in ("cylinder", "box")}
-        sections = {key: value for key, value in (("ocean", ocean), ("terrain", terrain), ("mesh", mesh)) if value}
         keep(
             path + _CHECKED, stamp, ({**rest, **sections}, [*map(tuple, world.cylinder)], [*map(tuple, world.box)], now)
         )
@@ -187,6 +209,41 @@ def _stamp_of_bed(terrain: "dict[str, Any] | None", path: str) -> "Stamp | None"
     if terrain is None or "file" not in terrain:
         return None
     return check_file(os.path.join(os.path.dirname(path), str(terrain["file"])), sys.maxsize)
+
+
+def _with_sections(world: World, sections: dict[str, Any], path: str) -> World:
+    """Return the world with what has a schema of its own: most worlds do without these, and start sooner."""
+    if "mesh" in sections:
+        from sim.environment.mesh import read_meshes
+
+        world = world._replace(mesh=read_meshes(sections["mesh"], path))
+    if "pipeline" in sections:
+        from sim.environment.things.pipelines import read_pipelines
+
+        world = world._replace(pipeline=read_pipelines(sections["pipeline"], path))
+    if "bottom_map" in sections:
+        from sim.environment.things.bottom_map import read_bottom_map
+
+        world = world._replace(bottom_map=read_bottom_map(sections["bottom_map"], path))
+    if "zone" in sections:
+        from sim.environment.things.zones import read_zones
+
+        world = world._replace(zone=read_zones(sections["zone"], path))
+    if world.zones:
+        world = world._replace(zones=os.path.join(os.path.dirname(path), world.zones))
+    if "terrain" in sections:
+        from sim.environment.terrain import read_terrain
+
+        world = world._replace(terrain=read_terrain(sections["terrain"], path, world.extent, world.depth))
+    if "shape" in sections:
+        from sim.environment.things.shapes import read_shapes
+
+        world = world._replace(mesh=(*world.mesh, *read_shapes(sections["shape"], path, world.seabed)))
+    if "ocean" in sections:
+        from sim.environment.ocean import read_ocean
+
+        world = world._replace(ocean=read_ocean(sections["ocean"], path))
+    return world
 
 
 def water_pressure(world: World) -> "Callable[[float], float]":

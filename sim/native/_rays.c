@@ -119,7 +119,7 @@ static void answer(const Geometry *geometry, const double *origin, const double 
     if (to->points == NULL)
         return;
     double *point = to->points + 3 * ray, *out = to->normals + 3 * ray;
-    to->objects[ray] = (int32_t)hit.object;
+    to->objects[ray] = (int32_t)owner(geometry, hit.object);
     set(point, NAN, NAN, NAN);
     set(out, NAN, NAN, NAN);
     if (hit.object == NOTHING)

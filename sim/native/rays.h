@@ -111,11 +111,29 @@ static double meet_triangle(const Triangle *triangle, const double *at, const do
     return v >= 0.0 && u + v <= 1.0 && distance >= 0.0 ? distance : INFINITY;
 }
 
-static double meet_mesh(const Geometry *geometry, long root, const double *at, const double *along, double reach, long *found)
+/* Between the twines of a net, which run along the sides at the triangle's corner. */
+static int is_open(const Triangle *triangle, const double *net, const double *at, const double *along, double distance)
 {
+    double away[3];
+    for (int axis = 0; axis < 3; axis++)
+        away[axis] = at[axis] + distance * along[axis] - triangle->corner[axis];
+    for (int side = 0; side < 2; side++) {
+        const double *e = side ? triangle->other : triangle->one;
+        double length = sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
+        double place = (away[0] * e[0] + away[1] * e[1] + away[2] * e[2]) / length / net[0];
+        if (fabs(place - floor(place) - 0.5) >= 0.5 - 0.5 * net[1] / net[0])
+            return 0;
+    }
+    return 1;
+}
+
+static double meet_mesh(const Geometry *geometry, const Solid *solid, const double *at, const double *along, double reach,
+                        long *found)
+{
+    const double *net = solid->sizes;
     double best = INFINITY;
     long waiting[DEPTH_OF_TREE], count = 0;
-    waiting[count++] = root;
+    waiting[count++] = (long)solid->root;
     while (count > 0) {
         const long number = waiting[--count];
         const Node *node = geometry->nodes + number;
@@ -129,7 +147,8 @@ static double meet_mesh(const Geometry *geometry, long root, const double *at, c
             waiting[count++] = first, waiting[count++] = number + 1;
         for (long i = first; i < last; i++) {
             double distance = meet_triangle(geometry->triangles + i, at, along);
-            if (distance < best && distance <= reach)
+            if (distance < best && distance <= reach
+                && !(net[0] > 0.0 && is_open(geometry->triangles + i, net, at, along, distance)))
                 best = distance, *found = i;
         }
     }
@@ -150,7 +169,7 @@ static double meet_solid(const Geometry *geometry, const Solid *solid, const dou
     turn_back(solid->rotation, away, at);
     turn_back(solid->rotation, direction, along);
     if (kind == MESH)
-        return meet_mesh(geometry, (long)solid->root, at, along, reach, detail);
+        return meet_mesh(geometry, solid, at, along, reach, detail);
     if (kind == SPHERE) {
         meet_round(at, along, sizes[0], 3, &near, &far);
     } else if (kind == CYLINDER) {
@@ -189,6 +208,13 @@ static Hit trace(const Geometry *geometry, const double *origin, const double *d
             best = (Hit){distance, i + 1, detail};
     }
     return best;
+}
+
+/* Which object a solid is: itself, unless it is a piece of another. */
+static long owner(const Geometry *geometry, long object)
+{
+    const Solid *solid = geometry->solids + object - 1;
+    return object > SEABED && solid->kind != MESH && solid->root != 0.0 ? (long)solid->root : object;
 }
 
 /* --- normals */

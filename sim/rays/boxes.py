@@ -48,7 +48,8 @@ def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], plac
     index, low, high = np.array(numbers), np.concatenate(lows), np.concatenate(highs)
     corner = rows[index, POSITION:ROTATION] + np.einsum("nij,nj->ni", turns[index], low)
     sides = (high - low)[:, :, None] * turns[index].transpose(0, 2, 1)
-    return Boxes(within[index] + 1, corner, sides)
+    owners = np.where(rows[:, KIND] == MESH, 0.0, rows[:, ROOT]).astype(np.int64)  # of pieces
+    return Boxes(np.where(owners > 0, owners, within + 1)[index], corner, sides)
 
 
 def _extent(

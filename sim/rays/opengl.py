@@ -71,7 +71,7 @@ class PictureScene(RayScene):
 
         Raises ConfigError where more of a terrain is within `reach` than a texture takes.
         """
-        geometry = self._present()
+        geometry = self._present(origin, reach)
         terrain, at = geometry.terrain, np.array(origin)
         if (terrain.shallowest(at[0], at[1], 0.0) if terrain else geometry.depth) < at[2]:  # from under the triangles
             return super().hits(origin, directions, reach, rotation)
@@ -108,7 +108,8 @@ class PictureScene(RayScene):
             self._draw_seabed(geometry, geometry.terrain, at, turned, reach)
         self._draw_meshes(rows)
         chosen = np.flatnonzero((rows[:, KIND] != HALF_SPACE) & (rows[:, KIND] != MESH))
-        self._draw_solids(rows[chosen], chosen + 1)
+        owners = rows[chosen, ROOT].astype(np.int64)  # of pieces
+        self._draw_solids(rows[chosen], np.where(owners > 0, owners, chosen + 1))
 
     def _draw_planes(self, geometry: Geometry, rows: Floats, at: Floats) -> None:
         chosen = np.flatnonzero(rows[:, KIND] == HALF_SPACE)
@@ -161,17 +162,20 @@ class PictureScene(RayScene):
             self._mesh["position"] = tuple(rows[place, POSITION:ROTATION])
             self._mesh["turn"] = tuple(rows[place, ROTATION:SIZES].reshape(3, 3).T.ravel())
             self._mesh["number"] = place + 1
+            self._mesh["net"] = tuple(rows[place, SIZES : SIZES + 2])
             mesh.render(vertices=vertices)
 
     def _load(self, solid: Solid) -> "tuple[VertexArray, int]":
-        """Return a mesh, each corner with the triangle's normal, and how many corners."""
+        """Return a mesh, each corner with the triangle's normal and where it is in a net, and how many corners."""
         corners = np.array(solid.triangles)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.sqrt((across * across).sum(axis=1))
         some = length > 0.0
         normals = (across[some] / length[some, None])[:, None].repeat(3, axis=1)
-        data = np.concatenate([corners[some], normals], axis=2).astype(np.float32)
-        content = [(self._context.buffer(data), "3f 3f", "corner", "normal")]
+        sides = np.linalg.norm(corners[some, 1:] - corners[some, :1], axis=2)
+        along = sides[:, None] * np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+        data = np.concatenate([corners[some], normals, along], axis=2).astype(np.float32)
+        content = [(self._context.buffer(data), "3f 3f 2f", "corner", "normal", "along")]
         return self._context.vertex_array(self._mesh, content), 3 * len(data)
 
     def _draw_solids(self, rows: Floats, numbers: NDArray[np.int64]) -> None:

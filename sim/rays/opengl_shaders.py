@@ -200,8 +200,11 @@ MESH = Program(
 uniform vec3 position;
 uniform mat3 turn;  // into the world's axes
 in vec3 corner, normal;
+in vec2 along;      // m along both sides of the triangle at its first corner
 flat out vec3 place, out_of;
+out vec2 spot;
 void main() {{
+    spot = along;
     place = position + turn * corner;
     out_of = turn * normal;
     gl_Position = projected(place);
@@ -209,8 +212,12 @@ void main() {{
 """,
     f"""{_RAY}
 uniform int number;
+uniform vec2 net;   // m from twine to twine, and how thick one is; 0 for what is tight
 flat in vec3 place, out_of;
+in vec2 spot;
 void main() {{
+    if (net.x > 0.0 && all(lessThan(abs(fract(spot / net.x) - 0.5), vec2(0.5 - 0.5 * net.y / net.x))))
+        discard;
     float rate = dot(out_of, ray());
     meet(dot(out_of, place) / rate, rate > 0.0 ? -out_of : out_of, number);
 }}

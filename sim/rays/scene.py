@@ -14,6 +14,7 @@ from sim.rotations import matrix
 if TYPE_CHECKING:
     from sim.dynamics import State
     from sim.rays.boxes import Boxes
+    from sim.rays.pipes import NearPipes
 
 __all__ = ["ALONG_AXES", "NOTHING", "SEABED", "Engine", "Hits", "RayScene"]
 
@@ -25,14 +26,20 @@ class RayScene:
     """The seabed and the obstacles of `world`, and the solids that are added.
 
     Objects: SEABED, then the obstacles from 1 on in the order of `world.obstacles()`, then what was added. `engine` is
-    the quickest there is, if left out; both give the same numbers to the last bit.
+    the quickest there is, if left out; both give the same numbers to the last bit. Pipelines lie on the seabed of
+    `bed`, of `world` if left out.
     The terrain is not copied. Not modelled: the water's surface (add a half space for that), rays that bend.
     """
 
-    def __init__(self, world: World, engine: Engine = "") -> None:
+    def __init__(self, world: World, engine: Engine = "", bed: World | None = None) -> None:
         self._world = world
         self._standing = len(world.obstacles())
         self._added: list[Solid] = []
+        self._pipes: NearPipes | None = None
+        if world.pipeline:
+            from sim.rays import pipes
+
+            self._pipes = pipes.NearPipes(bed or world, self._standing - len(world.pipeline) + 1)
         self._moving: list[tuple[int, State]] = []
         self._geometry: Geometry | None = None
         self._caster: Callable[..., None] | None = None
@@ -91,7 +98,7 @@ class RayScene:
         """
         from sim.rays.boxes import boxes_within
 
-        return boxes_within(self._present(), self._trees, place, reach)
+        return boxes_within(self._present(place, reach), self._trees, place, reach)
 
     def _cast(
         self,
@@ -102,7 +109,7 @@ class RayScene:
         distances: "array[float]",
         hits: Hits | None,
     ) -> None:
-        geometry = self._present()
+        geometry = self._present(origin, reach)
         if len(origin) not in (3, len(rays)):
             raise ValueError(f"origin: three numbers, or three for each of {len(rays) // 3} rays; found {len(origin)}")
         if self._caster is not None:
@@ -112,8 +119,13 @@ class RayScene:
 
         single.cast(geometry, origin, rotation, rays, reach, distances, hits)
 
-    def _present(self) -> Geometry:
-        """Return all there is, where it is now."""
+    def _present(self, origin: Sequence[float], reach: float) -> Geometry:
+        """Return all there is, where it is now; of pipelines what is within `reach` m of `origin`.
+
+        Rays with an origin for each, such as those of second echoes, meet what their sensor was near to before.
+        """
+        if self._pipes is not None and len(origin) == 3 and self._pipes.follow(origin, reach):
+            self._lay(self._pipes.rows)
         if self._geometry is None:
             self._geometry = self._gather()
             self._caster = make_caster(self._geometry) if self._engine in ("", "C") else None
@@ -130,6 +142,15 @@ class RayScene:
             for place, value in enumerate((*state.position, *matrix(state.quaternion)), first):
                 solids[place] = value
 
+    def _lay(self, rows: "array[float]") -> None:
+        """Put other pieces of pipelines into the scene, whose last rows they are."""
+        first = ROW * (self._standing + len(self._added))
+        if self._geometry is not None and len(self._geometry.solids) == first + len(rows):
+            solids = memoryview(self._geometry.solids)  # whose memory the caster holds: its size stays
+            solids[first:] = memoryview(rows)
+        else:
+            self._geometry = None
+
     def _solid_at(self, place: int) -> Solid:
         """Return the solid of object `place` + 1."""
         is_added = place >= self._standing
@@ -138,6 +159,8 @@ class RayScene:
     def _gather(self) -> Geometry:
         numbers, nodes, triangles = (array("d", part) for part in _standing(self._world))
         _append(self._added, numbers, nodes, triangles)
+        if self._pipes is not None:
+            numbers.extend(self._pipes.rows)
         return Geometry(self._world.terrain, self._world.depth, numbers, nodes, triangles)
 
 

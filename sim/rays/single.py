@@ -6,7 +6,7 @@ number, `detail`: on the seabed what sim/rays/seabed.py says, of a mesh the tria
 
 from array import array
 from collections.abc import Sequence
-from math import inf, nan, sqrt
+from math import floor, inf, nan, sqrt
 from typing import NamedTuple
 
 from hil.common.vectors import Vector3
@@ -68,13 +68,20 @@ def cast(
         distances[ray] = hit.distance
         if hits is None:
             continue
-        hits.objects[ray] = hit.object
+        hits.objects[ray] = _owner(geometry.solids, hit.object)
         point = out = (nan, nan, nan)
         if hit.object != NOTHING:
             point = x + hit.distance * along[0], y + hit.distance * along[1], z + hit.distance * along[2]
             out = normal(geometry, hit, along, point)
         hits.points[3 * ray : 3 * ray + 3] = array("d", point)
         hits.normals[3 * ray : 3 * ray + 3] = array("d", out)
+
+
+def _owner(solids: Sequence[float], number: int) -> int:
+    """Return which object a solid is: itself, unless it is a piece of another."""
+    if number > SEABED and solids[(number - 1) * ROW + KIND] != MESH and solids[(number - 1) * ROW + ROOT]:
+        return int(solids[(number - 1) * ROW + ROOT])
+    return number
 
 
 def normal(geometry: Geometry, hit: Hit, direction: Sequence[float], point: Sequence[float]) -> Vector3:
@@ -117,7 +124,7 @@ def _intersect_solid(
     at = turn_back(rotation, origin[0] - position[0], origin[1] - position[1], origin[2] - position[2])
     along = turn_back(rotation, direction[0], direction[1], direction[2])
     if kind == MESH:
-        return _intersect_mesh(geometry, int(row[ROOT]), at, along, reach)
+        return _intersect_mesh(geometry, int(row[ROOT]), sizes, at, along, reach)
     near, far = 0.0, reach
     if kind == SPHERE:
         near, far = _round(at, along, sizes[0], 3, near, far)
@@ -186,7 +193,9 @@ def _unit(x: float, y: float, z: float) -> Vector3:
 # --- meshes
 
 
-def _intersect_mesh(geometry: Geometry, root: int, at: Vector3, along: Vector3, reach: float) -> tuple[float, int]:
+def _intersect_mesh(
+    geometry: Geometry, root: int, net: Sequence[float], at: Vector3, along: Vector3, reach: float
+) -> tuple[float, int]:
     nodes, triangles = geometry.nodes, geometry.triangles
     best, nearest, waiting = inf, 0, [root]
     while waiting:
@@ -200,8 +209,9 @@ def _intersect_mesh(geometry: Geometry, root: int, at: Vector3, along: Vector3, 
         if not count:
             waiting += (first, place // NODE + 1)
         for number in range(first, first + count):
-            distance = _intersect_triangle(triangles[number * TRIANGLE : (number + 1) * TRIANGLE], at, along)
-            if distance < best and distance <= reach:
+            corner = triangles[number * TRIANGLE : (number + 1) * TRIANGLE]
+            distance = _intersect_triangle(corner, at, along)
+            if distance < best and distance <= reach and not (net[0] and _is_open(corner, net, at, along, distance)):
                 best, nearest = distance, number
     return best, nearest
 
@@ -223,6 +233,21 @@ def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) ->
     v = (dx * qx + dy * qy + dz * qz) * slow
     distance = (fx * qx + fy * qy + fz * qz) * slow
     return distance if v >= 0.0 and u + v <= 1.0 and distance >= 0.0 else inf
+
+
+def _is_open(corner: Sequence[float], net: Sequence[float], at: Vector3, along: Vector3, distance: float) -> bool:
+    """True if a ray that meets the triangle of a net at this distance goes between its twines.
+
+    They run along the two sides at its corner, which are at right angles.
+    """
+    mesh, twine = net[0], net[1]
+    x, y, z = (at[axis] + distance * along[axis] - corner[axis] for axis in range(3))
+    for side in (3, 6):
+        ex, ey, ez = corner[side], corner[side + 1], corner[side + 2]
+        place = (x * ex + y * ey + z * ez) / sqrt(ex * ex + ey * ey + ez * ez) / mesh
+        if abs(place - floor(place) - 0.5) >= 0.5 - 0.5 * twine / mesh:
+            return False
+    return True
 
 
 def _triangle_normal(triangles: Sequence[float], number: int, along: Vector3) -> Vector3:

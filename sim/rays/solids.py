@@ -26,8 +26,8 @@ _UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 class Solid(NamedTuple):
     """One solid. `rotation` (row after row) turns its own axes into the world's, `position` (NED, m) is their origin.
 
-    `reach` (m) is how far from there it extends at most, seen from above; `sizes` depend on `kind`; `triangles` are
-    those of a mesh, in its own axes.
+    `reach` (m) is how far from there it extends at most, seen from above; `sizes` depend on `kind`: of a mesh that is a
+    net they are how far its twines are apart and how thick; `triangles` are those of a mesh, in its own axes.
     """
 
     kind: int
@@ -38,7 +38,7 @@ class Solid(NamedTuple):
     triangles: tuple[Triangle, ...] = ()
 
     def numbers(self, root: int) -> list[float]:
-        """Return the row; `root` is where the tree of a mesh begins."""
+        """Return the row; `root` is where the tree of a mesh begins, of others the object that it is, 0 for itself."""
         sizes = [*self.sizes, *[0.0] * (ROOT - SIZES - len(self.sizes))]
         return [float(self.kind), self.reach, *self.position, *self.rotation, *sizes, float(root)]
 
@@ -96,8 +96,11 @@ def standing(obstacle: Obstacle) -> Solid:
     if isinstance(obstacle, Wall):
         return half_space((obstacle.inward_north, obstacle.inward_east, 0.0), obstacle.offset)
     from sim.environment.mesh import MeshObstacle  # most worlds have none
+    from sim.environment.things.pipelines import Pipeline
 
     if isinstance(obstacle, MeshObstacle):
         place = (obstacle.north, obstacle.east, obstacle.keys.depth)
-        return mesh(obstacle.triangles)._replace(position=place, rotation=obstacle.rotation)
+        return mesh(obstacle.triangles)._replace(position=place, rotation=obstacle.rotation, sizes=obstacle.net or ())
+    if isinstance(obstacle, Pipeline):  # has its number; its pieces come and go: see sim.rays.pipes
+        return sphere((1e9, 0.0, 0.0), 0.0)
     raise TypeError(f"rays know no {type(obstacle).__name__}")

@@ -13,7 +13,10 @@ from hil.gateways.foxglove.protocol import Channel
 from hil.recording.mcap_file import Message, schema_of
 from hil.ros.images import decode_sonar, encode_compressed
 from hil.scenario.config import Scenario
+from sim.environment.mesh import MeshObstacle
 from sim.environment.obstacles import Cylinder
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.things.zones import Zone
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
@@ -23,6 +26,8 @@ MOST_NODES = 150  # a side of the seabed that is sent: 45,000 triangles
 MAP = "map"
 GROUND, HULL = (0.55, 0.5, 0.4, 1.0), (0.98, 0.8, 0.08, 1.0)  # red, green, blue, opacity
 THRUSTER, OBSTACLE = (0.12, 0.16, 0.23, 1.0), (0.4, 0.45, 0.55, 0.6)
+ZONE, ZONE_WIDTH = (0.75, 0.1, 0.6, 0.9), 1.0  # magenta, as on charts; m
+MOST_PIECES = 2000  # of a pipeline
 THRUSTER_SIZE = 0.1, 0.1, 0.1  # m
 
 
@@ -57,7 +62,8 @@ def encode_scene(scenario: Scenario, world: World, vehicle: Vehicle) -> bytes:
     m = _messages()
     obstacles = [_obstacle(m, obstacle, world) for obstacle in (*world.cylinder, *world.box)]
     placed = m.SceneEntity(
-        frame_id=MAP, id="world", triangles=[_seabed(m, world), *(_mesh(m, mesh.placed) for mesh in world.mesh)],
+        frame_id=MAP, id="world", triangles=[_seabed(m, world), *(_mesh(m, mesh) for mesh in world.mesh)],
+        lines=[*(_pipeline(m, one, world) for one in world.pipeline), *(_zone(m, one) for one in world.all_zones())],
         cylinders=[one for one in obstacles if isinstance(one, m.CylinderPrimitive)],
         cubes=[one for one in obstacles if isinstance(one, m.CubePrimitive)],
     )  # fmt: skip
@@ -95,12 +101,36 @@ def _seabed(m: Any, world: World) -> Any:
     )  # fmt: skip
 
 
-def _mesh(m: Any, triangles: Any) -> Any:
-    corners = [corner for triangle in triangles for corner in triangle]
+def _mesh(m: Any, mesh: MeshObstacle) -> Any:
+    red, green, blue, opacity = (*mesh.keys.colour, 1.0) if mesh.keys.colour else OBSTACLE
+    colour = red, green, blue, OBSTACLE[3] if mesh.net else opacity
+    corners = [corner for triangle in mesh.placed for corner in triangle]
     return m.TriangleListPrimitive(
-        pose=_pose(m, (0.0, 0.0, 0.0)), color=m.Color(**_rgba(OBSTACLE)), indices=list(range(len(corners))),
-        points=[m.Point3(x=east, y=north, z=-down) for north, east, down in corners],
+        pose=_pose(m, (0.0, 0.0, 0.0)), color=m.Color(**_rgba(colour)), indices=list(range(len(corners))),
+        points=_points(m, corners),
     )  # fmt: skip
+
+
+def _pipeline(m: Any, pipeline: Pipeline, world: World) -> Any:
+    ends = [end for piece in pipeline.drawn(world.seabed, world.spacing(), MOST_PIECES) for end in piece]
+    return _line(m, m.LinePrimitiveLineType.LineList, ends, pipeline.diameter, (*pipeline.colour, 1.0))
+
+
+def _zone(m: Any, zone: Zone) -> Any:
+    corners = [(north, east, 0.0) for north, east in zone.outline]
+    return _line(m, m.LinePrimitiveLineType.LineLoop, corners, ZONE_WIDTH, ZONE)
+
+
+def _line(m: Any, kind: Any, places: Any, width: float, colour: Any) -> Any:
+    """Return a line through places (NED, m), `width` m wide."""
+    return m.LinePrimitive(
+        type=kind, pose=_pose(m, (0.0, 0.0, 0.0)), thickness=width, scale_invariant=False, points=_points(m, places),
+        color=m.Color(**_rgba(colour)),
+    )  # fmt: skip
+
+
+def _points(m: Any, places: Any) -> Any:
+    return [m.Point3(x=east, y=north, z=-down) for north, east, down in places]
 
 
 def _cube(m: Any, middle: Any, size: Any, colour: Any, yaw: float = 0.0) -> Any:

@@ -1,5 +1,7 @@
 """The colours of the scene; those that every picture has are the palette's."""
 
+from collections.abc import Sequence
+
 from hil.common import palette
 
 RGB = tuple[int, int, int]
@@ -23,10 +25,17 @@ SONAR: RGB = (245, 158, 11)
 LINK: RGB = (22, 163, 74)
 PLACE: RGB = (217, 70, 239)
 WATER: RGB = (56, 132, 200)
+ZONE: RGB = (190, 24, 160)  # magenta, as on charts
 CONTOUR: RGB = (20, 40, 60)
 LEGEND = (("planned path", PATH), ("track", TRACK), ("track by navigation", NAVIGATION), ("goal", GOAL),
           ("obstacle", OBSTACLE), ("thrust", THRUST), ("current", CURRENT))  # fmt: skip
 FLEET_LEGEND = (("in range of each other", LINK), ("place in the formation", PLACE))
+
+
+def bytes_of(colour: Sequence[float]) -> RGB:
+    """Return a colour given in shares of 1."""
+    red, green, blue = (round(255.0 * share) for share in colour)
+    return red, green, blue
 
 
 def css(colour: RGB) -> str:

@@ -9,6 +9,8 @@ import numpy as np
 from hil.view.scene import colours
 from hil.view.scene.frames import to_scene
 from sim.environment.obstacles import Box, Cylinder
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.things.zones import Zone
 from sim.environment.world import World
 
 MOST_NODES = 400  # a side of the seabed that is drawn: 320,000 triangles, which a browser without a GPU still turns
@@ -17,7 +19,8 @@ CURRENT_ARROWS = 6  # a side
 STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # m between contours
 SHALLOW, DEEP = np.array([214.0, 200.0, 160.0]), np.array([24.0, 60.0, 110.0])  # colours: sand to deep blue
 SURFACE_OPACITY = 0.06
-OPACITY = 0.35  # of obstacles
+OPACITY = 0.35  # of obstacles and nets
+MOST_PIECES = 2000  # of a pipeline
 
 
 class WorldScene:
@@ -37,11 +40,15 @@ class WorldScene:
         for number, mesh in enumerate(world.mesh):
             corners = np.array(mesh.placed).reshape(-1, 3)
             faces = np.arange(len(corners)).reshape(-1, 3)
-            colour = colours.OBSTACLE
-            if mesh.keys.colour:
-                red, green, blue = (round(255.0 * share) for share in mesh.keys.colour)
-                colour = (red, green, blue)
-            self._scene.add_mesh_simple(f"/meshes/{number}", to_scene(corners), faces, color=colour, side="double")
+            colour = colours.bytes_of(mesh.keys.colour) if mesh.keys.colour else colours.OBSTACLE
+            self._scene.add_mesh_simple(
+                f"/meshes/{number}", to_scene(corners), faces, color=colour, side="double",
+                opacity=OPACITY if mesh.net else None,
+            )  # fmt: skip
+        for number, pipeline in enumerate(world.pipeline):
+            self._draw_pipeline(number, pipeline)
+        for number, zone in enumerate(world.all_zones()):
+            self._draw_zone(number, zone)
         if any(world.current):
             self._draw_current()
 
@@ -115,6 +122,24 @@ class WorldScene:
         size = (obstacle.size_east, obstacle.size_north, height)
         turn = (float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
         self._scene.add_box(name, color=colours.OBSTACLE, dimensions=size, position=place, wxyz=turn, opacity=OPACITY)
+
+    def _draw_pipeline(self, number: int, pipeline: Pipeline) -> None:
+        pieces = list(pipeline.drawn(self.world.seabed, self.world.spacing(), MOST_PIECES))
+        if pieces:
+            segments = to_scene(np.array(pieces).reshape(-1, 3)).reshape(-1, 2, 3)
+            self._scene.add_line_segments(
+                f"/pipelines/{number}", segments, colours.bytes_of(pipeline.colour), thickness=pipeline.diameter,
+                thickness_units="world",
+            )  # fmt: skip
+            self._scene.add_label(f"/pipelines/{number}/name", pipeline.label, position=segments[len(pieces) // 2, 0])
+
+    def _draw_zone(self, number: int, zone: Zone) -> None:
+        corners = to_scene([(north, east, 0.0) for north, east in (*zone.outline, zone.outline[0])])
+        segments = np.stack([corners[:-1], corners[1:]], axis=1)
+        self._scene.add_line_segments(
+            f"/zones/{number}", segments, colours.ZONE, thickness=2.0, thickness_units="screen"
+        )
+        self._scene.add_label(f"/zones/{number}/name", zone.label, position=corners[0])
 
     def _draw_current(self) -> None:
         south, north, west, east = self.world.extent

@@ -42,9 +42,8 @@ class Pinger:
         self._strengths = np.full(surface + 2, self._object_strength)  # by object; NOTHING is the last one
         bottom = scene.world.bottom
         self._strengths[0] = 10.0 ** ((seabed + (PROPERTIES[bottom.kind].echo if bottom else 0.0)) / 10.0)
-        first = 1 + len(scene.world.upright())
-        for number, mesh in enumerate(scene.world.mesh, first):
-            self._strengths[number] *= 10.0 ** (mesh.keys.echo / 10.0)
+        for number, _, echo in scene.world.looks():
+            self._strengths[number] *= 10.0 ** (echo / 10.0)
         self._strengths[surface:] = 0.0
         self._surface = surface
         beams, rays = aperture.weights.shape
@@ -100,6 +99,9 @@ class Pinger:
     def _echoes(self, rays: Rays, turn: Floats, shape: tuple[int, ...] | None = None) -> tuple[Echoes, Floats]:
         """Return the echoes, and the cosines of incidence; `shape` if all rays of each beam are there."""
         strengths = self._strengths[rays.object]
+        if kinds := self._scene.world.bottom_map:
+            bed = rays.object == SEABED
+            strengths[bed] *= kinds.echoes(rays.points[bed, 0], rays.points[bed, 1], self._scene.world.bottom)
         echoing = (strengths > 0.0) & (rays.ranges > 0.0)
         ranges = np.where(echoing, rays.ranges, 1.0)
         normals = np.where(echoing[:, None], rays.normals @ turn, -rays.directions)

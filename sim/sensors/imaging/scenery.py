@@ -62,11 +62,11 @@ class Scenery:
     def __init__(self, world: World, surface: int) -> None:
         paints = [_PAINTS[i % len(_PAINTS)] for i in range(surface - 1)]
         self._colours = np.array([_SAND, *paints, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], np.float32)  # the last: NOTHING
-        for number, mesh in enumerate(world.mesh, 1 + len(world.upright())):
-            if mesh.keys.colour:
-                self._colours[number] = mesh.keys.colour
+        for number, colour, _ in world.looks():
+            if colour:
+                self._colours[number] = colour
         self._surface = surface
-        self._terrain = world.terrain
+        self._terrain, self._bottom_map = world.terrain, world.bottom_map
         if world.bottom:
             from sim.environment.texture import Texture
 
@@ -98,6 +98,10 @@ class Scenery:
             tone[seabed] *= self._bent(seen.points[:, seabed])
         if self._texture is not None and seabed.any():
             tone[seabed] *= self._textured(self._texture, seen, seabed)
+        ground: Pixels | None = None
+        if self._bottom_map is not None and seabed.any():
+            ground, texture = self._bottom_map.looks(*seen.points[:2, seabed], self._colours[SEABED])
+            tone[seabed] = np.maximum(np.float32(0.1), 1.0 + (tone[seabed] - 1.0) * texture)
         # From above as from a sky that is evenly bright, and a fifth from all sides.
         day = tone * np.where(surface, np.float32(1.0), np.float32(0.6) - np.float32(0.4) * seen.normals[2])
         if dapple is not None:
@@ -113,9 +117,12 @@ class Scenery:
                 share = np.float32(lamps / len(beams))
                 for beam in beams:
                     out += tone * share * _lamplight(beam, attenuation[channel]) * ~surface
-            out *= self._colours[:, channel].take(seen.objects, mode="wrap") + rock * np.float32(
-                _ROCK[channel] - _SAND[channel]
-            )
+            colour = self._colours[:, channel].take(seen.objects, mode="wrap")
+            darker: np.float32 | Pixels = np.float32(_ROCK[channel] - _SAND[channel])
+            if ground is not None:
+                colour[seabed] = ground[:, channel]
+                darker = np.float32(_ROCK[channel]) - colour
+            out *= colour + rock * darker
         pixels: Pixels = radiance.T
         return pixels
 

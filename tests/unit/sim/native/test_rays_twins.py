@@ -16,6 +16,8 @@ from sim.dynamics import State
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.relief import Fractal
 from sim.environment.terrain import Terrain, covering
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.things.primitives import quad
 from sim.environment.world import World
 from sim.rays import solids
 from sim.rays.scene import Engine, RayScene
@@ -42,6 +44,7 @@ def random_world(seed: int) -> World:
     depth = chance.choice([12.0, 5.0, 30.0])
     world = World(
         "random", "test", EXTENT, depth, walls=seed % 4 == 0,
+        pipeline=(Pipeline(((-15.0, -20.0), (2.0, -2.0), (15.0, 20.0)), 1.5, -0.3), Pipeline(((9.0, 0.0), (9.0, 5.0)))),
         cylinder=(Cylinder(3.0, 4.0, 2.0), Cylinder(-9.0, 4.0, 1.0, 8.0)), box=(Box(0.0, -10.0, 3.0, 8.0, 0.4, 6.0),),
     )  # fmt: skip
     if seed % 5 == 0:
@@ -63,6 +66,8 @@ def random_scene(seed: int, engine: Engine) -> RayScene:
         scene.add(solids.cylinder((-place[0], place[1], place[2]), 0.7, 2.0, turned))
     crumpled = [[[chance.gauss(0.0, 1.0) for _ in range(3)] for _ in range(3)] for _ in range(60)]
     scene.add(solids.mesh(crumpled), State((5.0, 5.0, 5.0), attitude(chance)))
+    net = solids.mesh(quad(*[(7.0 * x, 7.0 * y, 0.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]))
+    scene.add(net._replace(sizes=(0.7, 0.2)), State((-5.0, -9.0, 5.0), attitude(chance)))
     scene.add(solids.half_space((0.0, 0.0, 1.0), -2.0))
     return scene
 

@@ -1,0 +1,131 @@
+"""Where the seabed is made of what, for sonars and cameras: `[bottom_map]` of a world's file, as charts have it.
+
+[bottom_map]
+file = "bay.bottom"            # beside the world's file: a byte a node, row after row from the south-west
+north_min = -200.0
+east_min = -150.0
+resolution = 20.0
+rows = 21
+columns = 16
+
+A byte is the number that S-57 gives the nature of a surface (attribute 113, NATSUR), 0 where nothing is known: there
+the seabed is what `[bottom]` says. The file is mapped when a sonar or a camera looks. Echoes are those of
+sim.environment.bottom for its kinds, those of others lie between them; colours and textures are ours.
+"""
+
+import os
+import sys
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, parse
+from hil.common.tables import check_file
+from sim.environment.bottom import PROPERTIES, Bottom
+from sim.environment.terrain_grid import Edge
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Codes = NDArray[np.uint8]
+    Floats = NDArray[np.float32]
+
+
+class Nature(NamedTuple):
+    """One kind of seabed: its number in S-57, echo in dB above sand's, colour, and how strong its texture is."""
+
+    code: int
+    echo: float
+    colour: tuple[float, float, float]
+    texture: float
+
+
+NATURES: dict[str, Nature] = {
+    "mud": Nature(1, PROPERTIES["mud"].echo, (0.17, 0.14, 0.10), 0.4),
+    "clay": Nature(2, -7.0, (0.26, 0.22, 0.18), 0.4),
+    "silt": Nature(3, -5.0, (0.25, 0.21, 0.15), 0.5),
+    "sand": Nature(4, PROPERTIES["sand"].echo, (0.42, 0.36, 0.26), 1.0),
+    "stone": Nature(5, 8.0, (0.24, 0.23, 0.21), 1.6),
+    "gravel": Nature(6, PROPERTIES["gravel"].echo, (0.31, 0.28, 0.23), 1.4),
+    "pebbles": Nature(7, 7.0, (0.30, 0.28, 0.25), 1.5),
+    "cobbles": Nature(8, 8.0, (0.26, 0.25, 0.22), 1.7),
+    "rock": Nature(9, PROPERTIES["rock"].echo, (0.17, 0.16, 0.14), 1.5),
+    "lava": Nature(11, 10.0, (0.10, 0.10, 0.10), 1.5),
+    "coral": Nature(14, 8.0, (0.45, 0.34, 0.28), 1.8),
+    "shells": Nature(17, 4.0, (0.50, 0.47, 0.40), 1.5),
+    "boulder": Nature(18, 10.0, (0.20, 0.19, 0.17), 1.9),
+}
+UNKNOWN = 0
+_CODES = 256
+
+
+class BottomMapKeys(NamedTuple):
+    """The keys of a `[bottom_map]`: see the top of this module."""
+
+    file: str
+    north_min: Edge
+    east_min: Edge
+    resolution: Annotated[float, Range(0.01, 1e5, "m")]
+    rows: Annotated[int, Range(1, 100_000)]
+    columns: Annotated[int, Range(1, 100_000)]
+
+
+class BottomMap:
+    """The kinds of seabed of a world, in the file at `path`. Its methods need numpy, which sonars and cameras have."""
+
+    def __init__(self, keys: BottomMapKeys, path: str) -> None:
+        self.keys, self.path = keys, path
+        self._mapped: Codes | None = None
+
+    def codes(self, north: Any, east: Any) -> "Codes":
+        """Return S-57's number of the kind at places (m, arrays of one shape): that of the nearest node, 0: unknown."""
+        import numpy as np
+
+        keys, grid = self.keys, self.grid()
+        row = np.floor((np.asarray(north) - keys.north_min) / keys.resolution + 0.5)
+        column = np.floor((np.asarray(east) - keys.east_min) / keys.resolution + 0.5)
+        inside = (row >= 0) & (row < keys.rows) & (column >= 0) & (column < keys.columns)
+        found = grid[np.where(inside, row, 0).astype(np.intp), np.where(inside, column, 0).astype(np.intp)]
+        return np.where(inside, found, np.uint8(UNKNOWN))
+
+    def echoes(self, north: Any, east: Any, bottom: Bottom | None) -> "Floats":
+        """Return how many times stronger than of the world's `bottom` (None: sand) the echo at places is."""
+        import numpy as np
+
+        usual = PROPERTIES[bottom.kind].echo if bottom else 0.0
+        strengths = np.full(_CODES, usual, np.float32)
+        for nature in NATURES.values():
+            strengths[nature.code] = nature.echo
+        times: Floats = 10.0 ** (0.1 * (strengths - np.float32(usual)))
+        return times[self.codes(north, east)]
+
+    def looks(self, north: Any, east: Any, usual: tuple[float, float, float]) -> "tuple[Floats, Floats]":
+        """Return the colours (n x 3) at n places, `usual` where none is known, and how strong the texture is."""
+        import numpy as np
+
+        colours, textures = np.full((_CODES, 3), usual, np.float32), np.ones(_CODES, np.float32)
+        for nature in NATURES.values():
+            colours[nature.code], textures[nature.code] = nature.colour, nature.texture
+        codes = self.codes(north, east)
+        return colours[codes], textures[codes]
+
+    def grid(self) -> "Codes":
+        """Return the numbers at the nodes, rows x columns, mapped."""
+        import numpy as np
+
+        if self._mapped is None:
+            self._mapped = np.memmap(self.path, np.uint8, "r", shape=(self.keys.rows, self.keys.columns))
+        return self._mapped
+
+
+def read_bottom_map(section: Any, path: str) -> BottomMap:
+    """Return the `[bottom_map]` table of the world in the file `path`. Raises ConfigError."""
+    if not isinstance(section, dict):
+        raise ConfigError(f"{path}: bottom_map: expected a table")
+    keys = parse(section, BottomMapKeys, f"{path}: bottom_map")
+    file = os.path.join(os.path.dirname(path), keys.file)
+    check_file(file, sys.maxsize)
+    size, wanted = os.path.getsize(file), keys.rows * keys.columns
+    if size != wanted:
+        raise ConfigError(f"{file}: {size} bytes, but {keys.rows} x {keys.columns} are {wanted}")
+    return BottomMap(keys, file)

@@ -1,0 +1,151 @@
+"""Pipelines and cables on the seabed: `[[pipeline]]` of a world's file.
+
+[[pipeline]]
+name = "outfall"
+points = [[-40.0, 0.0], [0.0, 10.0], [60.0, 10.0]]   # north and east of its bends
+diameter = 0.8
+height = -0.2                  # a quarter of it is in the bed
+
+Each follows the bed below the straight lines between its points, bend by bend of the grid. Only what is near is looked
+at, so that a cable of 100 km costs no more than one of 100 m.
+"""
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from math import ceil, floor, hypot, inf, sqrt
+from typing import Annotated, Any, Literal, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, parse
+from hil.common.vectors import Vector3
+from sim.environment.obstacles import Coordinate, Separation
+
+Share = Annotated[float, Range(0.0, 1.0)]
+Seabed = Callable[[float, float], float]
+Piece = tuple[Vector3, Vector3]
+
+
+class Pipeline(NamedTuple):
+    """A pipeline or cable: the `points` (north, east) of its line, its outer `diameter`, and where it lies.
+
+    `height` is how far its lower side is above the bed: below 0 it is buried by so much, and seen as far as it comes
+    out. `colour` and `echo` as of a `[[mesh]]`; what is `hidden` is on no planner's map; `name` is for reports.
+    """
+
+    points: tuple[tuple[Coordinate, Coordinate], ...]
+    diameter: Annotated[float, Range(0.005, 20.0, "m")] = 0.5
+    height: Annotated[float, Range(-100.0, 1000.0, "m")] = 0.0
+    kind: Literal["pipeline", "cable"] = "pipeline"
+    colour: tuple[Share, Share, Share] = (0.1, 0.1, 0.1)
+    echo: Annotated[float, Range(-60.0, 60.0)] = 3.0
+    hidden: bool = False
+    name: str = ""
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        return None if len(self.points) > 1 else "points: give two or more"
+
+    @property
+    def label(self) -> str:
+        """Name for messages."""
+        north, east = self.points[0]
+        return self.name or f"the {self.kind} from ({north:g}, {east:g})"
+
+    @property
+    def top(self) -> float:
+        """The depth (m) above which it surely is not; its own changes with the bed."""
+        return -100.0
+
+    @property
+    def bottom(self) -> float:
+        """The depth (m) below which it surely is not."""
+        return inf
+
+    @property
+    def is_buried(self) -> bool:
+        """True if all of it is in the bed."""
+        return self.height + self.diameter <= 0.0
+
+    def separation(self, north: float, east: float) -> Separation:
+        """Distance (m) from its side as seen from above, and the direction away from its axis."""
+        best = (inf, 1.0, 0.0)
+        for (from_north, from_east), (to_north, to_east) in pairwise(self.points):
+            x, y = off_line(north, east, from_north, from_east, to_north, to_east)
+            distance = sqrt(x * x + y * y)
+            if distance < best[0]:
+                best = (distance, x / distance, y / distance) if distance else (0.0, 1.0, 0.0)
+        return best[0] - 0.5 * self.diameter, best[1], best[2]
+
+    def pieces(
+        self, seabed: Seabed, spacing: float, north: float = 0.0, east: float = 0.0, within: float = inf
+    ) -> Iterator[Piece]:
+        """Yield the pieces of its axis (NED, m) that come within `within` m of a place, seen from above.
+
+        They go from node to node, every `spacing` m or a little less of its line. What is on land or where no bed is
+        known is left out.
+        """
+        above = self.height + 0.5 * self.diameter
+        for start, end in pairwise(self.points):
+            along = end[0] - start[0], end[1] - start[1]
+            length = hypot(*along)
+            x, y = off_line(north, east, *start, *end)
+            if not length or x * x + y * y > within * within:
+                continue
+            count = max(1, ceil(length / spacing))
+            first, last = 0, count
+            if within < inf:
+                share = ((north - start[0]) * along[0] + (east - start[1]) * along[1]) / (length * length)
+                first, last = floor((share - within / length) * count), ceil((share + within / length) * count)
+            nodes = [
+                (start[0] + k / count * along[0], start[1] + k / count * along[1])
+                for k in range(max(first, 0), min(last, count) + 1)
+            ]
+            beds = [(n, e, seabed(n, e)) for n, e in nodes]
+            for one, other in pairwise(beds):
+                if one[2] > 0.0 and other[2] > 0.0:
+                    yield (one[0], one[1], one[2] - above), (other[0], other[1], other[2] - above)
+
+    @property
+    def length(self) -> float:
+        """Length of its line, m."""
+        return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(self.points))
+
+    def drawn(self, seabed: Seabed, spacing: float, most: int) -> Iterator[Piece]:
+        """Yield all of its pieces, no more than about `most` of them, for pictures."""
+        return self.pieces(seabed, max(spacing, self.length / most))
+
+    def route(self, seabed: Seabed, step: float, altitude: float = 0.0) -> list[Vector3]:
+        """Return places (NED, m) to follow it: about every `step` m, `altitude` m above its axis. None on land."""
+        places = [place for pair in self.pieces(seabed, step) for place in pair]
+        new = [place for k, place in enumerate(places) if not k or place != places[k - 1]]
+        return [(north, east, down - altitude) for north, east, down in new]
+
+    def distance(
+        self, seabed: Seabed, spacing: float, north: float, east: float, highest: float, lowest: float, within: float
+    ) -> float:
+        """Return how far (m, on the level) a place is from its side where that lies between two depths.
+
+        inf if it is nowhere so within `within` m.
+        """
+        radius, least = 0.5 * self.diameter, inf
+        for one, other in self.pieces(seabed, spacing, north, east, within + radius):
+            if min(one[2], other[2]) - radius < lowest and max(one[2], other[2]) + radius > highest:
+                least = min(least, hypot(*off_line(north, east, *one[:2], *other[:2])) - radius)
+        return least
+
+
+def off_line(
+    north: float, east: float, from_north: float, from_east: float, to_north: float, to_east: float
+) -> tuple[float, float]:
+    """Return the way (m north, m east) to a place from the nearest place of a straight line."""
+    x, y, at_x, at_y = to_north - from_north, to_east - from_east, north - from_north, east - from_east
+    square = x * x + y * y
+    share = min(max((at_x * x + at_y * y) / square, 0.0), 1.0) if square else 0.0
+    return at_x - share * x, at_y - share * y
+
+
+def read_pipelines(section: Any, path: str) -> tuple[Pipeline, ...]:
+    """Return the `[[pipeline]]` tables of the world in the file `path`. Raises ConfigError."""
+    if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
+        raise ConfigError(f"{path}: pipeline: expected tables, each under [[pipeline]]")
+    return tuple(parse(row, Pipeline, f"{path}: pipeline[{i}]") for i, row in enumerate(section))

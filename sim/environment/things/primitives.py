@@ -1,0 +1,154 @@
+"""Triangles of simple bodies, made by rule: tubes, boxes, panels, links of a chain. Axes: forward, right, down; m."""
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
+from math import asinh, cos, cosh, hypot, pi, sin, sinh, sqrt
+
+from hil.common.vectors import Vector3
+
+Triangle = tuple[Vector3, Vector3, Vector3]
+_HALVINGS = 60  # of an interval in which a root is looked for
+
+
+def quad(a: Vector3, b: Vector3, c: Vector3, d: Vector3) -> list[Triangle]:
+    """Return two triangles, each from a corner along its two sides: a net's lattice counts from there."""
+    return [(a, b, d), (c, d, b)]
+
+
+def ring(radius: float, down: float, sides: int) -> list[Vector3]:
+    """Return the corners of a level polygon about the origin."""
+    turns = [2.0 * pi * k / sides for k in range(sides)]
+    return [(radius * cos(turn), radius * sin(turn), down) for turn in turns]
+
+
+def tube(line: Sequence[Vector3], upright: Vector3, radius: float, sides: int, closed: bool = False) -> list[Triangle]:
+    """Return a tube about a line that lies in the plane across `upright` (a unit vector), with lids unless closed."""
+    rims = []
+    for k, (x, y, z) in enumerate(line):
+        before = line[k - 1] if k or closed else line[0]
+        after = line[(k + 1) % len(line)] if k + 1 < len(line) or closed else line[-1]
+        side = _unit(_cross(_minus(after, before), upright))
+        turns = [2.0 * pi * (i + 0.5) / sides for i in range(sides)]
+        rims.append([
+            (
+                x + radius * (cos(t) * side[0] + sin(t) * upright[0]),
+                y + radius * (cos(t) * side[1] + sin(t) * upright[1]),
+                z + radius * (cos(t) * side[2] + sin(t) * upright[2]),
+            )
+            for t in turns
+        ])  # fmt: skip
+    pairs = list(zip(rims, rims[1:] + rims[:1], strict=True))
+    made = [
+        triangle
+        for one, other in (pairs if closed else pairs[:-1])
+        for i in range(sides)
+        for triangle in quad(one[i - 1], one[i], other[i], other[i - 1])
+    ]
+    if not closed:
+        made += [(line[end], rims[end][i - 1], rims[end][i]) for end in (0, -1) for i in range(sides)]
+    return made
+
+
+def cuboid(low: Vector3, high: Vector3) -> list[Triangle]:
+    """Return a box between two corners."""
+    lower, upper = (_rectangle(low, high, down) for down in (low[2], high[2]))
+    return prism(lower, upper)
+
+
+def prism(one: Sequence[Vector3], other: Sequence[Vector3], with_one: bool = True) -> list[Triangle]:
+    """Return the sides between two polygons of as many corners, and their faces, that of the first only if wanted."""
+    sides = [t for k in range(len(one)) for t in quad(one[k - 1], one[k], other[k], other[k - 1])]
+    faces = (one, other) if with_one else (other,)
+    return sides + [(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)]
+
+
+def disc(rim: Sequence[Vector3], middle: Vector3) -> list[Triangle]:
+    """Return a regular polygon's face in right-angled triangles, as a net's lattice needs them."""
+    made = []
+    for k, corner in enumerate(rim):
+        between = tuple(0.5 * (a + b) for a, b in zip(rim[k - 1], corner, strict=True))
+        made += [(between, middle, rim[k - 1]), (between, middle, corner)]
+    return made  # type: ignore[return-value]
+
+
+def links(line: Sequence[Vector3], bar: float) -> list[Triangle]:
+    """Return a chain along a line in the plane across "right": links of a bar `bar` m thick, 6 long and 3.6 wide.
+
+    Those are the proportions of a studless anchor chain (ISO 1704); its links follow each other every 4 bars.
+    """
+    made: list[Triangle] = []
+    right = (0.0, 1.0, 0.0)
+    for number, ((x, y, z), along) in enumerate(_along(line, 4.0 * bar)):
+        across = _cross(along, right)
+        plane, normal = (right, across) if number % 2 else (across, right)
+        outline = [(2.5, 0.0), (1.2, 1.3), (-1.2, 1.3), (-2.5, 0.0), (-1.2, -1.3), (1.2, -1.3)]
+        loop = [
+            (
+                x + bar * (a * along[0] + b * plane[0]),
+                y + bar * (a * along[1] + b * plane[1]),
+                z + bar * (a * along[2] + b * plane[2]),
+            )
+            for a, b in outline
+        ]
+        made += tube(loop, normal, 0.5 * bar, 4, closed=True)
+    return made
+
+
+def hanging(span: float, drop: float, length: float, count: int) -> list[Vector3]:
+    """Return `count` places of a chain that hangs from the origin to `span` m forward and `drop` m down.
+
+    A catenary; what would hang below its lower end lies on the level of that.
+    """
+    chord = hypot(span, drop)
+    if span < 1e-6 or length <= 1.0001 * chord:
+        shares = [k / (count - 1) for k in range(count)]
+        return [(share * span, 0.0, share * drop) for share in shares]
+    # length² - drop² = (2 a sinh(span / 2a))²: a falls as the length grows.
+    wanted = sqrt(length * length - drop * drop)
+    slack = _root(lambda x: sinh(x) / x - wanted / span, 1e-6, 50.0)
+    a = 0.5 * span / slack
+    lowest = 0.5 * span + a * asinh(drop / (2.0 * a * sinh(slack)))  # of the curve, forward of the origin
+    top = a * cosh(lowest / a)
+    places = [span * k / (count - 1) for k in range(count)]
+    return [(x, 0.0, min(top - a * cosh((x - lowest) / a), max(drop, 0.0))) for x in places]
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a growing function is 0, by halving."""
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if function(middle) < 0.0 else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _along(line: Sequence[Vector3], step: float) -> Iterable[tuple[Vector3, Vector3]]:
+    """Yield places every `step` m along a line from half a step on, and its direction there."""
+    ahead = 0.5 * step
+    for start, end in pairwise(line):
+        way = _minus(end, start)
+        length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+        if not length:
+            continue
+        along = (way[0] / length, way[1] / length, way[2] / length)
+        while ahead <= length:
+            yield (start[0] + ahead * along[0], start[1] + ahead * along[1], start[2] + ahead * along[2]), along
+            ahead += step
+        ahead -= length
+
+
+def _rectangle(low: Vector3, high: Vector3, down: float) -> list[Vector3]:
+    return [(low[0], low[1], down), (high[0], low[1], down), (high[0], high[1], down), (low[0], high[1], down)]
+
+
+def _minus(a: Vector3, b: Vector3) -> Vector3:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _cross(a: Vector3, b: Vector3) -> Vector3:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _unit(vector: Vector3) -> Vector3:
+    x, y, z = vector
+    length = sqrt(x * x + y * y + z * z) or 1.0
+    return x / length, y / length, z / length

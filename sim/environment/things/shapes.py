@@ -1,0 +1,266 @@
+"""A library of shapes for worlds: `[[shape]]` of a world's file, made by rule, without a file of their own.
+
+[[shape]]
+kind = "net_pen"
+north = 20.0
+east = 5.0
+diameter = 20.0                # keys of the kind, which differ
+
+They are meshes for all that meets them, as `[[mesh]]` is. A net is a lattice of twines: a ray of light or sound that
+comes between them goes on, and a vehicle does not pass.
+"""
+
+from collections.abc import Callable
+from math import hypot
+from typing import Annotated, Any, Literal, NamedTuple, get_args
+
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, nearest, parse, shortened
+from sim.environment.mesh import MOST_TRIANGLES, MeshKeys, MeshObstacle, Share, put
+from sim.environment.obstacles import Coordinate, Heading
+from sim.environment.things import primitives as made
+from sim.environment.things.primitives import Triangle
+
+Size = Annotated[float, Range(0.01, 1000.0, "m")]
+Reach = Annotated[float, Range(0.0, 1000.0, "m")]
+Twine = Annotated[float, Range(1e-4, 0.5, "m")]
+Sides = Annotated[int, Range(3, 256)]
+Colour = tuple[float, float, float]
+Net = tuple[float, float] | None  # mesh width and twine, m
+
+RUST, STEEL, CONCRETE, BLACK, TWINE = (
+    (0.25, 0.11, 0.05), (0.40, 0.40, 0.40), (0.33, 0.32, 0.29), (0.04, 0.04, 0.05), (0.12, 0.15, 0.12),
+)  # fmt: skip
+_MOST_LINKS = 4000
+_PLACES = 65  # of a rope or chain that hangs
+
+
+class Part(NamedTuple):
+    """Triangles of one look: colour, echo (dB above other objects), and a net's lattice, None for what is tight."""
+
+    triangles: list[Triangle]
+    colour: Colour
+    echo: float = 0.0
+    net: Net = None
+
+
+class Placing(NamedTuple):
+    """The keys that every `[[shape]]` has; what else it takes is its kind's.
+
+    `depth` is that of its origin, the seabed's there if left out, or the surface for what hangs (rope, chain, net,
+    net_pen). `orientation` is roll, pitch and yaw: without them forward is north. `colour` and `echo` (dB more than its
+    own) are what cameras and sonars make of it; `hidden` and `name` as of an obstacle.
+    """
+
+    kind: Literal["pipe", "pile", "rope", "chain", "net", "net_pen", "box_wreck"]
+    north: Coordinate
+    east: Coordinate
+    depth: Annotated[float, Range(-100.0, 11_000.0, "m")] | None = None
+    orientation: tuple[Heading, Heading, Heading] = (0.0, 0.0, 0.0)
+    scale: Annotated[float, Range(1e-3, 1e3)] = 1.0
+    colour: tuple[Share, Share, Share] | None = None
+    echo: Annotated[float, Range(-60.0, 60.0)] = 0.0
+    hidden: bool = False
+    name: str = ""
+
+
+class Pipe(NamedTuple):
+    """A straight pipe that lies along "forward"; its origin is below its middle. Steel, 3 dB more echo."""
+
+    length: Size = 12.0
+    diameter: Size = 0.6
+    sides: Sides = 16
+
+    def parts(self) -> list[Part]:
+        """Return what it is made of."""
+        half, radius = 0.5 * self.length, 0.5 * self.diameter
+        line = [(-half, 0.0, -radius), (half, 0.0, -radius)]
+        return [Part(made.tube(line, (0.0, 0.0, 1.0), radius, self.sides), STEEL, 3.0)]
+
+
+class Pile(NamedTuple):
+    """An upright pile of concrete; its origin is the middle of its foot."""
+
+    height: Size = 10.0
+    diameter: Size = 0.8
+    sides: Sides = 16
+
+    def parts(self) -> list[Part]:
+        """Return what it is made of."""
+        line = [(0.0, 0.0, 0.0), (0.0, 0.0, -self.height)]
+        return [Part(made.tube(line, (0.0, 1.0, 0.0), 0.5 * self.diameter, self.sides), CONCRETE)]
+
+
+class Rope(NamedTuple):
+    """A rope, hose or cable from its origin to `span` m forward and `drop` m down, `length` m long.
+
+    It sags as a catenary, and lies on the level of its end where it would hang lower. `length` 0 is taut.
+    """
+
+    span: Reach = 0.0
+    drop: Annotated[float, Range(-1000.0, 1000.0, "m")] = 10.0
+    length: Reach = 0.0
+    diameter: Size = 0.03
+    sides: Sides = 6
+
+    def parts(self) -> list[Part]:
+        """Return what it is made of."""
+        line = made.hanging(self.span, self.drop, self.length, _PLACES if self.length else 2)
+        return [Part(made.tube(line, (0.0, 1.0, 0.0), 0.5 * self.diameter, self.sides), BLACK)]
+
+
+class Chain(NamedTuple):
+    """An anchor chain, hanging as a rope does; `bar` is the thickness of its links, which are 6 bars long.
+
+    Steel, 6 dB more echo.
+    """
+
+    span: Reach = 0.0
+    drop: Annotated[float, Range(-1000.0, 1000.0, "m")] = 10.0
+    length: Reach = 0.0
+    bar: Annotated[float, Range(0.005, 1.0, "m")] = 0.05
+
+    def parts(self) -> list[Part]:
+        """Return what it is made of."""
+        line = made.hanging(self.span, self.drop, self.length, _PLACES if self.length else 2)
+        return [Part(made.links(line, self.bar), RUST, 6.0)]
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        count = max(self.length, hypot(self.span, self.drop)) / (4.0 * self.bar)
+        return f"{count:.0f} links are more than {_MOST_LINKS}: take a thicker bar" if count > _MOST_LINKS else None
+
+
+class NetPanel(NamedTuple):
+    """A flat net, `width` m forward from its origin and `height` m down; it hangs, or lies with a pitch or roll.
+
+    `mesh` is from twine to twine.
+    """
+
+    width: Size = 20.0
+    height: Size = 5.0
+    mesh: Twine = 0.05
+    twine: Twine = 0.003
+
+    def parts(self) -> list[Part]:
+        """Return what it is made of."""
+        width, height = (_whole(size, self.mesh) for size in (self.width, self.height))
+        ends = [(0.0, 0.0, 0.0), (width, 0.0, 0.0), (width, 0.0, height), (0.0, 0.0, height)]
+        line = [(0.0, 0.0, 0.0), (width, 0.0, 0.0)]
+        head = made.tube(line, (0.0, 0.0, 1.0), max(0.012, 2.0 * self.twine), 6)
+        return [
+            Part(made.quad(*ends), TWINE, 0.0, (self.mesh, self.twine)),
+            Part(head, BLACK),
+        ]
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        return None if self.twine < self.mesh else "twine is not thinner than mesh"
+
+
+class NetPen(NamedTuple):
+    """A round fish pen: floating collar of two tubes, a net `height` m down with a bottom, a sinker tube.
+
+    Its origin is the middle of the collar. `mesh` is from twine to twine.
+    """
+
+    diameter: Size = 20.0
+    height: Size = 10.0
+    mesh: Twine = 0.03
+    twine: Twine = 0.0025
+    collar: Size = 0.35
+    sides: Sides = 24
+
+    def parts(self) -> list[Part]:
+        """Return what it is made of."""
+        radius, upright = 0.5 * self.diameter, (0.0, 0.0, 1.0)
+        top, foot = (made.ring(radius, down, self.sides) for down in (0.0, _whole(self.height, self.mesh)))
+        net = [t for k in range(self.sides) for t in made.quad(top[k - 1], top[k], foot[k], foot[k - 1])]
+        net += made.disc(foot, (0.0, 0.0, foot[0][2]))
+        outer = made.ring(radius + 2.0 * self.collar, 0.0, self.sides)
+        tubes = [t for line in (top, outer) for t in made.tube(line, upright, 0.5 * self.collar, 8, closed=True)]
+        tubes += made.tube(foot, upright, 0.25 * self.collar, 6, closed=True)
+        return [Part(net, TWINE, 0.0, (self.mesh, self.twine)), Part(tubes, BLACK)]
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        return None if self.twine < self.mesh else "twine is not thinner than mesh"
+
+
+class BoxWreck(NamedTuple):
+    """A small steel ship upon its keel: a hull with a bow, an open hold, a deck house and a mast that leans.
+
+    Its origin is below its middle; give it roll and pitch to let it lie.
+    """
+
+    length: Size = 24.0
+    width: Size = 6.0
+    height: Size = 4.0
+
+    def parts(self) -> list[Part]:
+        """Return what it is made of."""
+        x, y, deck = 0.5 * self.length, 0.5 * self.width, -self.height
+        plan = [(-x, -y), (0.5 * x, -y), (x, 0.0), (0.5 * x, y), (-x, y)]
+        rail = [(a, b, deck) for a, b in plan]
+        keel = [(0.88 * a, 0.7 * b, 0.0) for a, b in plan]
+        hull = made.prism(rail, keel, with_one=False)
+        half = 0.5 * y
+        for low, high in (((-x, -y), (0.0, y)), ((0.0, -y), (0.4 * x, -half)), ((0.0, half), (0.4 * x, y)),
+                          ((0.4 * x, -y), (0.5 * x, y))):  # fmt: skip
+            (a, b), (c, d) = low, high
+            hull += made.quad((a, b, deck), (c, b, deck), (c, d, deck), (a, d, deck))
+        hull.append(((0.5 * x, -y, deck), (x, 0.0, deck), (0.5 * x, y, deck)))
+        house = made.cuboid((-0.8 * x, -0.6 * y, 1.7 * deck), (-0.35 * x, 0.6 * y, deck))
+        line = [(0.6 * x, 0.0, deck), (0.75 * x, 0.0, 2.4 * deck)]
+        mast = made.tube(line, (0.0, 1.0, 0.0), 0.02 * self.width, 8)
+        return [Part(hull + house + mast, RUST, 5.0)]
+
+
+KINDS: dict[str, Any] = {
+    "pipe": Pipe, "pile": Pile, "rope": Rope, "chain": Chain, "net": NetPanel, "net_pen": NetPen,
+    "box_wreck": BoxWreck,
+}  # fmt: skip
+HANGS = {"rope", "chain", "net", "net_pen"}
+assert set(get_args(Placing.__annotations__["kind"])) == set(KINDS)
+
+
+def read_shapes(section: Any, path: str, seabed: Callable[[float, float], float]) -> tuple[MeshObstacle, ...]:
+    """Return the `[[shape]]` tables of the world in the file `path`, a mesh a part. Raises ConfigError."""
+    if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
+        raise ConfigError(f"{path}: shape: expected tables, each under [[shape]]")
+    return tuple(part for i, row in enumerate(section) for part in _shape(row, f"{path}: shape[{i}]", seabed))
+
+
+def _shape(row: dict[str, Any], where: str, seabed: Callable[[float, float], float]) -> list[MeshObstacle]:
+    kind = row.get("kind")
+    if not isinstance(kind, str) or kind not in KINDS:
+        near, shown = nearest(str(kind), list(KINDS)), shortened(str(kind))
+        raise ConfigError(f"{where}: kind: no shape {shown}{near}; there are: {', '.join(KINDS)}")
+    common = {key: value for key, value in row.items() if key in Placing._fields}
+    placing = parse(common, Placing, where)
+    own = parse({key: value for key, value in row.items() if key not in common}, KINDS[kind], f"{where}: {kind}")
+    depth = placing.depth
+    if depth is None:
+        depth = 0.0 if kind in HANGS else seabed(placing.north, placing.east)
+    name = placing.name or f"the {kind.replace('_', ' ')} at ({placing.north:g}, {placing.east:g})"
+    parts = own.parts()
+    if sum(len(part.triangles) for part in parts) > MOST_TRIANGLES:
+        raise ConfigError(f"{where}: more than {MOST_TRIANGLES} triangles: make it shorter, its links or sides larger")
+    return [_put(part, placing, depth, name) for part in parts]
+
+
+def _put(part: Part, placing: Placing, depth: float, name: str) -> MeshObstacle:
+    """Return one part in its place."""
+    scale = placing.scale
+    triangles = tuple(tuple((scale * x, scale * y, scale * z) for x, y, z in triangle) for triangle in part.triangles)
+    net = (scale * part.net[0], scale * part.net[1]) if part.net else None
+    keys = MeshKeys(
+        "", placing.north, placing.east, depth, placing.orientation, colour=placing.colour or part.colour,
+        echo=part.echo + placing.echo, hidden=placing.hidden, name=name,
+    )  # fmt: skip
+    return put(keys, triangles, net)  # type: ignore[arg-type]
+
+
+def _whole(size: float, mesh: float) -> float:
+    """Return the nearest size, m, of whole meshes, so that the lattice goes on from panel to panel."""
+    return max(1, round(size / mesh)) * mesh

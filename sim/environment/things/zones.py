@@ -1,0 +1,59 @@
+"""Areas with rules, such as restricted ones, for maps and planners: `[[zone]]` of a world's file.
+
+[[zone]]
+kind = "restricted"
+outline = [[-40.0, 0.0], [0.0, 10.0], [60.0, -10.0]]   # north and east of its corners
+name = "reserve"
+
+Worlds of charts keep theirs in a file of their own, which `zones` names and which holds such tables; it is read by who
+asks for it. A zone stops nobody: planners go round those that `avoid_zones` of a scenario's `[master]` names.
+"""
+
+import os
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from hil.common.errors import ConfigError
+from hil.common.schema import parse
+from hil.common.tables import read_table
+from sim.environment.obstacles import Coordinate, ZoneKind
+
+
+class Zone(NamedTuple):
+    """An area: its `kind`, the corners of its `outline` (north, east), its `name`, and in words what its `rule` is."""
+
+    kind: ZoneKind
+    outline: tuple[tuple[Coordinate, Coordinate], ...]
+    name: str = ""
+    rule: str = ""
+
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        return None if len(self.outline) > 2 else "outline: give three corners or more"
+
+    @property
+    def label(self) -> str:
+        """Name for maps."""
+        area = f"{self.kind} area"
+        return f"{area}: {self.name or self.rule}" if self.name or self.rule else area
+
+
+def read_zones(section: Any, path: str) -> tuple[Zone, ...]:
+    """Return the `[[zone]]` tables of the file `path`. Raises ConfigError."""
+    if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
+        raise ConfigError(f"{path}: zone: expected tables, each under [[zone]]")
+    return tuple(parse(row, Zone, f"{path}: zone[{i}]") for i, row in enumerate(section))
+
+
+def read_file(path: str) -> tuple[Zone, ...]:
+    """Return the zones in a file, once read as long as it does not change. Raises ConfigError."""
+    try:
+        changed_ns = os.stat(path).st_mtime_ns
+    except OSError as error:
+        raise ConfigError(f"{path}: the zones of a world cannot be read: {error.strerror}") from None
+    return _read(path, changed_ns)
+
+
+@lru_cache(maxsize=4)
+def _read(path: str, _changed_ns: int) -> tuple[Zone, ...]:
+    return read_zones(read_table(path).get("zone", []), path)

@@ -1,0 +1,128 @@
+"""Pipelines and cables: what rays, contact and planners meet of them, on flat beds and on relief."""
+
+from math import inf
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.scenario.world_map import map_at
+from sim.dynamics import Dynamics, State
+from sim.environment.collision import Contact
+from sim.environment.relief import Sinusoid, Slope
+from sim.environment.terrain import Terrain, covering
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.world import World, load_world
+from sim.rays.scene import SEABED, RayScene
+from sim.sensors.imaging.scenery import Scenery
+from sim.vehicle.vehicle import load_vehicle
+
+VEHICLE, _ = load_vehicle("paper_six")
+EXTENT = (-200.0, 200.0, -200.0, 200.0)
+FLAT = World("flat", "test", EXTENT, 20.0, pipeline=(Pipeline(((-100.0, 0.0), (0.0, 0.0), (50.0, 50.0)), 1.0),))
+DOWN = np.array([0.0, 0.0, 1.0])
+
+
+def test_it_lies_on_the_bed_and_is_round() -> None:
+    scene = RayScene(FLAT)
+    for east in (0.0, 0.2, -0.4):
+        assert scene.ranges((-50.0, east, 10.0), DOWN, 50.0)[0] == pytest.approx(9.5 - (0.25 - east**2) ** 0.5)
+    hits = scene.hits((-50.0, 0.6, 10.0), DOWN, 50.0)
+    assert (hits.distances[0], hits.objects[0]) == (10.0, SEABED)
+    bend = scene.hits((25.0, 25.0, 10.0), DOWN, 50.0)
+    assert (bend.distances[0], bend.objects[0]) == (pytest.approx(9.0), 1)
+    assert scene.ranges((60.0, 60.0, 10.0), DOWN, 50.0)[0] == 10.0, "beyond its end"
+
+
+def test_it_is_one_object_wherever_a_sensor_goes_and_what_is_added_keeps_its_number() -> None:
+    from sim.rays.solids import sphere
+
+    scene = RayScene(FLAT)
+    number = scene.add(sphere((-70.0, 0.0, 5.0), 1.0))
+    assert number == 2
+    for north in (-95.0, -70.0, -5.0, 150.0, -70.0):
+        down = scene.hits((north, min(north, 0.0) * 0.0, 2.0), DOWN, 30.0)
+        wanted = number if north == -70.0 else 1 if north < 0.0 else SEABED
+        assert down.objects[0] == wanted, north
+
+
+@pytest.mark.parametrize("height", [0.0, -0.3, 2.0])
+def test_it_follows_relief_and_may_be_buried_or_stand_off(height: float) -> None:
+    terrain = Terrain(covering(EXTENT, 2.0), Sinusoid(15.0, 2.0, 60.0).depths(covering(EXTENT, 2.0)), 15.0)
+    pipe = Pipeline(((-150.0, 3.0), (150.0, 3.0)), 0.6, height)
+    scene = RayScene(FLAT._replace(terrain=terrain, pipeline=(pipe,)))
+    for north in np.arange(-140.0, 140.0, 7.3):
+        found = scene.ranges((north, 3.0, 5.0), DOWN, 30.0)[0] + 5.0
+        assert found == pytest.approx(terrain.depth(north, 3.0) - height - 0.6, abs=0.06)
+
+
+def test_what_is_all_buried_or_on_land_is_not_met() -> None:
+    terrain = Terrain(covering(EXTENT, 5.0), Slope(0.0, 0.2).depths(covering(EXTENT, 5.0)), 15.0)  # land in the south
+    pipe = Pipeline(((-150.0, 0.0), (150.0, 0.0)), 1.0)
+    assert all(end[2] > -1.0 for piece in pipe.pieces(terrain.depth, 5.0) for end in piece)
+    assert min(one[0] for one, _ in pipe.pieces(terrain.depth, 5.0)) > 0.0
+    buried = FLAT._replace(pipeline=(pipe._replace(height=-1.0),))
+    assert RayScene(buried).hits((0.0, 0.0, 10.0), DOWN, 50.0).objects[0] == SEABED
+
+
+def test_a_route_follows_it_at_an_altitude() -> None:
+    route = FLAT.pipeline[0].route(FLAT.seabed, 10.0, altitude=2.0)
+    assert route[0] == (-100.0, 0.0, pytest.approx(17.5))
+    assert route[-1] == (50.0, 50.0, pytest.approx(17.5))
+    steps = np.linalg.norm(np.diff(np.array(route), axis=0), axis=1)
+    assert 8.0 < steps.min() <= steps.max() <= 10.0
+
+
+def test_only_what_is_near_of_a_long_one_is_looked_at() -> None:
+    asked: list[float] = []
+
+    def seabed(north: float, _: float) -> float:
+        asked.append(north)
+        return 20.0
+
+    cable = Pipeline(((-50_000.0, 0.0), (50_000.0, 0.0)), 0.1, kind="cable")
+    pieces = list(cable.pieces(seabed, 5.0, 1000.0, 3.0, 60.0))
+    assert len(asked) < 40
+    assert min(one[0] for one, _ in pieces) <= 940.0
+    assert max(other[0] for _, other in pieces) >= 1060.0
+
+
+def test_a_vehicle_touches_it_and_planners_go_round_it_only_near_the_bed() -> None:
+    world = FLAT._replace(pipeline=(Pipeline(((-100.0, 0.0), (100.0, 0.0)), 2.0, name="outfall"),))
+    contact = Contact(VEHICLE, world, Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass)
+    state = State((3.0, -4.0, 19.0), (2.0**-0.5, 0.0, 0.0, 2.0**-0.5))
+    for _ in range(800):
+        state.nu = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        state.position = [state.position[0], state.position[1] + 0.005, state.position[2]]
+        contact.resolve(state)
+    assert contact.what == "outfall"
+    assert state.position[1] < 0.0
+    assert not contact.resolve(State((3.0, 0.0, 16.0)))
+    assert not map_at(world, 19.0, 0.3, 0.5).line_is_free((0.0, -10.0), (0.0, 10.0))
+    assert map_at(world, 15.0, 0.3, 0.5).line_is_free((0.0, -10.0), (0.0, 10.0))
+    assert world.clearance(0.0, 5.0, 19.0, height=0.5) == pytest.approx(4.0)
+    assert world.clearance(0.0, 5.0, 10.0, height=0.5) == inf
+    assert world.clearance(0.0, 5.0) == pytest.approx(4.0)
+
+
+def test_cameras_and_sonars_know_what_it_is_made_of() -> None:
+    world = FLAT._replace(pipeline=(FLAT.pipeline[0]._replace(colour=(0.9, 0.1, 0.2), echo=5.0),))
+    assert list(world.looks()) == [(1, (0.9, 0.1, 0.2), 5.0)]
+    assert Scenery(world, 2)._colours[1] == pytest.approx((0.9, 0.1, 0.2))
+
+
+def test_a_world_file_has_pipelines(tmp_path: Path) -> None:
+    head = 'name = "w"\nsource = ""\nextent = [-50, 50, -50, 50]\ndepth = 30\n'
+    (tmp_path / "w.toml").write_text(head + '[[pipeline]]\npoints = [[0, 0], ["10 m", 5]]\nkind = "cable"\n')
+    (pipe,) = load_world(str(tmp_path / "w.toml")).pipeline
+    assert (pipe.kind, pipe.points, pipe.label) == ("cable", ((0.0, 0.0), (10.0, 5.0)), "the cable from (0, 0)")
+    assert load_world(str(tmp_path / "w.toml")).obstacles() == (pipe,)
+    for text, said in (
+        ("[[pipeline]]\npoints = [[0, 0]]\n", "points: give two or more"),
+        ("[[pipeline]]\npoints = [[0, 0], [1]]\n", r"pipeline\[0\]: points"),
+        ("pipeline = 3\n", r"pipeline: expected tables, each under \[\[pipeline\]\]"),
+    ):
+        (tmp_path / "w.toml").write_text(head + text)
+        with pytest.raises(ConfigError, match=said):
+            load_world(str(tmp_path / "w.toml"))
