@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.bounds import Bounds, allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
+from hil.charts.charted import paint_natures, within
 from hil.charts.grid import Extent, Grid
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import Placed, beds_under, place
@@ -95,6 +96,10 @@ def build(
         surface, clamped = _settled(survey, data, bounds, grid, progress)
         grid = grid._replace(depths=np.where(np.isfinite(known), grid.depths, surface.depths))
     placed = place(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low))
+    placed = placed._replace(
+        charted=within(survey.charted, grid.extent)._replace(natures=()),
+        bottom=paint_natures(survey.charted.natures, grid, survey.detail),
+    )
     progress(0.85)
     report = _report(placed.grid, data, clamped, begin)
     progress(1.0)

@@ -6,12 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.charts.charted import DIAMETERS, ZONES, Charted, Nature, nature_of, pipelines_of, zones_of
 from hil.charts.hazards import hazards_of
 from hil.charts.polygons import Edges, contains
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.s57 import Cell, Feature
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, first_in_cell, resample
 from hil.common.errors import ConfigError
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.things.zones import Zone
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -74,6 +77,11 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
         ),
         shore=_cut_all(pairs, "COALNE", "SLCONS"),
         bridges=_cut_all(pairs, "BRIDGE"),
+        charted=Charted(
+            tuple(pipeline for layer, covers in pairs for pipeline in layer.pipelines(covers)),
+            tuple(zone for layer in layers for zone in layer.zones()),
+            tuple(nature for layer, covers in pairs for nature in layer.natures(covers)),
+        ),
     )
 
 
@@ -196,6 +204,25 @@ class _Layer:
             hazard for feature in self._cell.features
             for hazard in hazards_of(feature, self._local(feature.points), self._edges(feature))
         ]  # fmt: skip
+
+    def pipelines(self, covers: list[Edges]) -> list[Pipeline]:
+        return [
+            pipeline for feature in self._cell.select(*DIAMETERS)
+            for pipeline in pipelines_of(feature, [p for edge in self._edges(feature) for p in _cut(edge, covers)])
+        ]  # fmt: skip
+
+    def zones(self) -> list[Zone]:
+        detail = DRAWN * self._cell.scale
+        return [
+            zone for feature in self._cell.select(*ZONES) for zone in zones_of(feature, self._edges(feature), detail)
+        ]  # fmt: skip
+
+    def natures(self, covers: list[Edges]) -> list[Nature]:
+        found = [
+            nature_of(feature, _outside(self._local(feature.points), covers), self._edges(feature))
+            for feature in self._cell.select("SBDARE")
+        ]
+        return [nature for nature in found if nature is not None]
 
     def lines(self, *kinds: str) -> list[Array]:
         return [edge for feature in self._cell.select(*kinds) for edge in self._edges(feature)]

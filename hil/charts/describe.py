@@ -1,9 +1,12 @@
 """Say in words what a gridded bed was made of and how good it is."""
 
+from collections import Counter
+
 from hil.charts.build import Built, Report
 from hil.charts.grid import Grid
 from hil.charts.sources.survey import Survey
 from sim.environment.obstacles import STANDING, Box, Cylinder
+from sim.environment.things.bottom_map import NATURES, UNKNOWN
 
 Facts = tuple[tuple[str, str], ...]  # name, text
 
@@ -24,7 +27,24 @@ def describe(survey: Survey, built: Built) -> Facts:
         ("obstacles", f"{len(obstacles) - floating} standing on the bed, {report.beds_under} of which the bed was "
                       f"lowered for; {floating} floating"
                       + (BRIDGES if survey.bridges else "")),
+        *_beside(built),
     )  # fmt: skip
+
+
+def _beside(built: Built) -> Facts:
+    """Return what else was charted."""
+    charted, bottom = built.placed.charted, built.placed.bottom
+    lines = Counter(f"{pipeline.kind}s" for pipeline in charted.pipelines)
+    zones = Counter(f"{zone.kind} areas" for zone in charted.zones)
+    said: list[tuple[str, str]] = []
+    if lines or zones:
+        said.append(("charted", ", ".join(f"{count} {kind}" for kind, count in (*lines.items(), *zones.items()))))
+    if bottom is not None:
+        names = {nature.code: name for name, nature in NATURES.items()}
+        shares = [(float((bottom.codes == code).mean()), name) for code, name in names.items()]
+        kinds = ", ".join(f"{percent(share)} {name}" for share, name in sorted(shares, reverse=True) if share > 0.0)
+        said.append(("bottom", f"{kinds}; nothing is known of {percent(float((bottom.codes == UNKNOWN).mean()))}"))
+    return tuple(said)
 
 
 def facts(grid: Grid, report: Report) -> Facts:

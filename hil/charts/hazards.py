@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.bounds import limits_at
+from hil.charts.charted import BottomGrid, Charted
 from hil.charts.grid import Grid
 from hil.charts.gridding import Surface
 from hil.charts.polygons import Edges, fill
@@ -47,11 +48,13 @@ LEAST_HEIGHT = 1.0  # m above the bed of what is only known to be there
 
 
 class Placed(NamedTuple):
-    """Result of placing hazards: obstacles for a world, and the grid with risen areas."""
+    """Result of placing hazards: obstacles for a world, and the grid with risen areas; and what else was charted."""
 
     grid: Grid
     cylinders: tuple[Cylinder, ...]
     boxes: tuple[Box, ...]
+    charted: Charted = Charted()
+    bottom: BottomGrid | None = None
 
 
 def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:

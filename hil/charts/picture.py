@@ -10,10 +10,17 @@ from hil.charts.grid import Depths, Grid
 from hil.common.errors import ConfigError
 from hil.plots.plotting import pyplot
 from sim.environment.obstacles import Box, Cylinder
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.things.zones import Zone
 
 Array = NDArray[np.float64]
 
 LAND, UNKNOWN, SHORE, INK, OBSTACLE = "#d9c69a", "#e8e8e8", "#5b4a25", "#1f2937", "#c2410c"
+CHARTED = "#be18a0"
+DASHES = {
+    "restricted": (6, 2), "military": (6, 2, 1, 2), "anchorage": (3, 3), "dumping": (1, 2), "cable": (8, 2, 1, 2, 1, 2),
+    "pipeline": (8, 2, 2, 2),
+}  # fmt: skip
 SUN_AZIMUTH, SUN_ALTITUDE = np.radians(315.0), np.radians(45.0)
 MEAN_SHADE_SLOPE = 0.35  # heights are stretched until the steeper slopes are about this steep: then relief is seen
 MOST_NUMBERS = 350  # soundings beyond that are dots,
@@ -24,12 +31,18 @@ STRIP_ROWS = 64  # of pixels that are coloured at once
 
 
 class Marks(NamedTuple):
-    """Overlay of the map: soundings (n, 3), charted contours, shore lines and bridges, all north, east in m."""
+    """Overlay of the map: soundings (n, 3), charted contours, shore lines and bridges, all north, east in m.
+
+    Also pipelines, zones and outlines of meshes (each (n, 2)).
+    """
 
     soundings: Array = np.empty((0, 3))
     contours: tuple[tuple[Array, float], ...] = ()
     shore: tuple[Array, ...] = ()
     bridges: tuple[Array, ...] = ()
+    pipelines: tuple[Pipeline, ...] = ()
+    zones: tuple[Zone, ...] = ()
+    meshes: tuple[Array, ...] = ()
 
 
 def draw(
@@ -160,6 +173,29 @@ def _draw_marks(axes: Any, grid: Grid, marks: Marks) -> None:
             LineCollection([line[:, ::-1] for line in lines], colors=colour, linewidths=width, zorder=3)
         )
     _draw_soundings(axes, marks.soundings)
+    _draw_charted(axes, marks)
+
+
+def _draw_charted(axes: Any, marks: Marks) -> None:
+    """Draw zones, pipelines and cables as charts do, in magenta; a legend where there are any."""
+    from matplotlib.collections import PolyCollection
+
+    axes.add_collection(PolyCollection([m[:, ::-1] for m in marks.meshes], facecolors=OBSTACLE, zorder=5))
+    for zone in marks.zones:
+        outline = np.array([*zone.outline, zone.outline[0]])
+        axes.plot(outline[:, 1], outline[:, 0], color=CHARTED, linewidth=1.0, dashes=DASHES[zone.kind], zorder=4)
+    for pipeline in marks.pipelines:
+        line = np.array(pipeline.points)
+        style = "-" if pipeline.kind == "pipeline" else ":"
+        axes.plot(line[:, 1], line[:, 0], style, color=CHARTED, linewidth=1.6, zorder=4)
+    kinds = {zone.kind for zone in marks.zones}
+    for kind in sorted(kinds):
+        axes.plot([], [], color=CHARTED, linewidth=1.0, dashes=DASHES[kind], label=f"{kind} area")
+    for kind in sorted({pipeline.kind for pipeline in marks.pipelines}):
+        style = "-" if kind == "pipeline" else ":"
+        axes.plot([], [], style, color=CHARTED, linewidth=1.6, label=kind)
+    if kinds or marks.pipelines:
+        axes.legend(loc="lower right", fontsize=7).set_zorder(7)
 
 
 def _draw_soundings(axes: Any, soundings: Array) -> None:

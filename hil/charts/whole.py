@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hil.charts import charted
 from hil.charts.build import Report, build
 from hil.charts.grid import Extent, grid_of, write_file
 from hil.charts.gridding import Progress
@@ -25,10 +26,10 @@ from hil.common.errors import ConfigError
 from hil.common.scratch import ScratchFolder
 from hil.common.tables import cache_path
 from sim.environment.obstacles import Box, Cylinder
-from sim.environment.world import load_world
+from sim.environment.world import World, load_world
 
 MOST_KEPT_BYTES = 1 << 30  # beyond it those go that were not used for longest
-METHOD = 3  # to be counted up when the same files are gridded in another way
+METHOD = 4  # to be counted up when the same files are gridded in another way
 
 
 class Whole(NamedTuple):
@@ -80,7 +81,10 @@ def cut(placed: Placed, extent: Extent) -> Placed:
     def within(thing: Cylinder | Box) -> bool:
         return south <= thing.north <= north and west <= thing.east <= east
 
-    return Placed(part, tuple(filter(within, placed.cylinders)), tuple(filter(within, placed.boxes)))
+    return Placed(
+        part, tuple(filter(within, placed.cylinders)), tuple(filter(within, placed.boxes)),
+        charted.within(placed.charted, part.extent), charted.cut_bottom(placed.bottom, part.extent),
+    )  # fmt: skip
 
 
 def _key(path: str, *how: float | str | None) -> str:
@@ -102,10 +106,21 @@ def _load(folder: str) -> Whole | None:
         with open(os.path.join(folder, "report.json"), encoding="utf-8") as file:
             report = Report(**json.load(file))
         world = load_world(os.path.join(folder, "chart.toml"))
+        placed = _placed(world)
         os.utime(folder)
     except (OSError, ValueError, TypeError, ConfigError):  # none, or damaged
         return None
-    return Whole(Placed(grid_of(world), world.cylinder, world.box), world.source, world.origin, report, True)
+    return Whole(placed, world.source, world.origin, report, True)
+
+
+def _placed(world: World) -> Placed:
+    """Return what a kept world has. Raises ConfigError."""
+    bottom = None
+    if world.bottom_map is not None:
+        keys = world.bottom_map.keys
+        bottom = charted.BottomGrid(world.bottom_map.grid(), keys.north_min, keys.east_min, keys.resolution)
+    beside = charted.Charted(world.pipeline, world.all_zones())
+    return Placed(grid_of(world), world.cylinder, world.box, beside, bottom)
 
 
 def _store(whole: Whole, folder: str) -> None:

@@ -10,12 +10,13 @@ import numpy as np
 from hil.charts.grid import write_file
 from hil.charts.hazards import Placed
 from sim.environment.geomagnetism import field_at
+from sim.environment.things.bottom_map import BottomMapKeys
 
 
 def write_world(
     path: str, placed: Placed, source: str, origin: tuple[float, float] | None, notes: Sequence[str]
 ) -> None:
-    """Write `placed` to `path` (`.toml`) and its depths beside it; `notes` stand at the file's head.
+    """Write `placed` to `path` (`.toml`), its depths, kinds of seabed and zones beside it; `notes` stand at its head.
 
     The depths are little-endian float32, row after row from the south-west corner, nan where nothing is known.
     With an origin it says what the earth's magnetic field is there today. Raises ConfigError, MissingExtraError.
@@ -32,11 +33,22 @@ def write_world(
     if origin is not None:
         lines.append(f"origin = {_toml(origin)} # latitude, longitude")
         lines.append(_magnetic_field(origin))
+    zones = [line for zone in placed.charted.zones for line in _table("zone", zone)]
+    if zones:
+        lines.append(f'zones = "{stem}.zones.toml"')
+        write_file(os.path.splitext(path)[0] + ".zones.toml", ("\n".join(zones) + "\n").encode())
     lines += ["", "[terrain]", *_keys(terrain)]
+    if placed.bottom is not None:
+        codes, north_min, east_min, resolution = placed.bottom
+        rows, columns = codes.shape
+        write_file(os.path.splitext(path)[0] + ".bottom", np.ascontiguousarray(codes).tobytes())
+        keys = BottomMapKeys(f"{stem}.bottom", north_min, east_min, resolution, rows, columns)
+        lines += ["", "[bottom_map]", *_keys(keys._asdict())]
+    for pipeline in placed.charted.pipelines:
+        lines += _table("pipeline", pipeline)
     for name, obstacles in (("cylinder", placed.cylinders), ("box", placed.boxes)):
         for obstacle in obstacles:
-            usual = obstacle._field_defaults  # to leave them out makes a file that is read sooner
-            lines += ["", f"[[{name}]]", *_keys({k: v for k, v in obstacle._asdict().items() if v != usual.get(k)})]
+            lines += _table(name, obstacle)
     write_file(path, ("\n".join(lines) + "\n").encode())
 
 
@@ -46,6 +58,12 @@ def _magnetic_field(origin: tuple[float, float]) -> str:
     start, end = date(today.year, 1, 1), date(today.year + 1, 1, 1)
     field = field_at(*origin, year=today.year + (today - start) / (end - start))
     return f"magnetic_field = {_toml(field.angles)} # T, rad, rad: {field.model}, {field.year:.1f}"
+
+
+def _table(name: str, record: Any) -> list[str]:
+    """Return a record as a table of an array, without defaults: a file that is read sooner."""
+    usual = record._field_defaults
+    return ["", f"[[{name}]]", *_keys({k: v for k, v in record._asdict().items() if v != usual.get(k)})]
 
 
 def _keys(table: dict[str, Any]) -> Iterator[str]:

@@ -111,7 +111,10 @@ def _build(options: argparse.Namespace) -> int:
         from hil.charts.picture import Marks, draw
 
         name = os.path.splitext(os.path.basename(path))[0]
-        marks = Marks(survey.soundings, survey.contours, survey.shore, survey.bridges)
+        charted = built.placed.charted
+        marks = Marks(
+            survey.soundings, survey.contours, survey.shore, survey.bridges, charted.pipelines, charted.zones
+        )  # fmt: skip
         title = f"{name}: {survey.source}"
         draw(built.placed.grid, built.placed.cylinders, built.placed.boxes, marks, title, options.plot)
     if options.json:
@@ -122,13 +125,17 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
+    import numpy as np
+
     from hil.charts.grid import overview
     from hil.charts.picture import MOST_PIXELS, Marks, draw
 
     world = load_world(options.world)
     path = options.output or f"{world.name}.png"
     grid = overview(world, MOST_PIXELS, options.resolution)
-    draw(grid, world.cylinder, world.box, Marks(), f"{world.name}: {world.source}", path)
+    meshes = tuple(np.array(triangle)[:, :2] for mesh in world.mesh for triangle in mesh.placed)
+    marks = Marks(pipelines=world.pipeline, zones=world.all_zones(), meshes=meshes)
+    draw(grid, world.cylinder, world.box, marks, f"{world.name}: {world.source}", path)
     print(path)
     return 0
 

@@ -65,7 +65,7 @@ def decode_map(data: bytes) -> GridMap:
 
 
 def encode_obstacles(time_ns: int, world: World) -> bytes:
-    """visualization_msgs/MarkerArray: all that is not hidden: cylinders, cubes, triangles, lines of pipelines and zones.
+    """visualization_msgs/MarkerArray: all that is not hidden: cylinders, cubes, triangles; pipelines; zones.
 
     Raises ConfigError for a file of zones that cannot be read.
     """

@@ -146,16 +146,8 @@ def put(keys: MeshKeys, triangles: tuple[Triangle, ...], net: tuple[float, float
     corners = [corner for triangle in placed for corner in triangle]
     radius = max(sqrt((n - keys.north) ** 2 + (e - keys.east) ** 2) for n, e, _ in corners)
     depths = [down for _, _, down in corners]
-    return MeshObstacle(
-        keys,
-        triangles,
-        rotation,
-        placed,
-        radius,
-        min(depths),
-        max(depths),
-        net,  # type: ignore[arg-type]
-    )
+    top, bottom = min(depths), max(depths)
+    return MeshObstacle(keys, triangles, rotation, placed, radius, top, bottom, net)  # type: ignore[arg-type]
 
 
 @lru_cache(maxsize=32)

@@ -10,6 +10,8 @@ import json
 import os
 import re
 import subprocess
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,7 +40,8 @@ class Feature(NamedTuple):
 
     `kind` is its class (a name of `s57_process.OBJECTS`), `attributes` are the numbers that it has, by name; `points`
     (n, 3) longitude, latitude (degrees, WGS 84) and depth (m, nan if it has none), `lines` those it runs along or is
-    bounded by, each (n, 2) longitude, latitude; `is_area` whether they bound an area.
+    bounded by, each (n, 2) longitude, latitude; `is_area` whether they bound an area; `codes` are attributes of several
+    numbers, by name, and `name` is that of the object, if it has one.
     """
 
     kind: str
@@ -46,6 +49,8 @@ class Feature(NamedTuple):
     points: Coordinates
     lines: tuple[Coordinates, ...]
     is_area: bool
+    codes: Mapping[str, Sequence[int]] = MappingProxyType({})
+    name: str = ""
 
     def number(self, name: str) -> float | None:
         """Return an attribute; None if it is not there or left empty."""
@@ -149,5 +154,9 @@ def _features(rows: list[dict[str, Any]], numbers: Coordinates) -> tuple[Feature
         for count in row["lines"]:
             lines.append(numbers[at : at + 2 * count].reshape(-1, 2))
             at += 2 * count
-        features.append(Feature(row["kind"], row["attributes"], points, tuple(lines), row["is_area"]))
+        features.append(
+            Feature(
+                row["kind"], row["attributes"], points, tuple(lines), row["is_area"], row["codes"], clean(row["name"])
+            )
+        )
     return tuple(features)

@@ -17,12 +17,15 @@ from hil.common.lifeline import die_with_parent
 
 MEMORY_BYTES = 2 << 30  # of address space: a chart of 5 MB takes a tenth
 CPU_SECONDS = 30
-# Object classes that shape a seabed or stand on it, and their attributes (S-57 appendix A).
+# Object classes that shape a seabed, stand or lie on it or have rules, and their attributes (S-57 appendix A).
 OBJECTS = (
     "BRIDGE", "CAUSWY", "COALNE", "DAMCON", "DEPARE", "DEPCNT", "DRGARE", "FLODOC", "HULKES", "LNDARE", "MORFAC",
     "OBSTRN", "PILPNT", "PONTON", "PYLONS", "SLCONS", "SOUNDG", "UWTROC", "UNSARE", "WRECKS", "M_COVR",
+    "CBLSUB", "PIPSOL", "SBDARE", "ACHARE", "CBLARE", "DMPGRD", "MIPARE", "PIPARE", "RESARE",
 )  # fmt: skip
-ATTRIBUTES = ("CATCOV", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
+NAME = "OBJNAM"
+LISTS = ("NATSUR", "RESTRN")  # attributes of several numbers
+ATTRIBUTES = ("BURDEP", "CATCOV", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
 POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's primitive
 DAMAGED, NO_LIBRARY, UNFIT_UPDATE = 1, 5, 7
 UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings where an update names a record that is not there
@@ -137,7 +140,7 @@ def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[byt
     import shapely
     from pyogrio import raw
 
-    meta, _, wkb, columns = raw.read(path, layer=kind, columns=["PRIM", *ATTRIBUTES])
+    meta, _, wkb, columns = raw.read(path, layer=kind, columns=["PRIM", NAME, *LISTS, *ATTRIBUTES])
     fields = dict(zip(meta["fields"], columns, strict=True))
     for number, shape in enumerate(shapely.from_wkb(wkb)):
         known = {name: float(fields[name][number]) for name in ATTRIBUTES if name in fields}
@@ -151,12 +154,20 @@ def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[byt
         rows.append({
             "kind": kind,
             "attributes": {name: value for name, value in known.items() if value == value},
+            "codes": {name: _numbers(fields[name][number]) for name in LISTS if name in fields},
+            "name": str((fields[NAME][number] if NAME in fields else None) or ""),
             "points": len(points),
             "lines": [len(line) for line in lines],
             "is_area": int(fields["PRIM"][number]) == AREA,
         })  # fmt: skip
         data.append(points.tobytes())
         data.extend(np.ascontiguousarray(line).tobytes() for line in lines)
+
+
+def _numbers(value: Any) -> list[int]:
+    """Return the numbers of a list attribute, which GDAL gives as texts; none where it is left out."""
+    items = [] if value is None else [value] if isinstance(value, str) else list(value)
+    return [int(item) for item in items if str(item).strip().isdigit()]
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.charts.charted import Charted
 from hil.charts.gridding import Indices
 from hil.charts.polygons import Edges
 from sim.environment.obstacles import STANDING
@@ -62,6 +63,7 @@ class Survey(NamedTuple):
     `sheets` go from the coarsest to the finest. `reach`: how far in m the bed is known around soundings where no
     sheet says so; 0 nowhere. `origin`: latitude and longitude in degrees of (0, 0), None where there is none.
     `beds`: depths that are known everywhere, as rasters have them, the first before the next and before all else.
+    `charted`: what charts tell beside that.
     `notes`: what a person should know of how the files were read.
     """
 
@@ -79,6 +81,7 @@ class Survey(NamedTuple):
     reach: float = 0.0
     notes: tuple[str, ...] = ()
     beds: tuple[Bed, ...] = ()
+    charted: Charted = Charted()
 
 
 def resample(line: Array, step: float) -> Array:

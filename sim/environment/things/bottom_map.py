@@ -99,7 +99,7 @@ class BottomMap:
         times: Floats = 10.0 ** (0.1 * (strengths - np.float32(usual)))
         return times[self.codes(north, east)]
 
-    def looks(self, north: Any, east: Any, usual: tuple[float, float, float]) -> "tuple[Floats, Floats]":
+    def looks(self, north: Any, east: Any, usual: Any) -> "tuple[Floats, Floats]":
         """Return the colours (n x 3) at n places, `usual` where none is known, and how strong the texture is."""
         import numpy as np
 

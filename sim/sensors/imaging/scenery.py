@@ -100,7 +100,8 @@ class Scenery:
             tone[seabed] *= self._textured(self._texture, seen, seabed)
         ground: Pixels | None = None
         if self._bottom_map is not None and seabed.any():
-            ground, texture = self._bottom_map.looks(*seen.points[:2, seabed], self._colours[SEABED])
+            north, east = seen.points[:2, seabed]
+            ground, texture = self._bottom_map.looks(north, east, self._colours[SEABED])
             tone[seabed] = np.maximum(np.float32(0.1), 1.0 + (tone[seabed] - 1.0) * texture)
         # From above as from a sky that is evenly bright, and a fifth from all sides.
         day = tone * np.where(surface, np.float32(1.0), np.float32(0.6) - np.float32(0.4) * seen.normals[2])

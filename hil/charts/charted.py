@@ -1,0 +1,163 @@
+"""What a chart tells beside depths and obstacles: cables and pipelines, areas with rules, and what the bed is made of.
+
+A chart seldom says how thick a pipeline or cable is: the diameters here are ours, and it lies on the bed unless it is
+charted as buried. The nature of the bed is given at places, and counts as far as the next one, but no farther than
+`NATURE_REACH` on paper.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.charts.grid import Extent, Grid
+from hil.charts.polygons import Edges, fill
+from hil.charts.sources.s57 import Feature
+from sim.environment.obstacles import ZoneKind
+from sim.environment.things.bottom_map import NATURES, UNKNOWN
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.things.zones import Zone
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.uint8]
+
+DIAMETERS = {"PIPSOL": 0.6, "CBLSUB": 0.1}  # m
+ZONES: dict[str, ZoneKind] = {
+    "RESARE": "restricted", "ACHARE": "anchorage", "DMPGRD": "dumping", "MIPARE": "military", "CBLARE": "cable",
+    "PIPARE": "pipeline",
+}  # fmt: skip
+# S-57, attribute 131 (RESTRN).
+RULES = {
+    1: "anchoring prohibited", 2: "anchoring restricted", 3: "fishing prohibited", 4: "fishing restricted",
+    5: "trawling prohibited", 6: "trawling restricted", 7: "entry prohibited", 8: "entry restricted",
+    9: "dredging prohibited", 10: "dredging restricted", 11: "diving prohibited", 12: "diving restricted",
+    13: "no wake", 14: "to be avoided", 15: "construction prohibited", 16: "discharging prohibited",
+    17: "discharging restricted", 20: "drilling prohibited", 24: "dragging prohibited",
+    25: "stopping prohibited", 27: "speed restricted",
+}  # fmt: skip
+NATURE_REACH = 100.0  # times what is drawn: 5 cm on paper
+COARSER = 4  # nodes of the bed to one of what it is made of
+_KNOWN = {nature.code for nature in NATURES.values()}
+
+
+class Nature(NamedTuple):
+    """One statement on what the bed is made of: S-57's number, at places (n, 2) or within edges."""
+
+    code: int
+    places: Array
+    edges: Edges = ()
+
+
+class Charted(NamedTuple):
+    """What charts say beside depths and obstacles, on the plane, from the coarsest chart to the finest."""
+
+    pipelines: tuple[Pipeline, ...] = ()
+    zones: tuple[Zone, ...] = ()
+    natures: tuple[Nature, ...] = ()
+
+
+class BottomGrid(NamedTuple):
+    """S-57's numbers of what the bed is made of, rows x columns, 0 for unknown; the first node and their distance."""
+
+    codes: Codes
+    north_min: float
+    east_min: float
+    resolution: float
+
+
+def pipelines_of(feature: Feature, lines: list[Array]) -> list[Pipeline]:
+    """Return the pipelines or cables that an object is, along `lines` (n, 2); none for others."""
+    if feature.kind not in DIAMETERS:
+        return []
+    diameter, buried = DIAMETERS[feature.kind], feature.number("BURDEP") or 0.0
+    is_cable = feature.kind == "CBLSUB"
+    height = -(buried + diameter) if buried > 0.0 else 0.0
+    return [
+        Pipeline(_rounded(line), diameter, height, "cable" if is_cable else "pipeline", name=feature.name)
+        for line in lines
+        if len(line) > 1
+    ]
+
+
+def zones_of(feature: Feature, edges: Edges, detail: float) -> list[Zone]:
+    """Return the zones that an object is: its outlines, drawn as finely as `detail` m; none for others."""
+    if feature.kind not in ZONES or not feature.is_area or not edges:
+        return []
+    import shapely
+
+    area = shapely.build_area(shapely.GeometryCollection([shapely.LineString(edge) for edge in edges]))
+    parts = shapely.get_parts(area.simplify(detail))
+    rules = ", ".join(RULES[code] for code in feature.codes.get("RESTRN", ()) if code in RULES)
+    return [
+        Zone(ZONES[feature.kind], _rounded(np.asarray(part.exterior.coords)[:-1]), feature.name, rules)
+        for part in parts
+        if len(part.exterior.coords) > 3
+    ]
+
+
+def nature_of(feature: Feature, points: Array, edges: Edges) -> Nature | None:
+    """Return what an object says of the bed: of several materials the first, which there is most of."""
+    codes = [code for code in feature.codes.get("NATSUR", ()) if code in _KNOWN]
+    if feature.kind != "SBDARE" or not codes:
+        return None
+    return Nature(codes[0], points, edges if feature.is_area else ())
+
+
+def within(charted: Charted, extent: Extent) -> Charted:
+    """Return what of it comes into `extent` (m), zones cut at its border."""
+    import shapely
+
+    south, north, west, east = extent
+    frame = shapely.box(south, west, north, east)
+    lines = tuple(line for line in charted.pipelines if frame.intersects(shapely.LineString(line.points)))
+    zones = [
+        zone._replace(outline=_rounded(np.asarray(part.exterior.coords)[:-1]))
+        for zone in charted.zones
+        for part in shapely.get_parts(shapely.Polygon(zone.outline).buffer(0.0).intersection(frame))
+        if part.geom_type == "Polygon" and len(part.exterior.coords) > 3
+    ]
+    return charted._replace(pipelines=lines, zones=tuple(zones))
+
+
+def paint_natures(natures: tuple[Nature, ...], grid: Grid, detail: float) -> BottomGrid | None:
+    """Return what the bed of `grid` is made of, None where nothing is known of any of it."""
+    if not natures:
+        return None
+    from scipy.spatial import cKDTree
+
+    north, east = grid.north[::COARSER], grid.east[::COARSER]
+    codes = np.full((len(north), len(east)), UNKNOWN, np.uint8)
+    places = np.concatenate([np.empty((0, 2)), *(nature.places for nature in natures)])
+    numbers = np.concatenate([[], *(np.full(len(nature.places), nature.code) for nature in natures)])
+    if len(places):
+        nodes = np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1)
+        distance, nearest = cKDTree(places).query(nodes, distance_upper_bound=NATURE_REACH * detail)
+        found = np.isfinite(distance)
+        codes[found] = numbers[nearest[found]]
+    for nature in natures:
+        window, inside = fill(nature.edges, north, east)
+        codes[window][inside] = nature.code
+    if not codes.any():
+        return None
+    return BottomGrid(codes, float(north[0]), float(east[0]), COARSER * grid.resolution)
+
+
+def cut_bottom(bottom: BottomGrid | None, extent: Extent) -> BottomGrid | None:
+    """Return the nodes of `bottom` in and around `extent` (m)."""
+    if bottom is None:
+        return None
+    parts: list[slice] = []
+    firsts: list[float] = []
+    for axis, (first, low, high) in enumerate(
+        ((bottom.north_min, extent[0], extent[1]), (bottom.east_min, extent[2], extent[3]))
+    ):
+        count = bottom.codes.shape[axis]
+        start = min(max(int(np.floor((low - first) / bottom.resolution)), 0), count - 1)
+        end = max(start + 1, min(int(np.ceil((high - first) / bottom.resolution)) + 1, count))
+        parts.append(slice(start, end))
+        firsts.append(first + start * bottom.resolution)
+    return BottomGrid(np.array(bottom.codes[parts[0], parts[1]]), firsts[0], firsts[1], bottom.resolution)
+
+
+def _rounded(line: Array) -> tuple[tuple[float, float], ...]:
+    return tuple((round(float(north), 2), round(float(east), 2)) for north, east in line)
