@@ -15,6 +15,7 @@ from hil.scenario import config, fleet_records, modem_records, records
 from hil.schemas.convert import Converter, Schema, chosen, required, table, tables
 from sim.environment import mesh, relief, terrain, world
 from sim.environment.ocean import Ocean
+from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.mounting import Mounting
@@ -137,7 +138,15 @@ def _world(converter: Converter) -> Schema:
     ground = {"anyOf": [converter.reference(terrain.StoredKeys), *by_rule["anyOf"]]}
     keys = converter.keys(world.World, {
         "ocean": converter.reference(Ocean), "terrain": ground, "mesh": tables(converter.reference(mesh.MeshKeys)),
+        "pipeline": tables(converter.reference(pipelines.Pipeline)), "zone": tables(converter.reference(zones.Zone)),
+        "bottom_map": converter.reference(bottom_map.BottomMapKeys),
     })  # fmt: skip
+    common = converter.keys(shapes.Placing, {"kind": None})
+    each = {
+        kind: table(common | converter.keys(record), [key for key in required(shapes.Placing) if key != "kind"])
+        for kind, record in shapes.KINDS.items()
+    }
+    keys["shape"] = {**tables(chosen(each)), "description": "Shapes of a small library, made by rule."}
     return table(keys, required(world.World))
 
 

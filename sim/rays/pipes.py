@@ -26,8 +26,13 @@ class NearPipes:
         self.rows = _nothing(_LEAST_ROWS)
 
     def follow(self, origin: Sequence[float], reach: float) -> bool:
-        """Look for the pieces within `reach` m of `origin`; True if the rows are others now."""
+        """Look for the pieces within `reach` m of `origin`, or of several, one after another; True for other rows."""
         north, east = origin[0], origin[1]
+        if len(origin) > 3:
+            norths, easts = origin[0::3], origin[1::3]
+            (south, north), (west, east) = (min(norths), max(norths)), (min(easts), max(easts))
+            reach += 0.5 * hypot(north - south, east - west)
+            north, east = 0.5 * (south + north), 0.5 * (west + east)
         away = hypot(north - self._place[0], east - self._place[1])
         if away + reach <= self._within:
             return False

@@ -31,7 +31,7 @@ class RayScene:
     The terrain is not copied. Not modelled: the water's surface (add a half space for that), rays that bend.
     """
 
-    def __init__(self, world: World, engine: Engine = "", bed: World | None = None) -> None:
+    def __init__(self, world: World, engine: Engine = "", *, bed: World | None = None) -> None:
         self._world = world
         self._standing = len(world.obstacles())
         self._added: list[Solid] = []
@@ -120,11 +120,8 @@ class RayScene:
         single.cast(geometry, origin, rotation, rays, reach, distances, hits)
 
     def _present(self, origin: Sequence[float], reach: float) -> Geometry:
-        """Return all there is, where it is now; of pipelines what is within `reach` m of `origin`.
-
-        Rays with an origin for each, such as those of second echoes, meet what their sensor was near to before.
-        """
-        if self._pipes is not None and len(origin) == 3 and self._pipes.follow(origin, reach):
+        """Return all there is, where it is now; of pipelines what is within `reach` m of one or more origins."""
+        if self._pipes is not None and self._pipes.follow(origin, reach):
             self._lay(self._pipes.rows)
         if self._geometry is None:
             self._geometry = self._gather()

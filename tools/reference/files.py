@@ -18,6 +18,7 @@ from hil.network.security import Security
 from hil.network.settings import Network
 from hil.scenario import autopilot_records, config, fleet_records, mavlink_records, modem_records, records
 from sim.environment import bottom, mesh, obstacles, ocean, relief, terrain, world
+from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
@@ -176,12 +177,21 @@ def world_file() -> str:
         "ocean": "table, [`ocean`](#ocean)",
         "terrain": "table, [`terrain`](#terrain-from-a-file)",
         "mesh": "tables, [`mesh`](#mesh)",
+        "pipeline": "tables, [`pipeline`](#pipeline)",
+        "bottom_map": "table, [`bottom_map`](#bottom_map)",
+        "zone": "tables, [`zone`](#zone)",
     }
     sections = [
         Section("Top level", world.World, shown=linked),
         Section("Cylinder", obstacles.Cylinder, "Each `[[cylinder]]` is a pile."),
         Section("Box", obstacles.Box, "Each `[[box]]` is a block."),
         Section("mesh", mesh.MeshKeys, "Each `[[mesh]]` is a file: OBJ, STL, GLB or what else trimesh reads."),
+        Section("shape", shapes.Placing, "Each `[[shape]]` is one of a small library. These keys are every shape's."),
+        *[Section(f"shape {kind}", record, f"More keys of `kind = \"{kind}\"` in `[[shape]]`.")
+          for kind, record in shapes.KINDS.items()],
+        Section("pipeline", pipelines.Pipeline, "Each `[[pipeline]]` follows the seabed along a line."),
+        Section("zone", zones.Zone, "Each `[[zone]]` is an area with rules."),
+        Section("bottom_map", bottom_map.BottomMapKeys, "`[bottom_map]` says what the seabed is made of where."),
         Section("terrain from a file", terrain.StoredKeys, "Depths as little-endian 32-bit floats, row after row."),
         *[Section(f"terrain {kind}", record, f"`kind = \"{kind}\"` in `[terrain]`.")
           for kind, record in relief.KINDS.items()],
