@@ -122,7 +122,7 @@ def _strips(rows: int) -> list[slice]:
 def _slopes(depths: Depths, resolution: float, part: slice) -> list[Depths]:
     """Return how steeply the bed rises to the north and to the east in some rows; 0 where nothing is known."""
     first, last = max(0, min(part.start - 1, len(depths) - 2)), part.stop + 1
-    slopes = np.gradient(-depths[first:last], resolution)
+    slopes: Any = np.gradient(-depths[first:last], resolution)
     return [np.nan_to_num(slope[part.start - first : part.stop - first]) for slope in slopes]
 
 

@@ -22,6 +22,7 @@
     depth = [0, 20, 100]
     density = [1022.0, 1026.0, 1027.5]
     sound_speed = [1510.0, 1495.0, 1490.0]
+    # or file = "ctd.csv", a cast with temperature and salinity (sim/environment/cast.py)
 
     [ocean.waves]
     significant_height = "1 m"
@@ -32,6 +33,7 @@ All currents that are given add up, the world's steady `current` with them. Read
 ocean; what evaluates it is imported only then.
 """
 
+import os
 from math import pi
 from typing import Annotated, Literal, NamedTuple
 
@@ -102,14 +104,24 @@ class Tide(NamedTuple):
 
 
 class Profile(NamedTuple):
-    """Density (kg/m³) and speed of sound (m/s) by depth (m): linear between the rows, constant beyond them."""
+    """Density (kg/m³) and speed of sound (m/s) by depth (m): linear between the rows, constant beyond them.
 
-    depth: tuple[Depth, ...]
-    density: tuple[Density, ...]
+    Instead of these `file` names a cast beside the world's file (sim/environment/cast.py).
+    """
+
+    depth: tuple[Depth, ...] = ()
+    density: tuple[Density, ...] = ()
     sound_speed: tuple[SoundSpeed, ...] = ()
+    file: str = ""
 
     def validate(self) -> str | None:
         """Return what is wrong between the keys, or None."""
+        if self.file:
+            return (
+                "file: it has all rows: leave depth, density and sound_speed out"
+                if self.depth or self.density
+                else None
+            )
         if not self.density:
             return "density: give one value for each depth"
         return validate_columns("depth", self.depth, density=self.density, sound_speed=self.sound_speed)
@@ -167,6 +179,15 @@ class _Section(NamedTuple):
     ocean: Ocean
 
 
-def read_ocean(section: object, where: str) -> Ocean:
-    """Return the `[ocean]` section of the world file `where`. Raises ConfigError."""
-    return parse({"ocean": section}, _Section, where).ocean
+def read_ocean(section: object, where: str, origin: tuple[float, float] | None = None) -> Ocean:
+    """Return the `[ocean]` section of the world file `where`, which lies at `origin` (latitude, longitude in degrees).
+
+    Raises ConfigError, and MissingExtraError for a cast.
+    """
+    ocean = parse({"ocean": section}, _Section, where).ocean
+    if ocean.profile is None or not ocean.profile.file:
+        return ocean
+    from sim.environment.cast import read_cast  # most worlds have none
+
+    path = os.path.join(os.path.dirname(where), ocean.profile.file)
+    return ocean._replace(profile=parse(read_cast(path, origin), Profile, path))

@@ -242,7 +242,7 @@ def _with_sections(world: World, sections: dict[str, Any], path: str) -> World:
     if "ocean" in sections:
         from sim.environment.ocean import read_ocean
 
-        world = world._replace(ocean=read_ocean(sections["ocean"], path))
+        world = world._replace(ocean=read_ocean(sections["ocean"], path, world.origin))
     return world
 
 

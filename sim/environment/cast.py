@@ -1,0 +1,142 @@
+"""Read a cast: temperature and salinity of the water by depth in a CSV, as a CTD writes them.
+
+depth,temperature,salinity
+0.5,14.2,30.1
+10.0,12.8,31.4
+
+The first line names the columns, in any order, with others among them: `depth` (m) or `pressure` (dbar, of the water),
+`temperature` (deg C, ITS-90) and `salinity` (practical), or instead of these `sound_speed` (m/s) and `density` (kg/m³).
+Units after the name, as `depth (m)`, are not read. Lines that begin with # are left out. What is made of temperature
+and salinity is by TEOS-10 (gsw), and is kept, so that a slave's next start needs no library for it.
+"""
+
+import csv
+import re
+from collections.abc import Iterable
+from math import isfinite
+from typing import Any, NamedTuple
+
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.tables import check_file, keep, read_bytes, read_kept
+
+Place = tuple[float, float]
+
+MOST_ROWS = 60  # of a profile: more are averaged, as every ray goes through all of them
+MOST_BYTES = 16 << 20
+_NAMES = {
+    "depth": "depth", "depsm": "depth", "pressure": "pressure", "pres": "pressure", "prdm": "pressure",
+    "temperature": "temperature", "temp": "temperature", "t090c": "temperature", "salinity": "salinity",
+    "sal": "salinity", "sal00": "salinity", "sound_speed": "sound_speed", "density": "density",
+}  # fmt: skip
+_LATITUDE = 45.0  # deg, of a world without an origin: for the water's weight
+
+Columns = dict[str, list[float]]
+
+
+class _Water(NamedTuple):
+    depth: list[float]
+    density: list[float]
+    sound_speed: list[float]
+
+
+def read_cast(path: str, origin: Place | None) -> dict[str, Any]:
+    """Return depth (m), density (kg/m³) and sound_speed (m/s) of the cast in a file, each a growing list of rows.
+
+    `origin`: latitude and longitude (deg) of the world, which salinity depends on a little. Raises ConfigError,
+    MissingExtraError.
+    """
+    stamp = (*check_file(path, MOST_BYTES), origin)
+    made: dict[str, Any] | None = read_kept(f"{path}.profile", stamp)
+    if made is None:
+        columns = _thinned(_read(path))
+        water = _by_teos10(columns, origin, path) if "temperature" in columns else _given(columns, path)
+        made = water._asdict()
+        keep(f"{path}.profile", stamp, made)
+    return made
+
+
+def _read(path: str) -> Columns:
+    """Return the columns that are known by name. Raises ConfigError."""
+    try:
+        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if len(lines) < 2:
+        raise ConfigError(f"{path}: holds no row: give names of columns and a row for each depth")
+    separator = max(",;\t", key=lines[0].count)
+    header, *rows = csv.reader(lines, delimiter=separator)
+    words = [re.split(r"[^a-z0-9_]+", name.strip().lower())[0] for name in header]
+    places = {_NAMES[word]: k for k, word in enumerate(words) if word in _NAMES}
+    if not places.keys() & {"depth", "pressure"}:
+        raise ConfigError(f"{path}: no column 'depth' (m) or 'pressure' (dbar) among {', '.join(header)}")
+    columns: Columns = {name: [] for name in places}
+    for number, row in enumerate(rows, 2):
+        for name, place in places.items():
+            try:
+                value = float(row[place])
+            except (ValueError, IndexError):
+                value = float("nan")
+            if not isfinite(value):
+                raise ConfigError(f"{path}: row {number} has no number for {name}: leave the row out")
+            columns[name].append(value)
+    return columns
+
+
+def _thinned(columns: Columns) -> Columns:
+    """Return rows whose depths grow, the means of those in one of MOST_ROWS bins where there are more."""
+    along = columns.get("depth") or columns["pressure"]
+    low, high = min(along), max(along)
+    size = (high - low) / MOST_ROWS if len(along) > MOST_ROWS else 0.0
+    bins: dict[float, list[int]] = {}
+    for k, value in enumerate(along):
+        bins.setdefault(min(int((value - low) / size), MOST_ROWS - 1) if size else value, []).append(k)
+    groups = [bins[key] for key in sorted(bins)]
+    return {name: [sum(values[k] for k in group) / len(group) for group in groups] for name, values in columns.items()}
+
+
+def _given(columns: Columns, path: str) -> _Water:
+    """Return what the file says itself. Raises ConfigError."""
+    missing = [name for name in ("depth", "density", "sound_speed") if name not in columns]
+    if missing:
+        raise ConfigError(
+            f"{path}: no column {', '.join(map(repr, missing))}: give temperature and salinity, or depth, density and "
+            "sound_speed"
+        )
+    return _Water(columns["depth"], columns["density"], columns["sound_speed"])
+
+
+def _by_teos10(columns: Columns, origin: Place | None, path: str) -> _Water:
+    """Return density and speed of sound of sea water by TEOS-10. Raises ConfigError, MissingExtraError."""
+    if "salinity" not in columns:
+        raise ConfigError(f"{path}: temperature without a column 'salinity': 0 is fresh water")
+    try:
+        import gsw
+        import numpy as np
+    except ImportError:
+        raise MissingExtraError(f"{path}: temperature and salinity need gsw: pip install 'uuv-hil[ocean]'") from None
+    latitude, longitude = origin or (_LATITUDE, 0.0)
+    temperature, practical = np.array(columns["temperature"]), np.array(columns["salinity"])
+    if temperature.min() < -3.0 or temperature.max() > 45.0 or practical.min() < 0.0 or practical.max() > 45.0:
+        raise ConfigError(
+            f"{path}: temperature (deg C) or salinity out of -3 to 45 and 0 to 45: are the columns right?"
+        )
+    if "depth" in columns:
+        depth = np.array(columns["depth"])
+        pressure = gsw.p_from_z(-depth, latitude)
+    else:
+        pressure = np.array(columns["pressure"])
+        depth = -gsw.z_from_p(pressure, latitude)
+    salinity = gsw.SR_from_SP(practical)
+    if origin is not None:
+        here = gsw.SA_from_SP(practical, pressure, longitude, latitude)
+        salinity = np.where(np.isfinite(here), here, salinity)  # of places that its atlas takes for land
+    conservative = gsw.CT_from_t(salinity, temperature, pressure)
+    return _Water(
+        _rounded(depth), _rounded(gsw.rho(salinity, conservative, pressure)),
+        _rounded(gsw.sound_speed(salinity, conservative, pressure)),
+    )  # fmt: skip
+
+
+def _rounded(values: Iterable[float]) -> list[float]:
+    return [round(float(value), 4) for value in values]

@@ -1,0 +1,92 @@
+"""Profiles of the water from casts in CSV files."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.environment.cast import MOST_ROWS
+from sim.environment.ocean import Profile
+from sim.environment.world import load_world
+
+WORLD = """\
+name = "bay"
+source = "test"
+extent = [-100.0, 100.0, -100.0, 100.0]
+depth = 900.0
+{origin}
+
+[ocean.profile]
+file = "ctd.csv"
+"""
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def profile(folder: Path, text: str, origin: str = "") -> Profile:
+    (folder / "bay.toml").write_text(WORLD.format(origin=origin))
+    (folder / "ctd.csv").write_text(text)
+    ocean = load_world(str(folder / "bay.toml")).ocean
+    assert ocean is not None
+    assert ocean.profile is not None
+    return ocean.profile
+
+
+def mackenzie(temperature: float, salinity: float, depth: float) -> float:
+    """Mackenzie 1981, J. Acoust. Soc. Am. 70(3): m/s, to 0.07 of Del Grosso's."""
+    t, s, d = temperature, salinity - 35.0, depth
+    return (
+        1448.96 + 4.591 * t - 5.304e-2 * t**2 + 2.374e-4 * t**3 + 1.340 * s + 1.630e-2 * d + 1.675e-7 * d**2
+        - 1.025e-2 * t * s - 7.139e-13 * t * d**3
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("origin", ["", "origin = [47.3, -122.5]"])
+def test_temperature_and_salinity_make_density_and_speed_of_sound(tmp_path: Path, origin: str) -> None:
+    rows = [(0.0, 14.0, 30.0), (20.0, 11.0, 31.5), (100.0, 9.0, 33.0), (800.0, 4.0, 34.5)]
+    lines = ["# cast 7", "Salinity (PSU);Depth (m);Temperature (deg C);Oxygen", *(f"{s};{d};{t};x" for d, t, s in rows)]
+    found = profile(tmp_path, "\n".join(lines), origin)
+    assert found.depth == tuple(row[0] for row in rows)
+    for speed, (depth, temperature, salinity) in zip(found.sound_speed, rows, strict=True):
+        assert speed == pytest.approx(mackenzie(temperature, salinity, depth), abs=0.4)
+    # UNESCO's equation of state (Fofonoff and Millard 1983): 1022.3 at 14 deg C and 30; the weight adds 3.7 at 800 m
+    assert found.density[0] == pytest.approx(1022.34, abs=0.1)
+    assert found.density[3] == pytest.approx(1027.38 + 3.7, abs=0.15)
+
+
+def test_pressure_goes_for_depth_and_long_casts_are_averaged(tmp_path: Path) -> None:
+    rows = [f"{0.5 * k:.1f},{15.0 - 0.005 * k:.3f},34.0" for k in (*range(1600), *range(1599, 0, -1))]
+    found = profile(tmp_path, "\n".join(["pressure,temperature,salinity", *rows]))
+    assert len(found.depth) == MOST_ROWS
+    assert all(b > a for a, b in pairwise(found.depth))
+    assert found.depth[-1] == pytest.approx(786.0, abs=3.0), "799.5 dbar less half a bin are 786 m"
+
+
+def test_what_is_measured_is_taken_as_it_is_and_read_again_when_it_changes(tmp_path: Path) -> None:
+    text = "depth,density,sound_speed\n0,1025,1500\n40,1026,1490\n"
+    assert profile(tmp_path, text) == Profile((0.0, 40.0), (1025.0, 1026.0), (1500.0, 1490.0))
+    assert profile(tmp_path, text.replace("40,", "45.5,")).depth == (0.0, 45.5)
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("depth,temperature\n0,10\n", "without a column 'salinity'"),
+    ("temperature,salinity\n10,30\n", "no column 'depth' .* among temperature, salinity"),
+    ("depth,sound_speed\n0,1500\n", "no column 'density'"),
+    ("depth,temperature,salinity\n0,10,x\n", "row 2 has no number for salinity"),
+    ("depth,temperature,salinity\n0,283,35\n", "out of -3 to 45"),
+    ("depth,density,sound_speed\n0,1025,150\n", r"ctd.csv: sound_speed\[0\]: 150 m/s is outside"),
+    ("depth,temperature,salinity\n", "holds no row"),
+])  # fmt: skip
+def test_errors_name_the_column_and_the_row(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        profile(tmp_path, text)
+
+
+def test_rows_and_a_file_exclude_each_other(tmp_path: Path) -> None:
+    (tmp_path / "bay.toml").write_text(WORLD.format(origin="") + "depth = [0.0]\ndensity = [1025.0]\n")
+    with pytest.raises(ConfigError, match="leave depth, density and sound_speed out"):
+        load_world(str(tmp_path / "bay.toml"))
