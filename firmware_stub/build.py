@@ -157,13 +157,21 @@ def description(chip: str, made_by: dict[str, str | int]) -> str:
     return "".join([f"# How uuv_hil_stm32{chip}.bin was made: python -m firmware_stub.build\n", *lines, "\n", wiring])
 
 
+def make_image(folder: str, chip: str, crystal: int | None = None) -> Image:
+    """Compile the image for a chip into `folder`, with its description beside it; raises as `compile_image` does."""
+    image = compile_image(folder, chip, crystal)
+    made_by = recipe(image.binary, chip) | ({} if crystal is None else {"crystal": crystal})
+    with open(image.binary.removesuffix(".bin") + ".toml", "w", encoding="utf-8") as file:
+        file.write(description(chip, made_by))
+    return image
+
+
 def _ship(chip: str) -> None:
-    path = image_path(chip)
     with ScratchFolder("image") as folder:
-        shutil.copyfile(compile_image(folder.path, chip).binary, path)
-    with open(path.removesuffix(".bin") + ".toml", "w", encoding="utf-8") as file:
-        file.write(description(chip, recipe(path, chip)))
-    print(f"{path}: {os.path.getsize(path)} bytes")
+        made = make_image(folder.path, chip).binary.removesuffix(".bin")
+        for ending in (".bin", ".toml"):
+            shutil.copyfile(made + ending, image_path(chip).removesuffix(".bin") + ending)
+    print(f"{image_path(chip)}: {os.path.getsize(image_path(chip))} bytes")
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -180,7 +188,7 @@ def main(argv: list[str] | None = None) -> None:
         raise ConfigError("another crystal: name the chip with --chip and where to put its image with --output")
     for chip in [options.chip] if options.chip else CHIPS:
         if options.output:
-            print(*compile_image(options.output, chip, options.crystal), sep="\n")
+            print(*make_image(options.output, chip, options.crystal), sep="\n")
         else:
             _ship(chip)
 

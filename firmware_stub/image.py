@@ -30,7 +30,7 @@ IMAGE = image_path()
 
 
 class Image(NamedTuple):
-    """A shipped image, with the wiring of its chip; the source of all but `name` and `path` is the .toml beside it.
+    """An image, with the wiring of its chip, out of the .toml beside it. `name` is the chip as `CHIPS` has it.
 
     outputs: the pin of each thruster. serial: `port`, `tx`, `rx` and a `note`. can: `rx`, `tx` and a `note`; empty for
     a chip without CAN. headers: pin -> its name on a Nucleo board. sha256: of the file's bytes.
@@ -52,19 +52,27 @@ class Image(NamedTuple):
 
 def load_image(chip: str) -> Image:
     """Return what is known of the image for a chip of `CHIPS`. Raises ConfigError for another, or a damaged file."""
+    return describe_image(image_path(chip))
+
+
+def describe_image(path: str) -> Image:
+    """Return what the .toml beside an image says of it. Raises ConfigError without a valid one."""
     from hil.common.tables import parse_toml  # an emulated STM32 needs the bytes alone
 
-    path = image_path(chip)
+    beside = path.removesuffix(".bin") + ".toml"
     try:
-        with open(path.removesuffix(".bin") + ".toml", encoding="utf-8") as file:
+        with open(beside, encoding="utf-8") as file:
             table: dict[str, Any] = parse_toml(file.read())
         return Image(
-            chip, path, table["chip"], tuple(table["device_ids"]), tuple(table["boards"]), table["clock"],
-            tuple(table["outputs"]), table["serial"], table.get("can", {}), table.get("headers", {}),
-            table["size"], table["sha256"],
+            table["chip"].removeprefix("STM32").lower(), path, table["chip"], tuple(table["device_ids"]),
+            tuple(table["boards"]), table["clock"], tuple(table["outputs"]), table["serial"], table.get("can", {}),
+            table.get("headers", {}), table["size"], table["sha256"],
         )  # fmt: skip
     except (OSError, KeyError, ValueError) as error:
-        raise ConfigError(f"{path}: no valid description beside it ({error}); install uuv-hil again") from None
+        raise ConfigError(
+            f"{path}: no valid description beside it, {beside} ({error}): make both with "
+            "python -m firmware_stub.build, or install uuv-hil again"
+        ) from None
 
 
 def parameters(channels: int, watchdog: float = 0.2, pwm_hz: int = 50, baud: int = 115_200) -> bytes:

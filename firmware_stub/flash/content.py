@@ -52,7 +52,7 @@ def chip_name(device_id: int) -> str:
 
 
 def choose_image(device_id: int, chip: str | None) -> Image:
-    """Return the image for the chip with that device id; `chip` is what the person said it is, None for nothing.
+    """Return the image for the chip with that device id; `chip` is that of a chosen image, None for any.
 
     Raises ConfigError, by name, for a chip that there is no image for or that is not the one that was named.
     """
@@ -62,7 +62,7 @@ def choose_image(device_id: int, chip: str | None) -> Image:
         names = ", ".join(load_image(name).chip for name in CHIPS)
         raise ConfigError(f"{found}, and there is no image for it; there are images for {names}")
     if chip is not None and chip != own:
-        raise ConfigError(f"{found}, and --chip {chip} is the image for an {load_image(chip).chip}: --chip {own}")
+        raise ConfigError(f"{found}, and the image is for an {load_image(chip).chip}: --chip {own}")
     return load_image(own)
 
 

@@ -121,6 +121,8 @@ class Follower:
         reasons = [reason for pattern, reason in NOT_TYPED.items() if re.search(pattern, line)]
         if not CHARTS and re.search("US5AK5SI|homer", line):
             reasons.append("UUV_HIL_CHARTS names no folder with NOAA's cells")
+        if not shutil.which("arm-none-eabi-gcc") and re.search(r"firmware_stub\.build|uuv_hil_stm32\w+\.bin", line):
+            reasons.append("needs a compiler for Arm")
         if reasons:
             self.skipped.append((line, reasons[0]))
             return
@@ -134,7 +136,12 @@ class Follower:
             self._command(self._addressed(line), where)
             return
         done = subprocess.run(
-            ["bash", "-c", line], cwd=self.cwd, capture_output=True, text=True, timeout=60, check=False
+            ["bash", "-c", re.sub("^python ", f"{sys.executable} ", line)],
+            cwd=self.cwd,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
         )
         assert done.returncode == 0, f"{where}: {line}\n{done.stderr}"
 

@@ -28,8 +28,8 @@ def main(arguments: list[str]) -> int:
         actions.add_parser(
             "flash",
             help="write the firmware's image to a board, by a debug probe or by USB (DFU)",
-            description="Recognise the board, print its wiring, and write the firmware's image by a debug probe (pyOCD) "
-            "or by USB (dfu-util). Tried with emulated chips and probes only, never yet on hardware.",
+            description="Recognise the board, print its wiring, and write the firmware's image by a debug probe "
+            "(pyOCD) or by USB (dfu-util). Tried with emulated chips and probes only, never yet on hardware.",
         )
     )
     check.add_options(

@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, load_image, parameters
+from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, describe_image, load_image, parameters
 from hil.common.errors import ConfigError
 from hil.common.options import BAUD, Quantity, whole
 
@@ -15,6 +15,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of flashing."""
     add = parser.add_argument
     add("--chip", choices=CHIPS, help="chip of the board [recognised]; another one than the board's is refused")
+    about = "another image, of python -m firmware_stub.build --output [the shipped one of the chip]"
+    add("--image", metavar="FILE.bin", help=about)
     add("--by", choices=("probe", "dfu"), default="probe", help="debug probe or USB bootloader [%(default)s]")
     add("--probe", metavar="NUMBER", help="a part of the probe's number; with dfu a path of USB [the only one]")
     add(
@@ -35,10 +37,14 @@ def run(options: argparse.Namespace) -> int:
     """Recognise the board, show the wiring, write; the exit code. Raises HilError."""
     from firmware_stub.flash.content import load_content, wiring
 
-    if options.dry_run and options.chip:  # which needs no board
-        image, write = load_image(options.chip), None
+    own = describe_image(options.image) if options.image else None
+    chip = _named_chip(options.chip, own)
+    write = None
+    if options.dry_run and chip:  # which needs no board
+        image = load_image(chip)
     else:
-        image, write = _recognise(options)
+        image, write = _recognise(options, chip)
+    image = own or image
     content = load_content(image, _parameters(options))
     print(wiring(image))
     for address, data in content.pieces:
@@ -54,13 +60,24 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _recognise(options: argparse.Namespace) -> tuple[Image, Callable[..., None]]:
+def _named_chip(chip: str | None, image: Image | None) -> str | None:
+    """Return the chip that was named, by itself or by an image for it. Raises ConfigError if these are two."""
+    if image is None:
+        return chip
+    if image.name not in CHIPS:
+        raise ConfigError(f"{image.path}: is for an {image.chip}; boards with {', '.join(CHIPS)} are written")
+    if chip not in (None, image.name):
+        raise ConfigError(f"--chip {chip}: but {image.path} is for an {image.chip}")
+    return image.name
+
+
+def _recognise(options: argparse.Namespace, chip: str | None) -> tuple[Image, Callable[..., None]]:
     """Return the image for the board that is there, and what writes to it."""
     if options.by == "dfu":
         from firmware_stub.flash import dfu
 
         board = dfu.find_board(options.probe)
-        image = dfu.choose_image(board, options.chip)
+        image = dfu.choose_image(board, chip)
         _report(f"board in DFU mode at {board.path}, {board.flash_kib} KiB of flash")
         return image, lambda content, report: dfu.write(board, content, report)
     from firmware_stub.flash import probe
@@ -68,7 +85,7 @@ def _recognise(options: argparse.Namespace) -> tuple[Image, Callable[..., None]]
 
     chosen = probe.find_probe(options.probe)._replace(under_reset=options.under_reset)
     found = probe.identify(chosen)
-    image = choose_image(found.device_id, options.chip)
+    image = choose_image(found.device_id, chip)
     name = f"{found.name}, " if found.name else ""
     _report(f"{chosen.name} {chosen.unique_id}: {name}{image.chip}, device id {found.device_id:#05x}")
     return image, lambda content, report: probe.write(chosen, content, report)

@@ -1,6 +1,8 @@
 """`uuv-hil stm32 flash` by the real pyOCD with an emulated probe and chip, and with a stand-in for dfu-util."""
 
+import hashlib
 import io
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -75,6 +77,50 @@ def test_parameters_are_written_if_one_is_named(
     assert "20 bytes at 0x08004000 written and compared" in capsys.readouterr().out
 
 
+@pytest.fixture
+def own_image(tmp_path: Path) -> Path:
+    """An image for the F405 that somebody made for a crystal of 12 MHz."""
+    path = tmp_path / "mine.bin"
+    path.write_bytes(b"another program")
+    description = Path(load_image("f405").path).with_suffix(".toml").read_text()
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    description = re.sub('sha256 = "[^"]*"', f'sha256 = "{digest}"', description)
+    path.with_suffix(".toml").write_text(description)
+    return path
+
+
+def test_an_own_image_with_its_description(
+    own_image: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = FakeChip("f405")
+    connect(monkeypatch, FakeProbe(board))
+    assert main(["stm32", "flash", "--yes", "--image", str(own_image)]) == 0
+    assert bytes(board.flash[:16]) == b"another program\xff"
+    assert f"image: {own_image}" in capsys.readouterr().out
+
+
+def test_an_own_image_that_does_not_fit(
+    own_image: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = FakeChip("f411")
+    connect(monkeypatch, FakeProbe(board))
+
+    def refusal(*words: str, code: int = 2) -> str:
+        assert main(["stm32", "flash", "--yes", "--image", str(own_image), *words]) == code
+        return capsys.readouterr().err
+
+    assert "has an STM32F411 (device id 0x431), and the image is for an STM32F405" in refusal()
+    assert "--chip f411: but" in refusal("--chip", "f411")
+    own_image.write_bytes(b"damaged")
+    assert "mine.bin: damaged" in refusal("--dry-run", code=3)
+    text = own_image.with_suffix(".toml").read_text()
+    own_image.with_suffix(".toml").write_text(text.replace('"STM32F405"', '"STM32F722"'))
+    assert "is for an STM32F722; boards with f103, f405, f411, f446 are written" in refusal()
+    own_image.with_suffix(".toml").unlink()
+    assert "no valid description beside it" in refusal()
+    assert not board.erased
+
+
 def test_a_dry_run_writes_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     board = FakeChip("f411")
     connect(monkeypatch, FakeProbe(board))
@@ -89,7 +135,12 @@ def test_a_dry_run_writes_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytes
         ([], [], 3, "no debug probe found: connect an ST-LINK"),
         (["f405", "f411"], [], 3, "2 debug probes: choose one with --probe NUMBER, of: 00AA (STM32 STLink); 01AA"),
         (["f405"], ["--probe", "FF"], 3, "no debug probe with 'FF' in its number; there are: 00AA"),
-        (["f411"], ["--chip", "f405"], 2, "has an STM32F411 (device id 0x431), and --chip f405"),
+        (
+            ["f411"],
+            ["--chip", "f405"],
+            2,
+            "has an STM32F411 (device id 0x431), and the image is for an STM32F405: --chip f411",
+        ),
     ],
 )
 def test_what_prevents_it_is_said(

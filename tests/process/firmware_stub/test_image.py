@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from firmware_stub import build
-from firmware_stub.image import CHIPS, image_path, load_image, parameters
+from firmware_stub.image import CHIPS, describe_image, image_path, load_image, parameters
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.tables import parse_toml
 
@@ -65,7 +65,9 @@ def test_a_chip_without_an_image_is_refused() -> None:
 def test_a_description_that_is_damaged_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("firmware_stub.image.IMAGES", str(tmp_path))
     (tmp_path / "uuv_hil_stm32f405.toml").write_text('chip = "STM32F405"\n')
-    with pytest.raises(ConfigError, match=r"uuv_hil_stm32f405.bin: no valid description .*device_ids"):
+    with pytest.raises(
+        ConfigError, match=r"uuv_hil_stm32f405.bin: no valid description .*device_ids.*firmware_stub.build"
+    ):
         load_image("f405")
 
 
@@ -80,9 +82,23 @@ def test_parameters_as_the_board_reads_them() -> None:
 @pytest.mark.arm
 @pytest.mark.skipif(not shutil.which(build.ARM), reason=f"needs {build.ARM}")
 def test_made_again_it_is_the_same_to_the_bit(chip: str, recipe: dict[str, Any], tmp_path: Path) -> None:
-    image = build.compile_image(str(tmp_path), chip)
+    image = build.make_image(str(tmp_path), chip)
     here = build.recipe(image.binary, chip)
     for tool in ("compiler", "pymavlink"):
         if here[tool] != recipe[tool]:
             pytest.skip(f"it was made with {tool} {recipe[tool]}; here is {here[tool]}")
-    assert Path(image.binary).read_bytes() == Path(image_path(chip)).read_bytes(), REMEDY
+    for ending in (".bin", ".toml"):
+        made, shipped = (Path(path).with_suffix(ending) for path in (image.binary, image_path(chip)))
+        assert made.read_bytes() == shipped.read_bytes(), REMEDY
+
+
+@pytest.mark.arm
+@pytest.mark.skipif(not shutil.which(build.ARM), reason=f"needs {build.ARM}")
+def test_for_another_crystal(tmp_path: Path) -> None:
+    """Its description belongs to it, and the F103's PLL is not asked for what it cannot give."""
+    image = build.make_image(str(tmp_path), "f411", 25)
+    described = describe_image(image.binary)
+    assert described.sha256 == build.fingerprint([image.binary]) != load_image("f411").sha256
+    assert described.name == "f411"
+    with pytest.raises(DeviceError, match="from this crystal the PLL does not make 64 MHz"):
+        build.compile_image(str(tmp_path), "f103", 12)

@@ -38,7 +38,7 @@ def test_the_chips_number_decides_the_image(chip: str) -> None:
         (
             0x431,
             "f405",
-            r"an STM32F411 \(device id 0x431\), and --chip f405 is the image for an STM32F405: --chip f411",
+            r"an STM32F411 \(device id 0x431\), and the image is for an STM32F405: --chip f411",
         ),
         (
             0x419,
