@@ -16,7 +16,7 @@ from hil.common.vectors import Vector3
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import hunting_of
 from hil.scenario.modem_records import Modem
-from sim.environment.water_column import WaterColumn
+from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.world import World, load_world
 from sim.modems.acoustic import AcousticChannel, AcousticModem, Packet
 from sim.modems.optical import OpticalModem

@@ -22,7 +22,7 @@
     depth = [0, 20, 100]
     density = [1022.0, 1026.0, 1027.5]
     sound_speed = [1510.0, 1495.0, 1490.0]
-    # or file = "ctd.csv", a cast with temperature and salinity (sim/environment/cast.py)
+    # or file = "ctd.csv", a cast with temperature and salinity (sim/environment/seawater/cast.py)
 
     [ocean.waves]
     significant_height = "1 m"
@@ -106,7 +106,7 @@ class Tide(NamedTuple):
 class Profile(NamedTuple):
     """Density (kg/m³) and speed of sound (m/s) by depth (m): linear between the rows, constant beyond them.
 
-    Instead of these `file` names a cast beside the world's file (sim/environment/cast.py).
+    Instead of these `file` names a cast beside the world's file (sim/environment/seawater/cast.py).
     """
 
     depth: tuple[Depth, ...] = ()
@@ -187,7 +187,7 @@ def read_ocean(section: object, where: str, origin: tuple[float, float] | None =
     ocean = parse({"ocean": section}, _Section, where).ocean
     if ocean.profile is None or not ocean.profile.file:
         return ocean
-    from sim.environment.cast import read_cast  # most worlds have none
+    from sim.environment.seawater.cast import read_cast  # most worlds have none
 
     path = os.path.join(os.path.dirname(where), ocean.profile.file)
     return ocean._replace(profile=parse(read_cast(path, origin), Profile, path))

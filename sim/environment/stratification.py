@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sim.environment.water_column import WaterColumn
+from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.world import World
 from sim.forces import Force, Wrench, lift_wrench
 from sim.rotations import Rotation

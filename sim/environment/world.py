@@ -249,7 +249,7 @@ def _with_sections(world: World, sections: dict[str, Any], path: str) -> World:
 def water_pressure(world: World) -> "Callable[[float], float]":
     """Return what the water of `world` adds to the pressure of the air, in Pa, at a depth in m; 0 in the air."""
     if world.ocean and world.ocean.profile:
-        from sim.environment.water_column import WaterColumn
+        from sim.environment.seawater.water_column import WaterColumn
 
         return WaterColumn(world.ocean.profile, world.gravity).pressure
     per_metre = world.density * world.gravity

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from sim.environment.water_column import SOUND_SPEED, WaterColumn
+from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
 from sim.modems.sound import Path, ambient_noise, paths, power, transmission_loss
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 
@@ -94,7 +94,7 @@ class AcousticChannel:
     shadowed (no ray of sound leads there), deaf (the receiver was sending), collided (it was hearing another), damaged
     (bit errors).
 
-    Where the profile of `column` bends the rays (sim/environment/sound_rays.py) time and length of the direct way are
+    Where the profile of `column` bends the rays (seawater/sound_rays.py) time and length of the direct way are
     theirs. Echoes go straight, at the direct way's mean speed; in a shadow the shortest of them carries the message.
 
     Vehicles stand still while a message is on its way: at 2 m/s over 1500 m that is 2 m. Bit errors are those of

@@ -7,7 +7,7 @@ from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from sim.assembly import make_error_bank
 from sim.dynamics import State
-from sim.environment.water_column import SOUND_SPEED, WaterColumn
+from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
 from sim.environment.world import World
 from sim.sensors.error import ErrorModel, sensor_random, variance
 from sim.sensors.extra_samples import PositionSample
@@ -48,7 +48,7 @@ class Usbl:
 
     The direction is wrong by two small angles across the line of sight. A sample is of the instant when the beacon
     sent, and comes after the sound's way to the station and the mounting's `latency`, in which the way back to
-    the vehicle by modem belongs. Where the world's profile bends the rays of sound (sim/environment/sound_rays.py) the
+    the vehicle by modem belongs. Where the world's profile bends the rays (seawater/sound_rays.py) the
     range is that of the travel time, the direction that in which the sound comes, and there is no sample in a shadow.
     Not modelled: echoes, obstacles in the way, the ship's motion.
     """

@@ -87,7 +87,7 @@ class ForwardSonar:
         need_numpy(self.topic)
         import numpy as np
 
-        from sim.environment.absorption import francois_garrison
+        from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.bottom_echo import make_texture
         from sim.sensors.imaging.echoes import Bins, Mirrors, array_pattern, bins_of, pattern
         from sim.sensors.imaging.pinger import Pinger

@@ -69,7 +69,7 @@ class SideScan:
         need_numpy(self.topic)
         import numpy as np
 
-        from sim.environment.absorption import francois_garrison
+        from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.bottom_echo import make_texture
         from sim.sensors.imaging.echoes import Bins, bins_of
         from sim.sensors.imaging.pinger import Pinger

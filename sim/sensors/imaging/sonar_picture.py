@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from sim.dynamics import State
-from sim.environment.water_column import SOUND_SPEED, WaterColumn
+from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 from sim.sensors.imaging.echoes import Echoes, Floats, speckled
 from sim.sensors.imaging.samples import Encoding

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.environment.ocean import Profile
-from sim.environment.sound_rays import SoundRays
-from sim.environment.water_column import WaterColumn
+from sim.environment.seawater.sound_rays import SoundRays
+from sim.environment.seawater.water_column import WaterColumn
 from sim.modems.acoustic import NS, AcousticChannel, AcousticModem, Packet
 from sim.modems.optical import OpticalModem, bit_error, packet_arrives, quality
 from sim.modems.optical_channel import OpticalChannel, Pose

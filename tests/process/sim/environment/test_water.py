@@ -9,8 +9,8 @@ import pytest
 from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.ocean import Layers, Ocean, Profile, Series, Waves
+from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.water import FluidMotion, SampledWaves, pushed_mass
-from sim.environment.water_column import WaterColumn
 from sim.environment.waves import WaveField
 from sim.environment.world import World, load_world
 from sim.rotations import from_euler, rotate

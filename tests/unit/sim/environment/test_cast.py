@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from hil.common.errors import ConfigError
-from sim.environment.cast import MOST_ROWS
 from sim.environment.ocean import Profile
+from sim.environment.seawater.cast import MOST_ROWS
 from sim.environment.world import load_world
 
 WORLD = """\

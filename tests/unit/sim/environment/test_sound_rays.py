@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.environment.ocean import Profile
-from sim.environment.sound_rays import Ray, SoundRays
-from sim.environment.water_column import WaterColumn
+from sim.environment.seawater.sound_rays import Ray, SoundRays
+from sim.environment.seawater.water_column import WaterColumn
 from tests.support.examples import examples
 
 # Jensen et al., Computational Ocean Acoustics: a channel with its axis at 1300 m, here by five straight lines

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.environment.absorption import francois_garrison
+from sim.environment.seawater.absorption import francois_garrison
 from sim.sensors.imaging.echoes import Bins, Echoes, array_pattern, main_lobe, pattern, speckled
 
 

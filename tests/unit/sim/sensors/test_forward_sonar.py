@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from sim.dynamics import State
-from sim.environment.absorption import francois_garrison
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.ocean import Ocean, Profile
 from sim.environment.relief import Slope, Step
+from sim.environment.seawater.absorption import francois_garrison
 from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
 from sim.rays import solids

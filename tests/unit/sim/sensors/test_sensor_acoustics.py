@@ -8,7 +8,7 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.ocean import Layers, Ocean, Profile, Waves
-from sim.environment.sound_rays import SoundRays
+from sim.environment.seawater.sound_rays import SoundRays
 from sim.environment.world import World
 from sim.rotations import from_euler, rotate, rotate_inverse
 from sim.sensors.current_meter import CurrentMeter, CurrentMeterModel

@@ -7,7 +7,7 @@ from sim.environment.ocean import Profile
 from sim.interpolation import PiecewiseLinear
 
 if TYPE_CHECKING:
-    from sim.environment.sound_rays import SoundRays
+    from sim.environment.seawater.sound_rays import SoundRays
 
 SOUND_SPEED = 1500.0  # m/s, where a profile does not give it
 
@@ -45,7 +45,7 @@ class WaterColumn:
         depths, speeds = self._speeds
         if not speeds or min(speeds) == max(speeds):
             return None
-        from sim.environment.sound_rays import SoundRays
+        from sim.environment.seawater.sound_rays import SoundRays
 
         return SoundRays(depths, speeds, bottom)
 
