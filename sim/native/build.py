@@ -13,9 +13,10 @@ import sysconfig
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 # The binaries, and what they are made of besides the source of the same name; all below the project's folder.
 BINARY, RAYS = "sim/native/_native.abi3.so", "sim/native/_rays.abi3.so"
+PICTURE = "sim/native/_picture.abi3.so"
 FIRMWARE = "hil/slave/native/_firmware.abi3.so"
 CORE = ("board", "firmware", "frame", "stream", "vesc", "without_mavlink")
-SOURCES: dict[str, list[str]] = {BINARY: [], RAYS: []}
+SOURCES: dict[str, list[str]] = {BINARY: [], RAYS: [], PICTURE: []}
 SOURCES[FIRMWARE] = [f"firmware_stub/src/{name}.c" for name in CORE]
 HEADERS = "firmware_stub/include"
 # Bit equality with Python hangs on the second: gcc fuses multiply and add on aarch64 unless told not to.

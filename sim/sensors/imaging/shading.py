@@ -1,0 +1,65 @@
+"""The light of all pixels in one pass in C (sim/native/_picture.c), where that is compiled.
+
+What Scenery.radiance and sim.environment.optics.underwater make of a picture with lamps at the camera and without
+caustics, to a level or two of 256. They are the specification, and serve where there is no C.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.environment.optics import Water
+from sim.sensors.imaging import scenery as looks
+
+Floats = NDArray[np.float32]
+
+_STEPS = 1024  # of the tables of exp
+_EMPTY = np.zeros(0, np.float32)
+
+
+def compiled() -> Any:
+    """Return the function in C, None without it."""
+    try:
+        from sim.native._picture import shade
+    except ImportError:
+        return None
+    return shade
+
+
+class Shading:
+    """The looks of a `scenery` for pixels along `toward` (unit vectors, n x 3), each `pixel` rad wide."""
+
+    def __init__(self, scenery: looks.Scenery, toward: Floats, pixel: float, reach: float) -> None:
+        self._scenery, self._toward, self._pixel = scenery, toward, pixel
+        self._per_metre = _STEPS / reach
+        self._distances = np.arange(_STEPS + 1) / self._per_metre
+        self._water: Water | None = None
+        self._fades = np.zeros((6, _STEPS + 1), np.float32)
+        self._terrain = scenery.terrain
+        self._depths = np.ascontiguousarray(self._terrain.depths, np.float32) if self._terrain else _EMPTY
+        self._texture, self._height = _EMPTY, 0.0
+        if scenery.texture is not None:
+            self._texture, self._height = scenery.texture.tiles(), scenery.texture.height
+
+    def shade(self, call: Any, hits: Any, place: Any, rotation: Any, lamps: float, water: Water) -> Floats:
+        """Return the radiance (n x 3) at the lens of what the pixels see, by the compiled function `call`."""
+        if water is not self._water:
+            self._water = water
+            coefficients = np.array([*water.attenuation, *water.backscatter])
+            self._fades = np.exp(-coefficients[:, None] * self._distances).astype(np.float32)
+        grid = self._terrain.grid if self._terrain else None
+        ground = (grid.rows, grid.columns, grid.north_min, grid.east_min, self._terrain.scale) if grid else (0.0,) * 5  # type: ignore[union-attr]
+        nodes, deviations = zip(*looks.SCALES, strict=True)
+        rock = np.subtract(looks.ROCK, self._scenery.colours[looks.SEABED]).tolist()
+        settings = (
+            *place, *rotation, self._pixel, self._scenery.surface, lamps, *water.light, *water.veil, self._per_metre,
+            *nodes, *deviations, *rock, *ground, self._height, *looks.TEXTURE_NODES, looks.FINEST,
+        )  # fmt: skip
+        out = np.empty((len(self._toward), 3), np.float32)
+        call(
+            settings, np.ascontiguousarray(hits.distances), np.ascontiguousarray(hits.normals),
+            np.ascontiguousarray(hits.objects), self._toward, self._scenery.colours, looks.grain_tile(), self._fades,
+            self._depths, self._texture, out,
+        )  # fmt: skip
+        return out
