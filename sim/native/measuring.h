@@ -16,21 +16,20 @@ static PyTypeObject *errors_type;
 
 static PyObject *errors_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    const char *numbers, *key;
-    Py_ssize_t bytes, key_bytes;
+    Bytes numbers, key;
     PyObject *second;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "y#y#O", &numbers, &bytes, &key, &key_bytes, &second))
+    if (!PyArg_ParseTuple(arguments, "O&O&O", read_bytes, &numbers, read_bytes, &key, &second))
         return NULL;
-    if (key_bytes != (TWISTER_SIZE + 1) * (Py_ssize_t)sizeof(uint32_t))
+    if (key.size != (TWISTER_SIZE + 1) * (Py_ssize_t)sizeof(uint32_t))
         return PyErr_Format(PyExc_ValueError, "a state of %d numbers is needed", TWISTER_SIZE + 1);
-    PyObject *self = new_with_records(type, numbers, bytes, sizeof(Channel), MOST_CHANNELS, offsetof(Errors, channels));
+    PyObject *self = new_with_records(type, numbers, sizeof(Channel), MOST_CHANNELS, offsetof(Errors, channels));
     if (self == NULL)
         return NULL;
     Errors *errors = (Errors *)self;
     uint32_t place;
-    memcpy(errors->random.key, key, sizeof errors->random.key);
-    memcpy(&place, key + sizeof errors->random.key, sizeof place);
+    memcpy(errors->random.key, key.data, sizeof errors->random.key);
+    memcpy(&place, key.data + sizeof errors->random.key, sizeof place);
     errors->random.place = place < TWISTER_SIZE ? (int)place : TWISTER_SIZE;
     errors->random.has_second = second != Py_None;
     errors->random.second = errors->random.has_second ? PyFloat_AsDouble(second) : 0.0;

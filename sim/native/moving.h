@@ -184,23 +184,22 @@ static PyObject *kernel_midway(PyObject *self, PyObject *const *arguments, Py_ss
 
 static PyObject *kernel_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    const char *numbers;
-    Py_ssize_t bytes;
+    Bytes numbers;
     PyObject *forces;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "y#O!", &numbers, &bytes, &PyTuple_Type, &forces))
+    if (!PyArg_ParseTuple(arguments, "O&O!", read_bytes, &numbers, &PyTuple_Type, &forces))
         return NULL;
     Py_ssize_t count = PyTuple_Size(forces);
-    if (bytes != (Py_ssize_t)sizeof(Body) || count > MOST_FORCES)
+    if (numbers.size != (Py_ssize_t)sizeof(Body) || count > MOST_FORCES)
         return PyErr_Format(PyExc_ValueError, "%zu bytes of parameters and up to %d forces are needed, found %zd and %zd",
-                            sizeof(Body), MOST_FORCES, bytes, count);
+                            sizeof(Body), MOST_FORCES, numbers.size, count);
     for (Py_ssize_t i = 0; i < count; i++)
         if (Py_TYPE(PyTuple_GetItem(forces, i)) != force_type)
             return PyErr_Format(PyExc_TypeError, "a tuple of forces is needed");
     Kernel *kernel = (Kernel *)PyType_GenericAlloc(type, 0);
     if (kernel == NULL)
         return NULL;
-    memcpy(&kernel->model.body, numbers, sizeof(Body));
+    memcpy(&kernel->model.body, numbers.data, sizeof(Body));
     kernel->forces = Py_NewRef(forces);
     kernel->model.count = (int)count;
     for (Py_ssize_t i = 0; i < count; i++)

@@ -83,18 +83,34 @@ static inline void deallocate(PyObject *self)
     Py_DECREF(type);
 }
 
+typedef struct {
+    const char *data;
+    Py_ssize_t size;
+} Bytes;
+
+/* For the format O& of PyArg_ParseTuple. With y# what was compiled for 3.13 would not run before it: there the plain
+ * function takes it, until then it had another name. */
+static inline int read_bytes(PyObject *object, void *bytes)
+{
+    char *data;
+    if (PyBytes_AsStringAndSize(object, &data, &((Bytes *)bytes)->size) != 0)
+        return 0;
+    ((Bytes *)bytes)->data = data;
+    return 1;
+}
+
 /* An object of `type`, zeroed but for a copy of the `size` bytes of parameters that it is made of, at `offset`. */
 static inline PyObject *new_of_parameters(PyTypeObject *type, PyObject *arguments, size_t size, size_t offset)
 {
-    const char *numbers;
-    Py_ssize_t bytes;
-    if (!PyArg_ParseTuple(arguments, "y#", &numbers, &bytes))
+    Bytes numbers;
+    if (!PyArg_ParseTuple(arguments, "O&", read_bytes, &numbers))
         return NULL;
-    if (bytes != (Py_ssize_t)size)
-        return PyErr_Format(PyExc_ValueError, "%zd bytes of parameters are needed, found %zd", (Py_ssize_t)size, bytes);
+    if (numbers.size != (Py_ssize_t)size)
+        return PyErr_Format(PyExc_ValueError, "%zd bytes of parameters are needed, found %zd", (Py_ssize_t)size,
+                            numbers.size);
     PyObject *self = PyType_GenericAlloc(type, 0);
     if (self != NULL)
-        memcpy((char *)self + offset, numbers, size);
+        memcpy((char *)self + offset, numbers.data, size);
     return self;
 }
 
@@ -106,16 +122,17 @@ typedef struct {
 
 /* An object of `type` that has, `offset` bytes from its beginning, a copy of the records of `size` bytes each that
  * `numbers` holds. */
-static inline PyObject *new_with_records(PyTypeObject *type, const char *numbers, Py_ssize_t bytes, size_t size,
-                                         size_t most, size_t offset)
+static inline PyObject *new_with_records(PyTypeObject *type, Bytes numbers, size_t size, size_t most,
+                                         size_t offset)
 {
-    Py_ssize_t count = bytes / (Py_ssize_t)size;
-    if (bytes % (Py_ssize_t)size != 0 || count > (Py_ssize_t)most)
-        return PyErr_Format(PyExc_ValueError, "up to %zu records of %zu bytes are needed, found %zd bytes", most, size, bytes);
+    Py_ssize_t count = numbers.size / (Py_ssize_t)size;
+    if (numbers.size % (Py_ssize_t)size != 0 || count > (Py_ssize_t)most)
+        return PyErr_Format(PyExc_ValueError, "up to %zu records of %zu bytes are needed, found %zd bytes", most, size,
+                            numbers.size);
     PyObject *self = PyType_GenericAlloc(type, 0);
     if (self != NULL) {
         ((Records *)self)->count = count;
-        memcpy((char *)self + offset, numbers, (size_t)bytes);
+        memcpy((char *)self + offset, numbers.data, (size_t)numbers.size);
     }
     return self;
 }
@@ -123,11 +140,10 @@ static inline PyObject *new_with_records(PyTypeObject *type, const char *numbers
 /* The same for a type that is made of the bytes of its records alone. */
 static inline PyObject *new_of_records(PyTypeObject *type, PyObject *arguments, size_t size, size_t most, size_t offset)
 {
-    const char *numbers;
-    Py_ssize_t bytes;
-    if (!PyArg_ParseTuple(arguments, "y#", &numbers, &bytes))
+    Bytes numbers;
+    if (!PyArg_ParseTuple(arguments, "O&", read_bytes, &numbers))
         return NULL;
-    return new_with_records(type, numbers, bytes, size, most, offset);
+    return new_with_records(type, numbers, size, most, offset);
 }
 
 /* `type` is then ours, to know objects of it by. */

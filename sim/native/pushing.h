@@ -46,23 +46,23 @@ static void wave_field_held(WaveField *wave_field, long long time_ns, const doub
 
 static PyObject *wave_field_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    const char *numbers;
-    Py_ssize_t bytes;
+    Bytes numbers;
     double depth;
     long long hold_ns;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "y#dL", &numbers, &bytes, &depth, &hold_ns))
+    if (!PyArg_ParseTuple(arguments, "O&dL", read_bytes, &numbers, &depth, &hold_ns))
         return NULL;
-    if (bytes % (Py_ssize_t)sizeof(Wave) != 0)
-        return PyErr_Format(PyExc_ValueError, "waves of %zu bytes are needed, found %zd bytes", sizeof(Wave), bytes);
+    if (numbers.size % (Py_ssize_t)sizeof(Wave) != 0)
+        return PyErr_Format(PyExc_ValueError, "waves of %zu bytes are needed, found %zd bytes", sizeof(Wave),
+                            numbers.size);
     WaveField *wave_field = (WaveField *)PyType_GenericAlloc(type, 0);
     if (wave_field == NULL)
         return NULL;
     wave_field->waves.depth = depth;
     wave_field->waves.tangent[0] = -INFINITY;
-    wave_field->waves.count = (long)(bytes / (Py_ssize_t)sizeof(Wave));
+    wave_field->waves.count = (long)(numbers.size / (Py_ssize_t)sizeof(Wave));
     wave_field->hold_ns = hold_ns;
-    wave_field->waves.waves = new_copy(numbers, bytes);
+    wave_field->waves.waves = new_copy(numbers.data, numbers.size);
     if (wave_field->waves.waves == NULL)
         Py_CLEAR(wave_field);
     return (PyObject *)wave_field;
@@ -160,27 +160,26 @@ typedef struct {
 static PyObject *force_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     int kind;
-    const char *numbers, *servos;
-    Py_ssize_t bytes, servo_bytes;
+    Bytes numbers, servos;
     PyObject *wave_field;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "iy#y#O", &kind, &numbers, &bytes, &servos, &servo_bytes, &wave_field))
+    if (!PyArg_ParseTuple(arguments, "iO&O&O", &kind, read_bytes, &numbers, read_bytes, &servos, &wave_field))
         return NULL;
     if (wave_field != Py_None && Py_TYPE(wave_field) != wave_field_type)
         return PyErr_Format(PyExc_TypeError, "a WaveField or None is needed");
-    Force force = {kind, bytes / (Py_ssize_t)sizeof(double), servo_bytes / (Py_ssize_t)sizeof(Servo), NULL, NULL,
+    Force force = {kind, numbers.size / (Py_ssize_t)sizeof(double), servos.size / (Py_ssize_t)sizeof(Servo), NULL, NULL,
                    wave_field != Py_None ? &((WaveField *)wave_field)->waves : NULL, 0.0};
-    if (bytes % (Py_ssize_t)sizeof(double) != 0 || servo_bytes % (Py_ssize_t)sizeof(Servo) != 0
+    if (numbers.size % (Py_ssize_t)sizeof(double) != 0 || servos.size % (Py_ssize_t)sizeof(Servo) != 0
         || !force_is_whole(&force))
-        return PyErr_Format(PyExc_ValueError, "a force of kind %d is not made of %zd and %zd bytes", kind, bytes,
-                            servo_bytes);
+        return PyErr_Format(PyExc_ValueError, "a force of kind %d is not made of %zd and %zd bytes", kind,
+                            numbers.size, servos.size);
     ForceObject *self = (ForceObject *)PyType_GenericAlloc(type, 0);
     if (self == NULL)
         return NULL;
     self->force = force;
     self->wave_field = Py_NewRef(wave_field);
-    self->force.numbers = new_copy(numbers, bytes);
-    self->force.servos = self->force.numbers != NULL ? new_copy(servos, servo_bytes) : NULL;
+    self->force.numbers = new_copy(numbers.data, numbers.size);
+    self->force.servos = self->force.numbers != NULL ? new_copy(servos.data, servos.size) : NULL;
     if (self->force.servos == NULL)
         Py_CLEAR(self);
     return (PyObject *)self;

@@ -380,3 +380,9 @@ def test_wheel(wish: str, tmp_path: Path) -> None:
     assert inside == (wish == "" and build.obstacle() is None)
     assert ("-cp310-abi3-linux_" in path.name) == inside
     assert path.name.endswith("-py3-none-any.whl") != inside
+
+
+def test_what_one_python_compiles_runs_in_all() -> None:
+    """A format with # compiled for 3.13 fails in 3.10 to 3.12, whatever PY_SSIZE_T_CLEAN says."""
+    for source in (*ROOT.glob("sim/native/*.[ch]"), *ROOT.glob("hil/slave/native/*.[ch]")):
+        assert not re.search(r'Py(Arg_Parse|_BuildValue)[^;]*"[^";]*#', source.read_text()), source
