@@ -1,0 +1,81 @@
+"""Kinds of seabed by place: what is read, what sonars and cameras make of it, and files that do not fit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.dynamics import State
+from sim.environment.bottom import PROPERTIES, Bottom
+from sim.environment.things.bottom_map import NATURES
+from sim.environment.world import World, load_world
+from sim.sensors.imaging.camera import Camera
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
+from sim.sensors.mounting import Mounting
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+HEAD = 'name = "w"\nsource = ""\nextent = [-60, 60, -60, 60]\ndepth = 12\n'
+KEYS = 'file = "w.bottom"\nnorth_min = -50\neast_min = -50\nresolution = 50\nrows = 3\ncolumns = 3\n'
+
+
+def world_of(folder: Path, codes: list[int], text: str = "") -> World:
+    (folder / "w.bottom").write_bytes(bytes(codes))
+    (folder / "w.toml").write_text(f"{HEAD}{text}[bottom_map]\n{KEYS}")
+    return load_world(str(folder / "w.toml"))
+
+
+def test_the_nearest_node_counts_and_nothing_is_known_beyond(tmp_path: Path) -> None:
+    kinds = world_of(tmp_path, [1, 2, 3, 4, 0, 6, 7, 8, 9]).bottom_map
+    assert kinds is not None
+    north, east = np.array([-50.0, -26.0, -24.0, 0.0, 74.0, 76.0]), np.array([-50.0, -26.0, 26.0, 0.0, 74.0, 0.0])
+    assert kinds.codes(north, east).tolist() == [1, 1, 6, 0, 9, 0]
+    times = kinds.echoes(north, east, None)
+    assert 10.0 * np.log10(times) == pytest.approx([-8.0, -8.0, 6.0, 0.0, 10.0, 0.0], abs=1e-5)
+    on_mud = kinds.echoes(north, east, Bottom("mud"))
+    assert 10.0 * np.log10(on_mud) == pytest.approx([0.0, 0.0, 14.0, 0.0, 18.0, 0.0], abs=1e-5)
+    assert {name: NATURES[name].echo for name in PROPERTIES} == {n: p.echo for n, p in PROPERTIES.items()}
+
+
+def test_a_sonar_hears_rock_18_db_above_mud(tmp_path: Path) -> None:
+    """Ahead to port the bed is mud, to starboard rock; the true picture has means alone."""
+    world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
+    sonar = ForwardSonar(
+        ForwardSonarModel(ground_truth=True, beams=64, max_range=40.0), Mounting(), 1,
+        Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 8.0)),
+    )  # fmt: skip
+    sample = sonar.sample(0, State((0.0, 25.0, 8.0)))
+    echoes = np.frombuffer(sample.intensities, np.float32).reshape(sample.bins, 64)
+    port, starboard = (echoes[250:300, part].sum() for part in (slice(4, 24), slice(40, 60)))
+    assert 10.0 * np.log10(starboard / port) == pytest.approx(18.0, abs=0.5)
+
+
+def test_a_camera_sees_its_colours(tmp_path: Path) -> None:
+    model = CameraModel(ground_truth=True, width=41, height=31, exposure=1.0)
+    down = Mounting(orientation=(0.0, -0.5 * np.pi, 0.0))
+
+    def seen(world: World) -> float:
+        camera = Camera(model, down, 1, Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 8.0)))
+        return float(np.frombuffer(camera.sample(0, State((0.0, 0.0, 8.0))).rgb, np.uint8).mean())
+
+    unknown, sand, mud, shells = (seen(world_of(tmp_path, [code] * 9)) for code in (0, 4, 1, 17))
+    assert unknown == sand
+    assert mud < 0.8 * sand < sand < shells
+
+
+@pytest.mark.parametrize(
+    ("codes", "text", "said"),
+    [
+        ([1] * 8, "", "w.bottom: 8 bytes, but 3 x 3 are 9"),
+        ([1] * 9, "bottom_map = 3\n", "not valid TOML"),
+    ],
+)
+def test_files_that_do_not_fit(tmp_path: Path, codes: list[int], text: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        world_of(tmp_path, codes, text)
+    (tmp_path / "x.toml").write_text(HEAD + "bottom_map = 3\n")
+    with pytest.raises(ConfigError, match="bottom_map: expected a table"):
+        load_world(str(tmp_path / "x.toml"))
