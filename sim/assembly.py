@@ -16,6 +16,7 @@ from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from sim.environment.contact.impulses import Blow, Separate
     from sim.environment.water import FluidMotion
     from sim.environment.waves import WaveField
     from sim.forces import Force
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from sim.rays.geometry import Geometry
     from sim.sensors.samples import ImuSample
     from sim.vehicle.ballast import Release
+    from sim.vehicle.collision_shape import HullShape
     from sim.vehicle.equipment import Equipment
     from sim.vehicle.failures import Failure
 
@@ -84,13 +86,13 @@ def make_fused_step(
     water: "FluidMotion | None",
     current: Sequence[float],
     dt_ns: int,
-    half_height: float,
+    shape: "HullShape",
     ventilation: Sequence[float],
 ) -> "FusedStep | None":
     """Return a step of `dt_ns` of all of these at once in C; None if one of them is not in C, or a thruster may fail.
 
     `command` takes new pulses for thrusters and equipment (None: for thrusters alone), `current` is the velocity of
-    the water NED in m/s where `water` does not change it, the vehicle reaches `half_height` m below its origin, and
+    the water NED in m/s where `water` does not change it, the vehicle touches things with `shape`, and
     `ventilation` are the numbers of its Ventilation. Of no use any more once failures are planned.
     """
     if not (isinstance(dynamics, NativeDynamics) and isinstance(thrusters, NativeThrusterSet)):
@@ -104,7 +106,7 @@ def make_fused_step(
         changing = None if water.is_steady else water.current
         wave_field, mass = getattr(water.wave_field, "twin", None), water.pushed_mass
     return FusedStep(
-        state, dynamics.kernel, thrusters.mixer, command or thrusters.command, dt_ns, half_height,
+        state, dynamics.kernel, thrusters.mixer, command or thrusters.command, dt_ns, (shape.reach, *shape.extent),
         current, changing, wave_field, mass, ventilation,
     )  # fmt: skip
 
@@ -126,6 +128,20 @@ def make_imu(
 def make_error_bank(models: Iterable[ErrorModel], period: float, random: Random) -> ErrorBank:
     """Return the errors of one sensor, sampled every `period` s, the quickest there are; else as `choose`."""
     return (NativeErrorBank if has_native() else ErrorBank)(models, period, random)
+
+
+def make_impulses() -> "tuple[Blow, Separate]":
+    """Return what computes the blow of a vehicle that touches things, and how it is put back; in C or else as `choose`.
+
+    Loaded with the first touch.
+    """
+    if has_native():
+        from sim.native import impulses as native
+
+        return native.blow, native.separate
+    from sim.environment.contact import impulses
+
+    return impulses.blow, impulses.separate
 
 
 def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":

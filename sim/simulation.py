@@ -69,7 +69,7 @@ class Simulation:
         require_parts(vehicle, world, sensors)
         require_numbers(vehicle, world, seed, dt_ns, position, heading)
         require_events(failures, forces, releases)
-        if starts_inside(vehicle, world, position):
+        if starts_inside(vehicle, world, position, from_euler(0.0, 0.0, heading)):
             at = ", ".join(f"{x:g}" for x in position)
             raise ConfigError(
                 f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there; "
@@ -90,7 +90,7 @@ class Simulation:
         self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
         self._flow: Sequence[float] = world.current
         self._wrench: Sequence[float] = (0.0,) * 6
-        self._contact = Contact(vehicle, world, self._dynamics.inverse_mass)
+        self._contact = Contact(vehicle, world, self._dynamics.inverse_mass, self._dt)
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
         self._ventilation = Ventilation(vehicle, self.wave_field)
         self._aired = False  # whether a thruster draws air
@@ -162,7 +162,7 @@ class Simulation:
         forces = self._dynamics.forces(self.state, *self._acting(max(0, self.time_ns - self._dt_ns)))
         if not self.touching:
             return forces
-        contact = [*(x / self._dt for x in self._contact.impulse), 0.0, 0.0, 0.0]
+        contact = [x / self._dt for x in self._contact.impulse]
         total = [a + b for a, b in zip(forces.total, contact, strict=True)]
         return forces._replace(contact=contact, total=total)
 
@@ -198,7 +198,7 @@ class Simulation:
         command = None if equipment is None else self._command
         parts = self.state, self._dynamics, self._thrusters, command, self._water
         numbers = self._ventilation.numbers()
-        return make_fused_step(*parts, self.world.current, self._dt_ns, self._contact.half_height, numbers)
+        return make_fused_step(*parts, self.world.current, self._dt_ns, self._contact.shape, numbers)
 
     def _command(self, pwm_us: tuple[int, ...]) -> None:
         """Give equipment and thrusters their parts of new pulses."""

@@ -20,7 +20,7 @@ from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.mounting import Mounting
 from sim.sensors.suite import DEVICES, ONLY_ONE, SENSORS, load_sensor
-from sim.vehicle import battery, meshes, vehicle
+from sim.vehicle import battery, collision_shape, meshes, vehicle
 from sim.vehicle.equipment_keys import EquipmentKeys
 from sim.vehicle.fins import Fin
 from sim.vehicle.thrusters import curves as thruster_curves
@@ -114,6 +114,7 @@ def _vehicle(converter: Converter) -> Schema:
         "thrusters": tables(thruster),
         "battery": converter.reference(battery.Battery),
         "meshes": tables(converter.reference(meshes.Mesh)),
+        "collision": converter.reference(collision_shape.Collision),
     }
     keys = converter.keys(vehicle.Vehicle, shown)
     common = {"every_thruster": thruster, "every_fin": fin, "control": _control(converter)}

@@ -1,15 +1,16 @@
 """Resolve collisions of a vehicle with obstacles and the seabed.
 
-After a step that ends inside something the vehicle is put back on its surface, and the velocity into it is
-taken away by one plastic impulse, solved with the full mass matrix. In such a blow kinetic energy can only
-fall, by (n'v)² / (2 n' M^-1 n), so no stiffness has to be chosen and no step is too long for it. Towards
-the seabed the vehicle is put back by less than it sank in the step, so potential energy is not made either.
+A step that ends with a part of the hull inside something gets a blow (sim/environment/contact/impulses.py), which takes
+the velocity into it away at each place that touches, with friction and restitution, and turns the vehicle where it is
+off the centre. The blow acts when the hull met the thing: the way since then is gone over again with the velocity after
+it. What is left of the depth is undone by the least way that does, in the measure of the mass. So no stiffness has to
+be chosen, no step is too long, and a vehicle at rest stays where it is.
 
-The vehicle counts as an upright cylinder about its origin: half the diagonal of its length and width, and
-half its height each way. On relief the middle and eight places of the rim of its lower end are looked at, and it is
-put back along the normal of the seabed below the one that is deepest in it; from a step (the edge of the grid, a
-cell without data) back to where it came from. mesh_contact.py says how it touches meshes. Not modelled: friction,
-bounce, the turn that an off-centre blow gives.
+The hull is what sim/vehicle/collision_shape.py makes of the vehicle: a capsule, a box or spheres, at its present
+attitude. Against upright obstacles and the flat seabed it is met wherever it touches; against relief at the ends of its
+rods and places between (contact/seabed.py), against meshes at places of its surface (contact/meshes.py). From a step of
+the seabed (the edge of the grid, a cell without data) it goes back to where it came from. Not modelled: a bed or a wall
+that gives way, friction that resists turning on the spot about one point.
 """
 
 from collections.abc import Sequence
@@ -17,102 +18,68 @@ from math import hypot, inf, sqrt
 from typing import TYPE_CHECKING
 
 from hil.common.vectors import Vector3
+from sim import rotations
+from sim.assembly import make_impulses
 from sim.dynamics import State
+from sim.environment.contact.impulses import SKIN, Touch
+from sim.environment.contact.solids import touches as solid_touches
 from sim.environment.obstacles import Obstacle
 from sim.environment.world import World
 from sim.matrices import Matrix
-from sim.rotations import rotate_inverse
+from sim.rotations import Rotation
+from sim.vehicle.collision_shape import Collision, make_shape
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from sim.environment.mesh_contact import MeshContact
-    from sim.environment.terrain import Terrain
+    from sim.environment.contact.meshes import MeshContact
+    from sim.environment.contact.seabed import SeabedContact
 
-_SLANT = sqrt(0.5)
-# The middle and eight places of the rim, for a radius of 1.
-_PLACES = (
-    (0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0),
-    (_SLANT, _SLANT), (_SLANT, -_SLANT), (-_SLANT, _SLANT), (-_SLANT, -_SLANT),
-)  # fmt: skip
-_ROAM = 2.0  # m: how far the shallowest seabed around is known
-_PASSES = 4  # pushes a step: in a valley one gives the next
+_PASSES = 4  # of putting back in a step: each way is found as if nothing turned
 _ROUNDING = 1e-3  # m
 _NEAR = 20.0  # m: obstacles farther away are left out until the vehicle has come half that far
+_TOUCHING = 2e-5  # m: what lies so near touches, or rounding would lift it now and then
+_MOST_TOUCHES = 8
+_DEPTH_LEFT = 1e-6  # m
+_MOST_TURN = 0.05  # rad that a vehicle is turned by being put back
 SEABED = "the seabed"
-
-
-class Footprint:
-    """The lower end of a vehicle over a terrain: a disc of `radius` m, `half_height` m below the origin."""
-
-    def __init__(self, terrain: "Terrain", radius: float, half_height: float) -> None:
-        self._terrain = terrain
-        self._radius = radius
-        self._half_height = half_height
-        self._places = [(radius * north, radius * east) for north, east in _PLACES]
-        # Within _ROAM m of this place nothing reaches up to this depth.
-        self._north, self._east, self._shallowest = inf, inf, 0.0
-
-    def is_clear(self, position: Sequence[float]) -> bool:
-        """True if nothing around is as shallow as the disc is deep: a quick look."""
-        north, east, down = position
-        away_north, away_east = north - self._north, east - self._east
-        if away_north * away_north + away_east * away_east > _ROAM * _ROAM:
-            self._north, self._east = north, east
-            self._shallowest = self._terrain.shallowest(north, east, self._radius + _ROAM)
-        return down + self._half_height <= self._shallowest
-
-    def deepest(self, position: Sequence[float], most: float = inf) -> tuple[float, Vector3]:
-        """Return the greatest depth of the disc in the seabed (m, across it), and the seabed's normal there.
-
-        What is in by more than `most` m has come into a step, and does not count. -inf if nothing counts.
-        """
-        depths = [self._depth(position, place) for place in self._places]
-        return max([touch for touch in depths if touch[0] <= most], default=(-inf, (0.0, 0.0, -1.0)))
-
-    def sunk(self, position: Sequence[float]) -> float:
-        """Return how far straight up in m the disc would have to go to be free; negative if it is."""
-        north, east, down = position
-        depth = self._terrain.depth
-        return down + self._half_height - min([depth(north + x, east + y) for x, y in self._places])
-
-    def is_in_step(self, position: Sequence[float], most: float) -> bool:
-        """True if some place is in the seabed by more than `most` m."""
-        return any(self._depth(position, place)[0] > most for place in self._places)
-
-    def _depth(self, position: Sequence[float], place: tuple[float, float]) -> tuple[float, Vector3]:
-        north, east = position[0] + place[0], position[1] + place[1]
-        sunk = position[2] + self._half_height - self._terrain.depth(north, east)
-        if sunk <= 0.0:
-            return sunk, (0.0, 0.0, -1.0)
-        normal = self._terrain.normal(north, east)
-        return sunk * -normal[2], normal
 
 
 class Contact:
     """Contact of one vehicle with one world. `touching` is that of the last step, `count` the contacts so far.
 
-    `what` names the thing that it touched last, `impulse` (N s, body axes) is what that gave in the last step in which
-    it touched something. `inverse_mass` is the inverse of M = M_RB + M_A, 6x6; it changes with what the vehicle drops.
+    `what` names the thing that it touched last, `impulse` (N s and N m s about the origin, body axes) is what that gave
+    in the last step in which it touched something. `inverse_mass` is the inverse of M = M_RB + M_A, 6x6; it changes
+    with what the vehicle drops. `dt` is the time of a step in s, `radius` (m) how far the hull reaches from the origin.
     """
 
-    def __init__(self, vehicle: Vehicle, world: World, inverse_mass: Matrix) -> None:
-        length, width, height = vehicle.dimensions
-        self.radius = 0.5 * sqrt(length * length + width * width)
-        self.half_height = 0.5 * height
+    def __init__(self, vehicle: Vehicle, world: World, inverse_mass: Matrix, dt: float = 0.0) -> None:
+        keys = vehicle.collision or Collision()
+        self.shape = make_shape(keys, vehicle.dimensions)
+        self.radius = self.shape.reach
         self.count = 0
         self.touching = False
         self.what = ""
-        self.impulse: Vector3 = (0.0, 0.0, 0.0)
+        self.impulse: Sequence[float] = (0.0,) * 6
         self.inverse_mass = inverse_mass
+        self._friction, self._restitution = keys.friction, keys.restitution
+        self._dt = dt
+        self._blow, self._separate = make_impulses()
         self._seabed = world.depth
-        self._footprint = Footprint(world.terrain, self.radius, self.half_height) if world.terrain else None
-        self._last: Sequence[float] | None = None  # where it was free
+        self._floor = world.depth - _TOUCHING
+        self._relief: SeabedContact | None = None
+        if world.terrain:
+            from sim.environment.contact import seabed
+
+            self._relief = seabed.SeabedContact(world.terrain, self.shape)
+        # Where it was free, and the most (m) that a slope can be in the hull since.
+        self._last: tuple[Sequence[float], Sequence[float]] | None = None
+        self._share = inf
         self._obstacles = world.upright()
         self._meshes: MeshContact | None = None
         if world.mesh or world.pipeline:
-            from sim.environment import mesh_contact
+            from sim.environment.contact import meshes
 
-            self._meshes = mesh_contact.MeshContact(world, self.radius, self.half_height)
+            self._meshes = meshes.MeshContact(world, self.shape)
         # Those within _NEAR m of that place, and how far all others are at least from there.
         self._near: Sequence[Obstacle] = ()
         self._near_place = (inf, inf)
@@ -124,15 +91,11 @@ class Contact:
     def resolve(self, state: State) -> bool:
         """Move `state` out of whatever it is in; True if it was in something. A new touch counts once."""
         before, self.touching = self.touching, False
-        if self._footprint is not None:
-            self._resolve_terrain(self._footprint, state)
-        elif state.position[2] + self.half_height > self._seabed:
-            self._push(state, state.position[2] + self.half_height - self._seabed, (0.0, 0.0, -1.0), SEABED)
-        if self._free < inf:
-            north, east, _ = state.position
-            away_north, away_east = north - self._north, east - self._east
-            if away_north * away_north + away_east * away_east >= self._free * self._free:
-                self._resolve_obstacles(state)
+        is_low = self._is_low(state)
+        if is_low or self._is_near(state):
+            self._settle(state, self._relief if is_low and self._last is not None else None)
+        if self._relief is not None:
+            self._last = state.position, state.quaternion
         if self.touching and not before:
             self.count += 1
         return self.touching
@@ -143,72 +106,182 @@ class Contact:
         That is less than so far from the place, with the lower end of the vehicle no deeper. -inf is no depth: after a
         touch, which the next `resolve` has to end, and over relief.
         """
-        apart = self.touching or self._footprint is not None
-        return self._north, self._east, self._free, -inf if apart else self._seabed
+        apart = self.touching or self._relief is not None
+        return self._north, self._east, self._free, -inf if apart else self._floor
 
-    def _resolve_terrain(self, footprint: Footprint, state: State) -> None:
-        """Push the vehicle out of the seabed: out of a step the way it came, out of a slope along its normal."""
-        last = self._last
-        if not footprint.is_clear(state.position):
-            share = inf
-            if last is not None:
-                share = _ROUNDING + sqrt(sum([(a - b) ** 2 for a, b in zip(state.position, last, strict=True)]))
-                if footprint.is_in_step(state.position, share):
-                    self._step_back(footprint, state, last, share)
-            for _ in range(_PASSES):
-                depth, normal = footprint.deepest(state.position, share)
-                if depth <= 0.0:
-                    break
-                self._push(state, depth, normal, SEABED)
-            if last is not None and footprint.is_in_step(state.position, share):  # a slope has pushed it there
-                self._step_back(footprint, state, last, share)
-                self._push(state, max(0.0, footprint.sunk(state.position)), (0.0, 0.0, -1.0), SEABED)
-        self._last = tuple(state.position)
+    def find(self, state: State) -> list[Touch]:
+        """Return where the hull is in something, the deepest first; nothing if it only comes near."""
+        rotation, position = rotations.matrix(state.quaternion), state.position
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
+        places = [
+            (xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z, radius)
+            for x, y, z, radius in self.shape.points
+        ]
+        found: list[tuple[float, Vector3, Vector3, str]] = []
+        if self._relief is not None:
+            if self._is_low(state):
+                on_relief = self._relief.places(rotation)
+                touches = self._relief.touches(position, on_relief, self._share)
+                found += [(*touch, SEABED) for touch in touches]
+        else:
+            room = self._seabed - position[2]
+            for x, y, z, radius in places:
+                depth = z + radius - room
+                if depth > -SKIN:
+                    found.append((depth, (0.0, 0.0, -1.0), (x, y, z + radius), SEABED))
+        if self._is_near(state):
+            found += self._find_solids(state, places, rotation)
+        if not found or max([touch[0] for touch in found]) <= -_TOUCHING:
+            return []
+        found.sort(key=lambda touch: -round(touch[0] / SKIN))
+        return [
+            Touch(depth, _to_body(rotation, normal), _to_body(rotation, place), what)
+            for depth, normal, place, what in found[:_MOST_TOUCHES]
+        ]
 
-    def _step_back(self, footprint: Footprint, state: State, last: Sequence[float], share: float) -> None:
-        """Move back in north, in east or in both: the first that leaves the obstacle."""
-        north, east, down = state.position
-        for place in ((last[0], east, down), (north, last[1], down), (last[0], last[1], down)):
-            if not footprint.is_in_step(place, share):
+    def _is_low(self, state: State) -> bool:
+        """Return True if the seabed may be as shallow as the hull is deep: a quick look, as that of the FusedStep."""
+        down = state.position[2]
+        if self._relief is None and not down + self.radius > self._floor:
+            return False
+        x, y, z, radius = self.shape.extent
+        a, b, c = rotations.down_axis(state.quaternion)
+        lowest = down + (abs(a) * x + abs(b) * y + abs(c) * z + radius)
+        if self._relief is None:
+            return lowest > self._floor
+        return not self._relief.is_clear(state.position, lowest + _TOUCHING)
+
+    def _is_near(self, state: State) -> bool:
+        """Return True if an obstacle may be as near as the hull reaches."""
+        if self._free == inf:
+            return False
+        away_north, away_east = state.position[0] - self._north, state.position[1] - self._east
+        return away_north * away_north + away_east * away_east >= self._free * self._free
+
+    def is_inside(self, state: State) -> bool:
+        """Return True if the hull is in something."""
+        places = self._relief.places(rotations.matrix(state.quaternion)) if self._relief else None
+        return bool(self.find(state)) or bool(
+            self._relief and places and self._relief.sunk(state.position, places) > 0.0
+        )
+
+    def _settle(self, state: State, relief: "SeabedContact | None") -> None:
+        """Give the vehicle the blow of what it touches, and put it back; out of the steps of `relief` too."""
+        self._share = self._motion(state)
+        if relief is not None:
+            self._leave_step(relief, state)
+        touches = self.find(state)
+        if touches:
+            self._strike_in_step(state, touches)
+        for _ in range(_PASSES):
+            touches = self.find(state)
+            if not touches or touches[0].depth <= _DEPTH_LEFT:
                 break
+            if not self.touching:  # by what the first half of the way made of it
+                self._strike(state, touches)
+            self._put_back(state, touches)
+        if relief is not None and self._leave_step(relief, state):  # a slope has pushed it there
+            places = relief.places(rotations.matrix(state.quaternion))
+            north, east, down = state.position
+            state.position = [north, east, down - max(0.0, relief.sunk(state.position, places))]
+
+    def _strike_in_step(self, state: State, touches: Sequence[Touch]) -> None:
+        """Give the blow when the hull met the thing, and go the rest of the step's way again."""
+        before, since = state.nu, 0.0
+        for touch in touches:
+            closing = -_speed(touch, before)
+            if closing > 0.0 and touch.depth > 0.0:
+                since = max(since, touch.depth / closing)
+        since = min(since, self._dt)
+        if self._restitution and since:  # what the step's acceleration has added since then does not bounce
+            gained = [since * x for x in state.nu_dot]
+            state.nu = [a - b for a, b in zip(before, gained, strict=True)]
+            self._strike(state, touches)
+            state.nu = [a + b for a, b in zip(state.nu, gained, strict=True)]
+            self._strike(state, touches, 0.0)
+        else:
+            self._strike(state, touches)
+        if since:
+            self._move(state, [since * (a - b) for a, b in zip(state.nu, before, strict=True)])
+
+    def _strike(self, state: State, touches: Sequence[Touch], most: float = 1.0) -> None:
+        """Stop the motion into what it touches, with at most `most` of a restitution."""
+        if not self.touching:  # the first in this step
+            self.impulse = (0.0,) * 6
+        self.touching, self.what = True, touches[0].what
+        state.nu, given = self._blow(touches, self.inverse_mass, state.nu, self._friction, min(self._restitution, most))
+        self.impulse = [a + b for a, b in zip(self.impulse, given, strict=True)]
+
+    def _put_back(self, state: State, touches: Sequence[Touch]) -> None:
+        way = self._separate(touches, self.inverse_mass)
+        if max(map(abs, way[3:])) > _MOST_TURN:  # it is far inside, as nothing gets by moving
+            depth, normal = touches[0][:2]
+            way = [*(depth * x for x in normal), 0.0, 0.0, 0.0]
+        self._move(state, way)
+
+    def _move(self, state: State, way: Sequence[float]) -> None:
+        """Move and turn the vehicle by so much (m, rad, body axes)."""
+        moved = rotations.rotate(state.quaternion, way[:3])
+        state.position = [a + b for a, b in zip(state.position, moved, strict=True)]
+        if any(way[3:]):
+            state.quaternion = rotations.integrate(state.quaternion, way[3:], 1.0)
+
+    def _motion(self, state: State) -> float:
+        """Return how far (m) any place of the hull has come at most since it was free."""
+        if self._last is None:
+            return inf
+        position, quaternion = self._last
+        way = sqrt(sum([(a - b) ** 2 for a, b in zip(state.position, position, strict=True)]))
+        turn = sqrt(sum([(a - b) ** 2 for a, b in zip(state.quaternion, quaternion, strict=True)]))
+        return _ROUNDING + way + 2.0 * turn * self.radius
+
+    def _leave_step(self, relief: "SeabedContact", state: State) -> bool:
+        """Move out of a step: back in north, in east, in both, or turn back too: the first that does; True if so."""
+        assert self._last is not None
+        rotation = rotations.matrix(state.quaternion)
+        places = relief.places(rotation)
+        hit = relief.step_at(state.position, places, self._share)
+        if hit is None:
+            return False
+        last, attitude = self._last
+        north, east, down = state.position
+        for position in ((last[0], east, down), (north, last[1], down), (last[0], last[1], down)):
+            if relief.step_at(position, places, self._share) is None:
+                break
+        else:
+            position = last[0], last[1], last[2]
+            state.quaternion = attitude
+            state.nu = [0.0] * 6
+        lever = _to_body(rotation, hit)
+        self.touching, self.what = True, SEABED
         for axis in (0, 1):
-            back = place[axis] - state.position[axis]
+            back = position[axis] - state.position[axis]
             if back:
                 normal = [0.0, 0.0, 0.0]
                 normal[axis] = 1.0 if back > 0.0 else -1.0
-                self._push(state, 0.0, normal, SEABED)
-        state.position = list(place)
+                self._strike(state, [Touch(0.0, _to_body(rotation, normal), lever, SEABED)])
+        state.position = list(position)
+        return True
 
-    def _resolve_obstacles(self, state: State) -> None:
+    def _find_solids(
+        self, state: State, places: Sequence[tuple[float, float, float, float]], rotation: Rotation
+    ) -> list[tuple[float, Vector3, Vector3, str]]:
+        """Return the touches of obstacles and meshes, and how far it may go before there is one."""
         self._free = self._find_near(state)
-        self._north, self._east, _ = state.position
+        position = self._north, self._east, down = state.position
+        found: list[tuple[float, Vector3, Vector3, str]] = []
         for obstacle in self._near:
-            north, east, down = state.position
-            distance, out_north, out_east = obstacle.separation(north, east)
-            self._free = min(self._free, max(0.0, distance - self.radius))
-            into_side, into_top = self.radius - distance, down + self.half_height - obstacle.top
-            into_bottom = obstacle.bottom - (down - self.half_height)
-            if into_side > 0.0 and into_top > 0.0 and into_bottom > 0.0:
-                if into_side <= into_top and into_side <= into_bottom:
-                    self._push(state, into_side, (out_north, out_east, 0.0), obstacle.label)
-                elif into_top <= into_bottom:  # it came from above
-                    self._push(state, into_top, (0.0, 0.0, -1.0), obstacle.label)
-                else:
-                    self._push(state, into_bottom, (0.0, 0.0, 1.0), obstacle.label)
-
+            away = obstacle.separation(self._north, self._east)[0] - self.radius
+            self._free = min(self._free, max(0.0, away))
+            if away < 0.0 and down + self.radius > obstacle.top and down - self.radius < obstacle.bottom:
+                touches = solid_touches(obstacle, self.shape, position, places)
+                found += [(*touch, obstacle.label) for touch in touches]
         if self._meshes:
-            self._free = min(self._free, self._resolve_meshes(self._meshes, state))
-
-    def _resolve_meshes(self, meshes: "MeshContact", state: State) -> float:
-        """Push the vehicle out of the meshes; return how far (m) it may go before it can touch one."""
-        north, east, _ = state.position
-        away = meshes.away(north, east) - self.radius
-        for _ in range(_PASSES if away < 0.0 else 0):
-            depth, normal, what = meshes.deepest(state.position)
-            if depth <= 0.0:
-                break
-            self._push(state, depth, normal, what)
-        return max(0.0, away)
+            away = self._meshes.away(self._north, self._east) - self.radius
+            self._free = min(self._free, max(0.0, away))
+            if away < 0.0:
+                found += self._meshes.touches(position, rotation)
+        return found
 
     def _find_near(self, state: State) -> float:
         """Look again for what is near, once the vehicle is half out of it; return how far (m) the rest is at least."""
@@ -222,31 +295,21 @@ class Contact:
             self._beyond = min([distance for distance, _ in apart if distance > limit], default=inf)
         return max(0.0, self._beyond - self.radius - away)
 
-    def _push(self, state: State, depth: float, normal: Sequence[float], what: str) -> None:
-        """Move it out of `what` by `depth` m along `normal` (NED, away from it); stop its motion against it."""
-        if not self.touching:  # the first in this step
-            self.impulse = (0.0, 0.0, 0.0)
-        self.touching, self.what = True, what
-        state.position = [x + depth * n for x, n in zip(state.position, normal, strict=True)]
-        x, y, z = rotate_inverse(state.quaternion, normal)
-        closing = x * state.nu[0] + y * state.nu[1] + z * state.nu[2]
-        if closing >= 0.0:
-            return
-        answer = [row[0] * x + row[1] * y + row[2] * z for row in self.inverse_mass]  # M^-1 n
-        impulse = -closing / (x * answer[0] + y * answer[1] + z * answer[2])
-        state.nu = [v + impulse * a for v, a in zip(state.nu, answer, strict=True)]
-        u, v, w = self.impulse
-        self.impulse = (u + impulse * x, v + impulse * y, w + impulse * z)
+
+def _speed(touch: Touch, nu: Sequence[float]) -> float:
+    """Return how fast (m/s) a place of the hull leaves what it touches."""
+    (a, b, c), (x, y, z), (u, v, w, p, q, r) = touch.normal, touch.lever, nu
+    return a * (u + q * z - r * y) + b * (v + r * x - p * z) + c * (w + p * y - q * x)
 
 
-def starts_inside(vehicle: Vehicle, world: World, position: Sequence[float]) -> bool:
-    """True if a vehicle at `position` (NED, m) would touch an obstacle or the seabed."""
-    length, width, height = vehicle.dimensions
-    north, east, down = position
-    lowest = down + 0.5 * height
-    radius = 0.5 * sqrt(length * length + width * width)
-    if world.terrain is not None:
-        aground = Footprint(world.terrain, radius, 0.5 * height).deepest(position)[0] > 0.0
-    else:
-        aground = lowest > world.depth
-    return aground or world.clearance(north, east, lowest, height=height) < radius
+def _to_body(rotation: Rotation, world: Sequence[float]) -> Vector3:
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
+    x, y, z = world
+    return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
+
+
+def starts_inside(
+    vehicle: Vehicle, world: World, position: Sequence[float], quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
+) -> bool:
+    """True if a vehicle at `position` (NED, m), attitude w x y z (body to world) is in an obstacle or the seabed."""
+    return Contact(vehicle, world, []).is_inside(State(position, quaternion))

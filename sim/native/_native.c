@@ -1,13 +1,15 @@
-/* Shows kernel.h, forces.h, waves.h and errors.h to Python: the module sim.native._native. */
+/* Shows kernel.h, forces.h, waves.h, errors.h and impulses.h to Python: the module sim.native._native. */
 
 #include "moving.h"
 
 #include "fused.h"
 #include "measuring.h"
+#include "impulses.h"
 
 static int module_exec(PyObject *module)
 {
-    return add_pushing(module) && add_moving(module) && add_fused(module) && add_measuring(module) ? 0 : -1;
+    return add_pushing(module) && add_moving(module) && add_fused(module) && add_measuring(module)
+            && add_impulses(module) ? 0 : -1;
 }
 
 static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};

@@ -53,7 +53,7 @@ class FusedStep:
         mixer: ThrusterBank,
         command: Callable[[tuple[int, ...]], None],
         dt_ns: int,
-        half_height: float,
+        hull: Sequence[float],
         steady: Sequence[float],
         current: Callable[[int, float], Sequence[float]] | None,
         wave_field: WaveField | None,
@@ -76,3 +76,8 @@ class Errors:
 class Imu:
     def __new__(cls, errors: Errors, sample: type[ImuSample], position: Sequence[float], gravity: float, /) -> Imu: ...
     def sample(self, time_ns: int, state: dynamics.State, /) -> ImuSample: ...
+
+def blow(
+    touches: Sequence[float], inverse_mass: Sequence[float], nu: Sequence[float], friction: float, restitution: float, /
+) -> tuple[list[float], list[float]]: ...
+def separate(touches: Sequence[float], inverse_mass: Sequence[float], /) -> list[float]: ...

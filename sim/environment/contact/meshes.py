@@ -1,0 +1,86 @@
+"""Contact of a vehicle with the meshes and pipelines of a world, by rays from its middle to places of its hull."""
+
+from array import array
+from collections.abc import Iterator, Sequence
+from math import ceil, cos, pi, sin, sqrt
+
+from hil.common.vectors import Vector3
+from sim.environment.mesh import MeshObstacle
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.world import World
+from sim.rays.geometry import NOTHING
+from sim.rays.scene import RayScene
+from sim.rotations import Rotation
+from sim.vehicle.collision_shape import HullShape
+
+_AROUND = 8  # places of a ring around a rod with a radius
+_EDGE = 6  # steps along a rod without one
+_MOST_RINGS = 16
+_DEEP = 1e5  # m: no seabed is met
+
+
+class MeshContact:
+    """Finds where the hull `shape` is in a mesh of `world`.
+
+    Looked at are the rays from its middle to places of its surface: along edges, in rings around rods with a radius.
+    What is thinner than the distance of two such places may come between them.
+    """
+
+    def __init__(self, world: World, shape: HullShape) -> None:
+        self._meshes: tuple[MeshObstacle | Pipeline, ...] = (*world.mesh, *world.pipeline)
+        tight = tuple(mesh._replace(net=None) for mesh in world.mesh)  # a vehicle does not pass between twines
+        bare = world._replace(mesh=tight, cylinder=(), box=(), walls=False, terrain=None, ocean=None, depth=_DEEP)
+        self._scene = RayScene(bare, bed=world)
+        self._places = [place for place in _surface(shape) if any(place)]
+        self._lengths = [sqrt(x * x + y * y + z * z) for x, y, z in self._places]
+        rays = zip(self._places, self._lengths, strict=True)
+        self._directions = array("d", [x / length for place, length in rays for x in place])
+        self._reach = max(self._lengths)
+
+    def away(self, north: float, east: float) -> float:
+        """Return the distance (m) from a place to the nearest pipeline or upright cylinder around a mesh."""
+        return min(mesh.separation(north, east)[0] for mesh in self._meshes)
+
+    def touches(self, position: Sequence[float], rotation: Rotation) -> Iterator[tuple[float, Vector3, Vector3, str]]:
+        """Yield where a mesh reaches into the hull.
+
+        How far (m, across its surface), the normal there, the place of the hull from its origin (NED), and which mesh.
+        """
+        hits = self._scene.hits(position, self._directions, self._reach, rotation)
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
+        for ray, (distance, length) in enumerate(zip(hits.distances, self._lengths, strict=True)):
+            if distance < length and hits.objects[ray] != NOTHING:
+                a, b, c = hits.normals[3 * ray : 3 * ray + 3]
+                x, y, z = self._places[ray]
+                place = xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z
+                depth = (1.0 - distance / length) * abs(a * place[0] + b * place[1] + c * place[2])
+                yield depth, (a, b, c), place, self._meshes[hits.objects[ray] - 1].label
+
+
+def _surface(shape: HullShape) -> Iterator[Vector3]:
+    """Yield places of the hull's surface (m, body axes)."""
+    for x, y, z, radius in shape.points:  # rods lie along x where they have a radius
+        if not radius:
+            yield x, y, z
+            continue
+        yield x + radius, y, z
+        yield x - radius, y, z
+        yield from _ring(x, y, z, radius)
+        yield from _ring(x + radius * sqrt(0.5), y, z, radius * sqrt(0.5))
+        yield from _ring(x - radius * sqrt(0.5), y, z, radius * sqrt(0.5))
+    for i, j in shape.rods:
+        start, end = shape.points[i], shape.points[j]
+        length, radius = sqrt(sum([(a - b) ** 2 for a, b in zip(start[:3], end[:3], strict=True)])), start[3]
+        steps = min(_MOST_RINGS, max(2, ceil(length / (1.5 * radius)))) if radius else _EDGE
+        for k in range(1, steps):
+            x, y, z = [a + k / steps * (b - a) for a, b in zip(start[:3], end[:3], strict=True)]
+            if radius:
+                yield from _ring(x, y, z, radius)
+            else:
+                yield x, y, z
+
+
+def _ring(x: float, y: float, z: float, radius: float) -> Iterator[Vector3]:
+    for k in range(_AROUND):
+        turn = 2.0 * pi * k / _AROUND
+        yield x, y + radius * cos(turn), z + radius * sin(turn)

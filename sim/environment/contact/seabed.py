@@ -1,0 +1,97 @@
+"""Contact of a hull with a seabed that has relief: which places of it are in the seabed, and how deep."""
+
+from collections.abc import Sequence
+from math import ceil, inf
+from typing import TYPE_CHECKING, NamedTuple
+
+from hil.common.vectors import Vector3
+from sim.environment.contact.impulses import SKIN
+from sim.rotations import Rotation
+from sim.vehicle.collision_shape import HullShape
+
+if TYPE_CHECKING:
+    from sim.environment.terrain import Terrain
+
+_ROAM = 2.0  # m: how far the shallowest seabed around is known
+_PER_CELL = 2  # places along a rod for each cell of the grid
+_MOST_PLACES = 8  # along a rod
+_ASIDE = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
+
+
+class Places(NamedTuple):
+    """Places of a hull, from its origin (m, NED): spheres with their radius, and points of its surface."""
+
+    spheres: list[tuple[float, float, float, float]]
+    points: list[Vector3]
+
+
+class SeabedContact:
+    """The hull `shape` over `terrain`. On relief the ends of its rods are looked at, and places between them."""
+
+    def __init__(self, terrain: "Terrain", shape: HullShape) -> None:
+        self._terrain = terrain
+        self._reach = shape.reach
+        self._spheres = list(shape.points)
+        for i, j in shape.rods:
+            start, end = shape.points[i], shape.points[j]
+            length = max(abs(a - b) for a, b in zip(start, end, strict=True))
+            count = min(_MOST_PLACES, ceil(_PER_CELL * length * terrain.scale))
+            for k in range(1, count):
+                share = k / count
+                x, y, z, radius = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
+                self._spheres.append((x, y, z, radius))
+        # Within _ROAM m of this place nothing reaches up to this depth.
+        self._north, self._east, self._shallowest = inf, inf, 0.0
+
+    def is_clear(self, position: Sequence[float], lowest: float) -> bool:
+        """Return True if nothing around is as shallow as `lowest` m, the depth of the lower end: a quick look."""
+        north, east = position[0], position[1]
+        away_north, away_east = north - self._north, east - self._east
+        if away_north * away_north + away_east * away_east > _ROAM * _ROAM:
+            self._north, self._east = north, east
+            self._shallowest = self._terrain.shallowest(north, east, self._reach + _ROAM)
+        return lowest <= self._shallowest or lowest <= self._terrain.shallowest(north, east, self._reach)
+
+    def places(self, rotation: Rotation) -> Places:
+        """Return the hull's places at that attitude (body to world)."""
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
+        spheres, points = [], []
+        for x, y, z, radius in self._spheres:
+            north, east, down = xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z
+            spheres.append((north, east, down, radius))
+            if radius:
+                points += [(north + a * radius, east + b * radius, down + c * radius) for a, b, c in _ASIDE]
+            else:
+                points.append((north, east, down))
+        return Places(spheres, points)
+
+    def touches(self, position: Sequence[float], places: Places, most: float) -> list[tuple[float, Vector3, Vector3]]:
+        """Return what is in the seabed: how deep (m, across it), the seabed's normal there, and the place.
+
+        What is in by more than `most` m has come into a step, and does not count.
+        """
+        north, east, down = position
+        found: list[tuple[float, Vector3, Vector3]] = []
+        for x, y, z, radius in places.spheres:
+            sunk = down + z - self._terrain.depth(north + x, east + y)
+            nx, ny, nz = normal = self._terrain.normal(north + x, east + y)
+            depth = radius - sunk * nz  # the normal points up
+            if -SKIN < depth <= most:
+                found.append((depth, normal, (x - radius * nx, y - radius * ny, z - radius * nz)))
+        return found
+
+    def step_at(self, position: Sequence[float], places: Places, most: float) -> Vector3 | None:
+        """Return a place that is in the seabed by more than `most` m; None if there is none."""
+        for place in places.points:
+            if self._sunk(position, place) > most:
+                north, east = position[0] + place[0], position[1] + place[1]
+                if -self._sunk(position, place) * self._terrain.normal(north, east)[2] > most:
+                    return place
+        return None
+
+    def sunk(self, position: Sequence[float], places: Places) -> float:
+        """Return how far straight up in m the hull would have to go to be free; negative if it is."""
+        return max(self._sunk(position, place) for place in places.points)
+
+    def _sunk(self, position: Sequence[float], place: Vector3) -> float:
+        return position[2] + place[2] - self._terrain.depth(position[0] + place[0], position[1] + place[1])

@@ -1,0 +1,65 @@
+"""Contact of a hull with one upright obstacle: where its points and rods are in it."""
+
+from collections.abc import Iterator, Sequence
+from math import sqrt
+
+from hil.common.vectors import Vector3
+from sim.environment.contact.impulses import SKIN
+from sim.environment.obstacles import Obstacle
+from sim.vehicle.collision_shape import HullShape
+
+_HALVINGS = 8  # of a rod, in the search for its deepest place
+_DEEPER = 1e-4  # m: a place between the ends of a rod counts if it is so much deeper than both
+
+Place = tuple[float, float, float, float]  # from the origin of the vehicle, NED in m, and a radius
+Surface = tuple[float, float, float, float]  # distance (m, negative inside) and the unit vector out of it, NED
+
+
+def distance_to(obstacle: Obstacle, north: float, east: float, down: float) -> Surface:
+    """Return how far a place (NED, m) is from an obstacle, and the way out."""
+    side, out_north, out_east = obstacle.separation(north, east)
+    above, below = obstacle.top - down, down - obstacle.bottom
+    end, up = (above, -1.0) if above >= below else (below, 1.0)
+    if side > 0.0 and end > 0.0:
+        distance = sqrt(side * side + end * end)
+        return distance, out_north * side / distance, out_east * side / distance, up * end / distance
+    return (side, out_north, out_east, 0.0) if side >= end else (end, 0.0, 0.0, up)
+
+
+def touches(
+    obstacle: Obstacle, shape: HullShape, position: Sequence[float], places: Sequence[Place]
+) -> Iterator[tuple[float, Vector3, Vector3]]:
+    """Yield where the hull is in the obstacle: how deep (m, across), the normal, and the place from its origin.
+
+    `places` are the points of `shape`, turned. An obstacle is convex, so along a rod the distance to it has one least
+    value: it is looked for by halving.
+    """
+    north, east, down = position
+    surfaces = [distance_to(obstacle, north + x, east + y, down + z) for x, y, z, _ in places]
+    for place, surface in zip(places, surfaces, strict=True):
+        if surface[0] < place[3] + SKIN:
+            yield _touch(place, surface)
+    for i, j in shape.rods:
+        start, end, radius = surfaces[i], surfaces[j], places[i][3]
+        along = [b - a for a, b in zip(places[i][:3], places[j][:3], strict=True)]
+        length = sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2])
+        if start[0] + end[0] - length >= 2.0 * radius or not (_slope(start, along) < 0.0 < _slope(end, along)):
+            continue
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            share = 0.5 * (low + high)
+            x, y, z = [a + share * b for a, b in zip(places[i], along, strict=False)]
+            surface = distance_to(obstacle, north + x, east + y, down + z)
+            low, high = (share, high) if _slope(surface, along) < 0.0 else (low, share)
+        if surface[0] < radius and surface[0] < min(start[0], end[0]) - _DEEPER:
+            yield _touch((x, y, z, radius), surface)
+
+
+def _slope(surface: Surface, along: Sequence[float]) -> float:
+    return surface[1] * along[0] + surface[2] * along[1] + surface[3] * along[2]
+
+
+def _touch(place: Place, surface: Surface) -> tuple[float, Vector3, Vector3]:
+    x, y, z, radius = place
+    distance, a, b, c = surface
+    return radius - distance, (a, b, c), (x - radius * a, y - radius * b, z - radius * c)

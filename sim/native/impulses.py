@@ -1,0 +1,23 @@
+"""The blow of a vehicle that touches things, in C (sim/native/impulses.h). Raises ImportError where there is none."""
+
+from collections.abc import Sequence
+
+from sim.environment.contact.impulses import Touch
+from sim.matrices import Matrix
+from sim.native import _native
+
+
+def blow(
+    touches: Sequence[Touch], inverse_mass: Matrix, nu: Sequence[float], friction: float, restitution: float
+) -> tuple[list[float], list[float]]:
+    """Return nu and impulse after a blow: see sim.environment.contact.impulses."""
+    return _native.blow(_numbers(touches), [x for row in inverse_mass for x in row], nu, friction, restitution)
+
+
+def separate(touches: Sequence[Touch], inverse_mass: Matrix) -> list[float]:
+    """Return the least way that undoes the depths: see sim.environment.contact.impulses."""
+    return _native.separate(_numbers(touches), [x for row in inverse_mass for x in row])
+
+
+def _numbers(touches: Sequence[Touch]) -> list[float]:
+    return [x for depth, normal, lever, _ in touches for x in (depth, *normal, *lever)]
