@@ -29,7 +29,7 @@ def write_world(
         "resolution": grid.resolution, "rows": grid.depths.shape[0], "columns": grid.depths.shape[1],
     }  # fmt: skip
     world = {"name": stem, "source": source, "extent": grid.extent, "depth": max(0.1, grid.deepest)}
-    lines = [*(f"# {note}" for note in notes), *_keys(world)]
+    lines = [*(f"# {note}" for note in notes), *keys_of(world)]
     if origin is not None:
         lines.append(f"origin = {_toml(origin)} # latitude, longitude")
         lines.append(_magnetic_field(origin))
@@ -37,13 +37,13 @@ def write_world(
     if zones:
         lines.append(f'zones = "{stem}.zones.toml"')
         write_file(os.path.splitext(path)[0] + ".zones.toml", ("\n".join(zones) + "\n").encode())
-    lines += ["", "[terrain]", *_keys(terrain)]
+    lines += ["", "[terrain]", *keys_of(terrain)]
     if placed.bottom is not None:
         codes, north_min, east_min, resolution = placed.bottom
         rows, columns = codes.shape
         write_file(os.path.splitext(path)[0] + ".bottom", np.ascontiguousarray(codes).tobytes())
         keys = BottomMapKeys(f"{stem}.bottom", north_min, east_min, resolution, rows, columns)
-        lines += ["", "[bottom_map]", *_keys(keys._asdict())]
+        lines += ["", "[bottom_map]", *keys_of(keys._asdict())]
     for pipeline in placed.charted.pipelines:
         lines += _table("pipeline", pipeline)
     for name, obstacles in (("cylinder", placed.cylinders), ("box", placed.boxes)):
@@ -63,10 +63,11 @@ def _magnetic_field(origin: tuple[float, float]) -> str:
 def _table(name: str, record: Any) -> list[str]:
     """Return a record as a table of an array, without defaults: a file that is read sooner."""
     usual = record._field_defaults
-    return ["", f"[[{name}]]", *_keys({k: v for k, v in record._asdict().items() if v != usual.get(k)})]
+    return ["", f"[[{name}]]", *keys_of({k: v for k, v in record._asdict().items() if v != usual.get(k)})]
 
 
-def _keys(table: dict[str, Any]) -> Iterator[str]:
+def keys_of(table: dict[str, Any]) -> Iterator[str]:
+    """Yield a line of TOML for each key."""
     return (f"{key} = {_toml(value)}" for key, value in table.items())
 
 

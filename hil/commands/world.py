@@ -1,4 +1,4 @@
-"""`uuv-hil world`: build worlds from charts and soundings; draw them and export them to other simulators."""
+"""`uuv-hil world`: build worlds from charts and soundings; draw them; import and export those of other simulators."""
 
 import argparse
 import os
@@ -22,9 +22,11 @@ examples:
   uuv-hil world show worlds/homer.toml -o homer.png
   uuv-hil world export worlds/homer.toml homer.glb       .glb .stl .tif, .sdf for Gazebo,
   uuv-hil world export worlds/homer.toml homer.pgm --depth 10   or a map for planners
+  uuv-hil world import harbour.sdf -o worlds/harbour     Gazebo's, with its meshes
   uuv-hil world list
 A scenario flies in a world with `world = "worlds/homer.toml"`. Not for navigation.
 """
+HEIGHT = Number(-11_000.0, 9000.0, "m")
 REACH = Number(0.05, 1e6, "m")
 DEPTH = Number(0.0, 11_000.0, "m")
 NOTE = "Made with `uuv-hil world build`. Not for navigation. Depths count from the chart's datum (mostly low water)."
@@ -68,6 +70,16 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("output", metavar="OUT.pgm|.tif|.stl|.glb|.sdf", help="the file to write; its ending says what")
     export.add_argument("--depth", metavar="M", type=DEPTH, help="for a .pgm: how far down a vehicle reaches")
     export.set_defaults(run=_export)
+    taking = actions.add_parser("import", help="make a world of Gazebo's: an SDF file")
+    taking.add_argument("file", metavar="WORLD.sdf", help="the world's file, also .world or xacro")
+    add_output(taking, "WORLD", "writes WORLD.toml, and meshes and depths beside it", required=True)
+    taking.add_argument(
+        "--surface",
+        metavar="M",
+        type=HEIGHT,
+        help="height of the water's surface, z in the file [its buoyancy's, or 0]",
+    )
+    taking.set_defaults(run=_import)
     listing = actions.add_parser("list", help="list the worlds")
     listing.add_argument("folders", metavar="FOLDER", nargs="*", help="with worlds of your own")
     add_json(listing)
@@ -182,6 +194,24 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
 
     (write_stl if ending == ".stl" else write_glb)(grid, path)
     return f"{os.path.getsize(path) / 1e6:.1f} MB; the bed alone"
+
+
+def _import(options: argparse.Namespace) -> int:
+    from hil.charts.imports.gazebo_world import import_world
+    from hil.commands.vehicle.xacro_expand import expand, is_xacro
+
+    path = options.output if options.output.endswith(".toml") else f"{options.output}.toml"
+    text = expand(options.file) if is_xacro(options.file) else None
+    world, notes = import_world(options.file, output_file(path), options.surface, text)
+    parts = [f"{len(world.cylinder)} piles", f"{len(world.box)} blocks", f"{len(world.mesh)} meshes"]
+    bed = "a relief" if world.terrain else "a flat seabed"
+    south, north, west, east = world.extent
+    print(
+        f"{path}: {world.name}, {north - south:g} x {east - west:g} m, {bed} at {world.depth:g} m, {', '.join(parts)}"
+    )
+    for note in notes:
+        print(f"note: {note}")
+    return 0
 
 
 def _list(options: argparse.Namespace) -> int:

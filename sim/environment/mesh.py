@@ -1,4 +1,4 @@
-"""Meshes that stand, lie or hang in a world: `[[mesh]]` of its file, an OBJ, STL, GLB or what else trimesh reads.
+"""Meshes that stand, lie or hang in a world: `[[mesh]]` of its file, an OBJ, STL, DAE, GLB, PLY or OFF.
 
 [[mesh]]
 file = "wreck.glb"             # beside the world's file
@@ -23,10 +23,10 @@ from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.schema import Range, parse
 from hil.common.tables import check_file
 from hil.common.vectors import Vector3
+from sim.environment.mesh_files import MOST_BYTES, load_mesh
 from sim.environment.obstacles import Coordinate, Heading, Separation
 from sim.rotations import from_euler, matrix
 
-MOST_BYTES = 256 << 20
 MOST_TRIANGLES = 200_000
 Share = Annotated[float, Range(0.0, 1.0)]
 Triangle = tuple[Vector3, Vector3, Vector3]
@@ -155,12 +155,13 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
     """Return the triangles of a file in m, forward, right and down."""
     try:
         import numpy as np
-        import trimesh
+        import trimesh  # noqa: F401 - asked for here, to say which extra has it
     except ImportError:
         raise MissingExtraError(f"{where}: file: meshes need trimesh: pip install 'uuv-hil[mesh]'") from None
     try:
-        loaded: Any = trimesh.load(file, force="mesh")
-        triangles = np.asarray(loaded.triangles, float) * scale
+        triangles = np.asarray(load_mesh(file).triangles, float) * scale
+    except ConfigError:
+        raise
     except Exception as error:  # noqa: BLE001 - what damaged files make of the readers
         raise ConfigError(f"{where}: file: {file}: no mesh that can be read: {type(error).__name__}") from None
     if not len(triangles) or not np.isfinite(triangles).all():

@@ -22,6 +22,7 @@ examples:
   uuv-hil vehicle mine.toml --urdf > mine.urdf        for tools of ROS, and simulators
   uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF or xacro, FLU there, FRD here
   uuv-hil vehicle --import robot.urdf --add rest.toml -o mine.toml
+  uuv-hil vehicle --import model.sdf -o mine.toml --scenario flight.toml   Gazebo's, with its sensors
 """
 GRAVITY = 9.80665
 DENSITY = Number(500.0, 2000.0, "kg/m³")
@@ -30,12 +31,16 @@ DENSITY = Number(500.0, 2000.0, "kg/m³")
 def main(arguments: list[str]) -> int:
     """List the presets, describe one vehicle, or import one; 0. Raises HilError."""
     options = _parser().parse_args(arguments)
-    if (options.add or options.output) and not options.urdf:
-        raise ConfigError("--add and --output go with --import MODEL.urdf")
+    if (options.add or options.output or options.scenario or options.model) and not options.urdf:
+        raise ConfigError("--add, --output, --scenario and --model go with --import MODEL")
+    if options.scenario and not options.output:
+        raise ConfigError("--scenario names the vehicle's file: give --output FILE.toml too")
     if options.urdf:
-        from hil.commands.vehicle.import_urdf import convert
+        from hil.commands.vehicle.import_urdf import Request, convert
 
-        return convert(options.urdf, options.add, options.output, options.xacro)
+        return convert(
+            Request(options.urdf, options.add, options.output, options.scenario, options.model, options.xacro)
+        )
     if options.vehicle is None:
         print(json_text(presets()) if options.json else listing())
         return 0
@@ -61,12 +66,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--urdf", dest="write_urdf", action="store_true", help="print it as URDF, for tools of ROS")
     parser.add_argument("--prefix", metavar="TEXT", default="", help="with --urdf: before the names of links []")
     parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="density of the water [1000]")
-    parser.add_argument("--import", metavar="MODEL.urdf", dest="urdf", help="make a vehicle file of a URDF")
-    parser.add_argument("--add", metavar="FILE.toml", help="with --import: keys that the URDF lacks, and [[fins]]")
+    parser.add_argument("--import", metavar="MODEL", dest="urdf", help="make a vehicle file of a .urdf, .sdf or .xacro")
+    parser.add_argument("--add", metavar="FILE.toml", help="with --import: keys that the model lacks, and [[fins]]")
+    parser.add_argument("--model", metavar="NAME", help="with --import of a world: which of its models")
     parser.add_argument(
         "--xacro", metavar="NAME=VALUE", action="append", default=[], help="with --import: an argument of a xacro file"
     )
     add_output(parser, "FILE.toml", "with --import: where to write it [the screen]")
+    parser.add_argument("--scenario", metavar="FILE.toml", help="with --import: also write a scenario with its sensors")
     return parser
 
 

@@ -1,35 +1,88 @@
-"""`uuv-hil vehicle --import`: make a vehicle file from a URDF or xacro."""
+"""`uuv-hil vehicle --import`: make a vehicle file from a URDF or SDF, also in xacro."""
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
+from hil.charts.imports.meshes import measure
 from hil.commands.vehicle.xacro_expand import expand, is_xacro
 from hil.common.errors import ConfigError
-from hil.common.tables import read_table
-from sim.vehicle.urdf.importer import read_urdf
+from hil.common.tables import read_bytes, read_table
+from sim.sdf.as_urdf import as_urdf
+from sim.vehicle.urdf.importer import Imported, read_robot
+from sim.vehicle.urdf.text import read_xml, root_of
 from sim.vehicle.vehicle import EQUIPMENT, Vehicle
 
 
-def convert(urdf: str, add: str | None, output: str | None, arguments: Sequence[str] = ()) -> int:
-    """Write the vehicle of the file `urdf`, completed by the TOML file `add`, to `output` or the screen; 0.
+class Request(NamedTuple):
+    """What `--import` and its options say: the model's file, keys to add, files to write, arguments of xacro."""
 
-    A xacro file is expanded first, with these `arguments` NAME=VALUE. Raises ConfigError, MissingExtraError.
+    file: str
+    add: str | None = None
+    output: str | None = None
+    scenario: str | None = None
+    model: str | None = None
+    arguments: Sequence[str] = ()
+
+
+def convert(request: Request) -> int:
+    """Write the vehicle of a URDF or SDF file, completed by a TOML file, to its output or the screen; 0.
+
+    A xacro file is expanded first. Raises ConfigError, MissingExtraError.
     """
-    text = expand(urdf, arguments) if is_xacro(urdf) else None
-    vehicle, notes = read_urdf(urdf, read_table(add) if add else {}, text)
-    toml = to_toml(vehicle, notes)
-    if output is None:
-        print(toml, end="")
+    imported = read(request)
+    vehicle, sensors, notes = imported
+    if request.output is None:
+        print(to_toml(vehicle, notes), end="")
         return 0
-    try:
-        with open(output, "w", encoding="utf-8") as file:
-            file.write(toml)
-    except OSError as error:
-        raise ConfigError(f"{output}: cannot be written: {error.strerror}") from None
-    print(f"{output}: {vehicle.name}, {vehicle.mass:g} kg, {len(vehicle.thrusters)} thrusters")
+    _write(request.output, to_toml(vehicle, notes))
+    fins = f", {len(vehicle.fins)} fins" if vehicle.fins else ""
+    print(f"{request.output}: {vehicle.name}, {vehicle.mass:g} kg, {len(vehicle.thrusters)} thrusters{fins}")
+    if request.scenario is not None:
+        _write(request.scenario, scenario_of(request.output, request.scenario, vehicle.name, sensors))
+        print(f"{request.scenario}: flies it, with {', '.join(sensors) or 'the usual sensors'}")
     for note in notes:
         print(f"note: {note}")
+    if sensors and request.scenario is None:
+        print(f"note: It has sensors, which a scenario holds ({', '.join(sensors)}): --scenario FILE.toml writes one.")
     return 0
+
+
+def read(request: Request) -> Imported:
+    """Return what can be read of a URDF, an SDF model or a world with a vehicle. Raises ConfigError."""
+    path = request.file
+    text = expand(path, request.arguments) if is_xacro(path) else None
+    given = read_table(request.add) if request.add else {}
+    notes: list[str] = []
+    data = read_bytes(path) if text is None else text
+    robot = as_urdf(path, notes, request.model, data) if root_of(data) == "sdf" else read_xml(path, data)
+    imported = read_robot(robot, path, given, lambda meshes: measure(meshes, notes))
+    return imported._replace(notes=list(dict.fromkeys(notes + imported.notes)))
+
+
+def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return a scenario with the file `vehicle`, whose path is written relative to that of `scenario`."""
+    folder = os.path.dirname(os.path.abspath(scenario))
+    beside = os.path.relpath(os.path.abspath(vehicle), folder)
+    lines = [
+        f"description = {_toml(f'{name}, imported')}", f"vehicle = {_toml(beside)}", 'world = "paper_field"', "",
+        "[start]", 'depth = "5 m"', "", "[master]", "goal = [20.0, 20.0]", 'depth = "5 m"',
+    ]  # fmt: skip
+    for sensor, keys in sensors.items():
+        lines += ["", f"[sensors.{sensor}]"]
+        lines += [f"{key} = {_toml(value)}" for key, value in keys.items() if not isinstance(value, dict)]
+        for key, value in keys.items():
+            if isinstance(value, dict):
+                lines += ["", f"[sensors.{sensor}.{key}]", *(f"{k} = {_toml(v)}" for k, v in value.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _write(path: str, text: str) -> None:
+    try:
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def to_toml(vehicle: Vehicle, notes: list[str]) -> str:
@@ -64,7 +117,7 @@ def _toml(value: Any) -> str:
         size = 3 if len(value) == 9 else 6
         rows = [", ".join(map(_toml, value[start : start + size])) for start in range(0, len(value), size)]
         return "[\n  " + ",\n  ".join(rows) + ",\n]"
-    if isinstance(value, tuple):
+    if isinstance(value, (tuple, list)):
         return "[" + ", ".join(map(_toml, value)) + "]"
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -118,13 +118,12 @@ def _mesh(mesh: Any) -> Any:
     """The triangles of a mesh's file as a trimesh.Trimesh (m, axes of the scene); None for a file that is not there."""
     import os
 
-    import trimesh
-
+    from sim.environment.mesh_files import load_mesh
     from sim.rotations import from_euler, matrix
 
     if not os.path.exists(mesh.file):
         return None
-    loaded: Any = trimesh.load(mesh.file, force="mesh")
+    loaded = load_mesh(mesh.file)
     rotation = np.array(matrix(from_euler(*mesh.orientation))).reshape(3, 3)
     loaded.vertices = to_body((loaded.vertices * mesh.scale) @ rotation.T + mesh.position)
     return loaded

@@ -1,39 +1,123 @@
-"""Report the fins of a URDF. They are not imported: each plugin describes lift in its own way."""
+"""Read the fins of a model: each plugin describes lift in its own way, ours is in `sim.vehicle.fins`.
 
-from collections.abc import Iterator, Mapping
+uuv_simulator's fins turn about their link's z and point along its x; Gazebo's say which way is forward. A surface that
+no joint turns is reported, as a vehicle's file has no place for it.
+"""
+
+from collections.abc import Mapping
+from math import hypot, pi
+from typing import Any
 
 from sim.vehicle.urdf.pose import Pose
-from sim.vehicle.urdf.text import Element, child_text, plain, to_frd
+from sim.vehicle.urdf.text import Element, attribute, child_text, number_of, numbers_of, plain, to_frd
+from sim.vehicle.urdf.thrusters import target
 
 # uuv_simulator's libuuv_fin_ros_plugin.so, Gazebo's libLiftDragPlugin.so, gz-sim's gz-sim-lift-drag-system.
 _FILES = ("uuv_fin", "fin_ros_plugin", "liftdrag", "lift-drag", "lift_drag")
-_UPRIGHT, _ALONG = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
+OWN = "uuv_hil"  # the tag that holds, as attributes, what of ours the plugins have no tag for
+_ALONG, _TURNING = "1 0 0", "1 0 0"  # chord of a fin, and axis of a joint, that are left out
+_DENSITY = 1000.0  # kg/m³, for constants that hold it
+_SLOPE = 2.6  # 1/rad: that of a fin of aspect ratio 2 (Helmbold), where only its product with the area is known
+_FREE = 0.5236  # rad: the deflection of a joint without limits
+_LEAST = 1e-9
 
 
-def left_out(robot: Element, poses: Mapping[str, Pose], given: set[str]) -> Iterator[str]:
-    """A note for each fin or wing of the URDF, but for those of which `given` has the name: where it is, and its area.
+def read_fins(
+    robot: Element, poses: Mapping[str, Pose], path: str, given: set[str], notes: list[str]
+) -> list[dict[str, Any]]:
+    """Return the fins of the model, but for those of which `given` has the name; `notes` takes what is left out.
 
-    uuv_simulator's fins turn about their link's z and point along its x; for the others the plugin gives no more than
-    the link to go by. A fin that two plugins name is reported once.
+    A fin that two plugins name is read once. Raises ConfigError for what is no number.
     """
-    reported = set(given)
+    joints = {target(joint, "child"): joint for joint in robot.findall("joint")}
+    reported, fins = set(given), []
     for plugin in robot.iter("plugin"):
         file = plugin.get("filename", "").lower()
         link = child_text(plugin, "link_name", "linkName")
         if not any(part in file for part in _FILES) or not link:
             continue
-        name = plain(link.rsplit("/", 1)[-1])
+        name = plain(link.rsplit("/", 1)[-1].rsplit("::", 1)[-1])
         if name in reported:
             continue
         reported.add(name)
-        pose = poses.get(link)
-        where = ""
-        if pose is not None:
-            place, axis, chord = pose.position, pose.turn(_UPRIGHT), pose.turn(_ALONG)
-            where = f", position {_list(place)}, axis {_list(axis)}, chord {_list(chord)}"
-        area = child_text(plugin, "area") or plugin.findtext("liftdrag/area")
-        where += f", area {plain(area.strip())} m²" if area else ""
-        yield f"Left out: the fin {name!r}{where}. Write it under [[fins]] with this name and --add it."
+        fin, lacks = _fin(plugin, joints.get(link), poses.get(link), path, notes)
+        if fin is None:
+            notes.append(_left_out(name, plugin, poses.get(link), lacks))
+        else:
+            fins.append({"name": name.removesuffix("_link") if plugin.find(OWN) is not None else name} | fin)
+    return fins
+
+
+def _fin(
+    plugin: Element, joint: Element | None, pose: Pose | None, path: str, notes: list[str]
+) -> tuple[dict[str, Any] | None, str]:
+    """Return the keys of a fin, or None and what it lacks."""
+    if pose is None:
+        return None, "no such link"
+    if joint is None or joint.get("type") == "fixed":
+        return None, "no joint turns it"
+    keys = _coefficients(plugin, path)
+    if keys is None:
+        return None, "its lift is not one of uuv_simulator's or Gazebo's"
+    axis = numbers_of(attribute(joint, "axis", "xyz", _TURNING), path, 3)
+    chord = numbers_of(child_text(plugin, "forward") or _ALONG, path, 3)
+    acts = numbers_of(child_text(plugin, "cp") or "0 0 0", path, 3)
+    across = hypot(
+        axis[1] * chord[2] - axis[2] * chord[1],
+        axis[2] * chord[0] - axis[0] * chord[2],
+        axis[0] * chord[1] - axis[1] * chord[0],
+    )
+    if across < _LEAST:
+        return None, "its joint turns it about its chord"
+    limits = [abs(number_of(attribute(joint, "limit", side) or "1e16", path)) for side in ("lower", "upper")]
+    most = min(limits)
+    if most > pi / 2.0:
+        notes.append(f"The joint {joint.get('name', '')!r} of a fin has no limits: taken for {_FREE:g} rad.")
+        most = _FREE
+    if number_of(child_text(plugin, "a0", "liftdrag/a0") or "0", path):
+        notes.append("Left out: the angle a0 at which a fin has no lift.")
+    lag = child_text(plugin, "dynamics/timeConstant")
+    own = plugin.find(OWN)
+    return {
+        "position": to_frd(pose.place(acts)), "axis": to_frd(pose.turn(axis)), "chord": to_frd(pose.turn(chord)),
+        "max_deflection": most, **keys, **({"time_constant": abs(number_of(lag, path))} if lag else {}),
+        **({key: number_of(text, path) for key, text in own.items()} if own is not None else {}),
+    }, ""  # fmt: skip
+
+
+def _coefficients(plugin: Element, path: str) -> dict[str, float] | None:
+    """Return area, lift and drag of a plugin; None where it says nothing that is known.
+
+    Its drag grows with the angle or its square, ours with that of the lift: the constant is the one that fits best.
+    """
+
+    def number(tag: str, usual: str) -> float:
+        return number_of(child_text(plugin, tag, f"liftdrag/{tag}") or usual, path)
+
+    lift, drag = number("lift_constant", "0"), number("drag_constant", "0")
+    if lift > 0.0:  # of speed² and angle: area and density are in it, and it never stalls
+        area = 2.0 * lift / (_DENSITY * _SLOPE)
+        return {
+            "area": area, "lift_slope": _SLOPE, "induced_drag": 2.0 * drag / (_DENSITY * area * _SLOPE**2),
+            "parasitic_drag": 0.0, "stall_angle": pi / 2.0,
+        }  # fmt: skip
+    area, slope, stall, rise = number("area", "0"), number("cla", "0"), number("alpha_stall", "0"), number("cda", "0")
+    if area <= 0.0 or slope <= 0.0 or stall <= 0.0:
+        return None
+    stall = min(stall, pi / 2.0)
+    induced = 1.25 * abs(rise) / (slope**2 * stall)
+    return {"area": area, "lift_slope": slope, "induced_drag": induced, "parasitic_drag": 0.0, "stall_angle": stall}
+
+
+def _left_out(name: str, plugin: Element, pose: Pose | None, lacks: str) -> str:
+    """Return a note on a fin that is not imported: where it is, and its area."""
+    where = ""
+    if pose is not None:
+        axis, chord = pose.turn((0.0, 0.0, 1.0)), pose.turn((1.0, 0.0, 0.0))
+        where = f", position {_list(pose.position)}, axis {_list(axis)}, chord {_list(chord)}"
+    area = child_text(plugin, "area", "liftdrag/area")
+    where += f", area {plain(area)} m²" if area else ""
+    return f"Left out: the fin {name!r} ({lacks}){where}. Write it under [[fins]] with this name and --add it."
 
 
 def _list(vector: tuple[float, ...]) -> str:

@@ -1,8 +1,10 @@
-"""Poses of a URDF's frames, in the axes of its base link (FLU)."""
+"""Poses of frames, in the axes of a base frame (FLU)."""
 
+from collections.abc import Sequence
+from math import asin, atan2, cos, sin, sqrt
 from typing import NamedTuple
 
-from sim.matrices import Matrix, product
+from sim.matrices import Matrix, product, transpose
 
 _IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
@@ -13,11 +15,48 @@ class Pose(NamedTuple):
     rotation: Matrix = _IDENTITY
     position: tuple[float, ...] = (0.0, 0.0, 0.0)
 
-    def turn(self, vector: tuple[float, ...]) -> tuple[float, ...]:
+    def turn(self, vector: Sequence[float]) -> tuple[float, ...]:
         """Return a direction of this frame in the base's axes."""
         return tuple(sum(a * x for a, x in zip(row, vector, strict=True)) for row in self.rotation)
 
     def then(self, inner: "Pose") -> "Pose":
         """Return the pose of a frame that is at `inner` in this one."""
-        moved = zip(self.position, self.turn(inner.position), strict=True)
-        return Pose(product(self.rotation, inner.rotation), tuple(a + b for a, b in moved))
+        return Pose(product(self.rotation, inner.rotation), self.place(inner.position))
+
+    def place(self, point: Sequence[float]) -> tuple[float, ...]:
+        """Return a point of this frame in the base's."""
+        return tuple(a + b for a, b in zip(self.position, self.turn(point), strict=True))
+
+    def inverse(self) -> "Pose":
+        """Return the pose of the base in this frame."""
+        back = Pose(transpose(self.rotation))
+        return Pose(back.rotation, tuple(-x for x in back.turn(self.position)))
+
+    def angles(self) -> tuple[float, float, float]:
+        """Return roll, pitch and yaw (rad) of its axes."""
+        (xx, _, _), (yx, _, _), (zx, zy, zz) = self.rotation
+        return atan2(zy, zz), asin(max(-1.0, min(1.0, -zx))), atan2(yx, xx)
+
+
+def pose_at(position: Sequence[float], angles: Sequence[float] = (0.0, 0.0, 0.0)) -> Pose:
+    """Return the pose at `position` (m) whose axes are turned by roll, pitch and yaw (rad)."""
+    roll, pitch, yaw = angles
+    cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
+    rotation = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return Pose(rotation, tuple(position))
+
+
+def pose_with(position: Sequence[float], quaternion: Sequence[float]) -> Pose:
+    """Return the pose at `position` (m) whose axes a quaternion (x, y, z, w; of any length but 0) turns."""
+    length = sqrt(sum(part * part for part in quaternion)) or 1.0
+    x, y, z, w = (part / length for part in quaternion)
+    rotation = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return Pose(rotation, tuple(position))

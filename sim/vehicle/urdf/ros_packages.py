@@ -12,19 +12,26 @@ _MOST_FOLDERS = 20_000  # looked into below those, the nearest first: more than 
 def find_package(name: str, path: str) -> str | None:
     """Return the folder of the package `name`, None if there is none.
 
+    Looked for as `find_packages` does.
+    """
+    return next(find_packages(name, path), None)
+
+
+def find_packages(name: str, path: str) -> Iterator[str]:
+    """Yield the folders that may be the package `name`, the likeliest first.
+
     Looked for as ROS does, `share/NAME` of the folders in AMENT_PREFIX_PATH and below those in ROS_PACKAGE_PATH, then
     around the file at `path`: its parents and all below them. A folder is a package by its name or its package.xml.
     """
     for prefix in _variable("AMENT_PREFIX_PATH"):
         folder = os.path.join(prefix, "share", name)
         if os.path.isdir(folder):
-            return folder
+            yield folder
     seen: set[str] = set()
     for top in (*_variable("ROS_PACKAGE_PATH"), *_parents(path)):
         for folder in _below(top, seen):
             if _package_name(folder) == name:
-                return folder
-    return None
+                yield folder
 
 
 def _variable(name: str) -> list[str]:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from math import isfinite, nan
 from typing import Any
 from xml.etree import ElementTree
@@ -14,18 +15,20 @@ from sim.vehicle.urdf.ros_packages import find_package
 
 Element = ElementTree.Element
 _FRD = (1.0, -1.0, -1.0)
+DEEPEST = 64  # elements in each other: those of robots have some ten
 
 
-def read_xml(path: str, text: bytes | None = None) -> Element:
-    """Return the `<robot>` of the file, or of `text` in its place. Raises ConfigError.
+def read_xml(path: str, text: bytes | None = None, root: str = "robot") -> Element:
+    """Return the `<robot>` (or what `root` says) of the file, or of `text` in its place. Raises ConfigError.
 
-    An XML entity may stand for another file or for gigabytes: none is ever expanded.
+    An XML entity may stand for another file or for gigabytes: none is ever expanded. Elements are at most `DEEPEST` in
+    each other.
     """
     data = read_bytes(path) if text is None else text
+    if root == "sdf":
+        data = _with_namespaces(data)
     try:
-        guard = expat.ParserCreate()
-        guard.EntityDeclHandler = _refuse_entity
-        guard.Parse(data, True)
+        check_xml(data)
         robot = ElementTree.fromstring(data)
     except (expat.ExpatError, ElementTree.ParseError) as error:
         raise ConfigError(f"{path}: not valid XML: {error}") from None
@@ -34,9 +37,49 @@ def read_xml(path: str, text: bytes | None = None) -> Element:
     for element in robot.iter():
         if "xacro" in element.tag or any("${" in text or "$(" in text for text in element.attrib.values()):
             raise ConfigError(f"{path}: is xacro, to be expanded first: name it .xacro, or declare its namespace")
-    if robot.tag != "robot":
-        raise ConfigError(f"{path}: a URDF begins with <robot>, this one with <{robot.tag}>")
+    if robot.tag != root:
+        kind = "a URDF" if root == "robot" else "an SDF file"
+        raise ConfigError(f"{path}: {kind} begins with <{root}>, this one with <{robot.tag}>")
     return robot
+
+
+def _with_namespaces(data: bytes) -> bytes:
+    """Return an SDF in which the prefixes of Gazebo's own tags are declared: many files leave that out."""
+    for prefix in (b"gz", b"ignition", b"experimental"):
+        if prefix + b":" in data and b"xmlns:" + prefix not in data:
+            data = data.replace(b"<sdf", b'<sdf xmlns:%b="%b"' % (prefix, prefix), 1)
+    return data
+
+
+def check_xml(data: bytes) -> None:
+    """Raise ConfigError for XML that declares entities or is too deep, expat.ExpatError for what is no XML."""
+    depth = 0
+
+    def enter(name: str, _: Any) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEEPEST:
+            raise ConfigError(f"elements in each other, more than {DEEPEST} deep, at <{name[:40]}>")
+
+    def leave(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    guard = expat.ParserCreate()
+    guard.EntityDeclHandler = _refuse_entity
+    guard.StartElementHandler, guard.EndElementHandler = enter, leave
+    guard.Parse(data, True)
+
+
+def root_of(data: bytes) -> str:
+    """Return the name of the outermost element of a text, "" if it is no XML or declares an entity."""
+    found: list[str] = []
+    guard = expat.ParserCreate()
+    guard.EntityDeclHandler = _refuse_entity
+    guard.StartElementHandler = lambda name, _: found.append(name) if not found else None
+    with suppress(expat.ExpatError, ConfigError):
+        guard.Parse(data, True)
+    return found[0] if found else ""
 
 
 def _refuse_entity(name: str, *_: Any) -> None:

@@ -179,9 +179,10 @@ def test_fins_are_reported_and_those_given_are_kept(tmp_path: Path) -> None:
     vehicle, notes = read_urdf(path, {}, text)
     assert vehicle.fins == ()
     assert notes == [
-        "Left out: the fin 'fin0', position [-0.4, -0.1, -0.05], axis [0, 1, 0], chord [1, 0, 0], area 0.02 m². "
+        "Left out: the fin 'fin0' (its lift is not one of uuv_simulator's or Gazebo's), "
+        "position [-0.4, -0.1, -0.05], axis [0, 1, 0], chord [1, 0, 0], area 0.02 m². "
         "Write it under [[fins]] with this name and --add it.",
-        "Left out: the fin 'wing', area 0.3 m². Write it under [[fins]] with this name and --add it.",
+        "Left out: the fin 'wing' (no such link), area 0.3 m². Write it under [[fins]] with this name and --add it.",
     ]
     fin = {"name": "fin0", "position": [-0.4, -0.1, -0.05], "axis": [0, 1, 0], "area": 0.02, "aspect_ratio": 2.0}
     given = {"fins": [fin | {"max_deflection": 0.35}], "forward_speed_damping": [1.0] * 6}

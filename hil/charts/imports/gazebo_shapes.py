@@ -1,0 +1,131 @@
+"""The shapes of a Gazebo world that stand still, each with its place in the world (east, north, up)."""
+
+import os
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from hil.common.errors import ConfigError
+from sim.sdf.files import SdfFiles
+from sim.sdf.model import Link, Model, included, read_model
+from sim.sdf.poses import own_pose
+from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain
+
+_SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "cone": 2, "ellipsoid": 3}
+_WATER = ("water", "ocean", "wave", "sea_surface", "surface")  # in the names of what is drawn for the water
+
+
+class Shape(NamedTuple):
+    """One shape: its kind ("box", "mesh", "plane", "heightmap" ...), sizes in m (of a mesh: its factors), file, pose.
+
+    `is_solid` is False for what is only drawn; `colour` is red, green and blue, 0 to 1.
+    """
+
+    name: str
+    kind: str
+    sizes: tuple[float, ...]
+    pose: Pose
+    file: str = ""
+    colour: tuple[float, ...] | None = None
+    is_solid: bool = True
+    element: Element | None = None
+
+    @property
+    def is_named_water(self) -> bool:
+        """True if its name is that of the sea and nothing collides with it."""
+        return not self.is_solid and any(word in self.name.lower() for word in _WATER)
+
+
+def read_shapes(world: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Shape]:
+    """Return the shapes of all models of a world that stand still; `notes` takes what is left out."""
+    shapes: list[Shape] = []
+    moving: list[str] = []
+    for model in _models(world, folder, files, notes, version):
+        if model.is_static or _is_welded(model):
+            shapes += [shape for link in model.links.values() for shape in _of_link(model, link, files, notes)]
+        else:
+            moving.append(model.name)
+    if moving:
+        notes.append(f"Left out: what moves: {', '.join(map(plain, moving))}.")
+    return shapes
+
+
+def _models(world: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> Iterator[Model]:
+    for child in world.findall("model"):
+        yield read_model(child, folder, files, notes, 0, version)
+    for child in world.findall("include"):
+        for model, _ in included(child, folder, files, notes):
+            yield model
+
+
+def _is_welded(model: Model) -> bool:
+    """True if a joint fixes the model to the world."""
+    return any(joint.parent == "world" and joint.kind == "fixed" for joint in model.joints.values())
+
+
+def _of_link(model: Model, link: Link, files: SdfFiles, notes: list[str]) -> Iterator[Shape]:
+    """Yield what of a link is visible; its collisions where nothing is."""
+    base = model.pose.then(link.pose)
+    solid = link.element.find("collision") is not None
+    kind = "visual" if link.element.find("visual") is not None else "collision"
+    for part in link.element.findall(kind):
+        geometry = part.find("geometry")
+        name = f"{plain(model.name)}/{plain(part.get('name') or kind)}"
+        if geometry is None or not len(geometry):
+            continue
+        try:
+            shape = _shape(name, geometry[0], base.then(own_pose(part, files.path)), link.folder, files)
+        except ConfigError as error:
+            notes.append(f"Left out: {name}: {error}.")
+            continue
+        if isinstance(shape, str):
+            notes.append(f"Left out: {name}: {shape}.")
+        elif shape is not None:
+            yield shape._replace(is_solid=solid, colour=_colour(part, files.path))
+
+
+def _shape(name: str, element: Element, pose: Pose, folder: str, files: SdfFiles) -> Shape | str | None:
+    """Return the shape of a geometry, or why it is left out; None for an empty one."""
+    kind, path = element.tag, files.path
+    if kind in ("mesh", "heightmap"):
+        uri = (element.findtext("uri") or "").strip()
+        file = files.find(uri, folder)
+        if file is None:
+            return f"the {kind} {plain(uri)[:100]!r} is not near the file"
+        scale = numbers_of(element.findtext("scale") or "1 1 1", path, 3) if kind == "mesh" else []
+        if kind == "mesh" and element.find("submesh") is not None:
+            return "a part of a mesh; give it a file of its own"
+        return Shape(name, kind, tuple(scale), pose, os.path.abspath(file), element=element)
+    if kind == "plane":
+        normal = numbers_of(element.findtext("normal") or "0 0 1", path, 3)
+        size = numbers_of(element.findtext("size") or "1 1", path, 2)
+        level = abs(pose.turn(normal)[2]) > 0.999
+        return Shape(name, kind, tuple(size), pose) if level else "a plane that is not level"
+    if kind == "empty":
+        return None
+    if kind not in _SIZES:
+        return f"the shape <{plain(kind)}>"
+    tags = {"box": ("size",), "ellipsoid": ("radii",), "sphere": ("radius",)}.get(kind, ("radius", "length"))
+    sizes = [abs(x) for tag in tags for x in _numbers(element, tag, path)]
+    if len(sizes) != _SIZES[kind] or min(sizes) <= 0.0:
+        return f"a {kind} without its sizes"
+    return Shape(name, kind, tuple(sizes * 3 if kind == "sphere" else sizes), pose)
+
+
+def _numbers(element: Element, tag: str, path: str) -> list[float]:
+    return [number_of(word, path) for word in (element.findtext(tag) or "").split()]
+
+
+def _colour(part: Element, path: str) -> tuple[float, ...] | None:
+    """Return the diffuse colour of a shape's material, None if it has none or is white."""
+    text = part.findtext("material/diffuse") or part.findtext("material/ambient")
+    words = (text or "").split()
+    if len(words) not in (3, 4):
+        return None
+    colour = tuple(min(max(number_of(word, path), 0.0), 1.0) for word in words[:3])
+    return None if min(colour) >= 1.0 else colour
+
+
+def text_of(element: Element, *tags: str) -> Any:
+    """Return the text of the first element of these paths, None if there is none."""
+    return next((text.strip() for tag in tags if (text := element.findtext(tag))), None)

@@ -1,0 +1,320 @@
+"""Read a world of Gazebo (SDF) and write it as a world file of ours: what stands still in it, its water, its place."""
+
+import os
+from collections.abc import Sequence
+from math import cos, hypot, pi, sin
+from typing import Any, NamedTuple
+
+from hil.charts.grid import write_file
+from hil.charts.imports.gazebo_shapes import Shape, read_shapes, text_of
+from hil.charts.imports.meshes import MeshJob, read_meshes
+from hil.charts.world_file import keys_of
+from hil.common.errors import ConfigError
+from hil.common.text import clean
+from sim.environment.world import World, load_world
+from sim.sdf.files import SdfFiles
+from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain, read_xml
+
+MARGIN = 5.0  # m around all that stands in the world
+_UPRIGHT = 0.9999  # cosine
+_NO_FLOOR = 50.0  # m: the depth of a world in which nothing says it
+_THIN, _WIDE = 1.5, 20.0  # m: the water's surface as it is drawn
+_COVERS = 0.9  # share of the world's area that a floor covers at least
+_HIGHEST, _LEAST_SIDE = -100.0, 0.01  # m
+_NED = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+
+
+class _Placed(NamedTuple):
+    """A shape that was read: the box around it in the world's axes (m, up counts from the water), and its mesh."""
+
+    shape: Shape
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    mesh: str = ""
+
+
+class ImportedWorld(NamedTuple):
+    """What was written: the world as it loads, and what was assumed or left out."""
+
+    world: World
+    notes: list[str]
+
+
+def import_world(path: str, output: str, surface: float | None = None, text: bytes | None = None) -> ImportedWorld:
+    """Write the world of the SDF at `path` to `output` (.toml), meshes and depths beside it, and load it again.
+
+    `surface` is the height of the water's surface in the file (m, z); by default that of its graded buoyancy, or 0.
+    `text` is read in place of the file. Raises ConfigError, MissingExtraError.
+    """
+    root = read_xml(path, text, "sdf")
+    world = root.find("world")
+    if world is None:
+        raise ConfigError(f"{path}: no <world> in it: a model alone is imported by `uuv-hil vehicle --import`")
+    notes: list[str] = []
+    files = SdfFiles(path)
+    level = _surface(world, path) if surface is None else surface
+    shapes = read_shapes(world, os.path.dirname(os.path.abspath(path)), files, notes, root.get("version", "1.12"))
+    placed = _placed(shapes, output, level, notes)
+    placed, terrain, floor = _floors(placed, shapes, output, level, path, notes)
+    extent = _extent(placed, terrain)
+    stem = os.path.splitext(os.path.basename(output))[0]
+    table: dict[str, Any] = {
+        "name": plain(world.get("name") or stem), "source": f"imported from {plain(os.path.basename(path))}",
+        "extent": extent, "depth": _depth(placed, terrain, floor, path, level, notes), **_place(world, path, notes),
+    }  # fmt: skip
+    placed = _in_water(placed, table["depth"], notes)
+    lines = [*(f"# {clean(note)}" for note in notes), *keys_of(table)]
+    if terrain is not None:
+        lines += ["", "[terrain]", *keys_of(terrain)]
+    for each in placed:
+        kind, keys = _obstacle(each, level, os.path.dirname(os.path.abspath(output)))
+        lines += ["", f"[[{kind}]]", *keys_of(keys)]
+    write_file(output, ("\n".join(lines) + "\n").encode())
+    return ImportedWorld(load_world(output), notes)
+
+
+def _surface(world: Element, path: str) -> float:
+    """Return the height of the lowest change of density that the buoyancy of a world has, 0 if it has none."""
+    for plugin in world.iter("plugin"):
+        changes = [text_of(change, "above_depth") for change in plugin.findall("graded_buoyancy/density_change")]
+        heights = [number_of(text, path) for text in changes if text is not None]
+        if heights:
+            return min(heights)
+    return 0.0
+
+
+def _placed(shapes: Sequence[Shape], output: str, level: float, notes: list[str]) -> list[_Placed]:
+    """Return the shapes with the boxes around them; what is no upright block or pile becomes a mesh in a file."""
+    meshes = [shape for shape in shapes if shape.kind not in ("plane", "heightmap") and not _is_simple(shape)]
+    keys = list(dict.fromkeys((shape.kind, shape.file, shape.sizes) for shape in meshes))
+    folder = os.path.splitext(output)[0] + "_meshes"
+    if keys:
+        os.makedirs(folder, exist_ok=True)
+    names = [os.path.join(folder, f"{number}_{_word(file or kind)}.stl") for number, (kind, file, _) in enumerate(keys)]
+    jobs = [
+        MeshJob(file, sizes if file else (1.0, 1.0, 1.0), None, name, None if file else {"kind": kind, "sizes": sizes})
+        for (kind, file, sizes), name in zip(keys, names, strict=True)
+    ]
+    answers = dict(zip(keys, zip(read_meshes(jobs), names, strict=True), strict=True)) if jobs else {}
+    placed = []
+    for shape in shapes:
+        if shape.kind in ("plane", "heightmap"):
+            continue
+        if _is_simple(shape):
+            radius, half = (shape.sizes[0], 0.5 * shape.sizes[-1])
+            side = [0.5 * x for x in shape.sizes] if shape.kind == "box" else [radius, radius, half]
+            placed.append(_boxed(shape, [-x for x in side], side, level))
+            continue
+        answer, name = answers[shape.kind, shape.file, shape.sizes]
+        if "error" in answer:
+            notes.append(
+                f"Left out: {shape.name}: {clean(os.path.basename(shape.file) or shape.kind)}: {answer['error']}."
+            )
+        else:
+            placed.append(_boxed(shape, answer["low"], answer["high"], level)._replace(mesh=name))
+    return placed
+
+
+def _is_simple(shape: Shape) -> bool:
+    """True for an upright block or pile, which a world has as such."""
+    return shape.kind in ("box", "cylinder") and abs(shape.pose.rotation[2][2]) > _UPRIGHT
+
+
+def _boxed(shape: Shape, low: Sequence[float], high: Sequence[float], level: float) -> _Placed:
+    corners = [shape.pose.place([(high if n >> axis & 1 else low)[axis] for axis in range(3)]) for n in range(8)]
+    columns = list(zip(*corners, strict=True))
+    least, most = [min(column) for column in columns], [max(column) for column in columns]
+    least[2], most[2] = least[2] - level, most[2] - level
+    return _Placed(shape, tuple(least), tuple(most))
+
+
+def _floors(
+    placed: list[_Placed], shapes: Sequence[Shape], output: str, level: float, path: str, notes: list[str]
+) -> tuple[list[_Placed], dict[str, Any] | None, float | None]:
+    """Return what is neither floor nor water's surface, the `[terrain]` of a heightmap, and the height of the floor."""
+    terrain, floors, rest = None, [], []
+    for shape in shapes:
+        if shape.kind == "plane":
+            height = shape.pose.position[2] - level
+            if shape.is_named_water or (not shape.is_solid and abs(height) < _THIN):
+                notes.append(f"Left out: {shape.name}, the water's surface.")
+            else:
+                floors.append(height)
+        elif shape.kind == "heightmap":
+            if terrain is not None:
+                notes.append(f"Left out: {shape.name}, a second heightmap.")
+            else:
+                terrain = _heightmap(shape, output, level, path, notes)
+    area = _area(placed)
+    for each in placed:
+        sides = [b - a for a, b in zip(each.low, each.high, strict=True)]
+        is_wide = min(sides[0], sides[1]) > _WIDE
+        if is_wide and not each.shape.is_solid and max(abs(each.low[2]), abs(each.high[2])) < _THIN:
+            notes.append(f"Left out: {each.shape.name}, the water's surface.")
+        elif is_wide and _is_simple(each.shape) and each.high[2] < 0.0 and sides[0] * sides[1] > _COVERS * area:
+            floors.append(each.high[2])
+            notes.append(f"{each.shape.name} is taken for the floor.")
+        else:
+            rest.append(each)
+    return rest, terrain, min(floors, default=None) if terrain is None else None
+
+
+def _area(placed: Sequence[_Placed]) -> float:
+    if not placed:
+        return 0.0
+    east, north = ([(p.low[axis], p.high[axis]) for p in placed] for axis in (0, 1))
+    sides = [max(high for _, high in column) - min(low for low, _ in column) for column in (east, north)]
+    return sides[0] * sides[1]
+
+
+def _extent(placed: Sequence[_Placed], terrain: dict[str, Any] | None) -> tuple[float, float, float, float]:
+    """Return south, north, west and east around everything, rounded to metres."""
+    norths = [x for p in placed for x in (p.low[1] - MARGIN, p.high[1] + MARGIN)]
+    easts = [x for p in placed for x in (p.low[0] - MARGIN, p.high[0] + MARGIN)]
+    if terrain is not None:
+        step, south, west = terrain["resolution"], terrain["north_min"], terrain["east_min"]
+        norths += [south, south + step * (terrain["rows"] - 1)]
+        easts += [west, west + step * (terrain["columns"] - 1)]
+    if not norths:
+        norths, easts = [-50.0, 50.0], [-50.0, 50.0]
+    south, north, west, east = (round(end, 1) for end in (min(norths), max(norths), min(easts), max(easts)))
+    return south, north, west, east
+
+
+def _depth(
+    placed: Sequence[_Placed], terrain: dict[str, Any] | None, floor: float | None, path: str, level: float,
+    notes: list[str],
+) -> float:  # fmt: skip
+    """Return the depth of the flat seabed: of the floor, or just below all that there is."""
+    lowest = min((p.low[2] for p in placed), default=0.0)
+    if terrain is not None:
+        return round(max(terrain.pop("deepest"), 0.1), 3)
+    if floor is not None:
+        if floor > -0.1:
+            raise ConfigError(
+                f"{path}: its floor, at z = {floor + level:g} m, is not below the water's surface, at {level:g} m: "
+                "give --surface M, the height of the surface in the file"
+            )
+        return round(-floor, 3)
+    if lowest < -0.1:
+        notes.append("Nothing says how deep the world is: a flat seabed is just below all that is in it.")
+        return round(-lowest + 0.1, 3)
+    notes.append(f"Nothing says how deep the world is: {_NO_FLOOR:g} m are taken.")
+    return _NO_FLOOR
+
+
+def _in_water(placed: Sequence[_Placed], depth: float, notes: list[str]) -> list[_Placed]:
+    """Return what is in the water, neither all above it nor all in the seabed."""
+    kept = [each for each in placed if each.low[2] < 0.0 and -each.high[2] < depth]
+    names = [each.shape.name for each in placed if each not in kept]
+    if names:
+        shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+        notes.append(f"Left out: what is above the water or in the seabed: {shown}.")
+    return kept
+
+
+def _obstacle(each: _Placed, level: float, folder: str) -> tuple[str, dict[str, Any]]:
+    """Return the kind of obstacle that a shape becomes, and its keys."""
+    shape = each.shape
+    east, north, up = shape.pose.position
+    ends = {"top": max(-each.high[2], _HIGHEST), "bottom": -each.low[2]}
+    if each.mesh:
+        rotation = Pose([[a * b for a, b in zip(row, (1.0, -1.0, -1.0), strict=True)] for row in shape.pose.rotation])
+        turned = Pose(
+            [[sum(a * r[j] for a, r in zip(row, rotation.rotation, strict=True)) for j in range(3)] for row in _NED]
+        )
+        keys: dict[str, Any] = {
+            "file": os.path.relpath(each.mesh, folder), "north": _round(north), "east": _round(east),
+            "depth": _round(level - up), "orientation": tuple(_round(angle) for angle in turned.angles()), "up": "z",
+            "name": shape.name,
+        }  # fmt: skip
+        return "mesh", keys | ({"colour": tuple(_round(x) for x in shape.colour)} if shape.colour else {})
+    rounded = {key: _round(value) for key, value in ends.items()}
+    if shape.kind == "cylinder":
+        radius = max(shape.sizes[0], _LEAST_SIDE)
+        return "cylinder", {
+            "north": _round(north),
+            "east": _round(east),
+            "radius": radius,
+            **rounded,
+            "name": shape.name,
+        }
+    yaw = shape.pose.angles()[2]
+    heading = (0.5 * pi - yaw + pi) % (2.0 * pi) - pi
+    sizes = {"size_north": max(shape.sizes[0], _LEAST_SIDE), "size_east": max(shape.sizes[1], _LEAST_SIDE)}
+    place = {"north": _round(north), "east": _round(east), **sizes, "heading": _round(heading)}
+    return "box", {**place, **rounded, "name": shape.name}
+
+
+def _heightmap(shape: Shape, output: str, level: float, path: str, notes: list[str]) -> dict[str, Any] | None:
+    """Write the depths of a heightmap beside the world; its `[terrain]`, with `deepest` in m, None if left out."""
+    element = shape.element
+    assert element is not None
+    size = numbers_of(text_of(element, "size") or "1 1 1", path, 3)
+    place = shape.pose.place(numbers_of(text_of(element, "pos") or "0 0 0", path, 3))
+    depths = os.path.splitext(output)[0] + ".f32"
+    if abs(shape.pose.angles()[2]) > 1e-6 or abs(shape.pose.rotation[2][2]) < _UPRIGHT:
+        notes.append(f"Left out: {shape.name}, a heightmap that is turned.")
+        return None
+    job = {"kind": "heightmap", "sizes": [*size, *place[:2], place[2] - level]}
+    (answer,) = read_meshes([MeshJob(shape.file, output=depths, shape=job)])
+    if "error" in answer:
+        notes.append(f"Left out: {shape.name}: {clean(os.path.basename(shape.file))}: {answer['error']}.")
+        return None
+    return {"file": os.path.basename(depths), **answer}
+
+
+def _place(world: Element, path: str, notes: list[str]) -> dict[str, Any]:
+    """Return what a world says of its place, its water, gravity and magnetic field."""
+    keys: dict[str, Any] = {}
+    if (sphere := world.find("spherical_coordinates")) is not None:
+        numbers = [
+            number_of(text_of(sphere, tag) or "0", path) for tag in ("latitude_deg", "longitude_deg", "elevation")
+        ]
+        if abs(numbers[0]) <= 90.0 and abs(numbers[1]) <= 180.0:
+            keys |= {"origin": (numbers[0], numbers[1])} | ({"origin_altitude": numbers[2]} if numbers[2] else {})
+        if number_of(text_of(sphere, "heading_deg") or "0", path):
+            notes.append("Left out: heading_deg: x is taken for east.")
+    density = next((text for tag in ("uniform_fluid_density", "graded_buoyancy/default_density")
+                    for plugin in world.iter("plugin") if (text := text_of(plugin, tag))), None)  # fmt: skip
+    if density is not None and 900.0 <= number_of(density, path) <= 1200.0:
+        keys["density"] = number_of(density, path)
+    if (gravity := text_of(world, "gravity")) is not None and (pull := -numbers_of(gravity, path, 3)[2]) > 0.1:
+        keys["gravity"] = pull
+    if (field := text_of(world, "magnetic_field")) is not None:
+        keys |= _field(numbers_of(field, path, 3))
+    for plugin in world.iter("plugin"):
+        keys |= _current(plugin, path)
+    return keys
+
+
+def _field(field: Sequence[float]) -> dict[str, Any]:
+    """Return the magnetic field (T) of a world, east, north, up, as intensity, inclination and declination."""
+    from math import atan2
+
+    east, north, up = field
+    level = hypot(east, north)
+    strength = hypot(level, up)
+    return {"magnetic_field": (strength, atan2(-up, level), atan2(east, north))} if 0.0 < strength < 1e-3 else {}
+
+
+def _current(plugin: Element, path: str) -> dict[str, Any]:
+    """Return the mean of uuv_simulator's constant current; its angles are from east to north, and upwards."""
+    means = [
+        text_of(plugin, f"constant_current/{tag}/mean") for tag in ("velocity", "horizontal_angle", "vertical_angle")
+    ]
+    if means[0] is None:
+        return {}
+    speed, level, rise = (number_of(text or "0", path) for text in means)
+    flow = (speed * cos(rise) * sin(level), speed * cos(rise) * cos(level), -speed * sin(rise))
+    return {"current": tuple(_round(x) for x in flow)} if speed and abs(speed) <= 5.0 else {}
+
+
+def _word(text: str) -> str:
+    name = os.path.splitext(os.path.basename(text))[0]
+    return "".join(letter if letter.isalnum() else "_" for letter in name)[:40]
+
+
+def _round(x: float) -> float:
+    return round(x, 6) + 0.0

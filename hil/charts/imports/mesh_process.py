@@ -1,0 +1,123 @@
+"""Measure and convert meshes, within limits on memory and time: the files are somebody else's.
+
+    python -P -m hil.charts.imports.mesh_process < JOBS
+
+JOBS is a JSON array of objects with `file`, `scale` (three factors), `matrix` (3 x 4, row after row, or null) and
+`output` (an STL file to write, or null). Each gives a line of JSON: volume, centre, low, high, triangles, or error.
+"""
+
+import json
+import sys
+from typing import Any
+
+from hil.common.children import limit_self
+from hil.common.lifeline import die_with_parent
+from hil.common.tables import check_file
+from sim.environment.mesh import MOST_TRIANGLES
+from sim.environment.mesh_files import MOST_BYTES, check_kind, load_mesh
+
+MEMORY_BYTES = 3 << 30  # of address space
+CPU_SECONDS = 120
+NO_LIBRARY = 5
+
+
+def main() -> int:
+    """Answer each job by a line; the exit code."""
+    die_with_parent()
+    limit_self(MEMORY_BYTES, CPU_SECONDS)
+    try:
+        import trimesh  # noqa: F401
+    except ImportError:
+        return NO_LIBRARY
+    for job in json.load(sys.stdin):
+        try:
+            answer = _answer(job)
+        except Exception as error:  # noqa: BLE001 - what damaged files make of the readers
+            text = str(error) if type(error).__module__.startswith("hil.") else type(error).__name__
+            answer = {"error": " ".join(text.split())[:200] or "no mesh that can be read"}
+        print(json.dumps(answer), flush=True)
+    return 0
+
+
+def _answer(job: dict[str, Any]) -> dict[str, Any]:
+    import numpy as np
+    import trimesh
+
+    file, matrix = job["file"], job["matrix"]
+    shape = job.get("shape")
+    if shape and shape["kind"] == "heightmap":
+        return _heightmap(file, [float(x) for x in shape["sizes"]], job["output"])
+    if not shape:
+        check_kind(file)
+    mesh: Any = _primitive(shape) if shape else load_mesh(file)
+    mesh.vertices = np.asarray(mesh.vertices, float) * np.asarray(job["scale"], float)
+    if matrix is not None:
+        mesh.vertices = mesh.vertices @ np.asarray(matrix, float)[:, :3].T + np.asarray(matrix, float)[:, 3]
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        return {"error": "no triangles, or some without a place"}
+    if job["output"]:
+        if len(mesh.faces) > MOST_TRIANGLES:
+            return {"error": f"{len(mesh.faces)} triangles are more than {MOST_TRIANGLES}: simplify it"}
+        plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        plain.export(job["output"], file_type="stl")
+    closed = bool(mesh.is_watertight)
+    solid = mesh if closed else mesh.convex_hull if len(mesh.faces) > 3 else mesh
+    return {
+        "volume": abs(float(mesh.volume)), "is_closed": closed, "centre": [float(x) for x in solid.center_mass],
+        "low": mesh.bounds[0].tolist(), "high": mesh.bounds[1].tolist(), "triangles": len(mesh.faces),
+    }  # fmt: skip
+
+
+def _heightmap(file: str, sizes: list[float], output: str) -> dict[str, Any]:
+    """Write the depths of a picture of heights as little-endian floats; its grid, as a `[terrain]` has it.
+
+    sizes: those of the field along east, north and up, then where its middle and its darkest are (m, up of the water).
+    """
+    import numpy as np
+    from PIL import Image
+
+    check_file(file, MOST_BYTES)
+    with Image.open(file) as picture:
+        if picture.format not in ("PNG", "JPEG"):
+            return {"error": f"a heightmap of format {picture.format}: build a world of it by `uuv-hil world build`"}
+        deep = picture.mode.startswith("I")
+        values = np.asarray(picture if deep else picture.convert("L"), float) / (65535.0 if deep else 255.0)
+    wide, long, high, east, north, low = sizes
+    rows, columns = values.shape
+    step = min(wide / (columns - 1), long / (rows - 1))
+    norths, easts = np.arange(0.0, long + 0.5 * step, step), np.arange(0.0, wide + 0.5 * step, step)
+    depths = -(low + high * values[::-1])  # the first row of a picture is the north
+    depths = np.array([np.interp(easts, np.linspace(0.0, wide, columns), row) for row in depths])
+    depths = np.array([np.interp(norths, np.linspace(0.0, long, rows), column) for column in depths.T]).T
+    with open(output, "wb") as stream:
+        stream.write(np.ascontiguousarray(depths, "<f4").tobytes())
+    return {
+        "north_min": north - 0.5 * long, "east_min": east - 0.5 * wide, "resolution": step,
+        "rows": len(norths), "columns": len(easts), "deepest": float(depths.max()),
+    }  # fmt: skip
+
+
+def _primitive(shape: dict[str, Any]) -> Any:
+    """Return one of SDF's own shapes, its middle at 0."""
+    from trimesh import creation
+
+    kind, sizes = shape["kind"], [float(x) for x in shape["sizes"]]
+    if kind == "box":
+        return creation.box(sizes)
+    if kind == "cylinder":
+        return creation.cylinder(sizes[0], sizes[1], sections=32)
+    if kind == "capsule":
+        made: Any = creation.capsule(height=sizes[1], radius=sizes[0], count=[24, 24])
+        made.vertices -= made.bounds.mean(axis=0)
+        return made
+    if kind == "cone":
+        made = creation.cone(sizes[0], sizes[1], sections=32)
+        made.vertices -= [0.0, 0.0, 0.5 * sizes[1]]
+        return made
+    ball: Any = creation.icosphere(subdivisions=3)
+    ball.vertices *= sizes
+    return ball
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,173 @@
+"""Write a vehicle's SDF model as a URDF robot in memory, for the one importer that there is.
+
+All links hang on the link that the hydrodynamics act on, at their place with all joints at zero: the coefficients are
+about its origin, and so becomes the vehicle's.
+"""
+
+import os
+from collections.abc import Iterable
+
+from hil.common.errors import ConfigError
+from sim.sdf.files import SdfFiles
+from sim.sdf.model import Joint, Link, Model, included, read_model
+from sim.sdf.poses import own_pose
+from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.text import Element, read_xml
+
+_WATER = ("hydrodynamics", "underwater_object", "buoyancy")  # in the file names of plugins that act on a link
+_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "capsule": ("radius", "length")}
+_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+def as_urdf(path: str, notes: list[str], name: str | None = None, text: bytes | None = None) -> Element:
+    """Return the `<robot>` of the model in the SDF file at `path`; of a world, of that called `name`.
+
+    `text` is read in place of the file. `notes` takes what cannot be read. Raises ConfigError.
+    """
+    root = read_xml(path, text, "sdf")
+    files, folder = SdfFiles(path), os.path.dirname(os.path.abspath(path))
+    world = root.find("world")
+    models = list(_models(world if world is not None else root, folder, files, notes, root.get("version", "1.12")))
+    model = _chosen(models, name, path)
+    robot = _robot(model, files, notes)
+    if world is not None:
+        robot.extend(world.findall("plugin"))
+    return robot
+
+
+def _models(parent: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Model]:
+    models = [read_model(child, folder, files, notes, 0, version) for child in parent.findall("model")]
+    return models + [model for child in parent.findall("include") for model, _ in included(child, folder, files, notes)]
+
+
+def _chosen(models: list[Model], name: str | None, path: str) -> Model:
+    """Return the model `name`, or the only one that is a vehicle."""
+    if name is not None:
+        found = [model for model in models if model.name == name]
+    else:
+        driven = [model for model in models if any(_is_of_vehicle(plugin) for plugin in model.plugins)]
+        found = driven or [model for model in models if not model.is_static]
+        found = found if len(models) > 1 else models
+    if len(found) != 1:
+        names = ", ".join(model.name for model in (found or models)) or "none"
+        which = "no model in it" if not models else f"give --model NAME, one of: {names}"
+        raise ConfigError(f"{path}: {len(found)} vehicles in it that could be meant; {which}")
+    if not found[0].links:
+        raise ConfigError(f"{path}: the model {found[0].name!r} has no links")
+    return found[0]
+
+
+def _is_of_vehicle(plugin: Element) -> bool:
+    text = (plugin.get("filename", "") + plugin.get("name", "")).lower()
+    return any(word in text for word in ("thruster", "hydrodynamic", "motormodel", "underwater_object"))
+
+
+def _base(model: Model) -> str:
+    """Return the link on which the water acts: its frame is the vehicle's."""
+    for plugin in model.plugins:
+        if any(word in plugin.get("filename", "").lower() for word in _WATER):
+            link = plugin.find("link")
+            named = plugin.findtext("link_name") or (link.get("name") if link is not None else None)
+            if named and named.strip() in model.links:
+                return named.strip()
+    return model.canonical if model.canonical in model.links else next(iter(model.links))
+
+
+def _robot(model: Model, files: SdfFiles, notes: list[str]) -> Element:
+    robot, base = Element("robot", name=model.name), _base(model)
+    to_base = model.links[base].pose.inverse()
+    for name, link in model.links.items():
+        robot.append(_link(name, link, files, notes))
+        for sensor in link.element.findall("sensor"):
+            holder = Element("gazebo", reference=name)
+            holder.append(sensor)
+            robot.append(holder)
+    joints = {joint.child: (name, joint) for name, joint in model.joints.items() if joint.parent != "world"}
+    for name, link in model.links.items():
+        if name != base:
+            robot.append(_joint(name, to_base.then(link.pose), link, joints.get(name), base))
+    lost = [name for name, joint in model.joints.items() if joint.child in model.links and joint.child == base]
+    known = {name for name, _ in joints.values()}
+    for name in lost:  # the base itself turns on another link: seen from it that one turns the other way
+        joint = model.joints[name]
+        if joint.axis is not None and joint.kind != "fixed" and name in known:
+            notes.append(f"The joint {name!r} holds the link {base!r}, on which the water acts: taken as fixed.")
+    for plugin in model.plugins:
+        holder = Element("gazebo")
+        holder.append(plugin)
+        robot.append(holder)
+    return robot
+
+
+def _link(name: str, link: Link, files: SdfFiles, notes: list[str]) -> Element:
+    made = Element("link", name=name)
+    inertial = link.element.find("inertial")
+    if inertial is not None:
+        made.append(_inertial(inertial, files.path))
+    for kind in ("visual", "collision"):
+        for shape in link.element.findall(kind):
+            geometry = shape.find("geometry")
+            if geometry is not None and (converted := _geometry(geometry, link.folder, files, notes, name)) is not None:
+                placed = Element(kind)
+                placed.append(_origin(own_pose(shape, files.path)))
+                placed.append(converted)
+                made.append(placed)
+    return made
+
+
+def _inertial(inertial: Element, path: str) -> Element:
+    made = Element("inertial")
+    made.append(_origin(own_pose(inertial, path)))
+    made.append(Element("mass", value=(inertial.findtext("mass") or "1").strip()))  # SDF's default
+    tensor = inertial.find("inertia")
+    usual = {"ixx": "1", "iyy": "1", "izz": "1"}
+    texts = {key: (tensor.findtext(key) if tensor is not None else None) or usual.get(key, "0") for key in _INERTIA}
+    made.append(Element("inertia", {key: text.strip() for key, text in texts.items()}))
+    made.extend(inertial.findall("fluid_added_mass"))
+    return made
+
+
+def _geometry(geometry: Element, folder: str, files: SdfFiles, notes: list[str], link: str) -> Element | None:
+    made = Element("geometry")
+    for shape in geometry:
+        if shape.tag == "mesh":
+            uri = (shape.findtext("uri") or "").strip()
+            file = files.find(uri, folder)
+            if file is None:
+                notes.append(f"Left out: the mesh {uri[:100]!r} of the link {link!r}, which is not near the file.")
+                return None
+            scale = (shape.findtext("scale") or "1 1 1").strip()
+            made.append(Element("mesh", filename=os.path.abspath(file), scale=scale))
+        elif shape.tag in _SIZES:
+            made.append(Element(shape.tag, {key: (shape.findtext(key) or "1").strip() for key in _SIZES[shape.tag]}))
+        elif shape.tag == "ellipsoid":
+            made.append(Element("ellipsoid", radii=(shape.findtext("radii") or "1 1 1").strip()))
+        elif shape.tag != "empty":
+            notes.append(f"Left out: the shape <{shape.tag}> of the link {link!r}.")
+            return None
+    return made if len(made) else None
+
+
+def _joint(link: str, pose: Pose, of: Link, found: tuple[str, Joint] | None, base: str) -> Element:
+    """Return the joint that holds a link at `pose` in the base; its axis is in the axes of the link, as in URDF."""
+    name, joint = found or (f"{link}_joint", None)
+    kind = joint.kind if joint is not None else "fixed"
+    made = Element("joint", name=name, type=kind)
+    made.append(Element("parent", link=base))
+    made.append(Element("child", link=link))
+    made.append(_origin(pose))
+    if joint is not None and joint.axis is not None:
+        made.append(Element("axis", xyz=_words(of.pose.inverse().turn(joint.axis))))
+        limit = joint.element.find("axis/limit")
+        if limit is not None and kind == "revolute":
+            texts = {key: (limit.findtext(key) or "").strip() for key in ("lower", "upper")}
+            made.append(Element("limit", {key: text for key, text in texts.items() if text}))
+    return made
+
+
+def _origin(pose: Pose) -> Element:
+    return Element("origin", xyz=_words(pose.position), rpy=_words(pose.angles()))
+
+
+def _words(numbers: Iterable[float]) -> str:
+    return " ".join(repr(round(x, 12) + 0.0) for x in numbers)

@@ -1,0 +1,147 @@
+"""Find and read what an SDF file names: models by `model://`, files beside it. Nothing is fetched from a network.
+
+A name is looked for, as Gazebo does, in the folders of its environment variables, then as ROS packages are (see
+`sim.vehicle.urdf.ros_packages`), and a model of Gazebo Fuel also where `gz fuel download` has put it. What lies outside
+of those folders and of `_ASCENT` folders above the file is not opened.
+"""
+
+import os
+import re
+from collections.abc import Iterator
+from copy import deepcopy
+from functools import cache
+from urllib.parse import unquote
+
+from hil.common.errors import ConfigError
+from hil.common.tables import read_bytes
+from sim.vehicle.urdf.ros_packages import find_packages
+from sim.vehicle.urdf.text import Element, read_xml
+
+VARIABLES = (
+    "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH", "GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH",
+)  # fmt: skip
+MOST_FILES = 500  # included ones, all together
+_ASCENT = 2
+_FUEL = re.compile(
+    r"https?://(?:app\.|fuel\.)[\w.]+/(?:1\.0/)?([^/]+)/(?:fuel/)?models/([^/]+)(?:/(?:tip|\d+))?(/.*)?$"
+)
+
+
+class SdfFiles:
+    """The files that the SDF at `path` may name."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        top = os.path.dirname(os.path.realpath(path))
+        for _ in range(_ASCENT):
+            top = os.path.dirname(top)
+        shared = [entry for name in VARIABLES for entry in os.environ.get(name, "").split(os.pathsep) if entry]
+        self._shared = shared
+        self._roots = [os.path.realpath(folder) for folder in (top, *shared)]
+        self._find = cache(self._found)
+        self._read = cache(self._read_model)
+        self._count = 0
+
+    def find(self, uri: str, folder: str, is_model: bool = False) -> str | None:
+        """Return the path of a file, or of a model's folder, that a file in `folder` names; None if there is none."""
+        return self._find(uri.strip(), folder, is_model)
+
+    def read_model(self, uri: str, folder: str) -> tuple[Element, str] | None:
+        """Return the root of the SDF file of an included model, and its folder; None if there is none.
+
+        Raises ConfigError if it is no SDF, or if too many are included.
+        """
+        self._count += 1
+        if self._count > MOST_FILES:
+            raise ConfigError(f"{self.path}: includes more than {MOST_FILES} models")
+        found = self.find(uri, folder, is_model=True)
+        if found is None:
+            return None
+        file = _model_file(found) if os.path.isdir(found) else found
+        return deepcopy(self._read(file)), os.path.dirname(file)
+
+    def _read_model(self, file: str) -> Element:
+        return read_xml(file, root="sdf")
+
+    def _found(self, uri: str, folder: str, is_model: bool) -> str | None:
+        for candidate in self._candidates(uri, folder):
+            real = os.path.realpath(candidate)
+            if os.path.isdir(real) if is_model else os.path.isfile(real):
+                if not is_model or _has_model(real):
+                    return candidate
+            elif is_model and os.path.isfile(real) and real.endswith((".sdf", ".world")):
+                return candidate
+        return None
+
+    def _candidates(self, uri: str, folder: str) -> Iterator[str]:
+        """Yield where what `uri` names may be, the likeliest first."""
+        fuel = _FUEL.match(uri)
+        scheme, separator, rest = uri.partition("://")
+        if fuel:
+            yield from self._of_fuel(*fuel.groups(default=""))
+        elif separator and scheme in ("model", "package"):
+            yield from self._of_package(unquote(rest))
+        elif separator and scheme != "file":
+            return  # of a network
+        else:
+            yield from self._allowed(os.path.join(folder, unquote(rest if separator else uri)))
+            for top in self._shared:
+                yield from self._allowed(os.path.join(top, unquote(rest if separator else uri)))
+
+    def _of_package(self, rest: str) -> Iterator[str]:
+        name, _, inside = rest.partition("/")
+        for top in self._shared:
+            yield from _inside(os.path.join(top, name), inside)
+        for package in find_packages(name, self.path):
+            yield from _inside(package, inside)
+
+    def _of_fuel(self, owner: str, name: str, inside: str) -> Iterator[str]:
+        name = unquote(name)
+        for base in ("~/.gz/fuel", "~/.ignition/fuel"):
+            models = os.path.join(os.path.expanduser(base), "fuel.gazebosim.org", owner.lower(), "models", name.lower())
+            versions = sorted(os.listdir(models), key=_number, reverse=True) if os.path.isdir(models) else []
+            for version in versions:
+                yield from _inside(os.path.join(models, version), re.sub(r"^/(tip|\d+)/files", "", inside).lstrip("/"))
+        yield from self._of_package(name + re.sub(r"^/(tip|\d+)?/?files", "", inside))
+
+    def _allowed(self, path: str) -> Iterator[str]:
+        real = os.path.realpath(path)
+        if any(os.path.commonpath([root, real]) == root for root in self._roots):
+            yield path
+
+
+def _inside(folder: str, inside: str) -> Iterator[str]:
+    """Yield the path of `inside` in `folder`, unless it leads out of it."""
+    path = os.path.join(folder, inside)
+    top = os.path.realpath(folder)
+    if os.path.commonpath([top, os.path.realpath(path)]) == top:
+        yield path
+
+
+def _number(text: str) -> int:
+    return int(text) if text.isdecimal() else -1
+
+
+def _has_model(folder: str) -> bool:
+    try:
+        return any(name == "model.config" or name.endswith(".sdf") for name in os.listdir(folder))
+    except OSError:
+        return False
+
+
+def _model_file(folder: str) -> str:
+    """Return the SDF file of a model's folder: what its model.config names for the newest version, or model.sdf."""
+    config = os.path.join(folder, "model.config")
+    if os.path.isfile(config):
+        text = read_bytes(config).decode("utf-8", "replace")
+        named = re.findall(r"<sdf(?:\s+version=[\"']([\d.]+)[\"'])?\s*>\s*([^<\s]+)\s*</sdf>", text)
+        for _, name in sorted(named, key=lambda each: [_number(part) for part in each[0].split(".")], reverse=True):
+            for path in _inside(folder, name):
+                if os.path.isfile(path):
+                    return path
+    if os.path.isfile(os.path.join(folder, "model.sdf")):
+        return os.path.join(folder, "model.sdf")
+    names = sorted(name for name in os.listdir(folder) if name.endswith(".sdf"))
+    if not names:
+        raise ConfigError(f"{folder}: no SDF file that its model.config names")
+    return os.path.join(folder, names[0])

@@ -1,0 +1,209 @@
+"""A model of SDF with all that is included or nested in it: links, joints and plugins in one frame."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from hil.common.errors import ConfigError
+from sim.sdf.files import SdfFiles
+from sim.sdf.poses import MODEL, own_pose, relative_to, resolve
+from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.text import Element, attribute, numbers_of
+
+_DEEPEST = 8  # models in each other
+_SEPARATOR = "::"
+_NAMES = ("link_name", "linkName", "joint_name", "jointName", "control_joint_name")  # tags of plugins that name a part
+
+
+class Link(NamedTuple):
+    """A link: its pose in the model's frame, its element, and the folder of the file that it is in."""
+
+    pose: Pose
+    element: Element
+    folder: str
+
+
+class Joint(NamedTuple):
+    """A joint of two links; `axis` is a unit vector in the model's frame, None where it has none."""
+
+    kind: str
+    parent: str
+    child: str
+    axis: tuple[float, ...] | None
+    element: Element
+
+
+class Model(NamedTuple):
+    """A model in its own frame. `pose` is where that is in what it stands in. Names inside others are `OTHER::NAME`."""
+
+    name: str
+    pose: Pose
+    is_static: bool
+    links: dict[str, Link]
+    joints: dict[str, Joint]
+    plugins: list[Element]
+    canonical: str
+
+
+class _Scope:
+    """What of one model element has been read so far."""
+
+    def __init__(self) -> None:
+        self.frames: dict[str, tuple[str, Pose]] = {}
+        self.nested: list[tuple[str, Model]] = []  # the prefix of its names, and what it is
+
+
+def read_model(
+    element: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0, version: str = "1.12"
+) -> Model:
+    """Return the model of a `<model>` in a file of `folder`; `notes` takes what cannot be read. Raises ConfigError."""
+    path = files.path
+    if depth > _DEEPEST:
+        raise ConfigError(f"{path}: models in each other, more than {_DEEPEST} deep")
+    scope = _Scope()
+    for child in element:
+        _enter(child, scope, folder, files, notes, depth, version)
+    links, joints, plugins = {}, {}, []
+    for prefix, inner in scope.nested:
+        base = resolve(f"{prefix or inner.name + _SEPARATOR}{MODEL}", scope.frames, path)
+        links |= {prefix + name: link._replace(pose=base.then(link.pose)) for name, link in inner.links.items()}
+        joints |= {prefix + name: _moved(joint, base, prefix) for name, joint in inner.joints.items()}
+        plugins += [_renamed(plugin, prefix, inner) for plugin in inner.plugins]
+    for child in element.findall("link"):
+        name = child.get("name", "")
+        pose = resolve(name, scope.frames, path)
+        _settle(child, name, pose, scope, path)
+        links[name] = Link(pose, child, folder)
+    for child in element.findall("joint"):
+        joints[child.get("name", "")] = _joint(child, scope, path, version)
+    plugins += element.findall("plugin")
+    is_static = (element.findtext("static") or "0").strip().lower() in ("1", "true")
+    first = next(iter(links), "")
+    return Model(
+        element.get("name", "model"), own_pose(element, path), is_static, links, joints, plugins,
+        element.get("canonical_link") or first,
+    )  # fmt: skip
+
+
+def included(
+    include: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0
+) -> Iterator[tuple[Model, Element]]:
+    """Yield the model of an `<include>` and its element, with the name, pose and plugins that the include gives it."""
+    uri = (include.findtext("uri") or "").strip()
+    read = files.read_model(uri, folder) if uri else None
+    if read is None:
+        shown, word = uri[:100] or "without a <uri>", "there" if uri.startswith("http") else "near the file"
+        notes.append(
+            f"Left out: the included {shown!r}, which is not {word}: download it, and name the folder that it is in "
+            "by GZ_SIM_RESOURCE_PATH."
+        )
+        return
+    root, own_folder = read
+    element = root.find("model")
+    if element is None:
+        if root.find("light") is None:
+            notes.append(f"Left out: the included {uri[:100]!r}, in which there is no <model>.")
+        return
+    for key in ("name", "static"):
+        if text := (include.findtext(key) or "").strip():
+            if key == "name":
+                element.set("name", text)
+            else:
+                _put(element, key, text)
+    for plugin in include.findall("plugin"):
+        element.append(plugin)
+    if (pose := include.find("pose")) is not None:
+        if (old := element.find("pose")) is not None:
+            element.remove(old)
+        element.append(pose)
+    model = read_model(element, own_folder, files, notes, depth + 1, root.get("version", "1.12"))
+    if placement := (include.findtext("placement_frame") or element.get("placement_frame")):
+        frame = model.links[placement].pose if placement in model.links else Pose()
+        model = model._replace(pose=model.pose.then(frame.inverse()))
+    yield model, include
+
+
+def _enter(
+    child: Element, scope: _Scope, folder: str, files: SdfFiles, notes: list[str], depth: int, version: str
+) -> None:
+    """Read the frame of a child of a model, and all of a model in it."""
+    name, path = child.get("name", ""), files.path
+    if child.tag == "link":
+        scope.frames[name] = relative_to(child, MODEL), own_pose(child, path)
+    elif child.tag == "joint":
+        scope.frames.setdefault(name, (relative_to(child, _part(child, "child")), own_pose(child, path)))
+    elif child.tag == "frame":
+        scope.frames[name] = relative_to(child, child.get("attached_to") or MODEL), own_pose(child, path)
+    elif child.tag == "include":
+        for model, include in included(child, folder, files, notes, depth):
+            is_merged = (include.get("merge") or "").lower() in ("1", "true")
+            _nest(model, "" if is_merged else model.name + _SEPARATOR, relative_to(include, MODEL), scope)
+    elif child.tag == "model":
+        model = read_model(child, folder, files, notes, depth + 1, version)
+        _nest(model, model.name + _SEPARATOR, relative_to(child, MODEL), scope)
+
+
+def _nest(model: Model, prefix: str, frame: str, scope: _Scope) -> None:
+    base = f"{prefix or model.name + _SEPARATOR}{MODEL}"
+    scope.frames[base] = scope.frames[model.name] = frame, model.pose
+    for name, link in model.links.items():
+        scope.frames[prefix + name] = base, link.pose
+    scope.nested.append((prefix, model))
+
+
+def _settle(link: Element, name: str, pose: Pose, scope: _Scope, path: str) -> None:
+    """Write the poses within a link that are relative to other frames as poses in the link."""
+    for part in link:
+        frame = relative_to(part, name)
+        pose_element = part.find("pose")
+        if frame != name and pose_element is not None:
+            if frame not in scope.frames and frame not in (MODEL, ""):
+                raise ConfigError(f"{path}: a pose is relative to {frame!r}, which is not there")
+            within = pose.inverse().then(resolve(frame, scope.frames, path)).then(own_pose(part, path))
+            written = " ".join(repr(x) for x in (*within.position, *within.angles()))
+            part.remove(pose_element)
+            _put(part, "pose", written)
+
+
+def _joint(joint: Element, scope: _Scope, path: str, version: str) -> Joint:
+    parent, child = _part(joint, "parent"), _part(joint, "child")
+    axis = joint.find("axis")
+    direction = None
+    if axis is not None:
+        xyz = axis.find("xyz")
+        text = (xyz.text if xyz is not None else None) or "0 0 1"
+        frame = (xyz.get("expressed_in") if xyz is not None else None) or joint.get("name", "")
+        if (axis.findtext("use_parent_model_frame") or "0").strip() in ("1", "true") or version < "1.5":
+            frame = MODEL
+        known = frame in scope.frames and all(part in (*scope.frames, "world", MODEL) for part in (parent, child))
+        turned = resolve(frame, scope.frames, path) if known else Pose()
+        direction = turned.turn(numbers_of(text, path, 3))
+    return Joint(joint.get("type", ""), parent, child, direction, joint)
+
+
+def _part(joint: Element, side: str) -> str:
+    """Return the link at one side of a joint, by SDF's way to write it or, in old files, by URDF's."""
+    return (joint.findtext(side) or "").strip() or attribute(joint, side, "link")
+
+
+def _moved(joint: Joint, base: Pose, prefix: str) -> Joint:
+    axis = base.turn(joint.axis) if joint.axis else None
+    parent = joint.parent if joint.parent == "world" else prefix + joint.parent
+    return joint._replace(parent=parent, child=prefix + joint.child, axis=axis)
+
+
+def _renamed(plugin: Element, prefix: str, inner: Model) -> Element:
+    """Return a plugin of a nested model with the names that its links and joints have outside."""
+    for name in _NAMES:
+        for part in plugin.findall(name):
+            text = (part.text or "").strip()
+            if text in inner.links or text in inner.joints:
+                part.text = prefix + text
+    return plugin
+
+
+def _put(element: Element, tag: str, text: str) -> None:
+    child = element.find(tag)
+    if child is None:
+        child = Element(tag)
+        element.append(child)
+    child.text = text

@@ -1,0 +1,226 @@
+"""Read what the tags of simulators say of the water on a vehicle: volume, box, added mass and damping."""
+
+from collections.abc import Iterator, Mapping
+from math import log, pi, sqrt
+from typing import Any
+
+from hil.common.errors import ConfigError
+from sim.matrices import Matrix, square, total
+from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.text import Element, child_text, number_of, numbers_of, plain, to_frd, to_frd_matrix
+
+_ROWS, _COLUMNS, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
+_DENSITY = "1028"  # kg/m³: uuv_simulator's own, where the file gives none
+_MODELS = ("fossen", "sphere", "cylinder", "spheroid", "ellipsoid", "box")
+# Drag of a cylinder end on and across by length over diameter, as in uuv_simulator's HydrodynamicModel.cc.
+_END_DRAG = ((1.0, 0.91), (2.0, 0.85), (4.0, 0.87), (7.0, 0.99))
+_SIDE_DRAG = ((1.0, 0.63), (2.0, 0.68), (5.0, 0.74), (10.0, 0.82))
+_SIDE_DRAG_LONG = 0.98
+_SPHERE_DRAG = 0.5
+
+
+def read_water(robot: Element, path: str, notes: list[str]) -> dict[str, Any]:
+    """Return the keys of a vehicle's file that the tags say, and `neutral`; `notes` takes what has no place there."""
+    keys: dict[str, Any] = {}
+    for inertial in robot.iter("inertial"):
+        added = inertial.find("fluid_added_mass")
+        if added is not None:
+            keys["added_mass"] = to_frd_matrix(_fluid_added_mass(added, path))
+    for element in robot.iter():
+        file = element.get("filename", "").lower()
+        if element.tag == "hydrodynamics" or "hydrodynamics" in file:
+            keys = _gazebo_water(element, path, notes) | keys
+        elif element.tag == "link" and element.find("hydrodynamic_model") is not None:
+            keys |= _uuv_water(element, path, notes)
+        elif "libbuoyancyplugin" in file:
+            keys = _classic_buoyancy(element, path) | keys
+    return keys
+
+
+def read_buoyancy_engine(robot: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any]:
+    """Return the `buoyancy_engine` of Gazebo's plugin of that name, with its own defaults; {} if there is none."""
+    for plugin in robot.iter("plugin"):
+        link = child_text(plugin, "link_name")
+        if "buoyancy-engine" in plugin.get("filename", "").lower() and link in poses:
+            texts = {
+                "min_volume": ("min_volume", "0.00003"), "neutral_volume": ("neutral_volume", "0.0003"),
+                "max_volume": ("max_volume", "0.00099"), "rate": ("max_inflation_rate", "0.000003"),
+            }  # fmt: skip
+            numbers = {key: number_of(child_text(plugin, tag) or usual, path) for key, (tag, usual) in texts.items()}
+            return {"buoyancy_engine": {"position": to_frd(poses[link].position), **numbers}}
+    return {}
+
+
+def _fluid_added_mass(added: Element, path: str) -> Matrix:
+    """SDFormat 1.10: the upper triangle as <xx> <xy> ... <rr>, positive."""
+
+    def entry(i: int, j: int) -> float:
+        return number_of(added.findtext(_ADDED[min(i, j)] + _ADDED[max(i, j)]) or "0", path)
+
+    return [[entry(i, j) for j in range(6)] for i in range(6)]
+
+
+def _gazebo_water(element: Element, path: str, notes: list[str]) -> dict[str, Any]:
+    """Stability derivatives by Fossen's names, negative where they brake; a kind not there at all is left out.
+
+    `xUabsV` is the force by U |V|. Of these the vehicle's file has those with one speed twice, and those with |U|.
+    """
+    keys: dict[str, Any] = {}
+    for key, form in (("added_mass", "{0}Dot{1}"), ("linear_damping", "{0}{1}")):
+        texts = [[element.findtext(form.format(row, column)) for column in _COLUMNS] for row in _ROWS]
+        if any(text is not None for row in texts for text in row):
+            keys[key] = to_frd_matrix([[-number_of(text or "0", path) for text in row] for row in texts])
+    if "added_mass" in keys and (element.findtext("disable_added_mass") or "").strip() in ("1", "true"):
+        del keys["added_mass"]
+    squares, by_surge = square([0.0] * 6, 6), square([0.0] * 6, 6)
+    found, lost, without_sign = False, [], False
+    for i, j, k, name, text, has_sign in _squares(element):
+        value = -number_of(text, path)
+        without_sign |= not has_sign
+        found = True
+        if j == k:
+            squares[i][j] += value
+        elif k == 0 and i != 0:
+            by_surge[i][j] += value
+        elif value:
+            lost.append(name)
+    if found:
+        keys["quadratic_damping"] = to_frd_matrix(squares)
+    if any(x for row in by_surge for x in row):
+        keys["forward_speed_damping"] = to_frd_matrix(by_surge)
+    if lost:
+        notes.append(f"Left out: the damping {', '.join(lost)}, by the product of two different speeds.")
+    if without_sign:
+        notes.append("Damping such as xUU, which newer Gazebo takes without the sign of the speed, is read as xUabsU.")
+    return keys
+
+
+def _squares(element: Element) -> Iterator[tuple[int, int, int, str, str, bool]]:
+    """Yield each quadratic term there is: row, both columns, its name and text, and whether it has an abs."""
+    for i, row in enumerate(_ROWS):
+        for j, one in enumerate(_COLUMNS):
+            for k, other in enumerate(_COLUMNS):
+                for middle in ("abs", ""):
+                    name = f"{row}{one}{middle}{other}"
+                    text = element.findtext(name)
+                    if text is not None:
+                        yield i, j, k, name, text, bool(middle)
+
+
+def _classic_buoyancy(element: Element, path: str) -> dict[str, Any]:
+    """Return what Gazebo classic's buoyancy plugin says of its first link."""
+    keys: dict[str, Any] = {}
+    if (volume := element.findtext("link/volume")) is not None:
+        keys["volume"] = number_of(volume, path)
+    if (centre := element.findtext("link/center_of_volume")) is not None:
+        keys["center_of_buoyancy"] = to_frd(numbers_of(centre, path, 3))
+    return keys
+
+
+def _uuv_water(link: Element, path: str, notes: list[str]) -> dict[str, Any]:
+    """Return the water keys of uuv_simulator: added mass positive, damping negative, each as 6 or 36 numbers."""
+    model = link.find("hydrodynamic_model")
+    if model is None:
+        return {}
+    keys: dict[str, Any] = {}
+    matrices = {}
+    for key, sign in (("added_mass", 1.0), ("linear_damping", -1.0), ("quadratic_damping", -1.0)):
+        text = model.findtext(key)
+        if text is not None:
+            matrices[key] = square([sign * number for number in numbers_of(text, path, 6, 36)], 6)
+    if (ahead := model.findtext("linear_damping_forward_speed")) is not None:
+        matrices["forward_speed_damping"] = square([-number for number in numbers_of(ahead, path, 6, 36)], 6)
+    for key, matrix in _of_shape(link, model, path, notes).items():
+        matrices[key] = total(matrices.get(key, square([0.0] * 6, 6)), matrix)
+    keys |= {key: to_frd_matrix(matrix) for key, matrix in matrices.items()}
+    if not any(keys.get("forward_speed_damping", ())):
+        keys.pop("forward_speed_damping", None)
+    box = [link.findtext(f"box/{side}") for side in ("length", "width", "height")]
+    if None not in box:
+        keys["dimensions"] = [number_of(text or "", path) for text in box]
+    volume, centre = link.findtext("volume"), link.findtext("center_of_buoyancy")
+    if volume is not None:
+        keys["volume"] = number_of(volume, path)
+    if centre is not None:
+        keys["center_of_buoyancy"] = to_frd(numbers_of(centre, path, 3))
+    keys["neutral"] = (link.findtext("neutrally_buoyant") or "0").strip() in ("1", "true")
+    return keys
+
+
+def _of_shape(link: Element, model: Element, path: str, notes: list[str]) -> dict[str, Matrix]:
+    """Return added mass and drag of a `<hydrodynamic_model>` that is a shape, by uuv_simulator's own formulas."""
+    kind = (model.findtext("type") or "fossen").strip().lower()
+    if kind not in _MODELS:
+        raise ConfigError(f"{path}: hydrodynamic_model: no type {plain(kind)[:40]!r}; there are: {', '.join(_MODELS)}")
+    if kind == "fossen":
+        return {}
+    plugin = (model.findtext("fluid_density") or link.findtext("fluid_density") or _DENSITY).strip()
+    density = number_of(plugin, path)
+    sizes = {key: _size(model, key, kind, path) for key in _NEEDED[kind]}
+    if kind == "sphere":
+        added, drag = _sphere(density, **sizes)
+    elif kind == "cylinder":
+        added, drag = _cylinder(density, (model.findtext("axis") or "i").strip(), path, **sizes)
+        notes.append("The cylinder's added mass along its axis is uuv_simulator's rho pi r², which lacks a length.")
+    elif kind == "box":
+        added, drag = _box(density, number_of(model.findtext("cd") or "1", path), **sizes)
+        notes.append("The box has no added mass, as in uuv_simulator: --add one.")
+    else:
+        added, drag = _spheroid(density, **sizes), [0.0] * 6
+        notes.append("The spheroid's added mass is Lamb's (Fossen 2021, 8.1); it has no drag but what the file gives.")
+    return {
+        "added_mass": square(added, 6), "quadratic_damping": square(drag, 6), "linear_damping": square([0.0] * 6, 6),
+    }  # fmt: skip
+
+
+_NEEDED = {
+    "sphere": ("radius",), "cylinder": ("radius", "length"), "spheroid": ("radius", "length"),
+    "ellipsoid": ("radius", "length"), "box": ("length", "width", "height"),
+}  # fmt: skip
+
+
+def _size(model: Element, key: str, kind: str, path: str) -> float:
+    text = model.findtext(key)
+    if text is None:
+        raise ConfigError(f"{path}: hydrodynamic_model of type {kind}: does not say <{key}>: write it there")
+    size = number_of(text, path)
+    if size <= 0.0:
+        raise ConfigError(f"{path}: hydrodynamic_model: <{key}> must be above 0, found {size:g}")
+    return size
+
+
+def _sphere(density: float, radius: float) -> tuple[list[float], list[float]]:
+    added, drag = 2.0 / 3.0 * density * pi * radius**3, 0.5 * density * _SPHERE_DRAG * pi * radius**2
+    return [added] * 3 + [0.0] * 3, [drag] * 3 + [0.0] * 3
+
+
+def _cylinder(density: float, axis: str, path: str, radius: float, length: float) -> tuple[list[float], list[float]]:
+    if axis not in ("i", "j", "k"):
+        raise ConfigError(f"{path}: hydrodynamic_model: axis {plain(axis)[:20]!r} is none of i, j, k")
+    ratio, along = length / (2.0 * radius), "ijk".index(axis)
+    end = next((drag for most, drag in _END_DRAG if ratio <= most), 0.0)  # a longer one has none there
+    side = next((drag for most, drag in _SIDE_DRAG if ratio <= most), _SIDE_DRAG_LONG)
+    disc = density * pi * radius**2
+    added, drag = [disc * length] * 3, [0.5 * side * density * radius * length] * 3
+    turning = [disc * length**3 / 12.0] * 3
+    added[along], drag[along], turning[along] = disc, 0.5 * end * disc, 0.0
+    return added + turning, drag + [0.0] * 3
+
+
+def _spheroid(density: float, radius: float, length: float) -> list[float]:
+    """Return Lamb's added mass of a prolate spheroid along x of semi-axes `length` and `radius` (m)."""
+    if length <= radius:
+        return [2.0 / 3.0 * density * pi * radius**2 * length] * 3 + [0.0] * 3
+    mass, e = 4.0 / 3.0 * pi * density * length * radius**2, sqrt(1.0 - (radius / length) ** 2)
+    logarithm = log((1.0 + e) / (1.0 - e))
+    alpha = 2.0 * (1.0 - e * e) / e**3 * (0.5 * logarithm - e)
+    beta = 1.0 / e**2 - (1.0 - e * e) / (2.0 * e**3) * logarithm
+    less, more = radius**2 - length**2, radius**2 + length**2
+    turning = -0.2 * mass * less**2 * (alpha - beta) / (2.0 * less - more * (alpha - beta))
+    ahead, across = mass * alpha / (2.0 - alpha), mass * beta / (2.0 - beta)
+    return [ahead, across, across, 0.0, abs(turning), abs(turning)]
+
+
+def _box(density: float, drag: float, length: float, width: float, height: float) -> tuple[list[float], list[float]]:
+    faces = (width * height, length * height, length * width)
+    return [0.0] * 6, [0.5 * drag * density * face for face in faces] + [0.0] * 3
