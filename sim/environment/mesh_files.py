@@ -31,7 +31,7 @@ def load_mesh(file: str) -> Any:
 
             data = stream.read()
             check_xml(data)
-            match = re.search(rb'<unit\b[^>]*\bmeter="([0-9.eE+-]+)"', data[:_HEAD])
+            match = re.search(rb"<unit\b[^>]*\bmeter=[\"']([0-9.eE+-]+)[\"']", data[:_HEAD])
             factor = float(match[1]) if match else 1.0
             stream.seek(0)
         # Of a stream nothing beside it is opened: no material, no texture.

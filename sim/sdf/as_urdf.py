@@ -28,7 +28,7 @@ def as_urdf(path: str, notes: list[str], name: str | None = None, text: bytes | 
     files, folder = SdfFiles(path), os.path.dirname(os.path.abspath(path))
     world = root.find("world")
     models = list(_models(world if world is not None else root, folder, files, notes, root.get("version", "1.12")))
-    model = _chosen(models, name, path)
+    model = _chosen(models, name, path, notes)
     robot = _robot(model, files, notes)
     if world is not None:
         robot.extend(world.findall("plugin"))
@@ -40,7 +40,7 @@ def _models(parent: Element, folder: str, files: SdfFiles, notes: list[str], ver
     return models + [model for child in parent.findall("include") for model, _ in included(child, folder, files, notes)]
 
 
-def _chosen(models: list[Model], name: str | None, path: str) -> Model:
+def _chosen(models: list[Model], name: str | None, path: str, notes: list[str]) -> Model:
     """Return the model `name`, or the only one that is a vehicle."""
     if name is not None:
         found = [model for model in models if model.name == name]
@@ -50,11 +50,16 @@ def _chosen(models: list[Model], name: str | None, path: str) -> Model:
         found = found if len(models) > 1 else models
     if len(found) != 1:
         names = ", ".join(model.name for model in (found or models)) or "none"
-        which = "no model in it" if not models else f"give --model NAME, one of: {names}"
-        raise ConfigError(f"{path}: {len(found)} vehicles in it that could be meant; {which}")
+        which = f"give --model NAME, one of: {names}" if models else "there is no model in it"
+        raise ConfigError(_with_notes(f"{path}: {len(found)} vehicles in it that could be meant; {which}", notes))
     if not found[0].links:
-        raise ConfigError(f"{path}: the model {found[0].name!r} has no links")
+        raise ConfigError(_with_notes(f"{path}: the model {found[0].name!r} has no links", notes))
     return found[0]
+
+
+def _with_notes(problem: str, notes: list[str]) -> str:
+    """Return a problem with what was left out, which may be why."""
+    return ". ".join([problem, *(note.rstrip(".") for note in notes[:1])])
 
 
 def _is_of_vehicle(plugin: Element) -> bool:

@@ -123,10 +123,7 @@ def _number(text: str) -> int:
 
 
 def _has_model(folder: str) -> bool:
-    try:
-        return any(name == "model.config" or name.endswith(".sdf") for name in os.listdir(folder))
-    except OSError:
-        return False
+    return any(os.path.isfile(os.path.join(folder, name)) for name in ("model.config", "model.sdf"))
 
 
 def _model_file(folder: str) -> str:
@@ -141,7 +138,4 @@ def _model_file(folder: str) -> str:
                     return path
     if os.path.isfile(os.path.join(folder, "model.sdf")):
         return os.path.join(folder, "model.sdf")
-    names = sorted(name for name in os.listdir(folder) if name.endswith(".sdf"))
-    if not names:
-        raise ConfigError(f"{folder}: no SDF file that its model.config names")
-    return os.path.join(folder, names[0])
+    raise ConfigError(f"{folder}: no SDF file that its model.config names")

@@ -62,7 +62,9 @@ def read_model(
     scope = _Scope()
     for child in element:
         _enter(child, scope, folder, files, notes, depth, version)
-    links, joints, plugins = {}, {}, []
+    links: dict[str, Link] = {}
+    joints: dict[str, Joint] = {}
+    plugins: list[Element] = []
     for prefix, inner in scope.nested:
         base = resolve(f"{prefix or inner.name + _SEPARATOR}{MODEL}", scope.frames, path)
         links |= {prefix + name: link._replace(pose=base.then(link.pose)) for name, link in inner.links.items()}
@@ -171,7 +173,7 @@ def _joint(joint: Element, scope: _Scope, path: str, version: str) -> Joint:
     if axis is not None:
         xyz = axis.find("xyz")
         text = (xyz.text if xyz is not None else None) or "0 0 1"
-        frame = (xyz.get("expressed_in") if xyz is not None else None) or joint.get("name", "")
+        frame = (xyz.get("expressed_in", "") if xyz is not None else "") or joint.get("name", "")
         if (axis.findtext("use_parent_model_frame") or "0").strip() in ("1", "true") or version < "1.5":
             frame = MODEL
         known = frame in scope.frames and all(part in (*scope.frames, "world", MODEL) for part in (parent, child))

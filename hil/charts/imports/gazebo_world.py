@@ -189,7 +189,7 @@ def _depth(
     """Return the depth of the flat seabed: of the floor, or just below all that there is."""
     lowest = min((p.low[2] for p in placed), default=0.0)
     if terrain is not None:
-        return round(max(terrain.pop("deepest"), 0.1), 3)
+        return round(max(float(terrain.pop("deepest")), 0.1), 3)
     if floor is not None:
         if floor > -0.1:
             raise ConfigError(

@@ -52,8 +52,8 @@ def measure(meshes: Sequence[MeshKey], notes: list[str]) -> dict[MeshKey, Solid]
         if "error" in answer:
             notes.append(f"The mesh {clean(key[0])} cannot be measured: {clean(answer['error'])}.")
         else:
-            corners = [tuple(answer[corner]) for corner in ("centre", "low", "high")]
-            found[key] = Solid(answer["volume"], *corners, answer["is_closed"])
+            centre, low, high = (tuple(answer[corner]) for corner in ("centre", "low", "high"))
+            found[key] = Solid(answer["volume"], centre, low, high, answer["is_closed"])
     return found
 
 

@@ -40,6 +40,9 @@ _REQUIRED = (
 )
 
 
+_ZERO = ("added_mass", "linear_damping", "quadratic_damping")
+
+
 class Imported(NamedTuple):
     """What of a model could be read: the vehicle, its sensors as a scenario has them, and what was assumed or lost."""
 
@@ -106,8 +109,13 @@ def _table(
         table.setdefault("volume", mass / 1000.0)
     if "mass" in given and "inertia" in table and "inertia" not in given:
         notes.append("The mass is the one given, the inertia still that of the URDF.")
-    if _is_of_gazebo(robot):
-        _add_shapes(table, robot, poses, path, given, measure, notes)
+    by_shapes = _is_of_gazebo(robot)
+    if by_shapes or robot.find(".//hydrodynamic_model") is not None:
+        _add_shapes(table, robot, poses, path, given, measure, notes, by_shapes)
+        lost = [key for key in _ZERO if key not in table and key not in given]
+        if lost and len(lost) < len(_ZERO):
+            table |= dict.fromkeys(lost, [0.0] * 6)
+            notes.append(f"The model does not say {', '.join(lost)}: 0, as its simulator has it.")
     return table
 
 
@@ -119,11 +127,11 @@ def _is_of_gazebo(robot: Element) -> bool:
 
 def _add_shapes(
     table: dict[str, Any], robot: Element, poses: dict[str, Pose], path: str, given: dict[str, Any],
-    measure: Measure, notes: list[str],
+    measure: Measure, notes: list[str], with_volume: bool,
 ) -> None:  # fmt: skip
     """Add what the model says by its shapes alone: volume and centre of buoyancy, and the box around it."""
     known = table.keys() | given.keys()
-    if not {"volume", "center_of_buoyancy"} <= known:
+    if with_volume and not {"volume", "center_of_buoyancy"} <= known:
         found = from_collisions(robot, poses, path, measure, notes)
         found = {key: value for key, value in found.items() if key not in known}
         if "volume" in found:

@@ -42,7 +42,10 @@ def read_sensors(robot: Element, poses: Mapping[str, Pose], path: str, notes: li
 
 def _tagged(robot: Element, poses: Mapping[str, Pose], path: str) -> Iterator[tuple[str, str, Pose, Keys]]:
     """Yield each `<sensor>`: what it is, its name in a scenario ("" for none), its pose and its keys."""
+    beams = {each.text for each in robot.iter() if each.tag.startswith("beam_link_name")}  # parts of a DVL
     for holder in robot.iter("gazebo"):
+        if holder.get("reference") in beams:
+            continue
         base = poses.get(holder.get("reference") or "")
         for sensor in holder.findall("sensor"):
             kind = _kind(sensor)

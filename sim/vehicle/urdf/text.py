@@ -1,6 +1,7 @@
 """Read a URDF file: its text, its numbers, and the rotation from its axes to ours."""
 
 import os
+import re
 from collections.abc import Iterable
 from contextlib import suppress
 from math import isfinite, nan
@@ -26,7 +27,7 @@ def read_xml(path: str, text: bytes | None = None, root: str = "robot") -> Eleme
     """
     data = read_bytes(path) if text is None else text
     if root == "sdf":
-        data = _with_namespaces(data)
+        data = _as_gazebo_reads(data)
     try:
         check_xml(data)
         robot = ElementTree.fromstring(data)
@@ -43,8 +44,12 @@ def read_xml(path: str, text: bytes | None = None, root: str = "robot") -> Eleme
     return robot
 
 
-def _with_namespaces(data: bytes) -> bytes:
-    """Return an SDF in which the prefixes of Gazebo's own tags are declared: many files leave that out."""
+def _as_gazebo_reads(data: bytes) -> bytes:
+    """Return an SDF without what Gazebo's parser passes over and others do not.
+
+    The prefixes of its own tags are declared, which many files leave out, and comments, which may hold `--`, are gone.
+    """
+    data = re.sub(rb"<!--.*?-->", lambda comment: b"\n" * comment[0].count(b"\n"), data, flags=re.DOTALL)
     for prefix in (b"gz", b"ignition", b"experimental"):
         if prefix + b":" in data and b"xmlns:" + prefix not in data:
             data = data.replace(b"<sdf", b'<sdf xmlns:%b="%b"' % (prefix, prefix), 1)

@@ -41,7 +41,7 @@ def read_buoyancy_engine(robot: Element, poses: Mapping[str, Pose], path: str) -
     """Return the `buoyancy_engine` of Gazebo's plugin of that name, with its own defaults; {} if there is none."""
     for plugin in robot.iter("plugin"):
         link = child_text(plugin, "link_name")
-        if "buoyancy-engine" in plugin.get("filename", "").lower() and link in poses:
+        if link is not None and link in poses and "buoyancy-engine" in plugin.get("filename", "").lower():
             texts = {
                 "min_volume": ("min_volume", "0.00003"), "neutral_volume": ("neutral_volume", "0.0003"),
                 "max_volume": ("max_volume", "0.00099"), "rate": ("max_inflation_rate", "0.000003"),

@@ -1,0 +1,172 @@
+"""Gazebo's SDF in, vehicle out: frames resolved, plugins' numbers in our signs and axes, the rest said by name."""
+
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.matrices import square
+from sim.sdf.as_urdf import as_urdf
+from sim.sdf.files import SdfFiles
+from sim.vehicle.urdf.importer import Imported, read_robot
+
+OTTER = Path(__file__).parents[3] / "vectors" / "otter"
+MODEL = OTTER / "otter" / "model.sdf"
+
+
+def imported(path: Path = MODEL, text: str | None = None, model: str | None = None, **extra: Any) -> Imported:
+    notes: list[str] = []
+    robot = as_urdf(str(path), notes, model, None if text is None else text.encode())
+    found = read_robot(robot, str(path), extra)
+    return found._replace(notes=notes + found.notes)
+
+
+def test_the_origin_is_the_link_that_the_water_acts_on() -> None:
+    """The hull stands 0.1 m ahead of the model's frame; the tail is 0.6 m behind the hull, the propeller 0.05 more."""
+    vehicle = imported().vehicle
+    assert vehicle.mass == 20.5
+    assert vehicle.center_of_gravity == pytest.approx((-0.65 * 0.5 / 20.5, 0.0, 0.02 * 20.0 / 20.5))
+    (propeller,) = vehicle.thrusters
+    assert propeller.position == pytest.approx((-0.65, 0.0, 0.0))
+    assert propeller.direction == pytest.approx((1.0, 0.0, 0.0))
+
+
+def test_limits_of_a_thruster_that_takes_speeds() -> None:
+    """Thrust is coefficient rho D^4 omega^2."""
+    (propeller,) = imported().vehicle.thrusters
+    assert propeller.max_forward == pytest.approx(0.004 * 1000.0 * 0.2**4 * 100.0**2)
+    assert propeller.max_reverse == pytest.approx(0.004 * 1000.0 * 0.2**4 * 50.0**2)
+    assert propeller.diameter == 0.2
+
+
+def test_derivatives_have_our_signs() -> None:
+    """Negative brakes there, positive here; y and r change their direction both, y alone does against x."""
+    found = imported()
+    added = square(found.vehicle.added_mass, 6)
+    assert [added[i][i] for i in range(6)] == [1.5, 18.0, 19.0, 0.0, 2.0, 2.1]
+    assert added[1][5] == added[5][1] == -0.4
+    assert found.vehicle.linear_damping == (2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert found.vehicle.quadratic_damping == (4.0, 90.0, 0.0, 0.0, 0.0, 8.0)
+    assert found.vehicle.forward_speed_damping == (0.0, 0.0, 0.0, 0.0, 0.0, 3.0)
+    assert "Left out: the damping yVabsR, by the product of two different speeds." in found.notes
+    assert any("xUU" in note for note in found.notes)
+
+
+def test_buoyancy_is_that_of_the_collisions_and_size_that_of_what_is_seen() -> None:
+    vehicle = imported().vehicle
+    assert vehicle.volume == pytest.approx(3.14159265 * 0.08**2)
+    assert vehicle.center_of_buoyancy == pytest.approx((0.0, 0.0, -0.01))
+    assert vehicle.dimensions == pytest.approx((1.2, 0.2, 0.2))
+
+
+def test_a_fin_turns_about_its_joint() -> None:
+    """The link is rolled by 90 degrees, so its y is up: ours is down. The keel has no joint that turns it."""
+    found = imported()
+    (rudder,) = found.vehicle.fins
+    assert rudder.name == "rudder"
+    assert rudder.position == pytest.approx((-0.61, 0.0, 0.0))
+    assert rudder.axis == pytest.approx((0.0, 0.0, -1.0), abs=1e-9)
+    assert rudder.chord == pytest.approx((1.0, 0.0, 0.0), abs=1e-9)
+    assert (rudder.area, rudder.max_deflection, rudder.polar.lift_slope, rudder.stall_angle) == (0.02, 0.3, 4.0, 0.2)
+    assert rudder.polar.induced_drag == pytest.approx(1.25 * 0.2 / (16.0 * 0.2))
+    assert any("fin 'keel' (no joint turns it)" in note for note in found.notes)
+
+
+def test_sensors_are_those_of_a_scenario() -> None:
+    found = imported()
+    assert set(found.sensors) == {"imu", "laser", "dvl"}
+    imu, laser, dvl = (found.sensors[name] for name in ("imu", "laser", "dvl"))
+    assert imu["rate"] == 50.0
+    assert imu["angular_velocity"] == {"noise": 0.001, "bias": pytest.approx(0.0001 * sqrt(100.0)), "bias_time": 200.0}
+    assert laser["position"] == [0.5, -0.1, -0.05]
+    assert (laser["beams"], laser["angle_min"], laser["angle_max"]) == (91, -1.0, 0.5)  # to starboard
+    assert (laser["min_range"], laser["max_range"]) == (0.2, 25.0)
+    assert dvl["tilt"] == pytest.approx(0.43633, abs=1e-5)
+    assert (dvl["min_range"], dvl["max_range"], dvl["velocity"]) == (0.7, 90.0, {"noise": 0.015})
+    assert "Left out: the sensor 'nose' (thermal), of a kind that there is not." in found.notes
+
+
+def test_a_world_has_its_vehicle_by_include() -> None:
+    """The only model with thrusters; what cannot be found is told."""
+    found = imported(OTTER / "bay.sdf")
+    assert found.vehicle.name == "swimmer"
+    assert found.vehicle.added_mass == imported().vehicle.added_mass
+    assert any("models/Sun" in note and "GZ_SIM_RESOURCE_PATH" in note for note in found.notes)
+    with pytest.raises(ConfigError, match="does not say mass"):
+        imported(OTTER / "bay.sdf", model="drifter")
+    with pytest.raises(ConfigError, match=r"give --model NAME, one of: ground, sea, .*swimmer"):
+        imported(OTTER / "bay.sdf", model="nobody")
+
+
+def test_a_merged_model_has_its_names_outside_and_a_nested_one_has_not() -> None:
+    """As PX4's models include theirs; the plugins follow."""
+    for merge, link in (("true", "hull"), ("false", "otter::hull")):
+        text = (
+            f'<sdf version="1.9"><model name="m"><include merge="{merge}"><uri>model://otter</uri>'
+            f'<pose>0 0 1 0 0 1.5707963267948966</pose></include><link name="box"><pose relative_to="{link}">'
+            "1 0 0 0 0 0</pose><inertial><mass>20.5</mass></inertial></link></model></sdf>"
+        )
+        vehicle = imported(OTTER / "m.sdf", text).vehicle
+        assert vehicle.thrusters[0].position == pytest.approx((-0.65, 0.0, 0.0), abs=1e-9)
+        assert vehicle.thrusters[0].direction == pytest.approx((1.0, 0.0, 0.0), abs=1e-9)
+        assert vehicle.center_of_gravity[0] == pytest.approx(0.5 * (1.0 - 0.65 * 0.5 / 20.5))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('<sdf><model name="m"/></sdf>', "the model 'm' has no links"),
+        ("<sdf/>", "there is no model in it"),
+        ("<robot/>", "an SDF file begins with <sdf>, this one with <robot>"),
+        ('<!DOCTYPE r [<!ENTITY a "ha">]><sdf><model name="&a;"/></sdf>', "declares the XML entity 'a'"),
+        (f"<sdf>{'<a>' * 70}{'</a>' * 70}</sdf>", "more than 64 deep"),
+        ('<sdf><model name="m"><link name="a"><pose>1 2 x</pose></link></model></sdf>', "expected a number, found 'x'"),
+        (
+            '<sdf><model name="m"><link name="a"><pose relative_to="b"/></link></model></sdf>',
+            "relative to 'b', which is not there",
+        ),
+        (
+            '<sdf><model name="m"><link name="a"><pose relative_to="b">0 0 0 0 0 0</pose></link>'
+            '<frame name="b" attached_to="a"/></model></sdf>',
+            "placed relative to itself",
+        ),
+    ],
+)
+def test_wrong_files_are_named(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "m.sdf"
+    with pytest.raises(ConfigError, match=r"m\.sdf") as caught:
+        imported(path, text)
+    assert words in str(caught.value)
+
+
+def test_a_model_that_includes_itself_ends(tmp_path: Path) -> None:
+    folder = tmp_path / "worm"
+    folder.mkdir()
+    (folder / "model.config").write_text("<model><sdf>model.sdf</sdf></model>")
+    (folder / "model.sdf").write_text(
+        '<sdf><model name="worm"><include><uri>model://worm</uri></include><link name="l"/></model></sdf>'
+    )
+    with pytest.raises(ConfigError, match="models in each other, more than 8 deep"):
+        imported(folder / "model.sdf")
+
+
+def test_files_outside_of_the_models_folders_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither by a path that leads out, nor by a link, nor of a network; a folder in the variable is allowed."""
+    inside, outside = tmp_path / "a/b/c/model", tmp_path / "secret"
+    inside.mkdir(parents=True)
+    outside.mkdir()
+    (outside / "x.stl").touch()
+    (inside / "model.sdf").touch()
+    (inside / "own.stl").touch()
+    (inside / "way").symlink_to(outside)
+    files = SdfFiles(str(inside / "model.sdf"))
+    for uri in ("../../../../secret/x.stl", f"file://{outside}/x.stl", str(outside / "x.stl"), "way/x.stl",
+                "https://example.org/x.stl", "model://model/../../../../secret/x.stl"):  # fmt: skip
+        assert files.find(uri, str(inside)) is None, uri
+    assert files.find("own.stl", str(inside)) == str(inside / "own.stl")
+    assert files.find("model://model/own.stl", str(inside)) == str(inside / "own.stl")
+    monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", str(tmp_path))
+    found = SdfFiles(str(inside / "model.sdf")).find("model://secret/x.stl", str(inside))
+    assert found == str(outside / "x.stl")

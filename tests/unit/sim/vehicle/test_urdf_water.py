@@ -1,0 +1,152 @@
+"""uuv_simulator's shapes, thrusters, fins and sensors in a URDF, against its formulas written out here."""
+
+from math import log, pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.common.errors import ConfigError
+from sim.vehicle.urdf.importer import Imported, read_robot
+from sim.vehicle.urdf.text import read_xml
+
+HYDRA = (Path(__file__).parents[3] / "vectors" / "hydra.urdf").read_text()
+START, END = HYDRA.index("<hydrodynamic_model>"), HYDRA.index("</hydrodynamic_model>")
+
+
+def imported(model: str = "", more: str = "", **extra: Any) -> Imported:
+    """The vehicle of the vectors with another hydrodynamic model, and with more in its robot."""
+    text = HYDRA[:START] + f"<hydrodynamic_model>{model}" + HYDRA[END:] if model else HYDRA
+    text = text.replace("</robot>", f"{more}</robot>")
+    return read_robot(read_xml("hydra.urdf", text.encode()), "hydra.urdf", extra)
+
+
+def test_a_sphere() -> None:
+    vehicle = imported("<type>sphere</type><radius>0.2</radius><fluid_density>1000</fluid_density>").vehicle
+    added, drag = 2.0 / 3.0 * pi * 1000.0 * 0.2**3, 0.5 * 0.5 * 1000.0 * pi * 0.2**2
+    assert vehicle.added_mass == pytest.approx((added, added, added, 0.0, 0.0, 0.0))
+    assert vehicle.quadratic_damping == pytest.approx((drag, drag, drag, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("axis", "place"), [("i", 0), ("j", 1), ("k", 2)])
+def test_a_cylinder(axis: str, place: int) -> None:
+    """Five diameters long: end 0.99, side 0.74. What the file says besides is added."""
+    found = imported(
+        f"<type>cylinder</type><radius>0.1</radius><length>1</length><axis>{axis}</axis>"
+        "<linear_damping>-1 -2 -3 0 0 0</linear_damping>"
+    )
+    disc = 1028.0 * pi * 0.1**2
+    along = [disc if n == place else disc * 1.0 for n in range(3)]
+    turning = [0.0 if n == place else disc / 12.0 for n in range(3)]
+    drag = [0.5 * 0.99 * disc if n == place else 0.5 * 0.74 * 1028.0 * 0.1 for n in range(3)]
+    assert found.vehicle.added_mass == pytest.approx((*along, *turning))
+    assert found.vehicle.quadratic_damping == pytest.approx((*drag, 0.0, 0.0, 0.0))
+    assert found.vehicle.linear_damping == (1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
+    assert any("lacks a length" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("kind", ["spheroid", "ellipsoid"])
+def test_a_spheroid_has_lambs_added_mass(kind: str) -> None:
+    """Four times as long as wide: k1 = 0.082, k2 = 0.860 (Lamb's table, Hydrodynamics, 115)."""
+    vehicle = imported(f"<type>{kind}</type><radius>0.1</radius><length>0.4</length>").vehicle
+    mass = 4.0 / 3.0 * pi * 1028.0 * 0.4 * 0.1**2
+    assert vehicle.added_mass[0] / mass == pytest.approx(0.082, abs=5e-4)
+    assert vehicle.added_mass[1] / mass == pytest.approx(0.860, abs=5e-4)
+    inertia = 0.2 * mass * (0.4**2 + 0.1**2)
+    assert vehicle.added_mass[4] / inertia == pytest.approx(0.608, abs=2e-3)
+    e = sqrt(1.0 - 0.25**2)
+    alpha = 2.0 * 0.25**2 / e**3 * (0.5 * log((1.0 + e) / (1.0 - e)) - e)
+    assert vehicle.added_mass[0] == pytest.approx(mass * alpha / (2.0 - alpha))
+
+
+def test_a_box_has_drag_and_no_added_mass() -> None:
+    found = imported("<type>box</type><cd>1.2</cd><length>1</length><width>0.5</width><height>0.2</height>")
+    faces = 0.5 * 0.2, 1.0 * 0.2, 1.0 * 0.5
+    assert found.vehicle.quadratic_damping[:3] == pytest.approx([0.5 * 1.2 * 1028.0 * face for face in faces])
+    assert found.vehicle.added_mass == (0.0,) * 6
+    assert "The box has no added mass, as in uuv_simulator: --add one." in found.notes
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("<type>torus</type>", "no type 'torus'; there are: fossen, sphere, cylinder"),
+        ("<type>sphere</type>", "type sphere: does not say <radius>"),
+        ("<type>sphere</type><radius>-1</radius>", "<radius> must be above 0, found -1"),
+        ("<type>cylinder</type><radius>1</radius><length>1</length><axis>x</axis>", "'x' is none of i, j, k"),
+    ],
+)
+def test_wrong_shapes_are_named(model: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=r"hydra\.urdf") as caught:
+        imported(model)
+    assert words in str(caught.value)
+
+
+def thruster(inside: str) -> str:
+    return (
+        '<link name="t_link"/><joint name="t" type="continuous"><parent link="hydra/base_link"/><child link="t_link"/>'
+        f'<axis xyz="1 0 0"/></joint><gazebo><plugin filename="libuuv_thruster_ros_plugin.so">{inside}</plugin></gazebo>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("conversion", "limits"),
+    [
+        ("<clampMin>-20</clampMin><clampMax>30</clampMax><conversion><type>Basic</type>"
+         "<rotorConstant>0.1</rotorConstant></conversion>", (90.0, 40.0)),
+        ("<clampMin>-20</clampMin><clampMax>30</clampMax><thrustMin>-25</thrustMin><thrustMax>80</thrustMax>"
+         "<thrust_efficiency>0.5</thrust_efficiency><conversion><type>Basic</type>"
+         "<rotorConstant>0.1</rotorConstant></conversion>", (40.0, 12.5)),
+        ("<clampMin>-10</clampMin><clampMax>10</clampMax><gain>2</gain><conversion><type>Bessa</type>"
+         "<rotorConstantL>0.1</rotorConstantL><rotorConstantR>0.2</rotorConstantR><deltaL>-100</deltaL>"
+         "<deltaR>100</deltaR></conversion>", (60.0, 30.0)),
+        ("<conversion><type>LinearInterp</type><inputValues>-1 0 1</inputValues>"
+         "<outputValues>-30 0 50</outputValues></conversion>", (50.0, 30.0)),
+    ],
+)  # fmt: skip
+def test_conversions_of_thrusters(conversion: str, limits: tuple[float, float]) -> None:
+    dynamics = "<dynamics><type>FirstOrder</type><timeConstant>0.2</timeConstant></dynamics>"
+    found = imported(more=thruster(f"<jointName>t</jointName>{dynamics}{conversion}")).vehicle.thrusters[-1]
+    assert (found.max_forward, found.max_reverse, found.time_constant) == pytest.approx((*limits, 0.2))
+
+
+def test_a_quadratic_fin() -> None:
+    """Its lift is constant speed² angle: that is 1/2 rho A slope of ours."""
+    more = (
+        '<link name="f"/><joint name="fj" type="revolute"><origin xyz="-1 0 0" rpy="0 0 0"/>'
+        '<parent link="hydra/base_link"/><child link="f"/><axis xyz="0 0 1"/><limit lower="-0.5" upper="0.4"/></joint>'
+        '<gazebo><plugin filename="libuuv_fin_ros_plugin.so"><link_name>f</link_name><joint_name>fj</joint_name>'
+        "<dynamics><timeConstant>0.3</timeConstant></dynamics><liftdrag><type>Quadratic</type>"
+        "<lift_constant>26</lift_constant><drag_constant>13</drag_constant></liftdrag></plugin></gazebo>"
+    )
+    (fin,) = imported(more=more).vehicle.fins
+    assert 0.5 * 1000.0 * fin.area * fin.polar.lift_slope == pytest.approx(26.0)
+    lift, drag = fin.polar.at(0.1)
+    assert 0.5 * 1000.0 * fin.area * drag == pytest.approx(13.0 * 0.1**2)
+    assert lift == pytest.approx(0.1 * fin.polar.lift_slope)
+    assert (fin.axis, fin.max_deflection, fin.time_constant) == ((0.0, 0.0, -1.0), 0.4, 0.3)
+
+
+def test_sensors_of_plugins_and_tags() -> None:
+    """A DVL of uuv_simulator looks along its link's x; its beams are no lasers. One beam is an echosounder."""
+    down = 'rpy="0 1.5707963267948966 0"'
+    more = (
+        f'<link name="dvl"/><joint name="d"><origin xyz="0.1 0.2 0" {down}/><parent link="hydra/base_link"/>'
+        '<child link="dvl"/></joint><link name="beam"/><joint name="b"><parent link="dvl"/><child link="beam"/></joint>'
+        '<gazebo><plugin filename="libuuv_gazebo_ros_dvl_plugin.so"><link_name>dvl</link_name>'
+        "<update_rate>7</update_rate><beam_link_name_0>beam</beam_link_name_0></plugin></gazebo>"
+        '<gazebo reference="beam"><sensor type="ray" name="b0"/></gazebo>'
+        '<gazebo reference="dvl"><sensor type="ray" name="down"><update_rate>5</update_rate><ray><scan><horizontal>'
+        "<samples>1</samples></horizontal></scan><range><min>0.5</min><max>60</max></range></ray></sensor></gazebo>"
+        '<gazebo><plugin filename="libuuv_gazebo_ros_subsea_pressure_plugin.so"><link_name>dvl</link_name>'
+        "<noise_sigma>3</noise_sigma></plugin></gazebo>"
+        '<gazebo><plugin name="cpc" filename="libuuv_gazebo_ros_cpc_plugin.so"/></gazebo>'
+    )
+    found = imported(more=more)
+    assert set(found.sensors) == {"dvl", "echosounder", "pressure"}
+    for name in ("dvl", "echosounder"):
+        assert found.sensors[name]["position"] == [0.1, -0.2, 0.0]
+        assert "orientation" not in found.sensors[name]  # straight down
+    assert found.sensors["echosounder"]["max_range"] == 60.0
+    assert found.sensors["pressure"]["error"] == {"noise": 3000.0}
+    assert "Left out: the sensor cpc, of a kind that there is not." in found.notes
