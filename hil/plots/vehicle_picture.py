@@ -91,16 +91,31 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
 
 
 def _draw_mesh(axes: Any, mesh: "Mesh", view: View) -> None:
-    """The silhouette of an STL mesh, or of the STL beside one of another format; without a file there is none."""
+    """The silhouette of a mesh, or of the STL beside it; without a file or a reader there is none."""
     from matplotlib.collections import PolyCollection
 
-    path = os.path.splitext(mesh.file)[0] + ".stl"
-    if not os.path.exists(path):
+    corners = _triangles(mesh.file)
+    if corners is None:
         return
     xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(from_euler(*mesh.orientation))
-    turned = (read_stl(path) * mesh.scale) @ [[xx, yx, zx], [xy, yy, zy], [xz, yz, zz]] + mesh.position
+    turned = (corners * mesh.scale) @ [[xx, yx, zx], [xy, yy, zy], [xz, yz, zz]] + mesh.position
     flat = turned[:, :, [view.right[0], view.up[0]]] * [view.right[1], view.up[1]]
     axes.add_collection(PolyCollection(flat, facecolor="0.78", edgecolor="none", zorder=0.5), autolim=False)
+
+
+def _triangles(file: str) -> Any:
+    """Return the triangles of a mesh (n x 3 x 3): of an STL by numpy alone, of another format by trimesh, or None."""
+    path = os.path.splitext(file)[0] + ".stl"
+    if os.path.exists(path):
+        return read_stl(path)
+    if not os.path.exists(file):
+        return None
+    try:
+        from sim.environment.mesh_files import load_mesh
+
+        return load_mesh(file).triangles
+    except Exception:  # noqa: BLE001 - no trimesh, or what damaged files make of its readers: drawn without
+        return None
 
 
 def _corners(fin: "Fin") -> list[Point]:

@@ -69,11 +69,14 @@ def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Ma
         "[start]", 'depth = "5 m"', "", "[master]", "goal = [20.0, 20.0]", 'depth = "5 m"',
     ]  # fmt: skip
     for sensor, keys in sensors.items():
-        lines += ["", f"[sensors.{sensor}]"]
-        lines += [f"{key} = {_toml(value)}" for key, value in keys.items() if not isinstance(value, dict)]
+        own = [f"[sensors.{sensor}]"]
+        own += [f"{key} = {_toml(value)}" for key, value in keys.items() if not isinstance(value, dict)]
         for key, value in keys.items():
             if isinstance(value, dict):
-                lines += ["", f"[sensors.{sensor}.{key}]", *(f"{k} = {_toml(v)}" for k, v in value.items())]
+                own += ["", f"[sensors.{sensor}.{key}]", *(f"{k} = {_toml(v)}" for k, v in value.items())]
+        if sensor == "gps":
+            own = ["# It needs a world with an origin:", *(f"# {line}".rstrip() for line in own)]
+        lines += ["", *own]
     return "\n".join(lines) + "\n"
 
 

@@ -85,7 +85,8 @@ def test_wrong_shapes_are_named(model: str, words: str) -> None:
 def thruster(inside: str) -> str:
     return (
         '<link name="t_link"/><joint name="t" type="continuous"><parent link="hydra/base_link"/><child link="t_link"/>'
-        f'<axis xyz="1 0 0"/></joint><gazebo><plugin filename="libuuv_thruster_ros_plugin.so">{inside}</plugin></gazebo>'
+        '<axis xyz="1 0 0"/></joint><gazebo><plugin filename="libuuv_thruster_ros_plugin.so">'
+        f"{inside}</plugin></gazebo>"
     )
 
 
