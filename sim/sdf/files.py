@@ -102,7 +102,8 @@ class SdfFiles:
             versions = sorted(os.listdir(models), key=_number, reverse=True) if os.path.isdir(models) else []
             for version in versions:
                 yield from _inside(os.path.join(models, version), re.sub(r"^/(tip|\d+)/files", "", inside).lstrip("/"))
-        yield from self._of_package(name + re.sub(r"^/(tip|\d+)?/?files", "", inside))
+        for folder in dict.fromkeys((name, name.lower().replace(" ", "_"))):
+            yield from self._of_package(folder + re.sub(r"^/(tip|\d+)?/?files", "", inside))
 
     def _allowed(self, path: str) -> Iterator[str]:
         real = os.path.realpath(path)

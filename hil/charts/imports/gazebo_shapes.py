@@ -12,13 +12,15 @@ from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain
 
 _SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "cone": 2, "ellipsoid": 3}
-_WATER = ("water", "ocean", "wave", "sea_surface", "surface")  # in the names of what is drawn for the water
+_WATER = ("water", "ocean", "wave", "sea_surface", "/surface")  # in the names of what is drawn for the water
+_CLEAR = 0.9
 
 
 class Shape(NamedTuple):
     """One shape: its kind ("box", "mesh", "plane", "heightmap" ...), sizes in m (of a mesh: its factors), file, pose.
 
-    `is_solid` is False for what is only drawn; `colour` is red, green and blue, 0 to 1.
+    `is_solid` is False for what is only drawn, `is_clear` True for what one sees through; `colour` is red, green and
+    blue, 0 to 1.
     """
 
     name: str
@@ -28,12 +30,13 @@ class Shape(NamedTuple):
     file: str = ""
     colour: tuple[float, ...] | None = None
     is_solid: bool = True
+    is_clear: bool = False
     element: Element | None = None
 
     @property
-    def is_named_water(self) -> bool:
-        """True if its name is that of the sea and nothing collides with it."""
-        return not self.is_solid and any(word in self.name.lower() for word in _WATER)
+    def is_water(self) -> bool:
+        """True if its name is that of the sea, and nothing collides with it or it is clear."""
+        return (self.is_clear or not self.is_solid) and any(word in self.name.lower() for word in _WATER)
 
 
 def read_shapes(world: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Shape]:
@@ -81,7 +84,8 @@ def _of_link(model: Model, link: Link, files: SdfFiles, notes: list[str]) -> Ite
         if isinstance(shape, str):
             notes.append(f"Left out: {name}: {shape}.")
         elif shape is not None:
-            yield shape._replace(is_solid=solid, colour=_colour(part, files.path))
+            is_clear = _opacity(part, files.path) < _CLEAR
+            yield shape._replace(is_solid=solid, is_clear=is_clear, colour=_colour(part, files.path))
 
 
 def _shape(name: str, element: Element, pose: Pose, folder: str, files: SdfFiles) -> Shape | str | None:
@@ -114,6 +118,13 @@ def _shape(name: str, element: Element, pose: Pose, folder: str, files: SdfFiles
 
 def _numbers(element: Element, tag: str, path: str) -> list[float]:
     return [number_of(word, path) for word in (element.findtext(tag) or "").split()]
+
+
+def _opacity(part: Element, path: str) -> float:
+    """Return how opaque a shape is drawn, 1 where nothing says it."""
+    words = (part.findtext("material/diffuse") or "").split()
+    alpha = number_of(words[3], path) if len(words) == 4 else 1.0
+    return min(alpha, 1.0 - number_of(part.findtext("transparency") or "0", path))
 
 
 def _colour(part: Element, path: str) -> tuple[float, ...] | None:

@@ -20,6 +20,7 @@ MARGIN = 5.0  # m around all that stands in the world
 _UPRIGHT = 0.9999  # cosine
 _NO_FLOOR = 50.0  # m: the depth of a world in which nothing says it
 _THIN, _WIDE = 1.5, 20.0  # m: the water's surface as it is drawn
+_NEAR, _NOTHING = 500.0, 50.0  # m: of the file's origin; and around it, where there is nothing
 _COVERS = 0.9  # share of the world's area that a floor covers at least
 _HIGHEST, _LEAST_SIDE = -100.0, 0.01  # m
 _NED = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
@@ -137,8 +138,8 @@ def _floors(
     for shape in shapes:
         if shape.kind == "plane":
             height = shape.pose.position[2] - level
-            if shape.is_named_water or (not shape.is_solid and abs(height) < _THIN):
-                notes.append(f"Left out: {shape.name}, the water's surface.")
+            if shape.is_water or (not shape.is_solid and abs(height) < _THIN):
+                notes.append(f"Left out: {shape.name}, the water as it is drawn.")
             else:
                 floors.append(height)
         elif shape.kind == "heightmap":
@@ -150,8 +151,9 @@ def _floors(
     for each in placed:
         sides = [b - a for a, b in zip(each.low, each.high, strict=True)]
         is_wide = min(sides[0], sides[1]) > _WIDE
-        if is_wide and not each.shape.is_solid and max(abs(each.low[2]), abs(each.high[2])) < _THIN:
-            notes.append(f"Left out: {each.shape.name}, the water's surface.")
+        is_surface = is_wide and not each.shape.is_solid and max(abs(each.low[2]), abs(each.high[2])) < _THIN
+        if is_surface or (each.shape.is_water and each.shape.is_clear):
+            notes.append(f"Left out: {each.shape.name}, the water as it is drawn.")
         elif is_wide and _is_simple(each.shape) and each.high[2] < 0.0 and sides[0] * sides[1] > _COVERS * area:
             floors.append(each.high[2])
             notes.append(f"{each.shape.name} is taken for the floor.")
@@ -177,7 +179,9 @@ def _extent(placed: Sequence[_Placed], terrain: dict[str, Any] | None) -> tuple[
         norths += [south, south + step * (terrain["rows"] - 1)]
         easts += [west, west + step * (terrain["columns"] - 1)]
     if not norths:
-        norths, easts = [-50.0, 50.0], [-50.0, 50.0]
+        norths, easts = [-_NOTHING, _NOTHING], [-_NOTHING, _NOTHING]
+    if max(map(abs, (*norths, *easts))) < _NEAR:  # the file's origin is where its vehicles are, and belongs to it
+        norths, easts = [*norths, -MARGIN, MARGIN], [*easts, -MARGIN, MARGIN]
     south, north, west, east = (round(end, 1) for end in (min(norths), max(norths), min(easts), max(easts)))
     return south, north, west, east
 

@@ -65,7 +65,7 @@ def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Ma
     folder = os.path.dirname(os.path.abspath(scenario))
     beside = os.path.relpath(os.path.abspath(vehicle), folder)
     lines = [
-        f"description = {_toml(f'{name}, imported')}", f"vehicle = {_toml(beside)}", 'world = "paper_field"', "",
+        f"description = {_toml(f'{name}, imported')}", f"vehicle = {_toml(beside)}", 'world = "open_water"', "",
         "[start]", 'depth = "5 m"', "", "[master]", "goal = [20.0, 20.0]", 'depth = "5 m"',
     ]  # fmt: skip
     for sensor, keys in sensors.items():
