@@ -111,7 +111,7 @@ def _triangles(file: str) -> Any:
     if not os.path.exists(file):
         return None
     try:
-        from sim.environment.mesh_files import load_mesh
+        from sim.vehicle.mesh_files import load_mesh
 
         return load_mesh(file).triangles
     except Exception:  # noqa: BLE001 - no trimesh, or what damaged files make of its readers: drawn without

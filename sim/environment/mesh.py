@@ -23,9 +23,9 @@ from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.schema import Range, parse
 from hil.common.tables import check_file
 from hil.common.vectors import Vector3
-from sim.environment.mesh_files import MOST_BYTES, load_mesh
 from sim.environment.obstacles import Coordinate, Heading, Separation
 from sim.rotations import from_euler, matrix
+from sim.vehicle.mesh_files import MOST_BYTES, load_mesh
 
 MOST_TRIANGLES = 200_000
 Share = Annotated[float, Range(0.0, 1.0)]

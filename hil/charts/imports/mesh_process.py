@@ -14,7 +14,7 @@ from hil.common.children import limit_self
 from hil.common.lifeline import die_with_parent
 from hil.common.tables import check_file
 from sim.environment.mesh import MOST_TRIANGLES
-from sim.environment.mesh_files import MOST_BYTES, check_kind, load_mesh
+from sim.vehicle.mesh_files import MOST_BYTES, check_kind, load_mesh
 
 MEMORY_BYTES = 3 << 30  # of address space
 CPU_SECONDS = 120

@@ -118,8 +118,8 @@ def _mesh(mesh: Any) -> Any:
     """The triangles of a mesh's file as a trimesh.Trimesh (m, axes of the scene); None for a file that is not there."""
     import os
 
-    from sim.environment.mesh_files import load_mesh
     from sim.rotations import from_euler, matrix
+    from sim.vehicle.mesh_files import load_mesh
 
     if not os.path.exists(mesh.file):
         return None
