@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from trimesh.exchange.dae import export_collada
 
 from hil.charts.imports.gazebo_world import import_world
 from hil.charts.imports.meshes import MeshJob, read_meshes
@@ -41,7 +42,7 @@ def test_a_world_is_where_it_was(bay: Path, tmp_path: Path) -> None:
     assert (pile.north, pile.east, pile.radius, pile.top, pile.bottom) == (20.0, 10.0, 0.5, -13.0, 17.0)
     (block,) = world.box
     assert (block.north, block.east, block.size_north, block.size_east) == (5.0, -10.0, 4.0, 2.0)
-    assert (block.heading, block.top, block.bottom) == (pytest.approx(radians(60.0)), 6.5, 9.5)
+    assert (block.heading, block.top, block.bottom) == pytest.approx((radians(60.0), 6.5, 9.5))
     ball, wreck = world.mesh
     assert (ball.north, ball.east, ball.keys.colour) == (-12.0, 0.0, (0.8, 0.1, 0.1))
     assert (ball.top, ball.bottom) == pytest.approx((4.5, 7.5))
@@ -80,7 +81,8 @@ def test_meshes_of_every_format_are_measured(tmp_path: Path) -> None:
     for ending in endings[:-1]:
         box.export(str(tmp_path / f"a.{ending}"))
     unit, up = '<unit name="half" meter="0.5"/>', "<up_axis>Y_UP</up_axis>"
-    collada = re.sub("<(unit|up_axis)[^>]*(/>|>[^<]*</up_axis>)", "", trimesh.exchange.dae.export_collada(box).decode())
+    exported: bytes = export_collada(box)
+    collada = re.sub("<(unit|up_axis)[^>]*(/>|>[^<]*</up_axis>)", "", exported.decode())
     (tmp_path / "a.dae").write_text(collada.replace("</asset>", f"{unit}{up}</asset>"))
     answers = read_meshes([MeshJob(str(tmp_path / f"a.{ending}"), (1.0, 1.0, 2.0)) for ending in endings])
     for ending, answer in zip(endings, answers, strict=True):
