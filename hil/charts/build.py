@@ -30,7 +30,8 @@ class Report(NamedTuple):
     `held_out` says how many soundings those are, `rmse_all` the error over all that were held out. Shares of the nodes:
     `water`, `land` (what dries is land here), `unknown`; `clamped` of the water was held by the areas' limits.
     `off_limits` soundings are deeper than their area says, `beds_under` obstacles of known depth keep the bed below
-    them. `seconds`: what gridding and holding out took.
+    them. `seconds`: what gridding and holding out took. `beds`: the name of each raster, and the share of the nodes
+    that are as it says.
     """
 
     soundings: int
@@ -47,6 +48,7 @@ class Report(NamedTuple):
     off_limits: int
     beds_under: int
     seconds: float
+    beds: tuple[tuple[str, float], ...] = ()
 
 
 class Built(NamedTuple):
@@ -87,7 +89,7 @@ def build(
     north, east = _axes(extent, resolution)
     bounds = paint(survey, north, east)
     water = bounds.known & ~bounds.land
-    known = _known_beds(survey, north, east)
+    known, shares = _known_beds(survey, north, east)
     if not (water.any() or np.nanmax(known, initial=0.0) > 0.0):
         raise ConfigError(f"{survey.source}: no water in the area: move or widen it (uuv-hil world build --area)")
     grid, clamped = Grid(known.astype(np.float32), float(north[0]), float(east[0]), resolution), 0.0
@@ -101,18 +103,21 @@ def build(
         bottom=paint_natures(survey.charted.natures, grid, survey.detail),
     )
     progress(0.85)
-    report = _report(placed.grid, data, clamped, begin)
+    report = _report(placed.grid, data, clamped, begin)._replace(beds=shares)
     progress(1.0)
     return Built(placed, report)
 
 
-def _known_beds(survey: Survey, north: Array, east: Array) -> Array:
-    """Return the depths that rasters have, the first before the next, nan where none has one."""
-    known = np.full((len(north), len(east)), np.nan)
-    for bed in survey.beds:
+def _known_beds(survey: Survey, north: Array, east: Array) -> tuple[Array, tuple[tuple[str, float], ...]]:
+    """Return the depths that rasters have, the first before the next, nan where none has one, and the share of each."""
+    known, shares, before = np.full((len(north), len(east)), np.nan), [], 0.0
+    for name, bed in survey.beds:
         if np.isnan(known).any():
             known = np.where(np.isfinite(known), known, bed(north, east))
-    return known
+        share = float(np.isfinite(known).mean())
+        shares.append((name, share - before))
+        before = share
+    return known, tuple(shares)
 
 
 def _settled(survey: Survey, data: _Data, bounds: Bounds, empty: Grid, progress: Progress) -> tuple[Grid, float]:

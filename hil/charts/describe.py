@@ -20,6 +20,7 @@ def describe(survey: Survey, built: Built) -> Facts:
     floating = sum(obstacle.bottom < STANDING for obstacle in obstacles)
     return (
         ("source", survey.source),
+        *([("rasters", _used(report))] if report.beds else []),
         *facts(built.placed.grid, report),
         ("area", f"{percent(report.water)} water, {percent(report.land)} land, {percent(report.unknown)} unknown"),
         ("limits", f"{percent(report.clamped)} of the water held by depth areas; "
@@ -29,6 +30,12 @@ def describe(survey: Survey, built: Built) -> Facts:
                       + (BRIDGES if survey.bridges else "")),
         *_beside(built),
     )  # fmt: skip
+
+
+def _used(report: Report) -> str:
+    """Return how much of the bed is that of each raster."""
+    shares = [f"{percent(share)} of the nodes by {name}" for name, share in report.beds]
+    return ", ".join([*shares, f"{percent(1.0 - report.unknown - sum(share for _, share in report.beds))} by others"])
 
 
 def _beside(built: Built) -> Facts:

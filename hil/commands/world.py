@@ -58,6 +58,9 @@ def _parser() -> argparse.ArgumentParser:
     build.add_argument(
         "--reach", metavar="M", type=REACH, help="distance from single soundings up to which the bed counts as known"
     )
+    build.add_argument(
+        "--newest", action="store_true", help="of rasters that overlap take the newest [the first named]"
+    )
     add_plot(build, "draw it with soundings and contours")
     add_json(build)
     build.set_defaults(run=_build)
@@ -111,6 +114,7 @@ def _build(options: argparse.Namespace) -> int:
         options.positive,
         options.reach,
         options.crs,
+        options.newest,
     )
     try:
         built = build(survey, extent, options.resolution, show_progress)

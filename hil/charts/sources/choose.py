@@ -24,13 +24,14 @@ POINTS_REACH = 4.0  # the seabed is known around soundings, in what they are apa
 
 def read_sources(
     paths: list[str], area: Box | None, resolution: float | None = None, updates: bool = True,
-    positive: Positive = "auto", reach: float | None = None, crs: str | None = None,
+    positive: Positive = "auto", reach: float | None = None, crs: str | None = None, newest: bool = False,
 ) -> tuple[Survey, Extent]:  # fmt: skip
     """Return what the files say of `area` (all they cover if None), and where that is on the plane, m.
 
     `resolution` (m) of the grid that is wanted, what the data resolve if None; `updates` and `positive` as in the
     readers, as `crs`; `reach` (m): how far from loose soundings the seabed is known. Of rasters the first is believed
-    where they overlap, and all of them before charts and soundings. Raises ConfigError, MissingExtraError.
+    where they overlap, the `newest` one if that is asked for and those without a date last, and all of them before
+    charts and soundings. Raises ConfigError, MissingExtraError.
     """
     cells: list[Cell] = []
     loose: list[Points] = []
@@ -42,6 +43,8 @@ def read_sources(
             loose.append(read_points(path, positive, crs))
         else:
             rasters.append(_open(path, positive, crs))
+    if newest:
+        rasters.sort(key=lambda raster: raster.date, reverse=True)
     if any(not points.geographic for points in loose):
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
     boxes = [*([covered(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
@@ -50,7 +53,7 @@ def read_sources(
     parts = [survey_charts(cells, plane)] if cells else []
     parts += [_survey(points, _local(points, plane), resolution, reach) for points in loose]
     parts += [Survey(r.name, None, np.empty((0, 3)), detail=r.spacing) for r in rasters]
-    beds = tuple(partial(raster.depths, plane) for raster in rasters)
+    beds = tuple((raster.label, partial(raster.depths, plane)) for raster in rasters)
     return _together(parts, _origin(area.centre))._replace(beds=beds), _extent(area, plane)
 
 

@@ -1,6 +1,7 @@
 """Depths from rasters: GeoTIFF, BAG, GEBCO's NetCDF, S-102 and Esri's ASCII grid, read and resampled by GDAL."""
 
 import os
+import re
 import sys
 import warnings
 from typing import Any, NamedTuple
@@ -19,6 +20,8 @@ Array = NDArray[np.float64]
 WGS84 = "EPSG:4326"
 # Without a driver GDAL goes by what a file holds; a WMS, a VRT and others name more files and hosts to be read.
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".bag": "BAG", ".nc": "netCDF", ".asc": "AAIGrid", ".h5": "S102"}
+# Where a format has a survey's day: S-102's issue, BAG's and TIFF's time, NetCDF's by the CF and ACDD conventions.
+DATES = ("issuedate", "bag_datetime", "time_coverage_end", "date_issued", "date_created", "tifftag_datetime")
 NAMES = ("elevation", "depth", "z", "bathymetry")  # of the variable to take, where a file has several
 SAMPLED = 512  # pixels along a side, from which the sign of a raster without a name is seen
 COARSER = 1.5  # nodes farther apart than so many pixels get the mean of their pixels, others are interpolated
@@ -28,7 +31,8 @@ class Raster(NamedTuple):
     """A raster on the earth. `file` and `driver` are GDAL's names of it and of its format, `crs` is of its positions.
 
     `box`: where it lies, degrees, east beyond 180 where it crosses that; `spacing`: the side of a pixel, m; `scale` and
-    `offset` make depths in m of its numbers.
+    `offset` make depths in m of its numbers. `date`: the day of the survey or of its issue, as 2024-03-01, "" where the
+    file names none.
     """
 
     name: str
@@ -39,6 +43,12 @@ class Raster(NamedTuple):
     spacing: float
     scale: float
     offset: float
+    date: str = ""
+
+    @property
+    def label(self) -> str:
+        """Its name, with its date."""
+        return f"{self.name} of {self.date}" if self.date else self.name
 
     def depths(self, plane: LocalPlane, north: Array, east: Array) -> Array:
         """Depths in m at the crossings of the evenly growing `north` and `east` (m on `plane`), nan where none is.
@@ -60,6 +70,7 @@ class Raster(NamedTuple):
                 WarpedVRT(
                     source, src_crs=self.crs, crs=local, transform=where, width=len(east), height=len(north),
                     resampling=how, src_nodata=source.nodata, nodata=np.nan, dtype="float32",
+                    UNIFIED_SRC_NODATA="NO",  # or a depth of none counts where the file says how sure it is of it
                 ) as warped,
             ):  # fmt: skip
                 found = warped.read(1)
@@ -122,7 +133,18 @@ def _placed(path: str, file: str, source: Any, positive: Positive, crs: str | No
     spacing = float(np.hypot(*(local[1:] - local[0]).T).max())
     sign = -1.0 if _is_upwards(path, file, source, positive) else 1.0
     scale, offset = sign * source.scales[0], sign * source.offsets[0]
-    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset)
+    date = _date({**source.tags(), **source.tags(1)})
+    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, date)
+
+
+def _date(tags: dict[str, str]) -> str:
+    """Return the day that a raster's metadata name, as 2024-03-01; "" if they name none."""
+    words = {key.rpartition("#")[2].lower(): str(value) for key, value in tags.items()}
+    for key in DATES:
+        match = re.match(r"(\d{4})[-:]?(\d{2})[-:]?(\d{2})", words.get(key, ""))
+        if match:
+            return "-".join(match.groups())
+    return ""
 
 
 def known_crs(name: str) -> Any:

@@ -62,7 +62,8 @@ class Survey(NamedTuple):
     resolve, and so a grid of them.
     `sheets` go from the coarsest to the finest. `reach`: how far in m the bed is known around soundings where no
     sheet says so; 0 nowhere. `origin`: latitude and longitude in degrees of (0, 0), None where there is none.
-    `beds`: depths that are known everywhere, as rasters have them, the first before the next and before all else.
+    `beds`: depths that are known everywhere, as rasters have them, the first before the next and before all else, each
+    with its name.
     `charted`: what charts tell beside that.
     `notes`: what a person should know of how the files were read.
     """
@@ -80,7 +81,7 @@ class Survey(NamedTuple):
     bridges: tuple[Array, ...] = ()
     reach: float = 0.0
     notes: tuple[str, ...] = ()
-    beds: tuple[Bed, ...] = ()
+    beds: tuple[tuple[str, Bed], ...] = ()
     charted: Charted = Charted()
 
 

@@ -162,6 +162,53 @@ def test_a_world_across_the_180th_meridian(tmp_path: Path) -> None:
     assert extent[3] - extent[2] < 700.0
 
 
+def s102(path: Path, depths: NDArray[np.float64], south: float, west: float, issued: str) -> None:
+    """Write a surface as IHO's S-102 2.2 lays one out: rows from the south, places of points, 0.0005 deg apart."""
+    h5py = pytest.importorskip("h5py", reason="writes the S-102 for this test")
+    with h5py.File(path, "w") as file:
+        file.attrs.update({
+            "productSpecification": "INT.IHO.S-102.2.2.0", "issueDate": issued, "horizontalCRS": np.int32(4326),
+            "verticalDatum": np.uint16(12),
+        })  # fmt: skip
+        coverage = file.create_group("BathymetryCoverage")
+        coverage.attrs.update({"dataCodingFormat": np.uint8(2), "dimension": np.uint8(2), "numInstances": np.uint8(1)})
+        instance = coverage.create_group("BathymetryCoverage.01")
+        instance.attrs.update({
+            "gridOriginLatitude": south, "gridOriginLongitude": west,
+            "gridSpacingLatitudinal": 0.0005, "gridSpacingLongitudinal": 0.0005,
+            "numPointsLatitudinal": np.uint32(depths.shape[0]), "numPointsLongitudinal": np.uint32(depths.shape[1]),
+            "startSequence": "0,0", "numGRP": np.uint8(1),
+        })  # fmt: skip
+        values = np.zeros(depths.shape, [("depth", "f4"), ("uncertainty", "f4")])
+        values["depth"] = np.where(np.isnan(depths), 1e6, depths)
+        instance.create_group("Group_001").create_dataset("values", data=values)
+
+
+def test_s102_and_which_survey_is_the_newer(tmp_path: Path) -> None:
+    pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
+    old, new, text = (str(tmp_path / name) for name in ("old.h5", "new.h5", "s.csv"))
+    sloping = 10.0 + np.arange(30.0)[:, None] * np.ones(40)
+    s102(Path(old), sloping, 54.0, 10.0, "20190405")
+    sloping[:, 30:] = np.nan
+    s102(Path(new), sloping + 1.5, 54.0, 10.0, "20240301")
+    for files, newest, first in (([old, new], False, 0.0), ([new, old], False, 1.5), ([old, new], True, 1.5)):
+        survey, extent = read_sources(files, None, newest=newest)
+        built = build(survey, extent)
+        plane = LocalPlane(*survey.origin or (0.0, 0.0))
+        places = np.column_stack(plane.to_local(np.full(2, 54.006), np.array([10.005, 10.0175])))
+        assert built.placed.grid.at(places) == pytest.approx([22.0 + first, 22.0], abs=0.1)
+        shares = dict(built.report.beds)
+        assert list(shares) == (
+            ["new.h5 of 2024-03-01", "old.h5 of 2019-04-05"]
+            if first
+            else ["old.h5 of 2019-04-05", "new.h5 of 2024-03-01"]
+        )
+        assert shares["old.h5 of 2019-04-05"] == pytest.approx(0.25 if first else 1.0, abs=0.05)
+        assert sum(shares.values()) == pytest.approx(1.0, abs=0.02)
+    Path(text).write_text("lon,lat,depth\n10.03,54.0,9\n10.03,54.01,9\n10.04,54.0,9\n10.04,54.01,9.5\n")
+    assert command.main(["build", old, new, text, "--newest", "-o", str(tmp_path / "bay")]) == 0
+
+
 def test_a_netcdf_like_gebco_s_and_rasters_that_are_none(tmp_path: Path) -> None:
     """Degrees, heights in whole metres, two variables in one file."""
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
