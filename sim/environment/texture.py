@@ -19,7 +19,7 @@ from sim.environment.terrain import Terrain
 Floats = NDArray[np.float32]
 
 _SIDE = 512  # nodes of a tile, a power of two
-_NODE = 0.04  # m between nodes of the finest relief: it repeats after 20 m
+NODE = 0.04  # m between nodes of the finest relief: it repeats after 20 m
 _LEVELS = 6  # each of half the resolution of the one before
 
 
@@ -39,6 +39,7 @@ class Texture:
         patches = kind.patches if bottom.patches is None else bottom.patches
         self._tiles = _tiles(bottom.seed, kind.exponent)
         self._height, self._patches = np.float32(height), np.float32(patches)
+        self.height = float(height)  # m, of the relief
         self.echo = kind.echo  # dB, re sand
         wave = tau / bottom.ripple_length
         self._wave = np.float32(wave * cos(bottom.ripple_heading)), np.float32(wave * sin(bottom.ripple_heading))
@@ -62,6 +63,20 @@ class Texture:
     def slopes(self, north: Any, east: Any, footprint: float) -> tuple[Floats, Floats]:
         """Return the slopes to the north and the east that come on top of those of the grid, at places (m, NED)."""
         return self.sample(north, east, footprint)[:2]
+
+    @property
+    def ripples(self) -> tuple[float, float, float, float]:
+        """Return the ripples' wave numbers to the north and the east (rad/m), their amplitude and length (m)."""
+        return float(self._wave[0]), float(self._wave[1]), self._ripple, self._length
+
+    def tiles(self) -> Floats:
+        """Return slopes to the north and to the east for a relief of 1 m, and brightness as a factor, all their levels.
+
+        For sim/native/_picture.c: the nodes of each are `NODE` m apart at the finest level, twice that at the next.
+        """
+        factors = [np.float32(10.0) ** (self._patches * level * np.float32(0.05)) for level in self._tiles.strength]
+        slopes = [level[:, axis] for axis in (0, 1) for level in self._tiles.slopes]
+        return np.concatenate([*slopes, *factors]).astype(np.float32)
 
     def strength(self, north: Any, east: Any, footprint: float) -> Floats:
         """Return how much stronger than in the mean the echo is (dB); of a camera's brightness about as much."""
@@ -98,8 +113,8 @@ def smooth_slopes(terrain: Terrain, north: Any, east: Any) -> tuple[Floats, Floa
 
 def _nodes(north: Any, east: Any, footprint: float) -> tuple[int, NDArray[np.int32], NDArray[np.int32]]:
     """Return the finest level that is not finer than the footprint, and the rows and columns of its nodes."""
-    level = min(max(round(float(np.log2(max(footprint / _NODE, 1.0)))), 0), _LEVELS - 1)
-    scale = np.float32(1.0 / (_NODE * 2**level))
+    level = min(max(round(float(np.log2(max(footprint / NODE, 1.0)))), 0), _LEVELS - 1)
+    scale = np.float32(1.0 / (NODE * 2**level))
     row = np.floor(np.asarray(north, np.float32) * scale).astype(np.int32)
     return level, row, np.floor(np.asarray(east, np.float32) * scale).astype(np.int32)
 
@@ -112,11 +127,11 @@ def _tiles(seed: int, exponent: float) -> _Tiles:
     frequency = np.sqrt(down * down + across * across)  # cycles a node
     frequency[0, 0] = np.inf
     relief = np.fft.rfft2(random.standard_normal((_SIDE, _SIDE))) * frequency ** (-0.5 * exponent)
-    relief[frequency < _NODE / OUTER] = 0.0
+    relief[frequency < NODE / OUTER] = 0.0
     relief /= np.fft.irfft2(relief, (_SIDE, _SIDE)).std()
     composition = np.fft.rfft2(random.standard_normal((_SIDE, _SIDE))) / frequency
     composition /= np.fft.irfft2(composition, (_SIDE, _SIDE)).std()
-    per_metre = tau / _NODE
+    per_metre = tau / NODE
     spectra = relief * 1j * per_metre * down, relief * 1j * per_metre * across, composition
     north, east, strength = (_pyramid(np.fft.irfft2(spectrum, (_SIDE, _SIDE))) for spectrum in spectra)
     return _Tiles(tuple(np.stack(pair, axis=-1) for pair in zip(north, east, strict=True)), strength)

@@ -6,16 +6,18 @@
 
 #include "numbers.h"
 
+#include <math.h>
+
 #include "buffer.h"
 
 enum { NOTHING = -1, SEABED = 0 };
 enum { DISTANCES, NORMALS, OBJECTS, TOWARD, COLOURS, GRAIN, FADES, DEPTHS, TEXTURE, OUT, VIEWS };
-enum { SIDE = 512, LEVELS = 6, STEPS = 1024, CHANNELS = 3 };
+enum { SIDE = 512, LEVELS = 6, SIZES = 24, STEPS = 1024, CHANNELS = 3 };
 
 /* As the first argument of `shade` has them, in this order. */
 typedef struct {
     double origin[3], rotation[9], pixel, surface, lamps, light[3], veil[3], per_metre, node[2], deviation[2], rock[3];
-    double rows, columns, north_min, east_min, scale, height, relief_node, patch_node, finest;
+    double rows, columns, north_min, east_min, scale, height, texture_node, finest, wave[2], ripple, ripple_length;
 } Settings;
 
 enum { SETTINGS = sizeof(Settings) / sizeof(double) };
@@ -25,6 +27,7 @@ typedef struct {
     const void *views[VIEWS];
     int wide_distances, wide_normals; /* doubles instead of floats */
     size_t depths, texture;           /* floats of them; 0: none */
+    float ripple[SIZES];              /* what is left of it by the footprint's size: the mean over that */
 } Scene;
 
 typedef struct {
@@ -84,20 +87,6 @@ static float bend(const Scene *scene, const Pixel *pixel)
     return at_most(at_least(1.0f + 3.0f * height, 0.7f), 1.3f);
 }
 
-/* One of the tiles of a level: those of slopes to the north, to the east, and of brightness follow each other. */
-static float texel(const Scene *scene, int kind, const Pixel *pixel, double node, int level)
-{
-    size_t first = 0;
-    level = level < 0 ? 0 : level >= LEVELS ? LEVELS - 1 : level;
-    for (int i = 0; i < level; i++)
-        first += (size_t)(SIDE >> i) * (size_t)(SIDE >> i);
-    long side = SIDE >> level;
-    float scale = (float)(1.0 / (node * (double)(1 << level)));
-    long row = whole(pixel->point[0] * scale) & (side - 1), column = whole(pixel->point[1] * scale) & (side - 1);
-    const float *tiles = (const float *)scene->views[TEXTURE] + (size_t)kind * (scene->texture / 3);
-    return tiles[first + (size_t)(row * side + column)];
-}
-
 static int halvings(double ratio) /* round(log2(ratio)) */
 {
     int level = 0;
@@ -108,20 +97,32 @@ static int halvings(double ratio) /* round(log2(ratio)) */
     return level;
 }
 
+/* Tiles of slopes to the north, to the east and of brightness follow each other, of each all its levels. */
 static float textured(const Scene *scene, const Pixel *pixel)
 {
     const Settings *s = scene->set;
-    int level = halvings(at_least(pixel->footprint, (float)s->finest) / s->finest);
-    double size = s->finest * (double)(1L << (level < 40 ? level : 40));
-    int relief = size > s->relief_node ? halvings(size / s->relief_node) : 0;
-    int patch = size > s->patch_node ? halvings(size / s->patch_node) : 0;
-    float north = (float)s->height * texel(scene, 0, pixel, s->relief_node, relief);
-    float east = (float)s->height * texel(scene, 1, pixel, s->relief_node, relief);
-    float steep = 1.0f + north * north + east * east, root = steep;
-    for (int i = 0; i < 4; i++) /* the square root of a number a little above 1, by Newton */
-        root = 0.5f * (root + steep / root);
+    int coarse = halvings(at_least(pixel->footprint, (float)s->finest) / s->finest), level = 0;
+    double size = s->finest * (double)(1L << (coarse < 40 ? coarse : 40));
+    if (size > s->texture_node)
+        level = halvings(size / s->texture_node);
+    level = level < 0 ? 0 : level >= LEVELS ? LEVELS - 1 : level;
+    size_t first = 0, all = scene->texture / 3;
+    for (int i = 0; i < level; i++)
+        first += (size_t)(SIDE >> i) * (size_t)(SIDE >> i);
+    long side = SIDE >> level;
+    float scale = (float)(1.0 / (s->texture_node * (double)(1 << level)));
+    long row = whole(pixel->point[0] * scale), column = whole(pixel->point[1] * scale);
+    const float *tiles = (const float *)scene->views[TEXTURE] + first;
+    size_t node = (size_t)((row & (side - 1)) * side + (column & (side - 1)));
+    size_t patch = (size_t)(((row >> 1) & (side - 1)) * side + ((column >> 1) & (side - 1)));
+    float north = (float)s->height * tiles[node], east = (float)s->height * tiles[all + node];
+    if (scene->ripple[coarse < SIZES ? coarse : SIZES - 1] != 0.0f) {
+        float rise = scene->ripple[coarse] * cosf((float)s->wave[0] * pixel->point[0] + (float)s->wave[1] * pixel->point[1]);
+        north += (float)s->wave[0] * rise, east += (float)s->wave[1] * rise;
+    }
+    float root = sqrtf(1.0f + north * north + east * east);
     float lean = at_most(at_least(0.5f * (north + east), -0.5f), 0.5f);
-    return texel(scene, 2, pixel, s->patch_node, patch) * (0.8f / root + 0.2f + lean);
+    return tiles[2 * all + patch] * (0.8f / root + 0.2f + lean);
 }
 
 /* exp(-coefficient distance) out of its table. */
@@ -196,6 +197,10 @@ static int fill(Scene *scene, const Py_buffer *views, Py_ssize_t *count)
         tiles += (Py_ssize_t)(SIDE >> level) * (SIDE >> level);
     for (int i = 0; i < VIEWS; i++)
         scene->views[i] = views[i].buf;
+    for (int i = 0; i < SIZES - 1; i++) {
+        double share = s->finest * (double)(1L << i) / s->ripple_length, turn = 3.141592653589793 * share;
+        scene->ripple[i] = s->ripple != 0.0 && share < 1.0 ? (float)(s->ripple * sin(turn) / turn) : 0.0f;
+    }
     scene->wide_distances = views[DISTANCES].len == 8 * n, scene->wide_normals = views[NORMALS].len == 24 * n;
     scene->depths = (size_t)views[DEPTHS].len / 4, scene->texture = (size_t)views[TEXTURE].len / 4;
     int right = (scene->wide_distances || views[DISTANCES].len == 4 * n) && (scene->wide_normals || views[NORMALS].len == 12 * n)

@@ -35,6 +35,11 @@ class Effects:
         moves = wet and (m.exposure_time or m.readout_time)
         self._motion = Motion(size, focal, toward, m.exposure_time, m.readout_time) if moves else None
 
+    @property
+    def change_light(self) -> bool:
+        """True if light is not that of the sky and of lamps at the camera."""
+        return bool(self._lamps or self._caustics)
+
     def beams(self, rays: RayScene, place: Any, turned: Any, seen: Seen) -> list[Beam] | None:
         """Return the lamps' light at what is seen; None if they are at the camera."""
         return self._lamps.beams(rays, place, turned[:, 1], seen) if self._lamps else None

@@ -9,6 +9,7 @@ from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.optics import CLEAR, Water, encode, jerlov, underwater
 from sim.environment.world import World
+from sim.rays.geometry import Hits
 from sim.rays.scene import NOTHING, RayScene
 from sim.rays.solids import Solid, half_space
 from sim.rotations import matrix
@@ -17,6 +18,7 @@ from sim.sensors.imaging.camera_effects import Effects, Shot
 from sim.sensors.imaging.camera_model import CameraModel
 from sim.sensors.imaging.samples import Distortion, Intrinsics
 from sim.sensors.imaging.scenery import Scenery, Seen
+from sim.sensors.imaging.shading import Shading, compiled
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
@@ -45,6 +47,8 @@ class Eye:
         self._scenery = Scenery(scene.world, self._surface)
         self._water, self._water_depth = CLEAR, -1.0
         self._effects = Effects(model, intrinsics.fx, self._toward, seed)
+        self._shading = Shading(self._scenery, self._toward, self._pixel, model.max_range)
+        self._shade = compiled()
 
     def add(self, solid: Solid, state: State) -> None:
         """Put a solid there that goes with a vehicle's `state`."""
@@ -59,16 +63,25 @@ class Eye:
         rotation = matrix(self._mounting.attitude(state))
         hits = self._rays.hits(place, self._directions, self._model.max_range, rotation)
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
+        water, effects, turned = self._around(place[2]), self._effects, np.array(rotation).reshape(3, 3)
+        if self._shade and not effects.change_light:
+            wet = self._shading.shade(self._shade, hits, place, rotation, self._model.lamps, water)
+        else:
+            wet = self._lit(hits, time_ns, place, turned, water)
+        wet = effects.water(wet, ranges, place, turned, water)
+        return effects.move(Shot(wet, ranges, objects), self._mounting, state.nu)
+
+    def _lit(self, hits: Hits, time_ns: int, place: Any, turned: Any, water: Water) -> NDArray[np.float32]:
+        """Return the radiance (n x 3) at the lens of what is met, with all effects of light."""
+        ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         points, normals = (_rows(np.asarray(vectors), objects) for vectors in (hits.points, hits.normals))
-        facing = -np.einsum("ir,ri->r", np.array(rotation, np.float32).reshape(3, 3).T @ normals, self._toward)
+        facing = -np.einsum("ir,ri->r", turned.astype(np.float32).T @ normals, self._toward)
         distances = ranges.astype(np.float32)
         seen = Seen(points, normals, objects, distances, facing, distances * np.float32(self._pixel))
-        water, effects = self._around(place[2]), self._effects
-        turned = np.array(rotation).reshape(3, 3)
+        effects = self._effects
         lights = effects.beams(self._rays, place, turned, seen), effects.dapple(seen, time_ns)
         radiance = self._scenery.radiance(seen, water.light, self._model.lamps, water.attenuation, *lights)
-        wet = effects.water(underwater(radiance, ranges, water), ranges, place, turned, water)
-        return effects.move(Shot(wet, ranges, objects), self._mounting, state.nu)
+        return underwater(radiance, ranges, water)
 
     def points(self, depth: bytes) -> bytes:
         """Return where a picture's depths (see CameraSample) are in the sensor's axes, nan where they are inf."""

@@ -20,10 +20,10 @@ from sim.rays.geometry import SEABED
 if TYPE_CHECKING:
     from sim.environment.texture import Texture
 
-_SAND, _ROCK = (0.42, 0.36, 0.26), (0.17, 0.16, 0.14)
+_SAND, ROCK = (0.42, 0.36, 0.26), (0.17, 0.16, 0.14)
 # By the kind of a world's `[bottom]`.
-_GROUNDS = {"mud": (0.22, 0.19, 0.14), "sand": _SAND, "gravel": (0.30, 0.28, 0.24), "rock": _ROCK}
-_FINEST = 0.01  # m: of a pixel on the seabed
+_GROUNDS = {"mud": (0.22, 0.19, 0.14), "sand": _SAND, "gravel": (0.30, 0.28, 0.24), "rock": ROCK}
+FINEST = 0.01  # m: of a pixel on the seabed
 Pixels = NDArray[np.float32]
 
 # Concrete, rust, paint in yellow, weed, paint in red, bare metal; objects take them in turn.
@@ -31,7 +31,7 @@ _PAINTS = (
     (0.33, 0.32, 0.29), (0.25, 0.11, 0.05), (0.60, 0.42, 0.05), (0.10, 0.16, 0.05), (0.45, 0.07, 0.05), (0.4, 0.4, 0.4),
 )  # fmt: skip
 _SIDE = 512  # nodes of the grain along each side, a power of two; then it repeats itself
-_SCALES = ((0.01, 0.45), (0.089, 0.35))  # m from node to node, and standard deviation: 5 m and 46 m to a repetition
+SCALES = ((0.01, 0.45), (0.089, 0.35))  # m from node to node, and standard deviation: 5 m and 46 m to a repetition
 
 
 class Seen(NamedTuple):
@@ -61,21 +61,21 @@ class Scenery:
 
     def __init__(self, world: World, surface: int) -> None:
         paints = [_PAINTS[i % len(_PAINTS)] for i in range(surface - 1)]
-        self._colours = np.array([_SAND, *paints, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], np.float32)  # the last: NOTHING
+        self.colours = np.array([_SAND, *paints, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], np.float32)  # the last: NOTHING
         for number, colour, _ in world.looks():
             if colour:
-                self._colours[number] = colour
-        self._surface = surface
-        self._terrain, self._bottom_map = world.terrain, world.bottom_map
+                self.colours[number] = colour
+        self.surface = surface
+        self.terrain, self.bottom_map = world.terrain, world.bottom_map
         if world.bottom:
             from sim.environment.texture import Texture
 
-            self._colours[SEABED] = _GROUNDS[world.bottom.kind]
-        self._texture = Texture(world.bottom) if world.bottom else None
+            self.colours[SEABED] = _GROUNDS[world.bottom.kind]
+        self.texture = Texture(world.bottom) if world.bottom else None
 
     def add(self, number: int) -> None:
         """One more object, the `number`-th."""
-        self._colours = np.insert(self._colours, number, _PAINTS[(number - 2) % len(_PAINTS)], axis=0)
+        self.colours = np.insert(self.colours, number, _PAINTS[(number - 2) % len(_PAINTS)], axis=0)
 
     def radiance(
         self,
@@ -92,16 +92,16 @@ class Scenery:
         `attenuation` (1/m). `beams` are those of the single lamps, by default of one at the camera; `dapple` is what
         waves make of the daylight from above. One colour lies after the other in memory, which is quick.
         """
-        seabed, surface = seen.objects == SEABED, seen.objects == self._surface
+        seabed, surface = seen.objects == SEABED, seen.objects == self.surface
         tone = np.where(surface, np.float32(1.0), _grain(seen))
-        if self._terrain is not None and seabed.any():
+        if self.terrain is not None and seabed.any():
             tone[seabed] *= self._bent(seen.points[:, seabed])
-        if self._texture is not None and seabed.any():
-            tone[seabed] *= self._textured(self._texture, seen, seabed)
+        if self.texture is not None and seabed.any():
+            tone[seabed] *= self._textured(self.texture, seen, seabed)
         ground: Pixels | None = None
-        if self._bottom_map is not None and seabed.any():
+        if self.bottom_map is not None and seabed.any():
             north, east = seen.points[:2, seabed]
-            ground, texture = self._bottom_map.looks(north, east, self._colours[SEABED])
+            ground, texture = self.bottom_map.looks(north, east, self.colours[SEABED])
             tone[seabed] = np.maximum(np.float32(0.1), 1.0 + (tone[seabed] - 1.0) * texture)
         # From above as from a sky that is evenly bright, and a fifth from all sides.
         day = tone * np.where(surface, np.float32(1.0), np.float32(0.6) - np.float32(0.4) * seen.normals[2])
@@ -118,11 +118,11 @@ class Scenery:
                 share = np.float32(lamps / len(beams))
                 for beam in beams:
                     out += tone * share * _lamplight(beam, attenuation[channel]) * ~surface
-            colour = self._colours[:, channel].take(seen.objects, mode="wrap")
-            darker: np.float32 | Pixels = np.float32(_ROCK[channel] - _SAND[channel])
+            colour = self.colours[:, channel].take(seen.objects, mode="wrap")
+            darker: np.float32 | Pixels = np.float32(ROCK[channel] - self.colours[SEABED, channel])
             if ground is not None:
                 colour[seabed] = ground[:, channel]
-                darker = np.float32(_ROCK[channel]) - colour
+                darker = np.float32(ROCK[channel]) - colour
             out *= colour + rock * darker
         pixels: Pixels = radiance.T
         return pixels
@@ -135,26 +135,26 @@ class Scenery:
         """
         north, east, _ = seen.points[:, seabed]
         footprints = seen.footprint[seabed]
-        level = np.round(np.log2(np.maximum(footprints, np.float32(_FINEST)) / np.float32(_FINEST))).astype(int)
+        level = np.round(np.log2(np.maximum(footprints, np.float32(FINEST)) / np.float32(FINEST))).astype(int)
         shade = np.empty(len(north), np.float32)
         for one in np.unique(level):
-            some, size = level == one, _FINEST * 2.0 ** int(one)
-            to_north, to_east = texture.slopes(north[some], east[some], size)
+            some, size = level == one, FINEST * 2.0 ** int(one)
+            to_north, to_east, strength = texture.sample(north[some], east[some], size)
             steep = to_north * to_north + to_east * to_east
             # A fifth of the light comes from the side, from the north-east, as under a low sun.
             lean = np.clip(np.float32(0.5) * (to_north + to_east), -0.5, 0.5)
-            bright = np.float32(10.0) ** (texture.strength(north[some], east[some], size) * np.float32(0.05))
+            bright = np.float32(10.0) ** (strength * np.float32(0.05))
             shade[some] = bright * (np.float32(0.8) / np.sqrt(np.float32(1.0) + steep) + np.float32(0.2) + lean)
         return shade
 
     def _bent(self, points: Pixels) -> Pixels:
         """Crests are bright, hollows dark. Only the nodes from the first to the last that is hit are looked at."""
-        assert self._terrain is not None
-        grid, scale = self._terrain.grid, self._terrain.scale
+        assert self.terrain is not None
+        grid, scale = self.terrain.grid, self.terrain.scale
         rows = np.clip(((points[0] - grid.north_min) * scale + 0.5).astype(np.int32), 0, grid.rows - 1)
         columns = np.clip(((points[1] - grid.east_min) * scale + 0.5).astype(np.int32), 0, grid.columns - 1)
         first = rows.min(), columns.min()
-        bend = _bend(self._terrain, range(first[0], rows.max() + 1), range(first[1], columns.max() + 1))
+        bend = _bend(self.terrain, range(first[0], rows.max() + 1), range(first[1], columns.max() + 1))
         bent: Pixels = bend[rows - first[0], columns - first[1]]
         return bent
 
@@ -191,7 +191,7 @@ def _grain(seen: Seen) -> Pixels:
     u = np.where(~level & (x > y), east, north)
     v = np.where(level, east, down)
     tone = np.ones(len(u), np.float32)
-    for node, deviation in _SCALES:
+    for node, deviation in SCALES:
         # A pixel sees the mean of the grain within it: of noise whose size falls with 1 / frequency, this much is left.
         left = np.float32(deviation) / np.maximum(np.float32(1.0), seen.footprint / np.float32(8.0 * node))
         tone += left * _interpolate_grain(u / np.float32(node), v / np.float32(node))
@@ -204,7 +204,7 @@ def _interpolate_grain(u: Pixels, v: Pixels) -> Pixels:
     whole_u, whole_v = np.floor(u), np.floor(v)
     a, b = u - whole_u, v - whole_v
     row, column = whole_u.astype(np.int32) & (_SIDE - 1), whole_v.astype(np.int32) & (_SIDE - 1)
-    tile = _tile()  # with its first row and column once more at its end
+    tile = grain_tile()  # with its first row and column once more at its end
     first = row * (_SIDE + 1) + column
     corners = [tile.take(first + offset) for offset in (0, 1, _SIDE + 1, _SIDE + 2)]
     one = corners[0] + (corners[1] - corners[0]) * b
@@ -214,7 +214,7 @@ def _interpolate_grain(u: Pixels, v: Pixels) -> Pixels:
 
 
 @lru_cache(maxsize=1)
-def _tile() -> Pixels:
+def grain_tile() -> Pixels:
     """Noise whose amplitude falls with 1 / frequency, mean 0, standard deviation 1, flattened."""
     random = np.random.default_rng(1)
     spectrum = np.fft.rfft2(random.standard_normal((_SIDE, _SIDE)))

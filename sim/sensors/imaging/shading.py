@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.environment.optics import Water
+from sim.environment.texture import NODE
 from sim.sensors.imaging import scenery as looks
 
 Floats = NDArray[np.float32]
@@ -38,9 +39,9 @@ class Shading:
         self._fades = np.zeros((6, _STEPS + 1), np.float32)
         self._terrain = scenery.terrain
         self._depths = np.ascontiguousarray(self._terrain.depths, np.float32) if self._terrain else _EMPTY
-        self._texture, self._height = _EMPTY, 0.0
-        if scenery.texture is not None:
-            self._texture, self._height = scenery.texture.tiles(), scenery.texture.height
+        texture = scenery.texture
+        self._texture = texture.tiles() if texture else _EMPTY
+        self._relief = (texture.height, NODE, looks.FINEST, *texture.ripples) if texture else (0.0, *[1.0] * 6)
 
     def shade(self, call: Any, hits: Any, place: Any, rotation: Any, lamps: float, water: Water) -> Floats:
         """Return the radiance (n x 3) at the lens of what the pixels see, by the compiled function `call`."""
@@ -54,7 +55,7 @@ class Shading:
         rock = np.subtract(looks.ROCK, self._scenery.colours[looks.SEABED]).tolist()
         settings = (
             *place, *rotation, self._pixel, self._scenery.surface, lamps, *water.light, *water.veil, self._per_metre,
-            *nodes, *deviations, *rock, *ground, self._height, *looks.TEXTURE_NODES, looks.FINEST,
+            *nodes, *deviations, *rock, *ground, *self._relief,
         )  # fmt: skip
         out = np.empty((len(self._toward), 3), np.float32)
         call(

@@ -292,7 +292,7 @@ def test_things_look_the_same_from_elsewhere() -> None:
 
 def test_shade(monkeypatch: pytest.MonkeyPatch) -> None:
     """A face that looks up is 1 / 0.6 times as bright as a wall; from below the surface is bright."""
-    monkeypatch.setattr(scenery, "_SCALES", ())
+    monkeypatch.setattr(scenery, "SCALES", ((0.01, 0.0), (0.089, 0.0)))
     world = FLAT._replace(box=(Box(5.0, 0.0, 2.0, 2.0, top=9.0),))
     sample = camera(world, TRUE._replace(exposure=1.0, width=161, height=121)).sample(0, State((0.0, 0.0, 7.0)))
     picture, rows = colours(sample), np.nonzero(labels(sample)[:, 80] == 1)[0]

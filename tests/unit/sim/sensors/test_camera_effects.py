@@ -1,6 +1,6 @@
 """Effects of lamps, particles, waves and motion on the camera's picture: seeded, and of the right size."""
 
-from math import exp, pi, radians, tan
+from math import exp, nan, pi, radians, tan
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from sim.dynamics import State
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.optics import jerlov
+from sim.environment.relief import Fractal
+from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
 from sim.rotations import from_euler
 from sim.rotations import integrate as turn
@@ -20,6 +22,7 @@ from sim.sensors.imaging.camera_model import CameraModel
 from sim.sensors.imaging.camera_particles import Caustics, Snow
 from sim.sensors.imaging.samples import CameraSample
 from sim.sensors.imaging.scenery import Seen
+from sim.sensors.imaging.shading import compiled
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
@@ -190,7 +193,7 @@ def test_a_rolling_shutter_shows_each_row_as_it_was_seen_then() -> None:
 def test_the_bottom_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ripples of the world's [bottom] are stripes across their heading."""
     rippled = SHALLOW._replace(bottom=Bottom("sand", roughness=0.0, patches=0.0, ripple_height=0.06, ripple_length=0.5))
-    monkeypatch.setattr("sim.sensors.imaging.scenery._grain", lambda seen: np.ones(len(seen.ranges), np.float32))
+    monkeypatch.setattr("sim.sensors.imaging.scenery.SCALES", ((0.01, 0.0), (0.089, 0.0)))
     picture = colours(shot(rippled, State((0.0, 0.0, 0.5)), DOWN, water="clear")).mean(axis=2)
     assert picture.std(axis=0).mean() > 5.0 * picture.std(axis=1).mean()
     flat = colours(shot(SHALLOW, State((0.0, 0.0, 0.5)), DOWN, water="clear")).mean(axis=2)
@@ -207,3 +210,39 @@ def test_the_ground_truth_has_no_effect() -> None:
     }
     truth = shot(ground_truth=True, **LAMPS)
     assert shot(ground_truth=True, **everything, **LAMPS).rgb == truth.rgb
+
+
+@pytest.mark.parametrize("kind", ["mud", "rock"])
+@pytest.mark.parametrize("keys", [{}, {"lamps": 3.0, "water": "3C"}, {"water": "clear"}, {"ground_truth": True}])
+def test_the_compiled_pass_gives_the_same_light(kind: Any, keys: dict[str, Any]) -> None:
+    """Of relief with ripples, a place without data, a pile, the surface, and nothing: to a part in a thousand."""
+    if compiled() is None:
+        pytest.skip("no C compiler here")
+    grid = covering((-20.0, 20.0, -20.0, 20.0), 0.7)
+    depths = Fractal(9.0, 1.0, 0.9, seed=3).depths(grid)
+    depths[200] = nan
+    world = PILED._replace(
+        depth=9.0, terrain=Terrain(grid, depths, 9.0), cylinder=(Cylinder(4.0, 1.0, 0.3, top=2.0),),
+        bottom=Bottom(kind, ripple_height=0.05, ripple_length=0.5, ripple_heading=0.7),
+    )  # fmt: skip
+    scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
+    for angles in ((0.0, -0.6, 0.2), (0.1, 0.5, 1.0), (0.0, -1.5, 2.0)):
+        light = []
+        for call in (compiled(), None):
+            camera = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)
+            camera._eye._shade = call
+            light.append(camera._eye.render(0, State((0.3, -0.2, 5.0)))[0])
+        assert np.isclose(light[0], light[1], rtol=2e-3, atol=1e-4).mean() > 0.999
+        assert light[0].std() > 0.01
+
+
+def test_the_compiled_pass_refuses_what_does_not_fit() -> None:
+    if compiled() is None:
+        pytest.skip("no C compiler here")
+    from sim.native._picture import shade
+
+    none, settings = np.zeros(0, np.float32), [0.0] * 41
+    with pytest.raises(ValueError, match="numbers are needed"):
+        shade([0.0], none, none, none, none, none, none, none, none, none, none)
+    with pytest.raises(ValueError, match="a buffer has not the size"):
+        shade(settings, none, none, none, none, none, none, none, none, none, none)

@@ -1,0 +1,49 @@
+"""Make the camera's pictures of docs/how-to/imaging.md: `python -m tools.pages.underwater`.
+
+Caustics in the installed harbour's shallow end, and lamps 0.4 m beside a camera in the dark of 160 m.
+"""
+
+from math import radians
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from sim.dynamics import State
+from sim.environment.bottom import Bottom
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.world import World, load_world
+from sim.rotations import from_euler
+from sim.sensors.imaging.camera import Camera
+from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.mounting import Mounting
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+FOLDER = Path(__file__).parents[2] / "docs" / "how-to"
+DEEP = World(
+    "deep", "made up", (-40.0, 40.0, -40.0, 40.0), 160.0, bottom=Bottom("mud", ripple_height=0.03),
+    cylinder=(Cylinder(3.2, 0.3, 0.15, top=150.0), Cylinder(5.5, -1.2, 0.2, top=150.0)),
+    box=(Box(4.0, 1.6, 0.8, 0.8, 0.4, top=159.2),),
+)  # fmt: skip
+LAMPS = CameraModel(lamps=1.0, lamp_offset=0.4, lamp_shadows=True, backscatter=0.3, snow=300.0)
+SIZE = {"width": 480, "height": 360}
+
+
+def main() -> None:
+    """Write both pictures."""
+    shoot("camera_caustics", load_world("harbour"), (8.0, 3.0, 3.2), 0.5, CameraModel(water="IB", caustics=0.9))
+    shoot("camera_lamps", DEEP, (0.0, 0.0, 158.0), 0.0, LAMPS)
+
+
+def shoot(name: str, world: World, place: tuple[float, float, float], yaw: float, model: CameraModel) -> None:
+    """Write the picture of a camera at a place (m, NED) that looks `yaw` rad about and 18 degrees down."""
+    scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place)
+    down = Mounting(orientation=(0.0, radians(-18.0), 0.0))
+    sample = Camera(model._replace(**SIZE), down, 1, scene).sample(10**9, State(place, from_euler(0.0, 0.0, yaw)))
+    pixels = np.frombuffer(sample.rgb, np.uint8).reshape(sample.height, sample.width, 3)
+    Image.fromarray(pixels).save(FOLDER / f"{name}.jpg", quality=85)
+
+
+if __name__ == "__main__":
+    main()
