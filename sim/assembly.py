@@ -162,6 +162,18 @@ def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
     return Caster(ground, terrain.depths, solids, nodes, triangles).cast
 
 
+def make_shader() -> "Callable[..., None] | None":
+    """Return what computes the light of a camera's pixels in C, see sim.sensors.imaging.shading; None without C.
+
+    Raises ConfigError as `choose` does.
+    """
+    if not has_native("sim.native._picture"):
+        return None
+    from sim.native._picture import shade
+
+    return shade
+
+
 def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion | None":
     """Return the motion of the water besides the steady current; None without any, and then nothing is loaded."""
     if not (world.ocean and world.ocean.moves):

@@ -27,7 +27,7 @@ DEEP = World(
     box=(Box(4.0, 1.6, 0.8, 0.8, 0.4, top=159.2),),
 )  # fmt: skip
 LAMPS = CameraModel(lamps=1.0, lamp_offset=0.4, lamp_shadows=True, backscatter=0.3, snow=300.0)
-SIZE = {"width": 480, "height": 360}
+WIDTH, HEIGHT = 480, 360
 
 
 def main() -> None:
@@ -40,7 +40,9 @@ def shoot(name: str, world: World, place: tuple[float, float, float], yaw: float
     """Write the picture of a camera at a place (m, NED) that looks `yaw` rad about and 18 degrees down."""
     scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place)
     down = Mounting(orientation=(0.0, radians(-18.0), 0.0))
-    sample = Camera(model._replace(**SIZE), down, 1, scene).sample(10**9, State(place, from_euler(0.0, 0.0, yaw)))
+    sample = Camera(model._replace(width=WIDTH, height=HEIGHT), down, 1, scene).sample(
+        10**9, State(place, from_euler(0.0, 0.0, yaw))
+    )
     pixels = np.frombuffer(sample.rgb, np.uint8).reshape(sample.height, sample.width, 3)
     Image.fromarray(pixels).save(FOLDER / f"{name}.jpg", quality=85)
 

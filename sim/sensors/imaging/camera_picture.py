@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.common.errors import ConfigError
+from sim.assembly import make_shader
 from sim.dynamics import State
 from sim.environment.optics import CLEAR, Water, encode, jerlov, underwater
 from sim.environment.world import World
@@ -18,7 +19,7 @@ from sim.sensors.imaging.camera_effects import Effects, Shot
 from sim.sensors.imaging.camera_model import CameraModel
 from sim.sensors.imaging.samples import Distortion, Intrinsics
 from sim.sensors.imaging.scenery import Scenery, Seen
-from sim.sensors.imaging.shading import Shading, compiled
+from sim.sensors.imaging.shading import Shading
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
@@ -48,7 +49,7 @@ class Eye:
         self._water, self._water_depth = CLEAR, -1.0
         self._effects = Effects(model, intrinsics.fx, self._toward, seed)
         self._shading = Shading(self._scenery, self._toward, self._pixel, model.max_range)
-        self._shade = compiled()
+        self._shade = make_shader()
 
     def add(self, solid: Solid, state: State) -> None:
         """Put a solid there that goes with a vehicle's `state`."""

@@ -11,21 +11,13 @@ from numpy.typing import NDArray
 
 from sim.environment.optics import Water
 from sim.environment.texture import NODE
+from sim.rays.geometry import SEABED
 from sim.sensors.imaging import scenery as looks
 
 Floats = NDArray[np.float32]
 
 _STEPS = 1024  # of the tables of exp
 _EMPTY = np.zeros(0, np.float32)
-
-
-def compiled() -> Any:
-    """Return the function in C, None without it."""
-    try:
-        from sim.native._picture import shade
-    except ImportError:
-        return None
-    return shade
 
 
 class Shading:
@@ -52,7 +44,7 @@ class Shading:
         grid = self._terrain.grid if self._terrain else None
         ground = (grid.rows, grid.columns, grid.north_min, grid.east_min, self._terrain.scale) if grid else (0.0,) * 5  # type: ignore[union-attr]
         nodes, deviations = zip(*looks.SCALES, strict=True)
-        rock = np.subtract(looks.ROCK, self._scenery.colours[looks.SEABED]).tolist()
+        rock = np.subtract(looks.ROCK, self._scenery.colours[SEABED]).tolist()
         settings = (
             *place, *rotation, self._pixel, self._scenery.surface, lamps, *water.light, *water.veil, self._per_metre,
             *nodes, *deviations, *rock, *ground, *self._relief,

@@ -121,8 +121,8 @@ def test_planners_see_it_at_the_depths_that_it_has(tmp_path: Path) -> None:
 
 def test_its_colour_is_what_a_camera_sees(tmp_path: Path) -> None:
     world = world_with(tmp_path, block(tmp_path), colour=(0.9, 0.1, 0.2))
-    assert Scenery(world, 2)._colours[1] == pytest.approx((0.9, 0.1, 0.2))
-    assert Scenery(world_with(tmp_path), 2)._colours[1] != pytest.approx((0.9, 0.1, 0.2))
+    assert Scenery(world, 2).colours[1] == pytest.approx((0.9, 0.1, 0.2))
+    assert Scenery(world_with(tmp_path), 2).colours[1] != pytest.approx((0.9, 0.1, 0.2))
 
 
 HEAD = 'name = "w"\nsource = ""\nextent = [-50, 50, -50, 50]\ndepth = 30\n'

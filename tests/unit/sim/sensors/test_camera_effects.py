@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
+from sim.assembly import make_shader
 from sim.dynamics import State
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
@@ -22,7 +23,6 @@ from sim.sensors.imaging.camera_model import CameraModel
 from sim.sensors.imaging.camera_particles import Caustics, Snow
 from sim.sensors.imaging.samples import CameraSample
 from sim.sensors.imaging.scenery import Seen
-from sim.sensors.imaging.shading import compiled
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
@@ -216,7 +216,7 @@ def test_the_ground_truth_has_no_effect() -> None:
 @pytest.mark.parametrize("keys", [{}, {"lamps": 3.0, "water": "3C"}, {"water": "clear"}, {"ground_truth": True}])
 def test_the_compiled_pass_gives_the_same_light(kind: Any, keys: dict[str, Any]) -> None:
     """Of relief with ripples, a place without data, a pile, the surface, and nothing: to a part in a thousand."""
-    if compiled() is None:
+    if make_shader() is None:
         pytest.skip("no C compiler here")
     grid = covering((-20.0, 20.0, -20.0, 20.0), 0.7)
     depths = Fractal(9.0, 1.0, 0.9, seed=3).depths(grid)
@@ -228,7 +228,7 @@ def test_the_compiled_pass_gives_the_same_light(kind: Any, keys: dict[str, Any])
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
     for angles in ((0.0, -0.6, 0.2), (0.1, 0.5, 1.0), (0.0, -1.5, 2.0)):
         light = []
-        for call in (compiled(), None):
+        for call in (make_shader(), None):
             camera = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)
             camera._eye._shade = call
             light.append(camera._eye.render(0, State((0.3, -0.2, 5.0)))[0])
@@ -237,7 +237,7 @@ def test_the_compiled_pass_gives_the_same_light(kind: Any, keys: dict[str, Any])
 
 
 def test_the_compiled_pass_refuses_what_does_not_fit() -> None:
-    if compiled() is None:
+    if make_shader() is None:
         pytest.skip("no C compiler here")
     from sim.native._picture import shade
 
