@@ -40,9 +40,8 @@ def shoot(name: str, world: World, place: tuple[float, float, float], yaw: float
     """Write the picture of a camera at a place (m, NED) that looks `yaw` rad about and 18 degrees down."""
     scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place)
     down = Mounting(orientation=(0.0, radians(-18.0), 0.0))
-    sample = Camera(model._replace(width=WIDTH, height=HEIGHT), down, 1, scene).sample(
-        10**9, State(place, from_euler(0.0, 0.0, yaw))
-    )
+    model = model._replace(width=WIDTH, height=HEIGHT)
+    sample = Camera(model, down, 1, scene).sample(10**9, State(place, from_euler(0.0, 0.0, yaw)))
     pixels = np.frombuffer(sample.rgb, np.uint8).reshape(sample.height, sample.width, 3)
     Image.fromarray(pixels).save(FOLDER / f"{name}.jpg", quality=85)
 

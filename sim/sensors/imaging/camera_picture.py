@@ -49,7 +49,7 @@ class Eye:
         self._water, self._water_depth = CLEAR, -1.0
         self._effects = Effects(model, intrinsics.fx, self._toward, seed)
         self._shading = Shading(self._scenery, self._toward, self._pixel, model.max_range)
-        self._shade = make_shader()
+        self._shade = make_shader() if self._shading.is_whole else None
 
     def add(self, solid: Solid, state: State) -> None:
         """Put a solid there that goes with a vehicle's `state`."""

@@ -35,6 +35,11 @@ class Shading:
         self._texture = texture.tiles() if texture else _EMPTY
         self._relief = (texture.height, NODE, looks.FINEST, *texture.ripples) if texture else (0.0, *[1.0] * 6)
 
+    @property
+    def is_whole(self) -> bool:
+        """True if the compiled pass knows all of the looks: the bottom is the same everywhere."""
+        return self._scenery.bottom_map is None
+
     def shade(self, call: Any, hits: Any, place: Any, rotation: Any, lamps: float, water: Water) -> Floats:
         """Return the radiance (n x 3) at the lens of what the pixels see, by the compiled function `call`."""
         if water is not self._water:

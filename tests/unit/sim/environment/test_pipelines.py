@@ -110,7 +110,7 @@ def test_a_vehicle_touches_it_and_planners_go_round_it_only_near_the_bed() -> No
 def test_cameras_and_sonars_know_what_it_is_made_of() -> None:
     world = FLAT._replace(pipeline=(FLAT.pipeline[0]._replace(colour=(0.9, 0.1, 0.2), echo=5.0),))
     assert list(world.looks()) == [(1, (0.9, 0.1, 0.2), 5.0)]
-    assert Scenery(world, 2)._colours[1] == pytest.approx((0.9, 0.1, 0.2))
+    assert Scenery(world, 2).colours[1] == pytest.approx((0.9, 0.1, 0.2))
 
 
 def test_a_world_file_has_pipelines(tmp_path: Path) -> None:
