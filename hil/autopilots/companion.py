@@ -25,7 +25,6 @@ from hil.common.clock import NS_PER_S, NS_PER_US
 from hil.common.vectors import Vector3
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
-from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import DvlSample, OdometrySample
 
@@ -82,7 +81,7 @@ class Companion:
         if self._positions == "odometry":
             return [hil.odometry(time_us, inputs.odometry, hil.LOCAL_FRD)]
         if self._positions == "gps":
-            return [gps_input(time_us, inputs.fix, rotate(truth.orientation, truth.nu[:3]))]
+            return [gps_input(time_us, inputs.fix, inputs.antenna_velocity(truth))]
         dvl, before_ns = inputs.dvl, self._dvl_ns
         self._dvl_ns = dvl.time_ns if dvl.locked else None
         if not dvl.locked or before_ns is None or not 0 < dvl.time_ns - before_ns <= MOST_DELTA_NS:

@@ -13,6 +13,7 @@ from sim.sensors.geodesy import TangentPlane
 from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import STANDARD_ATMOSPHERE
+from sim.sensors.samples import OdometrySample
 
 AT_REST: Vector3 = (0.0, 0.0, -9.80665)
 HOME = (50.0, 8.0)  # degrees; of a world without an origin
@@ -34,6 +35,7 @@ class SensorInputs:
                 f"{scenario.path}: sensors: imu: an autopilot needs one of at least {LEAST_IMU_HZ:g} Hz; "
                 'give [sensors.imu] rate = "400 Hz"'
             )
+        self._antenna = fitted["gps"].mounting if "gps" in fitted else Mounting()
         self._turns = {name: _turn(fitted[name].mounting) for name in TURNED if name in fitted}
         self._weight = world.density * world.gravity
         self._water = water_pressure(world)
@@ -80,6 +82,10 @@ class SensorInputs:
         else:
             return
         self.fresh.add(topic)
+
+    def antenna_velocity(self, truth: OdometrySample) -> Vector3:
+        """Return the velocity (m/s, NED) of the GPS receiver's place, which is what a receiver measures."""
+        return rotate(truth.orientation, self._antenna.velocity(truth.nu))
 
     @property
     def depth(self) -> float:

@@ -222,14 +222,13 @@ class Px4(Autopilot):
     def _extra(self, time_us: int, time_ns: int, truth: OdometrySample) -> list[Any]:
         """Return what goes along with a HIL_SENSOR."""
         inputs, messages = self._inputs, list[Any]()
-        velocity = rotate(truth.orientation, truth.nu[:3])
         if "gps" in inputs.fresh:
-            messages.append(hil.gps(time_us, inputs.fix, velocity))
+            messages.append(hil.gps(time_us, inputs.fix, inputs.antenna_velocity(truth)))
         if "odom" in inputs.fresh:
             messages.append(hil.odometry(time_us, inputs.odometry))
         if inputs.plane is not None and time_ns >= self._truth_ns:
             self._truth_ns = time_ns + TRUTH_PERIOD_NS
-            place = inputs.plane.geodetic(truth.position)
+            place, velocity = inputs.plane.geodetic(truth.position), rotate(truth.orientation, truth.nu[:3])
             messages.append(hil.truth_state(time_us, truth, velocity, inputs.acceleration, place))
         if self._rc and time_ns >= self._rc_ns:
             self._rc_ns = time_ns + RC_PERIOD_NS
