@@ -40,6 +40,7 @@ class Image(NamedTuple):
     path: str
     chip: str
     device_ids: tuple[int, ...]
+    flash_kib: int
     boards: tuple[str, ...]
     clock: str
     outputs: tuple[str, ...]
@@ -65,6 +66,7 @@ def describe_image(path: str) -> Image:
             table: dict[str, Any] = parse_toml(file.read())
         return Image(
             table["chip"].removeprefix("STM32").lower(), path, table["chip"], tuple(table["device_ids"]),
+            table["flash_kib"],
             tuple(table["boards"]), table["clock"], tuple(table["outputs"]), table["serial"], table.get("can", {}),
             table.get("headers", {}), table["size"], table["sha256"],
         )  # fmt: skip

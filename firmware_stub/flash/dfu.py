@@ -23,7 +23,7 @@ NO_BOARD = (
     f"no board in DFU mode ({ROM}): set BOOT0 high (on a Black Pill hold BOOT0, press and release NRST), connect its "
     "USB socket, look again with: dfu-util -l"
 )
-FLASH_KIB = {"f405": 1024, "f411": 512, "f446": 512}
+WITH_DFU = ("f405", "f411", "f446")
 LISTED = re.compile(r'Found DFU: \[0483:df11\].*path="(?P<path>[^"]*)".*name="@Internal Flash\s*(?P<layout>[^"]*)"')
 SERIAL = re.compile(r'serial="([^"]*)"')
 SECTORS = re.compile(r"(\d+)\*(\d+)([ KM])")
@@ -76,16 +76,17 @@ def choose_image(board: DfuBoard, chip: str | None) -> Image:
     """Return the image for a board; `chip` is what the person said it is. Raises ConfigError if that cannot be."""
     if chip == "f103":
         raise ConfigError("an STM32F103 has no USB bootloader in its ROM: use a debug probe: --by probe")
-    fitting = [name for name, kib in FLASH_KIB.items() if kib == board.flash_kib]
+    images = {name: load_image(name) for name in WITH_DFU}
+    fitting = [name for name, image in images.items() if image.flash_kib == board.flash_kib]
     found = f"the board in DFU mode at {board.path} has {board.flash_kib} KiB of flash"
     if chip is not None and chip not in fitting:
-        raise ConfigError(f"{found}, and an {load_image(chip).chip} has {FLASH_KIB[chip]}: not the image for it")
+        raise ConfigError(f"{found}, and an {images[chip].chip} has {images[chip].flash_kib}: not the image for it")
     if chip is None and len(fitting) != 1:
         names = " or ".join(f"--chip {name}" for name in fitting)
         raise ConfigError(
             f"{found}: " + (f"say which chip it is, as DFU does not: {names}" if names else "there is no image for it")
         )
-    return load_image(chip or fitting[0])
+    return images[chip or fitting[0]]
 
 
 def write(board: DfuBoard, content: Content, report: Callable[[str], None]) -> None:

@@ -13,11 +13,13 @@ from pyocd.target.builtin.target_STM32F103RC import STM32F103RC
 from pyocd.target.builtin.target_STM32F412xx import FLASH_ALGO as F4_ALGORITHM
 from pyocd.target.builtin.target_STM32F412xx import STM32F412xE
 
+from firmware_stub.image import load_image
+
 FLASH, RAM, KIB = 0x0800_0000, 0x2000_0000, 1024
 
 
-def _f4(flash_kib: int) -> MemoryMap:
-    sizes = ((64, 16), (64, 64), (flash_kib - 128, 128))  # KiB of a region, and of its sectors
+def _f4(chip: str) -> MemoryMap:
+    sizes = ((64, 16), (64, 64), (load_image(chip).flash_kib - 128, 128))  # KiB of a region, and of its sectors
     regions: list[Any] = []
     start = FLASH
     for size, sector in sizes:
@@ -41,26 +43,32 @@ class _F4(STM32F412xE):  # type: ignore[misc] # pyOCD's constructors have no typ
 class F405(_F4):
     """STM32F405 (F407, F415, F417)."""
 
-    MEMORY_MAP = _f4(1024)
+    MEMORY_MAP = _f4("f405")
 
 
 class F411(_F4):
     """STM32F411xE."""
 
-    MEMORY_MAP = _f4(512)
+    MEMORY_MAP = _f4("f411")
 
 
 class F446(_F4):
     """STM32F446xE."""
 
-    MEMORY_MAP = _f4(512)
+    MEMORY_MAP = _f4("f446")
 
 
 class F103(STM32F103RC):  # type: ignore[misc]
     """STM32F103x8."""
 
     MEMORY_MAP = MemoryMap(
-        FlashRegion(start=FLASH, length=64 * KIB, blocksize=KIB, is_boot_memory=True, algo=F1_ALGORITHM),
+        FlashRegion(
+            start=FLASH,
+            length=load_image("f103").flash_kib * KIB,
+            blocksize=KIB,
+            is_boot_memory=True,
+            algo=F1_ALGORITHM,
+        ),
         RamRegion(start=RAM, length=20 * KIB),
     )
 

@@ -150,6 +150,20 @@ def test_ctrl_c_ends_it_neutral(served: tuple[str, "subprocess.Popen[str]"], num
     assert "pwm 1500 1500 1500 1500" in stm32.communicate(timeout=PATIENCE_S)[0].splitlines()[-1]
 
 
+def test_a_link_that_is_lost_ends_it(served: tuple[str, "subprocess.Popen[str]"]) -> None:
+    path, stm32 = served
+    command = module_command("hil.cli", "stm32", "check", "--port", path, "--channels", "4", "--yes", "--seconds", "5")
+    check = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=package_environment())
+    assert check.stderr
+    assert "WARNING" in check.stderr.readline()
+    time.sleep(1.0)
+    stm32.kill()
+    _, err = check.communicate(timeout=PATIENCE_S)
+    assert check.returncode == 3, err
+    assert "link" in err.splitlines()[-1]
+    assert "neutral not confirmed: the STM32's watchdog stops the outputs" in err
+
+
 @pytest.mark.parametrize(
     ("words", "refusal"),
     [

@@ -323,6 +323,13 @@ def pin_modes(board: UnicornBoard) -> dict[str, str]:
     return modes
 
 
+def test_the_emulated_chip_is_the_one_that_is_described(chip: str, board: UnicornBoard) -> None:
+    image, model = load_image(chip), board._chip.model
+    assert model.device_id in image.device_ids
+    assert model.flash_size == image.flash_kib * 1024
+    assert ("CAN1" in model.places) == bool(image.can)
+
+
 def test_the_pins_are_those_of_the_wiring_that_people_are_told(chip: str, board: UnicornBoard) -> None:
     image = load_image(chip)
     timers, serial, can = ("", "", "") if chip == "f103" else (", function 2", ", function 7", ", function 9")
@@ -358,8 +365,9 @@ def test_all_clocks_are_right_with_the_crystal_and_without(
         assert rcc.apb1_hz / ((timing & 0x3FF) + 1) / quanta == 500_000
 
 
-def test_half_of_the_stack_is_never_used(chip: str) -> None:
+def test_half_of_the_smallest_stack_is_never_used() -> None:
     """The F103's has 5 KiB. Frames, MAVLink with its answers, noise, watchdog, CAN."""
+    chip = "f103"
     board = power_up(chip)
     bottom = 0x2000_0C80  # behind the variables: 3152 bytes
     top = int.from_bytes(shipped_image(chip)[:4], "little")
