@@ -262,6 +262,28 @@ def test_each_stream_of_the_camera_is_described() -> None:
     assert [one.stream_id for one in bench.partner.take("VIDEO_STREAM_STATUS")] == [1, 2]
 
 
+def test_what_is_asked_of_the_camera_the_camera_answers() -> None:
+    """As QGroundControl's camera manager asks, by the old commands; it takes no answer of another component."""
+    bench = Bench()
+    bench.dispatcher.picture = camera.CameraInfo((camera.h264(5600),), 640, 480, 5.0, 60.0)
+    expected = {
+        dialect.MAV_CMD_REQUEST_CAMERA_INFORMATION: "CAMERA_INFORMATION",
+        dialect.MAV_CMD_REQUEST_CAMERA_SETTINGS: "CAMERA_SETTINGS",
+        dialect.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: "VIDEO_STREAM_INFORMATION",
+        dialect.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: "VIDEO_STREAM_STATUS",
+        dialect.MAV_CMD_REQUEST_STORAGE_INFORMATION: "",
+        dialect.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: "",
+    }
+    for command, kind in expected.items():
+        message = dialect.MAVLink_command_long_message(1, camera.COMPONENT, command, 0, 1, 0, 0, 0, 0, 0, 0)
+        bench.partner.received.clear()
+        bench.partner.send(message)
+        ack, *answers = bench.partner.received
+        assert (ack.command, ack.result) == (command, ACCEPTED if kind else UNSUPPORTED)
+        assert [answer.get_type() for answer in answers] == ([kind] if kind else [])
+        assert {found.get_srcComponent() for found in (ack, *answers)} == {camera.COMPONENT}
+
+
 @pytest.mark.parametrize("text", ["5600", "host", "host:0", "host:70000", ":5600"])
 def test_a_wrong_target_of_the_video_is_named(text: str) -> None:
     words = Mavlink(rtp=text).validate()
