@@ -232,7 +232,7 @@ def is_fenced(block: Block) -> bool:
 
 def file_of(block: Block) -> str:
     """The file that the text before a block says it is, of any ending."""
-    found = re.findall(r"`(\w+\.(?:py|toml|urdf))`[^`]*:\s*$", block.before.rstrip()[-120:])
+    found = re.findall(r"`(\w+\.(?:py|toml|urdf|sdf))`[^`]*:\s*$", block.before.rstrip()[-120:])
     return found[-1] if found else ""
 
 

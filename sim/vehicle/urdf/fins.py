@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from math import hypot, pi
 from typing import Any
 
+from sim.vehicle.fins import Fin
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, attribute, child_text, number_of, numbers_of, plain, to_frd
 from sim.vehicle.urdf.thrusters import target
@@ -76,13 +77,20 @@ def _fin(
         most = _FREE
     if number_of(child_text(plugin, "a0", "liftdrag/a0") or "0", path):
         notes.append("Left out: the angle a0 at which a fin has no lift.")
-    lag = child_text(plugin, "dynamics/timeConstant")
-    own = plugin.find(OWN)
-    return {
+    lag, own = child_text(plugin, "dynamics/timeConstant"), plugin.find(OWN)
+    fin: dict[str, Any] = {
         "position": to_frd(pose.place(acts)), "axis": to_frd(pose.turn(axis)), "chord": to_frd(pose.turn(chord)),
         "max_deflection": most, **keys, **({"time_constant": abs(number_of(lag, path))} if lag else {}),
-        **({key: number_of(text, path) for key, text in own.items()} if own is not None else {}),
-    }, ""  # fmt: skip
+    }  # fmt: skip
+    return (fin if own is None else _as_ours(fin, own, path)), ""
+
+
+def _as_ours(fin: dict[str, Any], own: Element, path: str) -> dict[str, Any]:
+    """Return the keys of a fin with those of our own URDF; what follows from an aspect ratio is left to that."""
+    given = {key: number_of(text, path) for key, text in own.items() if key in Fin._fields}
+    kept = {key: value for key, value in fin.items() if key not in ("lift_slope", "induced_drag")}
+    pulses = {key: int(value) for key, value in given.items() if key.endswith("_us")}
+    return (kept if "aspect_ratio" in given else fin) | given | pulses
 
 
 def _coefficients(plugin: Element, path: str) -> dict[str, float] | None:

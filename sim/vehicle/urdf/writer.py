@@ -2,7 +2,8 @@
 
 The hull is one link, `base_link`, at the body's origin. Each thruster and fin is a link `NAME_link` on a joint NAME
 that turns about its axis. URDF's axes are FLU, ours FRD; see `sim.vehicle.urdf.importer`. Not written, as URDF and the
-tags of simulators have no place for them: curves, lift of the hull, ballast, battery, coefficients of fins.
+tags of simulators have no place for them: curves, lift of the hull, ballast, battery. A fin's coefficients stand in a
+plugin of Gazebo, and what that has no tag for in its tag `uuv_hil`, which the importer reads and Gazebo passes over.
 """
 
 from collections.abc import Sequence
@@ -13,11 +14,14 @@ from sim.matrices import Matrix, square
 from sim.vehicle.fins import Fin
 from sim.vehicle.meshes import Mesh
 from sim.vehicle.thrusters.model import Thruster
+from sim.vehicle.urdf.fins import OWN
 from sim.vehicle.urdf.text import Element, to_frd, to_frd_matrix
 from sim.vehicle.vehicle import Vehicle
 
 to_flu, to_flu_matrix = to_frd, to_frd_matrix  # half a turn about x is its own inverse
 PROPELLER = 0.03, 0.05  # m: the length, and the radius where the file gives no diameter
+DENSITY = 1000.0  # kg/m³
+_WRITTEN = ("area", "max_deflection")  # of a fin, by a plugin's own tag or the joint
 LEAST_AREA = 1e-6  # m²
 FIN_THICKNESS = 0.01  # m
 PART_MASS, PART_INERTIA = 0.0, 0.0  # of what turns: the mass of the vehicle's file is that of all of it
@@ -101,8 +105,28 @@ def _add_fin(robot: Element, fin: Fin, base: str, prefix: str) -> None:
     joint = _joint(robot, fin.name, "revolute", base, link.get("name", ""))
     _inside(joint, "origin", xyz=_words(to_flu(fin.position)), rpy="0 0 0")
     _inside(joint, "axis", xyz=_words(axis))
+    _add_lift(robot, fin, link.get("name", ""), chord, normal)
     limit = _word(fin.max_deflection)
     _inside(joint, "limit", lower=f"-{limit}", upper=limit, effort=_word(EFFORT), velocity=_word(fin.rate or RATE))
+
+
+def _add_lift(robot: Element, fin: Fin, link: str, chord: Sequence[float], normal: Sequence[float]) -> None:
+    """Add the plugin of a fin's lift; Gazebo's drag grows with the angle, ours with the square of the lift."""
+    name = "gz::sim::systems::LiftDrag"
+    plugin = _inside(_inside(robot, "gazebo"), "plugin", name=name, filename="gz-sim-lift-drag-system")
+    polar = fin.polar
+    numbers = {
+        "area": fin.area, "cla": polar.lift_slope, "alpha_stall": fin.stall_angle, "a0": 0.0, "air_density": DENSITY,
+        "cda": polar.induced_drag * polar.lift_slope**2 * fin.stall_angle / 1.25,
+    }  # fmt: skip
+    _inside(plugin, "link_name").text = link
+    for tag, number in numbers.items():
+        _inside(plugin, tag).text = _word(number)
+    _inside(plugin, "forward").text, _inside(plugin, "upward").text = _words(chord), _words(normal)
+    own = {
+        key: value for key, value in fin._asdict().items() if isinstance(value, (int, float)) and key not in _WRITTEN
+    }
+    _inside(plugin, OWN, **{key: repr(value) for key, value in own.items()})
 
 
 def _add_water(robot: Element, vehicle: Vehicle, base: str) -> None:

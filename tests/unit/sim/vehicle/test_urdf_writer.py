@@ -37,6 +37,12 @@ def test_our_importer_finds_the_same_vehicle(name: str, prefix: str) -> None:
         assert theirs.unit_direction == pytest.approx(ours.unit_direction, abs=1e-12)
         limits = ours.max_forward, ours.max_reverse, ours.time_constant
         assert (theirs.max_forward, theirs.max_reverse, theirs.time_constant) == limits
+    assert len(back.fins) == len(vehicle.fins)
+    for own, found in zip(vehicle.fins, back.fins, strict=True):
+        assert found._asdict().keys() == own._asdict().keys()
+        assert found._replace(chord=own.chord, axis=own.axis) == own
+        for one, other in zip(own.frame, found.frame, strict=True):
+            assert other == pytest.approx(one, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", PRESETS)
