@@ -15,7 +15,7 @@ TYPED = {
     "docs/how-to/disturbances.md": 4,
     "docs/how-to/editor.md": 1,
     "docs/how-to/fleets.md": 3,
-    "docs/how-to/gazebo.md": 6,
+    "docs/how-to/gazebo.md": 5,
 }
 
 
