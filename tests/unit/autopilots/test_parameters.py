@@ -35,6 +35,26 @@ def test_ardusub_gets_its_frame_and_the_installed_file(name: str, frame: int) ->
     assert f"FRAME_CONFIG {frame}\n" in format_parameters(found)
 
 
+# Old name -> the name in ArduSub 4.7 and its factor: AC_PosControl::convert_parameters and AP_RangeFinder_Params. It
+# converts what is stored on a board, not what a file says.
+RENAMED = {
+    "PSC_ACCZ_P": ("PSC_D_ACC_P", 0.1), "PSC_ACCZ_I": ("PSC_D_ACC_I", 0.1), "PSC_VELZ_P": ("PSC_D_VEL_P", 1.0),
+    "PSC_POSZ_P": ("PSC_D_POS_P", 1.0), "PSC_POSXY_P": ("PSC_NE_POS_P", 1.0), "PSC_VELXY_P": ("PSC_NE_VEL_P", 1.0),
+    "PSC_VELXY_I": ("PSC_NE_VEL_I", 1.0), "PSC_VELXY_D": ("PSC_NE_VEL_D", 1.0),
+    "RNGFND1_MAX_CM": ("RNGFND1_MAX", 0.01), "RNGFND1_MIN_CM": ("RNGFND1_MIN", 0.01),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["bluerov2", "bluerov2_heavy"])
+def test_older_and_newer_ardusub_get_the_same(name: str) -> None:
+    vehicle, _ = load_vehicle(name)
+    found = all_parameters(AutopilotSettings(), "ardupilot", vehicle, map_motors("auto", vehicle))
+    renamed = [key for key in found if key.startswith(("PSC_", "RNGFND1_M"))]
+    assert sorted(renamed) == sorted([*RENAMED, *[new for new, _ in RENAMED.values()]])
+    for old, (new, factor) in RENAMED.items():
+        assert found[new] == pytest.approx(factor * found[old])
+
+
 def test_px4_gets_the_vehicles_geometry() -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")
     found = px4_geometry(vehicle, map_motors("custom", vehicle))
