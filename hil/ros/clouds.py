@@ -1,5 +1,7 @@
-"""sensor_msgs/PointCloud2 of a camera with depth."""
+"""sensor_msgs/PointCloud2 of a camera with depth, and of a sonar's points."""
 
+from array import array
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from hil.ros.message import Message, decode, encode, header, time_of
@@ -11,6 +13,14 @@ _FIELDS = [
     for number, name in enumerate(("x", "y", "z", "rgb"))
 ]
 _STEP = 4 * len(_FIELDS)  # bytes a point
+_STRENGTH_FIELDS = [*_FIELDS[:3], {**_FIELDS[3], "name": "intensity"}]
+
+
+class Points(NamedTuple):
+    """Points of a sonar in the axes of their frame (m), each with the strength of its echo (dB): x, y, z, intensity."""
+
+    time_ns: int
+    points: tuple[tuple[float, float, float, float], ...]
 
 
 class Cloud(NamedTuple):
@@ -58,3 +68,24 @@ def _is_ours(message: Message) -> bool:
     steps = message["point_step"] == _STEP and message["row_step"] == row
     whole = len(message["data"]) == row * message["height"]
     return steps and whole and message["fields"] == _FIELDS and not message["is_bigendian"]
+
+
+def encode_points(time_ns: int, points: Sequence[tuple[float, float, float, float]], frame: str) -> bytes:
+    """Return points with the strengths of their echoes as a message, an unordered cloud."""
+    data = array("f", [value for point in points for value in point])
+    size = {"height": 1, "width": len(points), "point_step": _STEP, "row_step": _STEP * len(points)}
+    shape = {"fields": _STRENGTH_FIELDS, "is_dense": True, "data": data.tobytes()}
+    return encode(_TYPE, {"header": header(time_ns, frame), **size, **shape})
+
+
+def decode_points(data: bytes) -> Points | None:
+    """Return points with the strengths of their echoes; None for a cloud of other fields."""
+    message = decode(_TYPE, data)
+    if message is None or message["fields"] != _STRENGTH_FIELDS or message["is_bigendian"]:
+        return None
+    if message["point_step"] != _STEP or len(message["data"]) != _STEP * message["width"] * message["height"]:
+        return None
+    values = array("f")
+    values.frombytes(message["data"])
+    rows = [(*values[i : i + 4],) for i in range(0, len(values), 4)]
+    return Points(time_of(message), tuple(rows))  # type: ignore[arg-type]

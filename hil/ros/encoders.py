@@ -328,12 +328,14 @@ _ELSEWHERE = {
     **dict.fromkeys(("cmd_depth", "cmd_heading", "cmd_pose", "cmd_wrench"), "commands"),
     **dict.fromkeys(("cmd_thrusters", "cmd_vel_stamped"), "commands"),
     **dict.fromkeys(("dvl", "dvl_twist", "altitude", "dvl_water"), "dvl"),
-    **dict.fromkeys(("laser", "profiler", "scanning_sonar", "echosounder"), "scans"),
+    **dict.fromkeys(("laser", "profiler", "profiler/points", "scanning_sonar", "echosounder"), "scans"),
     **dict.fromkeys(("camera", "forward_sonar", "side_scan"), "images"),  # the sensors, and then their topics
     **dict.fromkeys(("camera/image_raw", "camera/image_raw/compressed", "camera/camera_info"), "images"),
     **dict.fromkeys(("camera/depth/image_raw", "camera/depth/camera_info", "camera/depth/points"), "images"),
     "camera/labels": "images",
-    **dict.fromkeys(("forward_sonar/image", "side_scan/image"), "images"),
+    **dict.fromkeys(
+        ("forward_sonar/image", "forward_sonar/fan/image_raw", "scanning_sonar/image", "side_scan/image"), "images"
+    ),
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
     **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events"), "world"),
     **dict.fromkeys(("joint_states", "motors"), "joints"),

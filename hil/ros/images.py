@@ -167,6 +167,14 @@ def decode_sonar(data: bytes) -> SonarImageSample:
     return SonarImageSample(time_of(message), beams, len(ranges), first, step, *ping, encoding, echoes)
 
 
+def encode_fan(sample: SonarImageSample, frame: str = "forward_sonar_link") -> bytes:
+    """sensor_msgs/Image of a sonar's picture as a fan, ahead upwards, port on the left: what displays show."""
+    from sim.sensors.imaging.fan_picture import SIZE, fan_grey  # with numpy
+
+    grey = fan_grey(sample, 2 * SIZE)
+    return encode_image(Picture(sample.time_ns, grey.shape[1], grey.shape[0], "mono8", grey.tobytes()), frame)
+
+
 def encode_side_scan(sample: SideScanSample, frame: str = "side_scan_link") -> bytes:
     """marine_acoustic_msgs/RawSonarImage of two beams, port and starboard; the altitude does not travel.
 
@@ -240,5 +248,7 @@ DECODERS: dict[str, Any] = {
     "camera/depth/points": decode_cloud,
     "camera/labels": decode_image,
     "forward_sonar/image": decode_sonar,
+    "forward_sonar/fan/image_raw": decode_image,
+    "scanning_sonar/image": decode_sonar,
     "side_scan/image": decode_side_scan,
 }

@@ -36,6 +36,7 @@ class Topic(NamedTuple):
         return self.name if self.name.startswith("/") else f"/{node}/{self.name}"
 
 
+FAN = "fan/image_raw"  # of a forward-looking sonar, below its name
 _DESCRIPTION = Qos(latched=True, depth=1)
 
 TOPICS = {
@@ -65,6 +66,7 @@ TOPICS = {
         Topic("gps", "sensor_msgs/msg/NavSatFix", 1, "data"),
         Topic("laser", "sensor_msgs/msg/LaserScan", 10, "data"),
         Topic("profiler", "sensor_msgs/msg/LaserScan", 5, "data"),
+        Topic("profiler/points", "sensor_msgs/msg/PointCloud2", 5, "data"),
         Topic("scanning_sonar", "sensor_msgs/msg/LaserScan", 11, "data"),
         Topic("echosounder", "sensor_msgs/msg/Range", 10, "data"),
         Topic("leak", "std_msgs/msg/Bool", 1, "data"),
@@ -78,6 +80,8 @@ TOPICS = {
         Topic("camera/depth/points", "sensor_msgs/msg/PointCloud2", 5, "background"),
         Topic("camera/labels", "sensor_msgs/msg/Image", 5, "background"),
         Topic("forward_sonar/image", "marine_acoustic_msgs/msg/ProjectedSonarImage", 5, "background"),
+        Topic(f"forward_sonar/{FAN}", "sensor_msgs/msg/Image", 5, "background"),
+        Topic("scanning_sonar/image", "marine_acoustic_msgs/msg/ProjectedSonarImage", 11, "background"),
         Topic("side_scan/image", "marine_acoustic_msgs/msg/RawSonarImage", 5, "background"),
         Topic("thruster_wrench", "geometry_msgs/msg/WrenchStamped", 10, "data"),
         Topic("joint_states", "sensor_msgs/msg/JointState", 10, "data"),
@@ -104,7 +108,11 @@ TOPICS = {
 OURS = tuple(TOPICS)  # without those of further sensors of a kind, and of a user's own
 
 # The sensors whose samples go out on several topics, by the simulator's name of their samples.
-_SAMPLE_TOPICS = {"dvl": ("dvl", "dvl_twist", "altitude"), "odom": ("odom", "/tf")}
+_SAMPLE_TOPICS = {
+    "dvl": ("dvl", "dvl_twist", "altitude"),
+    "odom": ("odom", "/tf"),
+    "profiler": ("profiler", "profiler/points"),
+}
 
 ALL = "*"  # the topics of a node, but for pictures
 DESCRIPTIONS = ("robot_description", "map", "obstacles")  # made when somebody subscribes

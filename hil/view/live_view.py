@@ -166,7 +166,8 @@ class LiveView:
                     self._panels.show_picture(f"{title}, ahead is up", pictures.fan_picture(image))
             elif first == SIDE_SCAN and is_chosen:
                 waterfall = self._waterfalls.setdefault(f"{name}/{sensor}", pictures.Waterfall())
-                if waterfall.add(image):
+                here = latest.get("odom") or latest.get("ground_truth")
+                if waterfall.add(image, here.position if here else None):
                     self._panels.show_picture(f"{title}, port left", waterfall.picture())
 
     def _draw_panels(self, name: str) -> None:

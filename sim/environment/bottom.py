@@ -30,10 +30,10 @@ class Properties(NamedTuple):
 # In the order and of the size of APL-UW 1994 (High-Frequency Ocean Environmental Acoustic Models Handbook, TR 9407,
 # table 2), whose exponents are 3.25 for sediments; heights are those of wavelengths below `OUTER` m. Our choice.
 PROPERTIES: dict[Kind, Properties] = {
-    "mud": Properties(0.004, 3.25, -8.0, 1.0),
+    "mud": Properties(0.004, 3.25, -6.0, 1.0),
     "sand": Properties(0.010, 3.25, 0.0, 1.5),
-    "gravel": Properties(0.025, 3.0, 6.0, 2.0),
-    "rock": Properties(0.10, 2.75, 10.0, 3.0),
+    "gravel": Properties(0.025, 3.0, 3.0, 2.0),
+    "rock": Properties(0.10, 2.75, 5.0, 3.0),
 }
 OUTER = 2.0  # m
 

@@ -72,7 +72,8 @@ class LaserSample(NamedTuple):
     """A fan of distances in m at `angle_min`, `angle_min` + `angle_increment`, ... rad; inf, -inf as in RangeSample.
 
     For a laser and a scanning sonar the angle is about the sensor's z axis, from x (ahead) towards y (starboard); for a
-    profiler about its x axis, from z (down) towards y (starboard).
+    profiler about its x axis, from z (down) towards y (starboard). `intensities` are the strengths of the echoes (dB),
+    nan without one; empty for a device that tells none.
     """
 
     time_ns: int
@@ -80,3 +81,4 @@ class LaserSample(NamedTuple):
     angle_increment: float
     ranges: tuple[float, ...]
     limits: tuple[float, float]
+    intensities: tuple[float, ...] = ()

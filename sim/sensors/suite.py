@@ -84,7 +84,7 @@ class SensorSpec(NamedTuple):
     @property
     def offloaded(self) -> bool:
         """True if it makes pictures: too slow for the loop of a slave."""
-        return bool(getattr(self.sensor, "offloaded", False))
+        return bool(getattr(self.sensor, "offloaded", False) or getattr(self.model, "offloaded", False))
 
 
 SensorSet = Mapping[str, SensorSpec]  # by the sensor's name

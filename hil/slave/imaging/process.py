@@ -12,7 +12,7 @@ import os
 import pickle
 import select
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from struct import Struct
 from typing import Any
 
@@ -28,7 +28,7 @@ from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.graph import Identity
 from hil.ros.own import announce
-from hil.ros.topics import first_of
+from hil.ros.topics import FAN, first_of
 from hil.scenario.config import Scenario, build_simulation
 from hil.slave.imaging.neighbours import Neighbours
 from hil.slave.imaging.sensors import DONE, REQUEST
@@ -105,7 +105,7 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
     with join(scenario) as session, studio.neighbours.subscribe():
         sample_publisher = SamplePublisher(session, slave.node, 0, scenario.ros.frame_prefix, waits=True, of=node)
         delayed: list[tuple[int, Message]] = []  # when it is due (monotonic), and what
-        outlets: dict[int, list[str]] = {}  # by sensor the topics of its messages, as its first ones show them
+        outlets: dict[int, list[str]] = {}  # by sensor the topics of its messages, as they show them
         while True:
             wait_s = (delayed[0][0] - now_ns()) / NS_PER_S if delayed else None
             ready = select.select((stop_fd, IN), (), (), wait_s if wait_s is None else max(0.0, wait_s))[0]
@@ -119,11 +119,12 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
                 if number not in outlets or sample_publisher.has_subscribers(outlets[number]):
                     began = now_ns()
                     studio.neighbours.place(began)
-                    messages = list(studio.encode(studio.take_sample(number, time_ns, moving), epoch_ns))
+                    taken = studio.take_sample(number, time_ns, moving)
+                    messages = list(studio.encode(taken, epoch_ns, sample_publisher.has_subscribers))
                     due_ns = instant_ns + studio.delay_ns(number)
                     delayed += [(due_ns, message) for message in messages]
                     if messages:  # a sample may be lost on its way
-                        outlets[number] = [name for name, _ in messages]
+                        outlets[number] = [*{*outlets.get(number, ()), *[name for name, _ in messages]}]
                     took_ns = now_ns() - began
                 os.write(answers, DONE.pack(number, took_ns))
             delayed.sort(key=_due)
@@ -187,8 +188,10 @@ class Studio:
         """Return how long after its instant the last sample of a sensor arrives."""
         return self._slots[number].delay_ns
 
-    def encode(self, taken: tuple[str, Any] | None, epoch_ns: int) -> Iterator[Message]:
-        """Return the messages of what was taken, each with its topic."""
+    def encode(
+        self, taken: tuple[str, Any] | None, epoch_ns: int, wanted: Callable[[Sequence[str]], bool]
+    ) -> Iterator[Message]:
+        """Return the messages of what was taken, each with its topic; what is dear only if it is `wanted`."""
         if taken is None:
             return
         topic, sample = taken
@@ -198,6 +201,10 @@ class Studio:
             yield from ros.encoder(topic)(stamped, prefix, settings.images, settings.jpeg_quality)
         else:
             yield from ros.encoder(topic)(stamped, prefix)
+        if first_of(topic) == "forward_sonar" and wanted((f"{topic}/{FAN}",)):
+            from hil.ros.images import encode_fan
+
+            yield f"{topic}/{FAN}", encode_fan(stamped, f"{prefix}{topic}_link")
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ HEADS = {
     "dvl_water": ("transducer_link", TURNED_UP),
     "profiler": ("scan", (0.0, _HALF_SQRT, 0.0, -_HALF_SQRT)),  # x down, y to starboard, z astern
     "camera": ("optical_frame", (0.5, -0.5, 0.5, -0.5)),  # x to starboard, y down, z ahead
+    "scanning_sonar": ("fan", (0.0, _HALF_SQRT, 0.0, _HALF_SQRT)),
     "forward_sonar": ("fan", (0.0, _HALF_SQRT, 0.0, _HALF_SQRT)),  # x up, y to starboard, z ahead
 }
 

@@ -1,17 +1,20 @@
 """Pictures of cameras and sonars as arrays (height x width x 3, 8 bits), for the panels and the scene."""
 
+from collections.abc import Sequence
 from io import BytesIO
-from math import sin
+from math import hypot
 from typing import Any
 
 import numpy as np
 
 from sim.rotations import matrix
+from sim.sensors.imaging.fan_picture import SIZE, fan_places, strengths
 from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
 from sim.sensors.mounting import Mounting
 
-FAN_SIZE = 360  # pixels of the radius
+FAN_SIZE = SIZE
 WATERFALL = 240  # pings of a side scan that are shown
+_FEWEST_ROWS, _MOST_ROWS = 0.05, 40.0  # a ping: slower it stands, faster there were some lost
 MOST_ECHOES = 4000  # points of a fan in the scene
 BACKGROUND = np.array([12, 18, 28], np.uint8)
 
@@ -28,30 +31,11 @@ def camera_picture(picture: Any) -> Any:
         return None
 
 
-def strengths(sample: SonarImageSample) -> Any:
-    """Return the echoes, bins x beams, from 0 to 1; true intensities on a scale of their own, 40 dB deep."""
-    if sample.encoding == "uint8":
-        return np.frombuffer(sample.intensities, np.uint8).reshape(sample.bins, -1) / 255.0
-    echoes = np.frombuffer(sample.intensities, np.float32).reshape(sample.bins, -1)
-    most = float(echoes.max(initial=0.0)) or 1.0
-    return np.clip(1.0 + np.log10(np.maximum(echoes / most, 1e-4)) / 4.0, 0.0, 1.0)
-
-
 def fan_picture(sample: SonarImageSample) -> Any:
     """Return a forward-looking sonar's picture as the fan it is, ahead upwards, port on the left."""
-    echoes = strengths(sample)
-    beams = np.array(sample.beams)
-    half = max(abs(float(beams[0])), abs(float(beams[-1])), 0.1)
-    reach = sample.first_range + sample.bins * sample.range_step
-    wide = max(2, round(FAN_SIZE * sin(min(half, 1.57)) * 2.0))
-    y, x = np.mgrid[0:FAN_SIZE, 0:wide]
-    ahead, right = (FAN_SIZE - 1 - y) * reach / FAN_SIZE, (x - 0.5 * wide) * reach / FAN_SIZE
-    ranges, angles = np.hypot(ahead, right), np.arctan2(right, ahead)
-    bins = ((ranges - sample.first_range) / sample.range_step).astype(int)
-    columns = np.clip(np.searchsorted(beams, angles), 0, len(beams) - 1)
-    inside = (bins >= 0) & (bins < sample.bins) & (angles >= beams[0]) & (angles <= beams[-1])
-    picture = np.full((FAN_SIZE, wide, 3), BACKGROUND)
-    picture[inside] = _copper(echoes[np.clip(bins, 0, sample.bins - 1), columns])[inside]
+    places, inside = fan_places(sample.beams, sample.bins, sample.first_range, sample.range_step, FAN_SIZE)
+    picture = np.full((*inside.shape, 3), BACKGROUND)
+    picture[inside] = _copper(strengths(sample).ravel().take(places[inside]))
     return picture
 
 
@@ -79,30 +63,47 @@ def fan_points(sample: SonarImageSample, altitude: float, mounting: Mounting = M
 
 
 class Waterfall:
-    """The pings of a side-scan sonar, the newest on top, port on the left."""
+    """The pings of a side-scan sonar, the newest on top, port on the left.
+
+    A row is so much of the track as a column is of the range, so that things keep their shape: between pings it is
+    interpolated. Where the vehicle was is said with each ping; without that a ping is a row.
+    """
 
     def __init__(self) -> None:
-        self._rows: list[Any] = []
+        self._pings: list[Any] = []
+        self._ways: list[float] = []  # rows from the ping before
         self._time_ns = 0
+        self._position: Sequence[float] | None = None
 
-    def add(self, sample: SideScanSample) -> bool:
-        """Add a ping; False for one that is there already."""
+    def add(self, sample: SideScanSample, position: Sequence[float] | None = None) -> bool:
+        """Add a ping, sent at a `position` (NED, m); False for one that is there already."""
         if sample.time_ns == self._time_ns:
             return False
         self._time_ns = sample.time_ns
         kind = np.uint8 if sample.encoding == "uint8" else np.float32
         row = np.concatenate([np.frombuffer(sample.port, kind)[::-1], np.frombuffer(sample.starboard, kind)])
-        if self._rows and len(row) != len(self._rows[0]):
-            self._rows = []
-        self._rows = [row.astype(float), *self._rows[: WATERFALL - 1]]
+        if self._pings and len(row) != len(self._pings[0]):
+            self._pings, self._ways = [], []
+        rows, before, self._position = 1.0, self._position, position
+        if before and position:
+            way = hypot(position[0] - before[0], position[1] - before[1])
+            rows = min(max(way / (sample.range_step or 1.0), _FEWEST_ROWS), _MOST_ROWS)
+        self._pings = [row.astype(float), *self._pings[: WATERFALL - 1]]
+        self._ways = [rows, *self._ways[: WATERFALL - 1]]
         return True
 
     def picture(self) -> Any:
         """Return what there is as a picture of always the same height."""
-        rows = np.array(self._rows)
+        pings = np.array(self._pings)
+        at = np.append(0.0, np.cumsum(self._ways[:-1]))
+        count = min(WATERFALL, int(at[-1] + 1e-6) + 1)
+        place = np.interp(np.arange(count), at, np.arange(len(at)))
+        low = np.minimum(place.astype(int), max(len(at) - 2, 0))
+        share = (place - low)[:, None]
+        rows = pings[low] * (1.0 - share) + pings[np.minimum(low + 1, len(at) - 1)] * share
         rows = rows / (float(np.quantile(rows, 0.99)) or 1.0)
         picture = np.full((WATERFALL, rows.shape[1], 3), BACKGROUND)
-        picture[: len(rows)] = _copper(np.clip(rows, 0.0, 1.0))
+        picture[:count] = _copper(np.clip(rows, 0.0, 1.0))
         return picture
 
 

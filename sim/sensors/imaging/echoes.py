@@ -64,7 +64,8 @@ class Aperture(NamedTuple):
 
     `directions` are the middles of the patches, `edges` (one more a beam) what parts them, `weights` b² dO. With a
     `lattice` of the same cells and the `height` (rad at half power) of its beams rays are split where there are
-    small things.
+    small things; `columns` is what the weights of each column have beside that height's.
+    `sides` are the edges to the left and right of patches so wide that their range differs there.
     """
 
     directions: Floats
@@ -72,6 +73,8 @@ class Aperture(NamedTuple):
     weights: Floats
     lattice: Lattice | None = None
     height: float = 0.0
+    columns: Floats | None = None
+    sides: tuple[Floats, ...] = ()
 
 
 class Echoes(NamedTuple):
@@ -91,10 +94,10 @@ class Echoes(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Rays and what they have met: n directions (sensor's axes), two edges each, weights, beams; and the hits."""
+    """Rays and what they have met: n directions, two or four edges each, weights, beams; and the hits."""
 
     directions: Floats
-    edges: tuple[Floats, Floats]
+    edges: tuple[Floats, ...]
     weights: Floats
     beam: NDArray[np.int64]
     ranges: Floats

@@ -38,8 +38,8 @@ def second_echoes(
     loss = np.where(on_surface[chosen], 10.0 ** (-0.1 * mirrors.surface), 10.0 ** (-0.1 * mirrors.bottom))
     along, normals = rays.directions[chosen] @ view.turn.T, rays.normals[chosen]
     onwards = along - 2.0 * (along * normals).sum(axis=1)[:, None] * normals
-    origins = np.ascontiguousarray(rays.points[chosen] + _OFF * normals)
-    hits = scene.hits(memoryview(origins.ravel()), np.ascontiguousarray(onwards), view.reach)
+    origins: Any = np.ascontiguousarray(rays.points[chosen] + _OFF * normals)
+    hits = scene.hits(origins.ravel(), np.ascontiguousarray(onwards), view.reach)
     objects, further = np.frombuffer(hits.objects, np.int32), np.frombuffer(hits.distances)
     length = rays.ranges[chosen] + further
     back = (strengths[objects] > 0.0) & (length < view.reach)

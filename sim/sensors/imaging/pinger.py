@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.common.vectors import Quaternion
 from sim.dynamics import State
 from sim.environment.bottom import PROPERTIES
 from sim.environment.texture import smooth_slopes
 from sim.rays.scene import SEABED, RayScene
 from sim.rays.solids import Solid, half_space
-from sim.rotations import matrix
+from sim.rotations import matrix, multiply
 from sim.sensors.imaging.echoes import MARGIN, STRETCH, Aperture, Echoes, Floats, Ground, Mirrors, Rays, View, pattern
 from sim.sensors.imaging.multipath import second_echoes
 from sim.sensors.imaging.splitting import Cells, Lattice, split
@@ -48,7 +49,8 @@ class Pinger:
         self._surface = surface
         beams, rays = aperture.weights.shape
         self._flat = np.ascontiguousarray(aperture.directions.reshape(-1, 3), dtype=float)
-        self._edges = aperture.edges[:, :-1].reshape(-1, 3), aperture.edges[:, 1:].reshape(-1, 3)
+        edges = aperture.edges[:, :-1], aperture.edges[:, 1:], *aperture.sides
+        self._edges = tuple(edge.reshape(-1, 3) for edge in edges)
         self._beam = np.repeat(np.arange(beams), rays)
 
     def add(self, solid: Solid, state: State) -> None:
@@ -56,12 +58,16 @@ class Pinger:
         number = self._rays.add(solid, state)
         self._strengths = np.insert(self._strengths, number, self._object_strength)
 
-    def ping(self, time_ns: int, state: State) -> Echoes | None:
-        """Return what comes back to where the sonar is now; None out of the water."""
+    def ping(self, time_ns: int, state: State, turned: Quaternion | None = None) -> Echoes | None:
+        """Return what comes back to where the sonar is now; None out of the water.
+
+        `turned` is how a head stands in the sensor's axes, for one that turns.
+        """
         place = self._mounting.place(state)
         if place[2] <= 0.0 or submersion(self._scene, time_ns, place) <= 0.0:
             return None
-        turn = np.array(matrix(self._mounting.attitude(state))).reshape(3, 3)
+        attitude = self._mounting.attitude(state)
+        turn = np.array(matrix(multiply(attitude, turned) if turned else attitude)).reshape(3, 3)
         weights = self._aperture.weights.ravel()
         rays = self._cast(place, turn, self._flat, self._edges, weights, self._beam)
         found, facing = self._echoes(rays, turn, self._aperture.weights.shape)
@@ -80,7 +86,7 @@ class Pinger:
         return Echoes(ranges, _not_before(near, ranges, energy, objects), far, energy, beam, objects, ground)
 
     def _cast(
-        self, place: Any, turn: Floats, directions: Floats, edges: tuple[Floats, Floats], weights: Floats,
+        self, place: Any, turn: Floats, directions: Floats, edges: tuple[Floats, ...], weights: Floats,
         beam: NDArray[np.int64],
     ) -> Rays:  # fmt: skip
         hits = self._rays.hits(place, directions, self._reach, turn.ravel().tolist())
@@ -88,11 +94,13 @@ class Pinger:
         points, objects = np.frombuffer(hits.points).reshape(-1, 3), np.frombuffer(hits.objects, np.int32)
         return Rays(directions, edges, weights, beam, np.frombuffer(hits.distances), points, normals, objects)
 
-    def _smaller(self, lattice: Lattice, cells: Cells) -> tuple[Floats, tuple[Floats, Floats], Floats, Any]:
+    def _smaller(self, lattice: Lattice, cells: Cells) -> tuple[Floats, tuple[Floats, ...], Floats, Any]:
         """Return directions, edges, weights and beams of split rays."""
         upper, lower = cells.down - cells.half_down, cells.down + cells.half_down
         weights = 2.0 * cells.half_across * (np.sin(lower) - np.sin(upper))
         weights *= pattern(cells.down, self._aperture.height) ** 2
+        if self._aperture.columns is not None:
+            weights *= self._aperture.columns[cells.column]
         edges = lattice.unit(cells.across, upper), lattice.unit(cells.across, lower)
         return lattice.unit(cells.across, cells.down), edges, weights, cells.column
 
@@ -106,13 +114,15 @@ class Pinger:
         ranges = np.where(echoing, rays.ranges, 1.0)
         normals = np.where(echoing[:, None], rays.normals @ turn, -rays.directions)
         facing = _facing(normals, rays.directions)
-        first, second = (ranges * _farther(facing, _facing(normals, edge)) for edge in rays.edges)
+        first, second, *sides = (ranges * _farther(facing, _facing(normals, edge)) for edge in rays.edges)
         if shape:
             first, second = _between(first, second, ranges, np.where(echoing, rays.object, -1), shape)
         facing = self._smoothed(facing, rays, turn)
         energy = np.where(echoing, strengths * facing * rays.weights / ranges**2, 0.0)
         energy *= 10.0 ** (-0.2 * self.absorption * ranges)
-        near, far = np.minimum(np.minimum(first, second), ranges), np.maximum(np.maximum(first, second), ranges)
+        near, far = ranges, ranges
+        for edge in (first, second, *sides):
+            near, far = np.minimum(near, edge), np.maximum(far, edge)
         return Echoes(np.where(echoing, ranges, np.inf), near, far, energy, rays.beam, rays.object), facing
 
     def _smoothed(self, facing: Floats, rays: Rays, turn: Floats) -> Floats:

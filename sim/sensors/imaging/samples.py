@@ -7,6 +7,7 @@ this runs on), so that numpy.frombuffer takes it as it is.
 from typing import Literal, NamedTuple
 
 from hil.common.errors import MissingExtraError
+from sim.sensors.extra_samples import LaserSample
 
 # Of a lens, k1, k2, p1, p2, k3: ROS's "plumb_bob".
 Distortion = tuple[float, float, float, float, float]
@@ -63,6 +64,14 @@ class SonarImageSample(NamedTuple):
     beam_height: float
     encoding: Encoding
     intensities: bytes
+
+
+class EchoSample(NamedTuple):
+    """One ping of a scanning sonar: the distance of its first echo, and its echoes by range, a picture of one beam."""
+
+    time_ns: int
+    scan: LaserSample
+    echoes: SonarImageSample
 
 
 class SideScanSample(NamedTuple):

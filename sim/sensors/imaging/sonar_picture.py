@@ -48,14 +48,17 @@ def encoding(model: _Levels) -> Encoding:
 class RangeScale:
     """Scale of all ranges of a ping by a device that measures time and assumes its own speed of sound.
 
-    Not modelled: how the speed changes along the way; that at the sonar counts.
+    `stream` is the name of its random numbers. Not modelled: how the speed changes along the way; that at the sonar
+    counts.
     """
 
-    def __init__(self, model: _Levels, mounting: Mounting, seed: int, topic: str, scene: Scene) -> None:
+    def __init__(
+        self, model: _Levels, mounting: Mounting, seed: int, topic: str, scene: Scene, stream: str = ""
+    ) -> None:
         self._speed, self._mounting = model.sound_speed, mounting
         ocean = scene.world.ocean
         self._column = WaterColumn(ocean.profile, scene.world.gravity) if ocean and ocean.profile else None
-        random = sensor_random(seed, f"{topic}/range")
+        random = sensor_random(seed, stream or f"{topic}/range")
         self._error = None if model.ground_truth else ErrorProcess(model.error, 1.0 / model.rate, random)
 
     def measure(self, echoes: Echoes | None, state: State) -> Echoes | None:

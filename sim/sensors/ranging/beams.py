@@ -7,7 +7,7 @@ from random import Random
 
 from hil.common.vectors import Quaternion, Vector3
 from sim.dynamics import State
-from sim.rays.scene import RayScene
+from sim.rays.scene import Hits, RayScene
 from sim.rotations import matrix, multiply
 from sim.sensors.error import ErrorModel, ErrorProcess
 from sim.sensors.mounting import Mounting
@@ -43,6 +43,21 @@ class Beams:
             return self._nothing
         axes = multiply(self._axes, turned) if turned else self._axes
         return self._rays.ranges(place, self._directions, self._reach, matrix(multiply(state.quaternion, axes)))
+
+    def echoes(self, time_ns: int, state: State) -> tuple[Hits, list[float]] | None:
+        """Return what the beams meet, and the cosines of incidence, nan without an echo; None out of the water."""
+        place = self._mounting.place(state)
+        if submersion(self._scene, time_ns, place) <= 0.0:
+            return None
+        rotation = matrix(multiply(state.quaternion, self._axes))
+        hits = self._rays.hits(place, self._directions, self._reach, rotation)
+        (x, y, z), points, normals = place, hits.points, hits.normals
+        cosines = [
+            ((x - points[i]) * normals[i] + (y - points[i + 1]) * normals[i + 1] + (z - points[i + 2]) * normals[i + 2])
+            / distance if distance else 1.0
+            for i, distance in zip(range(0, len(points), 3), hits.distances, strict=True)
+        ]  # fmt: skip
+        return hits, cosines
 
 
 class RangeErrors:

@@ -1,4 +1,4 @@
-"""Common part of laser and profiler: a fan of thin beams in one plane at one instant."""
+"""A fan of thin beams in one plane at one instant, and what is common to all fans."""
 
 from abc import ABC, abstractmethod
 from math import pi

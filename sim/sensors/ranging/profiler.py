@@ -1,28 +1,45 @@
-"""A profiling multibeam sonar: the shape of the seabed across the track in one ping."""
+"""A profiling multibeam sonar: the shape of the seabed across the track in one ping, and how strongly it echoes."""
 
-from math import cos, sin
+from math import cos, inf, log10, nan, sin
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from sim.sensors.error import ErrorModel
-from sim.sensors.ranging.fan import DEGREE, Angle, Fan, validate_fan
+from sim.dynamics import State
+from sim.environment.bottom import PROPERTIES
+from sim.rays.geometry import NOTHING, SEABED
+from sim.sensors.error import ErrorModel, sensor_random
+from sim.sensors.extra_samples import LaserSample
+from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.beams import Beams, RangeErrors, cone, within
+from sim.sensors.ranging.fan import DEGREE, Angle, validate_fan
+from sim.sensors.samples import Scene
+
+_LEAST = 1e-6  # of a share of intensity: -60 dB
 
 
 class ProfilerModel(NamedTuple):
     """Rate in Hz (0: none), the beams and the angles of the first and the last, reach, error of the distances.
 
-    With `ground_truth` the distances are the true ones. Reach: the longest of the Imagenex 837B's settings in LSTS's
-    driver for it (DUNE); noise: uuv_simulator's 5 mm for sonar beams; scale: a speed of sound 7 m/s off; the others are
-    our choice, of the size usual for such devices.
+    A beam is `beam_width` rad wide, both ways; with 0 it is a ray. `rings` of rays stand for it. `seabed_strength` and
+    `object_strength` are 10 lg mu in dB (see sim.sensors.imaging.echoes); an echo that is the mean of `looks` differs
+    from its mean as that of many scatterers does, 0 looks stand for none of it. With `ground_truth` distances and
+    strengths are the true ones. Reach: the longest of the Imagenex 837B's settings in LSTS's driver for it (DUNE);
+    noise: uuv_simulator's 5 mm for sonar beams; scale: a speed of sound 7 m/s off; the others are our choice, of the
+    size usual for such devices.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
     beams: Annotated[int, Range(2, 10_000)] = 120
     angle_min: Angle = -60.0 * DEGREE
     angle_max: Angle = 60.0 * DEGREE
+    beam_width: Annotated[float, Range(0.0, 1.0, "rad")] = 0.0
+    rings: Annotated[int, Range(1, 5)] = 1
     min_range: Annotated[float, Range(0.0, 10.0, "m")] = 0.5
     max_range: Annotated[float, Range(0.1, 1000.0, "m")] = 100.0
+    seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
+    object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
+    looks: Annotated[float, Range(0.0, 1000.0)] = 4.0
     error: ErrorModel = ErrorModel(noise=0.005, scale=0.005)
     ground_truth: bool = False
 
@@ -31,16 +48,72 @@ class ProfilerModel(NamedTuple):
         return validate_fan(self.min_range, self.max_range, self.angle_min, self.angle_max)
 
 
-class Profiler(Fan):
+class Profiler:
     """Beams in the sensor's y-z plane, the angle from z (down) towards y (starboard).
 
-    Not modelled: the beams' width, the way of the sound while the vehicle moves on, rays that bend, false bottoms.
+    The distance of a wide beam is the mean of all of it that echoes, by strength, as a detector of amplitudes finds it:
+    over a slope, an edge or a thing in the water it is neither the first nor the middle. Strengths are without
+    spreading and absorption, as of a device that makes these good: 10 lg mu + 20 lg cos of the angle of incidence
+    (Lambert). Not modelled: detection by phase, the way of the sound while the vehicle moves on, rays that bend, false
+    bottoms.
     """
 
     Model = ProfilerModel
     topic = "profiler"
 
-    @staticmethod
-    def direction(angle: float) -> Vector3:
-        """Return the unit vector (the sensor's axes) of the beam at an angle (rad)."""
-        return 0.0, sin(angle), cos(angle)
+    def __init__(self, model: ProfilerModel, mounting: Mounting, seed: int, scene: Scene) -> None:
+        self._model = model
+        self._first, self._step = model.angle_min, (model.angle_max - model.angle_min) / (model.beams - 1)
+        self._limits = model.min_range, model.max_range
+        about = cone(model.beam_width, model.beam_width, model.rings) if model.beam_width else [(1.0, 0.0, 0.0)]
+        self._rays = len(about)
+        angles = [self._first + i * self._step for i in range(model.beams)]
+        directions = [_turned(angle, ray) for angle in angles for ray in about]
+        self._beams = Beams(scene, mounting, directions, model.max_range)
+        self._errors = None
+        if not model.ground_truth:
+            self._errors = RangeErrors(model.error, 1.0 / model.rate, sensor_random(seed, self.topic), self._limits)
+        self._random = sensor_random(seed, f"{self.topic}/strength")
+        bottom = scene.world.bottom
+        self._seabed = 10.0 ** (0.1 * (model.seabed_strength + (PROPERTIES[bottom.kind].echo if bottom else 0.0)))
+        self._objects = 10.0 ** (0.1 * model.object_strength)
+
+    def sample(self, time_ns: int, state: State) -> LaserSample:
+        """Return the measurement of `state`."""
+        true, strengths = self._measure(time_ns, state)
+        measured = self._errors.measure(true) if self._errors else within(true, true, self._limits)
+        return LaserSample(time_ns, self._first, self._step, measured, self._limits, tuple(strengths))
+
+    def _measure(self, time_ns: int, state: State) -> tuple[list[float], list[float]]:
+        """Return true distance (m) and measured strength (dB) of each beam."""
+        found = self._beams.echoes(time_ns, state)
+        model, count = self._model, self._rays
+        if found is None:
+            return [inf] * model.beams, [nan] * model.beams
+        hits, cosines = found
+        shares = [
+            (self._seabed if thing == SEABED else self._objects) * cosine * cosine if thing != NOTHING else 0.0
+            for thing, cosine in zip(hits.objects, cosines, strict=True)
+        ]
+        looks = 0.0 if model.ground_truth else model.looks
+        ranges, strengths = [], []
+        for first in range(0, len(shares), count):
+            own, distances = shares[first : first + count], hits.distances[first : first + count]
+            total = sum(own)
+            if total <= 0.0:
+                ranges.append(min(distances))
+                strengths.append(nan)
+                continue
+            if count == 1:
+                ranges.append(distances[0])
+            else:
+                ranges.append(sum([s * r for s, r in zip(own, distances, strict=True) if s]) / total)
+            luck = self._random.gammavariate(looks, 1.0 / looks) if looks else 1.0
+            strengths.append(10.0 * log10(max(total / count * luck, _LEAST * self._seabed)))
+        return ranges, strengths
+
+
+def _turned(angle: float, ray: Vector3) -> Vector3:
+    """Return a ray about x as one about the beam at an angle (rad): its x down, then towards y; its z astern."""
+    along, across, out = ray
+    return -out, along * sin(angle) + across * cos(angle), along * cos(angle) - across * sin(angle)

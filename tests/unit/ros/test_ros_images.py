@@ -145,6 +145,22 @@ def test_a_sonar_image() -> None:
     assert found.ping_info.rx_beamwidths.tolist() == pytest.approx([0.02] * 3)
 
 
+def test_a_fan_is_an_image() -> None:
+    """The middle beam of three is ahead, upwards; the farthest bin at the top; black beyond the fan."""
+    echoes = bytes((10, 20, 30)) * 3 + bytes((50, 250, 70))  # the last bin is the farthest
+    message = STORE.deserialize_cdr(ros_images.encode_fan(SONAR._replace(intensities=echoes)), "sensor_msgs/msg/Image")
+    assert (message.encoding, message.step, message.header.frame_id) == ("mono8", message.width, "forward_sonar_link")
+    picture = message.data.reshape(message.height, message.width)
+    middle = message.width // 2
+    assert picture[5, middle] == 250
+    assert picture[message.height // 2, middle] == 20
+    assert picture[-1, middle] == 0, "nearer than the first bin"
+    assert picture[5, 2] == 0, "beside the fan"
+    ahead, port = 0.9 * cos(0.4), 0.9 * sin(0.4)
+    half = message.height * (1.0 - ahead), middle - message.height * port
+    assert picture[int(half[0]), int(half[1])] == 50
+
+
 def test_a_ping_of_a_side_scan() -> None:
     found = read(ros.encoder("side_scan")(SIDES, ""))["side_scan/image"]
     assert found.sample_rate == 1500.0, "half a metre there and back"
@@ -187,6 +203,8 @@ def test_what_comes_back() -> None:
 def test_what_is_cut_is_malformed(topic: str) -> None:
     payloads = dict(ros_images.camera_messages(CAMERA._replace(points=POINTS), "", "both"))
     payloads |= dict(ros.encoder("forward_sonar")(SONAR, "")) | dict(ros.encoder("side_scan")(SIDES, ""))
+    payloads |= {"forward_sonar/fan/image_raw": ros_images.encode_fan(SONAR)}
+    payloads |= {"scanning_sonar/image": payloads["forward_sonar/image"]}
     data = payloads[topic]
     ends = [end for end in (*range(200), *range(200, len(data), 97), len(data) - 1) if end < len(data)]
     assert [ros_images.DECODERS[topic](data[:end]) for end in ends] == [None] * len(ends)

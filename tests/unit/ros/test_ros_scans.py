@@ -1,10 +1,11 @@
 """Scans as sensor_msgs/LaserScan, read by an independent library."""
 
 import json
-from math import inf, radians
+from math import inf, nan, radians
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +15,7 @@ from hil.ros import encoders as ros
 from hil.ros import scans as ros_scans
 from hil.ros.topics import TOPICS
 from sim.sensors.extra_samples import LaserSample, RangeSample
+from sim.sensors.imaging.samples import EchoSample, SonarImageSample
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 FLOATS = st.floats(-100.0, 100.0, width=32)
@@ -21,7 +23,7 @@ SCAN = LaserSample(7_000_000_009, radians(-30.0), radians(15.0), (1.0, 2.0, inf,
 
 
 def read(name: str, sample: Any) -> Any:
-    ((topic, payload),) = ros.encoder(name)(sample, "uuv1/")
+    topic, payload = next(iter(ros.encoder(name)(sample, "uuv1/")))
     assert topic == name
     return STORE.deserialize_cdr(payload, TOPICS[topic].type)
 
@@ -53,6 +55,39 @@ def test_a_profile_keeps_its_order() -> None:
     assert message.header.frame_id == "uuv1/profiler_scan"
     assert message.angle_min == pytest.approx(radians(-30.0))
     assert list(message.ranges) == list(SCAN.ranges)
+
+
+def test_a_profile_is_a_cloud_with_strengths() -> None:
+    """Points lie in "profiler_scan", x down and y to starboard; a beam without an echo is none."""
+    sample = LaserSample(5, 0.0, radians(90.0), (4.0, inf, 2.0), (0.5, 20.0), (-27.0, nan, -20.0))
+    messages = dict(ros.encoder("profiler")(sample, "uuv1/"))
+    cloud = STORE.deserialize_cdr(messages["profiler/points"], TOPICS["profiler/points"].type)
+    assert cloud.header.frame_id == "uuv1/profiler_scan"
+    assert [field.name for field in cloud.fields] == ["x", "y", "z", "intensity"]
+    assert (cloud.height, cloud.width, cloud.point_step) == (1, 2, 16)
+    points = cloud.data.view("<f4").reshape(-1, 4)
+    assert points == pytest.approx(np.array([[4.0, 0.0, 0.0, -27.0], [-2.0, 0.0, 0.0, -20.0]]), abs=1e-6)
+    decoder = ros.decoder("profiler/points")
+    assert decoder is not None
+    assert decoder(messages["profiler/points"]).points[1][3] == -20.0
+    assert decoder(messages["profiler/points"][:-3]) is None
+    scan = STORE.deserialize_cdr(messages["profiler"], TOPICS["profiler"].type)
+    assert scan.intensities[0] == -27.0
+
+
+def test_a_ping_of_a_scanning_sonar_is_a_picture_of_one_beam() -> None:
+    scan = LaserSample(0, 0.5, 0.01, (3.0,), (0.75, 50.0))
+    echoes = SonarImageSample(0, (0.5,), 4, 0.75, 0.5, 750e3, 1500.0, 0.03, 0.4, "uint8", bytes((1, 2, 3, 4)))
+    messages = dict(ros.encoder("scanning_sonar")(EchoSample(9, scan, echoes), "uuv1/"))
+    assert set(messages) == {"scanning_sonar", "scanning_sonar/image"}
+    found = ros_scans.decode_scan(messages["scanning_sonar"])
+    assert found is not None
+    assert (found.time_ns, found.ranges, found.angle_min) == (9, (3.0,), pytest.approx(0.5))
+    decoder = ros.decoder("scanning_sonar/image")
+    assert decoder is not None
+    image = decoder(messages["scanning_sonar/image"])
+    assert (image.time_ns, image.bins, image.intensities) == (9, 4, bytes((1, 2, 3, 4)))
+    assert image.beams == pytest.approx((0.5,))
 
 
 def test_an_echosounder_is_a_range() -> None:

@@ -118,6 +118,19 @@ def test_a_side_scan_scrolls() -> None:
     assert picture[1, 0].sum() > 600, "port on the left, farthest outside"
 
 
+def test_a_side_scan_goes_as_far_along_the_track_as_the_vehicle() -> None:
+    """Pings 1 m apart in bins of 10 cm: ten rows from one to the next, and between them no brick but a slope."""
+    waterfall = pictures.Waterfall()
+    for number in range(4):
+        level = bytes([60 * number] * 3)
+        ping = SideScanSample(number + 1, 3, 0.1, 4e5, 1500.0, 0.01, 0.8, 2.0, "uint8", level, level)
+        assert waterfall.add(ping, (float(number), 0.0, 5.0))
+    red = waterfall.picture()[:, 0, 0].astype(int)
+    assert (np.diff(red[:31]) <= 0).all()
+    assert np.abs(np.diff(red[:31])).max() < 30
+    assert (red[40:] == pictures.BACKGROUND[0]).all()
+
+
 def test_pictures_of_a_camera_and_what_is_none() -> None:
     raw = Picture(1, 2, 1, "rgb8", bytes((1, 2, 3, 4, 5, 6)))
     assert pictures.camera_picture(raw).tolist() == [[[1, 2, 3], [4, 5, 6]]]

@@ -1,9 +1,10 @@
 """Laser, profiler, echosounder, scanning sonar; and log and altimeter over relief and obstacles."""
 
-from math import atan, cos, inf, pi, radians, sin, sqrt, tan
+from math import atan, cos, inf, isnan, log10, pi, radians, sin, sqrt, tan
 from random import Random
 from statistics import fmean, pstdev
 
+import numpy as np
 import pytest
 
 from sim.dynamics import State
@@ -20,7 +21,7 @@ from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
 from sim.sensors.ranging.laser import Laser, LaserModel
 from sim.sensors.ranging.profiler import Profiler, ProfilerModel
-from sim.sensors.suite import SensorSpec
+from sim.sensors.suite import SensorSpec, read_suite
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -143,6 +144,48 @@ def test_profiler_sees_a_block_to_starboard() -> None:
     assert all(sample.angle_min + i * sample.angle_increment > atan(0.6) - 1e-9 for i in on_top)
 
 
+def test_strengths_of_a_profile_are_lamberts() -> None:
+    """20 lg cos of the angle below straight down on a flat seabed; a block is 7 dB stronger; else there are none."""
+    model = ProfilerModel(beams=61, ground_truth=True, max_range=25.0)
+    world = FLAT._replace(box=(Box(0.0, 4.0, 4.0, 4.0, top=18.0),))
+    sample = Profiler(model, Mounting(), 1, scene(world)).sample(0, State((0.0, 0.0, 5.0)))
+    for i, (distance, strength) in enumerate(zip(sample.ranges, sample.intensities, strict=True)):
+        angle = sample.angle_min + i * sample.angle_increment
+        if distance == inf:
+            assert isnan(strength)
+        elif angle < 0.1:
+            assert strength == pytest.approx(-27.0 + 20.0 * log10(cos(angle)), abs=1e-6)
+    top = min(range(61), key=lambda i: abs(sample.angle_min + i * sample.angle_increment - atan(4.0 / 13.0)))
+    angle = sample.angle_min + top * sample.angle_increment
+    assert sample.intensities[top] == pytest.approx(-20.0 + 20.0 * log10(cos(angle)), abs=1e-6)
+    assert any(map(isnan, sample.intensities))
+
+
+def test_a_wide_beam_of_a_profiler_rounds_an_edge() -> None:
+    """A cliff that is not seen from above is a step for rays; a wide beam has distances between its two sides."""
+    world = FLAT._replace(box=(Box(0.0, -9.0, 40.0, 22.0, top=14.0),))  # up to 2 m to starboard, 6 m high
+
+    def depths(width: float) -> list[float]:
+        model = ProfilerModel(beams=241, beam_width=radians(width), rings=3, ground_truth=True)
+        sample = Profiler(model, Mounting(), 1, scene(world)).sample(0, State((0.0, 0.0, 5.0)))
+        return [r * cos(sample.angle_min + i * sample.angle_increment) for i, r in enumerate(sample.ranges)]
+
+    between = [sum(9.5 < depth < 14.5 for depth in depths(width)) for width in (0.0, 6.0)]
+    assert between[0] == 0
+    assert between[1] > 3
+
+
+def test_fading_of_a_profile_is_in_the_mean_none() -> None:
+    one, same, other = (Profiler(ProfilerModel(looks=4.0), Mounting(), seed, scene(FLAT)) for seed in (1, 1, 2))
+    state = State((0.0, 0.0, 5.0))
+    first, again, third = (device.sample(0, state) for device in (one, same, other))
+    assert first == again
+    assert first.intensities != third.intensities
+    middle = [10.0 ** (0.1 * one.sample(i, state).intensities[60]) for i in range(1, 400)]
+    assert fmean(middle) == pytest.approx(10.0**-2.7, rel=0.1)
+    assert pstdev(middle) / fmean(middle) == pytest.approx(0.5, rel=0.15)
+
+
 # --- echosounder
 
 
@@ -192,6 +235,37 @@ def test_scanning_sonar_sweeps_a_sector() -> None:
     assert model._replace(angle_max=-0.2).validate()
     assert model._replace(angle_max=7.0).validate()
     assert model.validate() is None
+
+
+def test_intensities_of_a_scanning_sonar() -> None:
+    """A pile to starboard is in the ping that looks there, at its range; the distance beside it is as without them."""
+    world = FLAT._replace(cylinder=(Cylinder(0.0, 12.0, 0.5),), depth=500.0)
+    model = ScanningSonarModel(bins=1000, max_range=30.0, min_range=0.5, ground_truth=True)
+    sonar, plain = (ScanningSonar(m, Mounting(), 1, scene(world)) for m in (model, model._replace(bins=0)))
+    state, sums = State((0.0, 0.0, 10.0)), {}
+    for ping in range(400):
+        time_ns, scan, echoes = sonar.sample(ping, state)
+        assert scan == plain.sample(ping, state)
+        assert (time_ns, echoes.beams, echoes.bins) == (ping, (scan.angle_min,), 1000)
+        values = np.frombuffer(echoes.intensities, np.float32)
+        sums[scan.angle_min] = values.sum()
+        if abs(scan.angle_min - 0.5 * pi) < 1e-6:
+            assert int(values.argmax()) == pytest.approx((11.5 - 0.5) / 0.0295, abs=1.5)
+            assert not values[: int((11.45 - 0.5) / 0.0295)].any()
+    assert max(sums, key=lambda angle: sums[angle]) == pytest.approx(0.5 * pi, abs=radians(1.0))
+    assert sums[-pi] == 0.0
+
+
+def test_a_device_gives_intensities_beside_cameras() -> None:
+    suite = read_suite({"scanning_sonar": {"device": "ping360"}}, "test")
+    assert suite["scanning_sonar"].offloaded
+    assert suite["scanning_sonar"].model.bins == 1200
+    assert not read_suite({"scanning_sonar": {}}, "test")["scanning_sonar"].offloaded
+    model, state = suite["scanning_sonar"].model, State((0.0, 0.0, 18.0))
+    samples = [ScanningSonar(model, Mounting(), 3, scene(FLAT)).sample(0, state) for _ in range(2)]
+    assert samples[0] == samples[1]
+    assert samples[0].echoes.encoding == "uint8"
+    assert len(set(samples[0].echoes.intensities)) > 20
 
 
 def test_scanning_sonars_beam_is_tall() -> None:
