@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from sim.environment.obstacles import Box
 from sim.environment.optics import jerlov, underwater
+from sim.environment.world import World
 from sim.sensors.imaging.camera import Camera
 from sim.sensors.imaging.camera_model import CameraModel
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
@@ -36,16 +37,27 @@ def _grey(sample: SonarImageSample) -> Any:
     return np.frombuffer(sample.intensities, sample.encoding).reshape(sample.bins, -1)
 
 
+def _with_things(world: World) -> World:
+    """Put two blocks on the harbour's seabed."""
+    return world._replace(
+        box=(*world.box, Box(20.0, -10.0, 3.0, 1.0, 0.5, top=6.7), Box(14.0, -14.0, 0.8, 0.8, 0.2, top=6.3))
+    )
+
+
 def forward_sonar(figure: Figure) -> None:
-    """In the world `harbour`, between the piles of the west pier, 3.5 m deep, the sonar tilted down by 10 deg. Left as
-    it comes out: bright piles, each with its shadow on the seabed, a quay to port, speckle everywhere, and darkness
-    before the beam first meets the seabed. Right the ground truth: mean echoes in dB re the source, at 1 m each."""
-    scene = looking(harbour())
+    """In the world `harbour` with two blocks, between the piles of the west pier, 3.5 m deep, the sonar tilted down by
+    10 deg. Left as it comes out: bright piles, each with its shadow on the seabed and the arc of its side lobes, a quay
+    to port, speckle everywhere, the texture of the seabed, and darkness before the beam first meets it. Right the
+    ground truth: mean echoes in dB re the source, at 1 m each, with echoes by way of surface and seabed
+    (`multipath = true`), behind what echoes strongly."""
+    scene = looking(_with_things(harbour()))
     measured, true = figure.subplots(1, 2)
     sample = ForwardSonar(ForwardSonarModel(), TILTED, SEED, scene).sample(0, BETWEEN_PILES)
     _fan(measured, sample, _grey(sample))
     measured.set_title("as measured")
-    sample = ForwardSonar(ForwardSonarModel(ground_truth=True), TILTED, SEED, scene).sample(0, BETWEEN_PILES)
+    sample = ForwardSonar(ForwardSonarModel(ground_truth=True, multipath=True), TILTED, SEED, scene).sample(
+        0, BETWEEN_PILES
+    )
     with np.errstate(divide="ignore"):
         _fan(true, sample, np.maximum(10.0 * np.log10(_grey(sample)), -150.0))
     figure.colorbar(true.collections[0], ax=true, label="dB", shrink=0.7)
@@ -65,7 +77,8 @@ def forward_sonar_rows(figure: Figure) -> None:
 def side_scan(figure: Figure) -> None:
     """In the world `fractal` with a wall, a block and a bollard on it, 18 m deep, 80 m to the north at 1 m/s: a line a
     ping, the oldest below. In the middle the water below the vehicle, then the first return of the bottom; behind
-    what stands up lies its shadow, the longer the farther. The facets of the ground are the grid's cells of 2 m."""
+    what stands up lies its shadow, the longer the farther. The ground is rock: its relief below the grid's cells of
+    2 m, and what it is made of, are made up by place."""
     scene, axes = looking(rough_ground()), figure.add_subplot()
     scan = SideScan(SideScanModel(max_range=50.0), Mounting(), SEED, scene)
     lines = []

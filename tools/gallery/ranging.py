@@ -5,6 +5,7 @@ from math import cos, degrees, isfinite, pi, radians, sin
 import numpy as np
 from matplotlib.figure import Figure
 
+from sim.environment.obstacles import Box
 from sim.environment.world import load_world
 from sim.rays.scene import RayScene
 from sim.rotations import matrix, rotate
@@ -15,7 +16,7 @@ from sim.sensors.ranging.dvl import DvlModel
 from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
 from sim.sensors.ranging.laser import Laser, LaserModel
 from sim.sensors.ranging.profiler import Profiler, ProfilerModel
-from tools.gallery.places import INK, MARK, SEED, SOFT, Entry, ahead_up, at, harbour, looking, rough_ground
+from tools.gallery.places import ECHO, INK, MARK, SEED, SOFT, Entry, ahead_up, at, harbour, looking, rough_ground
 
 PLACE = at(20.0, -8.0, 3.0, heading=30.0)
 
@@ -63,6 +64,24 @@ def scanning_sonar(figure: Figure) -> None:
         axes.plot(*np.array(points).T, ".", color=INK, markersize=2.5)
         ahead_up(axes, 32.0)
         axes.set_title("at rest" if not speed else f"at {speed} m/s")
+
+
+def scanning_sonar_echoes(figure: Figure) -> None:
+    """With `bins`, as of the device `ping360`: a turn at rest at the same place, in the harbour with a block on its
+    seabed, 40 m around. Piles and quays with their shadows, the seabed from where the beam first meets it; what is
+    oblique is thicker, the farther away the more, as the beam is 2 deg wide. Behind the quay there is noise alone."""
+    world = harbour()
+    world = world._replace(box=(*world.box, Box(30.0, -9.0, 3.0, 1.0, 0.5, top=7.2)))
+    sonar = ScanningSonar(ScanningSonarModel(bins=600, max_range=40.0), Mounting(), SEED, looking(world))
+    pings = [sonar.sample(ping, PLACE).echoes for ping in range(400)]
+    grey = np.array([np.frombuffer(echoes.intensities, np.uint8) for echoes in pings]).T
+    step = pings[0].range_step
+    angles = np.append([echoes.beams[0] for echoes in pings], pi) - 0.5 * step / 40.0
+    angle, distance = np.meshgrid(angles, 0.75 + np.arange(601) * step)
+    axes = figure.add_subplot()
+    places = distance * np.sin(angle), distance * np.cos(angle)
+    axes.pcolormesh(*places, grey, cmap=ECHO, rasterized=True)
+    ahead_up(axes, 41.0)
 
 
 def profiler(figure: Figure) -> None:
@@ -124,7 +143,7 @@ def dvl(figure: Figure) -> None:
 
 ENTRIES = (
     Entry("laser", "Scanning laser", (laser,), (8.0, 4.2)),
-    Entry("scanning_sonar", "Mechanically scanned sonar", (scanning_sonar,), (8.0, 4.2)),
+    Entry("scanning_sonar", "Mechanically scanned sonar", (scanning_sonar, scanning_sonar_echoes), (8.0, 4.2), (6.0,)),
     Entry("profiler", "Multibeam profiler", (profiler,), (8.0, 3.4)),
     Entry("echosounder", "Single-beam echosounder", (echosounder,), (8.0, 3.2)),
     Entry("dvl", "Doppler velocity log", (dvl,), (8.0, 3.6)),
