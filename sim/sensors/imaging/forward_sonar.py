@@ -158,8 +158,8 @@ def _aperture(model: ForwardSonarModel, angles: "Floats", spacing: float) -> "Ap
     """Return a column of rays in the middle of each beam, over the height of the main lobe."""
     import numpy as np
 
+    from sim.rays.splitting import Lattice
     from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern
-    from sim.sensors.imaging.splitting import Lattice
 
     lobe = main_lobe(model.beam_height)
     edges = np.linspace(-lobe, lobe, model.rays + 1)

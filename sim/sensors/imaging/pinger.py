@@ -14,10 +14,10 @@ from sim.environment.bottom import PROPERTIES
 from sim.environment.texture import smooth_slopes
 from sim.rays.scene import SEABED, RayScene
 from sim.rays.solids import Solid, half_space
+from sim.rays.splitting import Cells, Lattice, split
 from sim.rotations import matrix, multiply
 from sim.sensors.imaging.echoes import MARGIN, STRETCH, Aperture, Echoes, Floats, Ground, Mirrors, Rays, View, pattern
 from sim.sensors.imaging.multipath import second_echoes
-from sim.sensors.imaging.splitting import Cells, Lattice, split
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion

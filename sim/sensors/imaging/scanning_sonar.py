@@ -127,7 +127,7 @@ class Intensities:
         need_numpy(ScanningSonar.topic)
         import numpy as np
 
-        from sim.environment.absorption import francois_garrison
+        from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.bottom_echo import make_texture
         from sim.sensors.imaging.echoes import Bins
         from sim.sensors.imaging.pinger import Pinger
@@ -169,8 +169,8 @@ def _aperture(model: ScanningSonarModel) -> "Aperture":
     """Return slices of the main lobe beside each other, each from its upper to its lower end."""
     import numpy as np
 
+    from sim.rays.splitting import Lattice
     from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern
-    from sim.sensors.imaging.splitting import Lattice
 
     wide, high = main_lobe(model.beam_width), main_lobe(model.beam_height)
     lattice = Lattice(np.linspace(-wide, wide, model.slices + 1), np.linspace(-high, high, model.rays + 1))
