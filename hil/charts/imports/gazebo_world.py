@@ -21,6 +21,7 @@ _UPRIGHT = 0.9999  # cosine
 _NO_FLOOR = 50.0  # m: the depth of a world in which nothing says it
 _THIN, _WIDE = 1.5, 20.0  # m: the water's surface as it is drawn
 _NEAR, _NOTHING = 500.0, 50.0  # m: of the file's origin; and around it, where there is nothing
+_FARTHEST = 9e4  # m
 _COVERS = 0.9  # share of the world's area that a floor covers at least
 _HIGHEST, _LEAST_SIDE = -100.0, 0.01  # m
 _NED = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
@@ -56,7 +57,7 @@ def import_world(path: str, output: str, surface: float | None = None, text: byt
     files = SdfFiles(path)
     level = _surface(world, path) if surface is None else surface
     shapes = read_shapes(world, os.path.dirname(os.path.abspath(path)), files, notes, root.get("version", "1.12"))
-    placed = _placed(shapes, output, level, notes)
+    placed = _near(_placed(shapes, output, level, notes), notes)
     placed, terrain, floor = _floors(placed, shapes, output, level, path, notes)
     extent = _extent(placed, terrain)
     stem = os.path.splitext(os.path.basename(output))[0]
@@ -128,6 +129,14 @@ def _boxed(shape: Shape, low: Sequence[float], high: Sequence[float], level: flo
     least, most = [min(column) for column in columns], [max(column) for column in columns]
     least[2], most[2] = least[2] - level, most[2] - level
     return _Placed(shape, tuple(least), tuple(most))
+
+
+def _near(placed: Sequence[_Placed], notes: list[str]) -> list[_Placed]:
+    """Return the shapes that are not beyond what a world can be."""
+    near = [each for each in placed if max(map(abs, (*each.low, *each.high))) < _FARTHEST]
+    if far := [each.shape.name for each in placed if each not in near]:
+        notes.append(f"Left out: more than {_FARTHEST:g} m from the file's origin: {', '.join(far)}.")
+    return near
 
 
 def _floors(

@@ -32,7 +32,9 @@ def read_xml(path: str, text: bytes | None = None, root: str = "robot") -> Eleme
         check_xml(data)
         robot = ElementTree.fromstring(data)
     except (expat.ExpatError, ElementTree.ParseError) as error:
-        raise ConfigError(f"{path}: not valid XML: {error}") from None
+        is_template = any(mark in data for mark in (b"<%", b"{%", b"{{"))
+        hint = "; a template of ERB or Jinja is to be expanded first" if is_template else ""
+        raise ConfigError(f"{path}: not valid XML: {error}{hint}") from None
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     for element in robot.iter():

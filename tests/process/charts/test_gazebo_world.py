@@ -135,6 +135,11 @@ def test_what_is_no_world_is_said(tmp_path: Path) -> None:
         '<sdf version="1.9"><world name="w"><model name="g"><static>1</static><link name="l"><collision name="c">'
         "<geometry><plane/></geometry></collision></link></model></world></sdf>"
     )
+    far = tmp_path / "far.sdf"
+    far.write_text(floor.read_text().replace("<plane/>", "<box><size>1 1 1</size></box>").replace(
+        '<link name="l">', '<pose>1e8 0 -3 0 0 0</pose><link name="l">'
+    ))  # fmt: skip
+    assert import_world(str(far), str(tmp_path / "x.toml")).notes[0].startswith("Left out: more than 90000 m")
     with pytest.raises(ConfigError, match="no <world> in it"):
         import_world(str(model), str(tmp_path / "x.toml"))
     with pytest.raises(ConfigError, match="give --surface M"):

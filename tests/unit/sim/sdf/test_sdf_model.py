@@ -119,6 +119,7 @@ def test_a_merged_model_has_its_names_outside_and_a_nested_one_has_not() -> None
     [
         ('<sdf><model name="m"/></sdf>', "the model 'm' has no links"),
         ("<sdf/>", "there is no model in it"),
+        ("<sdf><%= 3 %></sdf>", "a template of ERB or Jinja is to be expanded first"),
         ("<robot/>", "an SDF file begins with <sdf>, this one with <robot>"),
         ('<!DOCTYPE r [<!ENTITY a "ha">]><sdf><model name="&a;"/></sdf>', "declares the XML entity 'a'"),
         (f"<sdf>{'<a>' * 70}{'</a>' * 70}</sdf>", "more than 64 deep"),
