@@ -174,6 +174,18 @@ def make_shader() -> "Callable[..., None] | None":
     return shade
 
 
+def make_developer() -> "Callable[..., None] | None":
+    """Return what a camera's sensor makes of light in C, see sim.sensors.imaging.camera_picture; None without C.
+
+    Raises ConfigError as `choose` does.
+    """
+    if not has_native("sim.native._picture"):
+        return None
+    from sim.native._picture import develop
+
+    return develop
+
+
 def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion | None":
     """Return the motion of the water besides the steady current; None without any, and then nothing is loaded."""
     if not (world.ocean and world.ocean.moves):

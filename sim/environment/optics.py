@@ -94,7 +94,7 @@ def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 def encode(radiance: NDArray[Any]) -> NDArray[np.uint8]:
     """Return sRGB bytes of linear radiances; above 1 is white."""
-    grey: NDArray[np.uint8] = _GREY[(np.clip(radiance, 0.0, 1.0) * np.float32(_STEPS)).astype(np.uint16)]
+    grey: NDArray[np.uint8] = GREY[(np.clip(radiance, 0.0, 1.0) * np.float32(_STEPS)).astype(np.uint16)]
     return grey
 
 
@@ -161,7 +161,8 @@ def _linear(grey: NDArray[Any]) -> NDArray[np.float64]:
     return np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
 
 
+# What `encode` looks a level up in, by the share of the last place in it.
 _STEPS = 8191  # fine enough for each of the 256 levels
 _LINEAR = _linear(np.arange(256) / 255.0).astype(np.float32)
 # The nearest level, by the middles between them.
-_GREY = np.searchsorted(_linear((np.arange(255) + 0.5) / 255.0), np.arange(_STEPS + 1) / _STEPS).astype(np.uint8)
+GREY = np.searchsorted(_linear((np.arange(255) + 0.5) / 255.0), np.arange(_STEPS + 1) / _STEPS).astype(np.uint8)

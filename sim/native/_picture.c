@@ -22,12 +22,20 @@ typedef struct {
 
 enum { SETTINGS = sizeof(Settings) / sizeof(double) };
 
+/* Of footprints (m) up to `most`: where the level of their tiles begins, how many nodes a side it has, how many a m, and
+ * what is left of the ripples as the mean over such a size. */
+typedef struct {
+    size_t first;
+    long side;
+    float most, scale, ripple;
+} Size;
+
 typedef struct {
     const Settings *set;
     const void *views[VIEWS];
     int wide_distances, wide_normals; /* doubles instead of floats */
     size_t depths, texture;           /* floats of them; 0: none */
-    float ripple[SIZES];              /* what is left of it by the footprint's size: the mean over that */
+    Size sizes[SIZES];
 } Scene;
 
 typedef struct {
@@ -62,9 +70,9 @@ static float grain(const Scene *scene, const Pixel *pixel)
     int level = z >= 0.5f;
     float u = !level && x > y ? p[1] : p[0], v = level ? p[1] : p[2], tone = 1.0f;
     for (int i = 0; i < 2; i++) {
-        float node = (float)scene->set->node[i];
-        float left = (float)scene->set->deviation[i] / at_least(1.0f, pixel->footprint / (8.0f * node));
-        tone += left * between(scene->views[GRAIN], u / node, v / node);
+        float per_metre = 1.0f / (float)scene->set->node[i], blur = pixel->footprint * 0.125f * per_metre;
+        float left = blur > 1.0f ? (float)scene->set->deviation[i] / blur : (float)scene->set->deviation[i];
+        tone += left * between(scene->views[GRAIN], u * per_metre, v * per_metre);
     }
     return at_least(tone, 0.1f);
 }
@@ -87,37 +95,21 @@ static float bend(const Scene *scene, const Pixel *pixel)
     return at_most(at_least(1.0f + 3.0f * height, 0.7f), 1.3f);
 }
 
-static int halvings(double ratio) /* round(log2(ratio)) */
-{
-    int level = 0;
-    for (; ratio >= 1.4142135623730951; ratio *= 0.5)
-        level++;
-    for (; ratio < 0.7071067811865476 && level > -64; ratio *= 2.0)
-        level--;
-    return level;
-}
-
 /* Tiles of slopes to the north, to the east and of brightness follow each other, of each all its levels. */
 static float textured(const Scene *scene, const Pixel *pixel)
 {
     const Settings *s = scene->set;
-    int coarse = halvings(at_least(pixel->footprint, (float)s->finest) / s->finest), level = 0;
-    double size = s->finest * (double)(1L << (coarse < 40 ? coarse : 40));
-    if (size > s->texture_node)
-        level = halvings(size / s->texture_node);
-    level = level < 0 ? 0 : level >= LEVELS ? LEVELS - 1 : level;
-    size_t first = 0, all = scene->texture / 3;
-    for (int i = 0; i < level; i++)
-        first += (size_t)(SIDE >> i) * (size_t)(SIDE >> i);
-    long side = SIDE >> level;
-    float scale = (float)(1.0 / (s->texture_node * (double)(1 << level)));
-    long row = whole(pixel->point[0] * scale), column = whole(pixel->point[1] * scale);
-    const float *tiles = (const float *)scene->views[TEXTURE] + first;
+    const Size *size = scene->sizes;
+    while (pixel->footprint >= size->most && size < scene->sizes + SIZES - 1)
+        size++;
+    size_t all = scene->texture / 3;
+    const float *tiles = (const float *)scene->views[TEXTURE] + size->first;
+    long side = size->side, row = whole(pixel->point[0] * size->scale), column = whole(pixel->point[1] * size->scale);
     size_t node = (size_t)((row & (side - 1)) * side + (column & (side - 1)));
     size_t patch = (size_t)(((row >> 1) & (side - 1)) * side + ((column >> 1) & (side - 1)));
     float north = (float)s->height * tiles[node], east = (float)s->height * tiles[all + node];
-    if (scene->ripple[coarse < SIZES ? coarse : SIZES - 1] != 0.0f) {
-        float rise = scene->ripple[coarse] * cosf((float)s->wave[0] * pixel->point[0] + (float)s->wave[1] * pixel->point[1]);
+    if (size->ripple != 0.0f) {
+        float rise = size->ripple * cosf((float)s->wave[0] * pixel->point[0] + (float)s->wave[1] * pixel->point[1]);
         north += (float)s->wave[0] * rise, east += (float)s->wave[1] * rise;
     }
     float root = sqrtf(1.0f + north * north + east * east);
@@ -188,6 +180,22 @@ static void shade_pixel(const Scene *scene, Py_ssize_t i)
     }
 }
 
+/* Sizes double from the finest on; levels change where the logarithm of their ratio rounds up. */
+static void set_sizes(Scene *scene)
+{
+    const Settings *s = scene->set;
+    size_t first = 0;
+    int level = 0;
+    for (int i = 0; i < SIZES; i++) {
+        double size = s->finest * (double)(1L << i), turn = 3.141592653589793 * size / s->ripple_length;
+        for (; level < LEVELS - 1 && size / s->texture_node >= 1.4142135623730951 * (double)(1 << level); level++)
+            first += (size_t)(SIDE >> level) * (size_t)(SIDE >> level);
+        double left = s->ripple != 0.0 && size < s->ripple_length ? s->ripple * sin(turn) / turn : 0.0;
+        float scale = (float)(1.0 / (s->texture_node * (double)(1 << level)));
+        scene->sizes[i] = (Size){first, SIDE >> level, (float)(size * 1.4142135623730951), scale, (float)left};
+    }
+}
+
 /* Checks the sizes of all views against the number of pixels; 0 with an exception set if one is wrong. */
 static int fill(Scene *scene, const Py_buffer *views, Py_ssize_t *count)
 {
@@ -197,10 +205,7 @@ static int fill(Scene *scene, const Py_buffer *views, Py_ssize_t *count)
         tiles += (Py_ssize_t)(SIDE >> level) * (SIDE >> level);
     for (int i = 0; i < VIEWS; i++)
         scene->views[i] = views[i].buf;
-    for (int i = 0; i < SIZES - 1; i++) {
-        double share = s->finest * (double)(1L << i) / s->ripple_length, turn = 3.141592653589793 * share;
-        scene->ripple[i] = s->ripple != 0.0 && share < 1.0 ? (float)(s->ripple * sin(turn) / turn) : 0.0f;
-    }
+    set_sizes(scene);
     scene->wide_distances = views[DISTANCES].len == 8 * n, scene->wide_normals = views[NORMALS].len == 24 * n;
     scene->depths = (size_t)views[DEPTHS].len / 4, scene->texture = (size_t)views[TEXTURE].len / 4;
     int right = (scene->wide_distances || views[DISTANCES].len == 4 * n) && (scene->wide_normals || views[NORMALS].len == 12 * n)
@@ -243,7 +248,52 @@ static PyObject *shade(PyObject *self, PyObject *arguments)
     Py_RETURN_NONE;
 }
 
+/* --- what a sensor records */
+
+enum { RADIANCE, FALLOFF, NOISE, GREY, PIXELS, PARTS };
+
+/* Light of n pixels by a lens' falloff and a gain, with noise (three rows of n), as bytes out of a table. */
+static void expose(const Py_buffer *views, Py_ssize_t n, float gain, float full_well, float dark, float steps)
+{
+    const float *radiance = views[RADIANCE].buf, *falloff = views[FALLOFF].buf, *noise = views[NOISE].buf;
+    const unsigned char *grey = views[GREY].buf;
+    unsigned char *pixels = views[PIXELS].buf;
+    for (Py_ssize_t i = 0; i < n; i++)
+        for (int c = 0; c < CHANNELS; c++) {
+            float signal = radiance[3 * i + c] * falloff[i] * gain;
+            signal += sqrtf(signal / full_well + dark) * noise[c * n + i];
+            pixels[3 * i + c] = grey[(int)(at_most(at_least(signal, 0.0f), 1.0f) * steps)];
+        }
+}
+
+static PyObject *develop(PyObject *self, PyObject *arguments)
+{
+    PyObject *objects[PARTS];
+    Py_buffer views[PARTS] = {{0}};
+    float gain, full_well, dark;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "fffOOOOO", &gain, &full_well, &dark, &objects[0], &objects[1], &objects[2], &objects[3],
+                          &objects[4]))
+        return NULL;
+    int ok = 1;
+    for (int i = 0; ok && i < PARTS; i++)
+        ok = PyObject_GetBuffer(objects[i], &views[i], i == PIXELS ? PyBUF_WRITABLE : PyBUF_SIMPLE) == 0;
+    Py_ssize_t n = views[FALLOFF].len / 4;
+    if (ok && (views[RADIANCE].len != 12 * n || views[NOISE].len != 12 * n || views[PIXELS].len != 3 * n || views[GREY].len < 2)) {
+        PyErr_Format(PyExc_ValueError, "develop: a buffer has not the size of %zd pixels", n);
+        ok = 0;
+    }
+    if (ok)
+        expose(views, n, gain, full_well, dark, (float)(views[GREY].len - 1));
+    for (int i = 0; i < PARTS; i++)
+        PyBuffer_Release(&views[i]);
+    if (!ok)
+        return NULL;
+    Py_RETURN_NONE;
+}
+
 static PyMethodDef functions[] = {
+    {"develop", develop, METH_VARARGS, "develop(gain, full_well, dark, radiance, falloff, noise, grey, pixels)"},
     {"shade", shade, METH_VARARGS, "shade(settings, distances, normals, objects, toward, colours, grain, fades, depths, texture, out)"},
     {NULL, NULL, 0, NULL},
 };

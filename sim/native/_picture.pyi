@@ -17,3 +17,14 @@ def shade(
     out: Buffer,
     /,
 ) -> None: ...
+def develop(
+    gain: float,
+    full_well: float,
+    dark: float,
+    radiance: Buffer,
+    falloff: Buffer,
+    noise: Buffer,
+    grey: Buffer,
+    pixels: Buffer,
+    /,
+) -> None: ...

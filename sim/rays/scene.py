@@ -85,8 +85,8 @@ class RayScene:
         rays = _doubles(directions)
         count = len(rays) // 3
         hits = Hits(
-            array("d", bytes(8 * count)), array("d", bytes(24 * count)), array("d", bytes(24 * count)),
-            array("i", bytes(4 * count)),
+            array("d", (0.0,)) * count, array("d", (0.0,)) * (3 * count), array("d", (0.0,)) * (3 * count),
+            array("i", (0,)) * count,
         )  # fmt: skip
         self._cast(origin, rays, reach, rotation, hits.distances, hits)
         return hits

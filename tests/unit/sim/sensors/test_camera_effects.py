@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from sim.assembly import make_shader
+from sim.assembly import make_developer, make_shader
 from sim.dynamics import State
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
@@ -21,6 +21,7 @@ from sim.sensors.imaging.camera import Camera
 from sim.sensors.imaging.camera_lamps import _BACK, Lamps
 from sim.sensors.imaging.camera_model import CameraModel
 from sim.sensors.imaging.camera_particles import Caustics, Snow
+from sim.sensors.imaging.camera_picture import Development
 from sim.sensors.imaging.samples import CameraSample
 from sim.sensors.imaging.scenery import Seen
 from sim.sensors.mounting import Mounting
@@ -246,3 +247,18 @@ def test_the_compiled_pass_refuses_what_does_not_fit() -> None:
         shade([0.0], none, none, none, none, none, none, none, none, none, none)
     with pytest.raises(ValueError, match="a buffer has not the size"):
         shade(settings, none, none, none, none, none, none, none, none, none, none)
+
+
+def test_the_compiled_sensor_records_the_same() -> None:
+    """With noise, falloff and exposure, to a level of 256 where a number lies between two."""
+    if make_developer() is None:
+        pytest.skip("no C compiler here")
+    light = np.random.default_rng(1).uniform(0.0, 1.5, (4800, 3)).astype(np.float32)
+    ranges = np.full(4800, 3.0)
+    pictures = []
+    for call in (make_developer(), None):
+        one = Development(CameraModel(width=80, height=60), np.linspace(0.7, 1.0, 4800, dtype=np.float32), 1, "camera")
+        one._develop = call
+        pictures.append(np.frombuffer(one.develop(light, ranges)[0], np.uint8).astype(int))
+    assert np.abs(pictures[0] - pictures[1]).max() <= 1
+    assert (pictures[0] == pictures[1]).mean() > 0.999
