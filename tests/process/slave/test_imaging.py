@@ -136,6 +136,27 @@ def test_pictures_are_made_for_those_who_watch(tmp_path: Path) -> None:
         assert wait_for(lambda: takes(client, 0.9) < IDLE), "the onlooker has gone"
 
 
+def test_a_fan_is_made_for_who_asks_for_it_alone_and_pings_of_a_scanning_sonar_come(tmp_path: Path) -> None:
+    """Whoever watches nothing but the fan gets it; of a scanning sonar with intensities come distances and echoes."""
+    sensors = (
+        "[sensors.forward_sonar]\nrate = 5\nbeams = 64\n"
+        '[sensors.scanning_sonar]\ndevice = "ping360"\nbins = 200\nmax_range = 20.0\n'
+    )
+    program, endpoint = start(tmp_path, sensors)
+    topics = "forward_sonar/fan/image_raw", "scanning_sonar", "scanning_sonar/image"
+    with program:
+        program.expect("ready")
+        with VehicleClient(endpoint, "uuv1") as client:
+            client.watch(*topics)
+            assert wait_for(lambda: all(client.received[topic] > 3 for topic in topics))
+            fan, scan, echoes = (client.latest[topic].value for topic in topics)
+            assert fan.encoding == "mono8"
+            assert max(fan.data) > 50
+            assert len(scan.ranges) == 1
+            assert (echoes.bins, len(echoes.beams)) == (200, 1)
+            assert client.received["forward_sonar/image"] == 0
+
+
 def test_a_first_picture_that_is_lost_does_not_end_them(tmp_path: Path) -> None:
     """The first picture only shows which topics there are to subscribe to."""
     program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 20\nwidth = 40\nheight = 30\ndrop_out = 0.9\n")
