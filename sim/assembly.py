@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sim.native._native import FusedStep
     from sim.rays.geometry import Geometry
     from sim.sensors.samples import ImuSample
+    from sim.tether import Flow, Tether, TetherKeys
     from sim.vehicle.ballast import Release
     from sim.vehicle.collision_shape import HullShape
     from sim.vehicle.equipment import Equipment
@@ -206,6 +207,13 @@ def make_surface_forces(vehicle: Vehicle, world: World, wave_field: "WaveField |
     from sim.environment.stratification import surface_and_layers
 
     return surface_and_layers(vehicle, world, wave_field)
+
+
+def make_tether(keys: "TetherKeys", world: World, dt: float, flow: "Flow") -> "Tether":
+    """Return the tether that `keys` describe, stepped every `dt` s; `flow` is the water's velocity at a place."""
+    from sim.tether import Tether
+
+    return Tether(keys, world, dt, flow)
 
 
 def make_equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":

@@ -12,6 +12,7 @@ from sim.assembly import (
     make_moving_water,
     make_state,
     make_surface_forces,
+    make_tether,
     make_thrusters,
 )
 from sim.dynamics import Dynamics, Forces, Integrator
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from sim.environment.waves import WaveField
     from sim.forces import Force
     from sim.native._native import FusedStep
+    from sim.tether import TetherKeys
     from sim.vehicle.ballast import DropWeight, Release
     from sim.vehicle.battery import BatteryState
     from sim.vehicle.equipment import Equipment
@@ -45,10 +47,10 @@ class Simulation:
     The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is how much
     each step advances; a sensor cannot be faster. `sensors` are the usual ones if left out. `failures` are what
     befalls the thrusters, and when; `forces` what pushes the vehicle besides them; `releases` say when it drops its
-    weights. `contacts` counts the touches of seabed and obstacles, `touching` tells of the last step, and `events` are
-    those touches with what, when (simulated time), where and for how long; `equipment` is
-    what sim/vehicle/equipment.py says, None for a vehicle of hull and thrusters. Raises ConfigError for numbers that
-    cannot
+    weights; `tether` holds it (sim/tether.py). `contacts` counts the touches of seabed and obstacles, `touching` tells
+    of the last step, and `events` are those touches with what, when (simulated time), where and for how long;
+    `equipment` is what sim/vehicle/equipment.py says, None for a vehicle of hull and thrusters. Raises ConfigError for
+    numbers that cannot
     be, if the vehicle would start inside something, or has not the thruster that fails or the weight that goes.
     """
 
@@ -65,6 +67,7 @@ class Simulation:
         failures: "Sequence[Failure]" = (),
         forces: "Sequence[Force]" = (),
         releases: "Sequence[Release]" = (),
+        tether: "TetherKeys | None" = None,
     ) -> None:
         require_parts(vehicle, world, sensors)
         require_numbers(vehicle, world, seed, dt_ns, position, heading)
@@ -85,7 +88,8 @@ class Simulation:
         self._integrator: Integrator = integrator
         self._water = make_moving_water(vehicle, world, seed)
         self.equipment = make_equipment(vehicle, world, self._dt, releases)
-        self._own_forces = forces
+        self.tether = None if tether is None else make_tether(tether, world, self._dt, self.flow_at)
+        self._own_forces = forces if self.tether is None else (*forces, self.tether)
         self._dynamics = self._build()
         self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
         self._flow: Sequence[float] = world.current

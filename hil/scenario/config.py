@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hil.scenario.mavlink_records import Mavlink
     from hil.scenario.modem_records import Modem
     from sim.forces import Force
+    from sim.tether import TetherKeys
     from sim.vehicle.ballast import Release
     from sim.vehicle.failures import Failure
 
@@ -36,6 +37,7 @@ LAZY = {
     "failure": "sim.vehicle.failures:Failure",
     "force": "sim.forces:Force",
     "release": "sim.vehicle.ballast:Release",
+    "tether": "sim.tether:TetherKeys",
     "member": "hil.scenario.fleet_records:read_members",
     "hunting": "hil.scenario.fleet_records:Hunting",
     "modem": "hil.scenario.modem_records:read_modem",
@@ -57,8 +59,8 @@ class Scenario(NamedTuple):
     host end is left to the user's own vehicle software; "ardupilot" or "px4": a flight controller, reached as
     [autopilot] says (hil/scenario/autopilot_records.py). Each [[failure]] is one of a thruster, at its time; each
     [[force]] a class of the user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time
-    (sim/vehicle/ballast.py); each [[member]] is one vehicle of a fleet, [hunting] the fleet's task
-    (hil/scenario/fleet_records.py),
+    (sim/vehicle/ballast.py); [tether] holds the vehicle (sim/tether.py); each [[member]] is one vehicle of a fleet,
+    [hunting] the fleet's task (hil/scenario/fleet_records.py),
     [modem] the modems through which its vehicles report to each other (hil/scenario/modem_records.py), [mavlink] the
     vehicle as ground stations know it (hil/scenario/mavlink_records.py).
     """
@@ -83,6 +85,7 @@ class Scenario(NamedTuple):
     failure: "tuple[Failure, ...]" = ()
     force: "tuple[Force, ...]" = ()
     release: "tuple[Release, ...]" = ()
+    tether: "TetherKeys | None" = None
     member: "tuple[Member, ...]" = ()
     hunting: "Hunting | None" = None
     modem: "Modem | None" = None
@@ -315,6 +318,7 @@ def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simu
         failures=scenario.failure,
         forces=scenario.force,
         releases=scenario.release,
+        tether=scenario.tether,
     )
 
 

@@ -17,6 +17,7 @@ from hil.master.avoid import AvoidSettings
 from hil.network.security import Security
 from hil.network.settings import Network
 from hil.scenario import autopilot_records, config, fleet_records, mavlink_records, modem_records, records
+from sim import tether
 from sim.environment import bottom, mesh, obstacles, ocean, relief, terrain, world
 from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
@@ -30,7 +31,7 @@ from sim.vehicle.thrusters import curves, lags
 from sim.vehicle.thrusters.model import Thruster
 from tools.reference.records import Section, describe
 
-TABLES = (
+TABLES = ("tether",
     "master", "slave", "link", "start", "network", "ros", "recording", "security", "planner", "hunting", "modem",
     "autopilot",
     "mavlink",
@@ -95,6 +96,7 @@ def scenario() -> str:
         Section("recording", records.Recording),
         Section("failure", Failure, "Each `[[failure]]` changes one thruster at a time of the run."),
         Section("release", ballast.Release, "Each `[[release]]` drops a weight of the vehicle."),
+        Section("tether", tether.TetherKeys),
         Section("member", fleet_records.Member, "Each `[[member]]` is one vehicle of a fleet."),
         Section("hunting", fleet_records.Hunting, shown={"fields": "table, [`hunting.fields`](#huntingfields)"}),
         Section("hunting.fields", FieldSettings),

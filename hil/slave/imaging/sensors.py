@@ -52,7 +52,8 @@ class Imaging:
     def __init__(self, scenario: Scenario, report: Callable[[str], None]) -> None:
         offloaded = [name for name, fitted in scenario.sensors.items() if fitted.offloaded]
         only = {name: scenario.sensors[name] for name in offloaded}
-        self._true = scenario._replace(sensors=only, link=Link(options={}), force=(), failure=(), release=())
+        bare = scenario._replace(force=(), failure=(), release=(), tether=None)
+        self._true = bare._replace(sensors=only, link=Link(options={}))
         self._names = offloaded
         self._report = report
         standing_in = {name: self._stand_in(number, name) for number, name in enumerate(offloaded)}

@@ -24,7 +24,8 @@ class Descriptions:
 
     def __init__(self, session: Session, graph: Node, scenario: Scenario, report: Callable[[str], None]) -> None:
         # Without what a process that only describes does not need, and what cannot be sent to it.
-        self._scenario = scenario._replace(sensors={}, link=Link(options={}), force=(), failure=(), release=())
+        bare = scenario._replace(force=(), failure=(), release=(), tether=None)
+        self._scenario = bare._replace(sensors={}, link=Link(options={}))
         self._report = report
         self._made: set[str] = set()
         self._session = session

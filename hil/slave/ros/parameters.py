@@ -15,6 +15,9 @@ may be left out:
     ros2 param set /uuv1 failures.bow 'kind = off'
     ros2 param set /uuv1 failures.bow '""'
 
+A tethered vehicle has "tether.length", the length (m) that its winch is to pay out, and "tether.tension", the pull (N)
+at the vehicle, which can only be read.
+
 A set value replaces the failures before it, at once. A read value is the present failure, whatever set it: a parameter,
 the thruster's service, a scenario. The services are those of rclcpp's nodes; values that cannot be are refused with the
 reason. What a request has set is published on /parameter_events; what a service or scenario has set is not.
@@ -39,6 +42,7 @@ PREFIX = "failures"
 LONGEST = 200  # characters of a value, which is parsed between two steps
 MOST = 32  # parameters that one request is answered for; a vehicle has a thruster for each
 GAINS = "gains"
+TETHER, TENSION = "tether.length", "tether.tension"
 _NOT_SET, _DOUBLE, _STRING = 0, 3, 4  # constants of rcl_interfaces/ParameterType
 _RECURSIVE = 0  # of ListParameters
 _GIVEN = ("thruster", "time")  # keys that the parameter stands for
@@ -141,15 +145,26 @@ class Parameters:
     def _list(self, request: Message) -> dict[str, Any]:
         """List parameters as rclcpp does: the depth counts the parts of a name behind the prefix."""
         prefixes, depth = request["prefixes"][:MOST], request["depth"]
-        names = [name for name in [*self._thrusters, *self._gains.names()] if _is_below(name, prefixes, depth)]
+        names = [
+            name
+            for name in [*self._thrusters, *self._gains.names(), *self._tether()]
+            if _is_below(name, prefixes, depth)
+        ]
         parents = dict.fromkeys([name.rpartition(".")[0] for name in names])
         return {"result": {"names": names, "prefixes": list(parents)}}
 
     def _each(self, request: Message, answer: Callable[[str], Any]) -> list[Any]:
         return [answer(name) for name in request["names"][:MOST]]
 
+    def _tether(self) -> dict[str, float]:
+        """Return the parameters of the tether, empty without one."""
+        tether = self._loop.simulation.tether
+        return {TETHER: tether.length, TENSION: tether.tension} if tether else {}
+
     def _value(self, name: str) -> dict[str, Any]:
         """Return a ParameterValue, which is not set for a name that is none."""
+        if name in (TETHER, TENSION) and self._tether():
+            return {"type": _DOUBLE, "double_value": self._tether()[name]}
         if name in self._gains.names():
             return self._gains.value(name)
         if name not in self._thrusters:
@@ -157,13 +172,16 @@ class Parameters:
         return {"type": _STRING, "string_value": failures_text(self._loop.simulation.failures(self._thrusters[name]))}
 
     def _type(self, name: str) -> int:
-        if name in self._gains.names():
+        if name in self._gains.names() or name in self._tether():
             return _DOUBLE
         return _STRING if name in self._thrusters else _NOT_SET
 
     def _descriptor(self, name: str) -> dict[str, Any]:
         if name in self._gains.names():
             return self._gains.descriptor(name)
+        if name in self._tether():
+            what = "m that are paid out" if name == TETHER else "N of pull at the vehicle"
+            return {"name": name, "type": _DOUBLE, "description": what, "read_only": name == TENSION}
         if name not in self._thrusters:
             return {"name": name}
         return {
@@ -182,6 +200,11 @@ class Parameters:
         except ConfigError as error:
             return {"successful": False, "reason": str(error)}
         for name, failures in wanted:
+            if isinstance(failures, float):
+                assert self._loop.simulation.tether
+                self._loop.simulation.tether.set_length(failures)
+                self._report(f"parameter: {name}: {failures:g} m")
+                continue
             if isinstance(failures, _GainChange):
                 self._gains.apply(failures)
                 self._report(f"parameter: {name}: {self._gains.value(name)['double_value']:g}")
@@ -199,7 +222,16 @@ class Parameters:
         event = {"stamp": header(now)["stamp"], "node": f"/{self._node}", "changed_parameters": changed}
         self._loop.sample_publisher.put(EVENTS, encode("rcl_interfaces/msg/ParameterEvent", event))
 
-    def _read(self, name: str, value: Message) -> list[Failure] | _GainChange:
+    def _read(self, name: str, value: Message) -> list[Failure] | _GainChange | float:
+        if name in self._tether():
+            if name == TENSION or value["type"] != _DOUBLE:
+                raise ConfigError(
+                    f"{name}: " + ("it is measured" if name == TENSION else "expected a number like 20.0")
+                )
+            from sim.tether import require_length  # most vehicles have none
+
+            require_length(value["double_value"])
+            return float(value["double_value"])
         gains = self._gains.names()
         if name in gains:
             return self._gains.read(name, value)

@@ -1,0 +1,128 @@
+"""The tether: against the elastic catenary, against an integration in a current, its winch, and that it is stable."""
+
+from math import asinh, hypot, pi, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
+
+from hil.common.errors import ConfigError
+from sim.environment.world import World
+from sim.simulation import Simulation
+from sim.tether import Tether, TetherKeys
+from sim.vehicle.vehicle import load_vehicle
+
+WORLD = World("deep", "test", (-300.0, 300.0, -300.0, 300.0), 500.0, density=1000.0, gravity=9.81)
+LEVEL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+KEYS = TetherKeys(60.0, mass=0.3, diameter=0.01)
+END = (40.0, 0.0, 20.0)
+STEP_NS = 2_500_000
+WEIGHT = (KEYS.mass - 1000.0 * 0.25 * pi * KEYS.diameter**2) * 9.81  # N a metre
+
+
+def at_rest(keys: TetherKeys, world: World = WORLD, steps: int = 10_000) -> tuple[Tether, Any]:
+    """Return a tether whose end was held at END, and its wrench there."""
+    tether = Tether(keys, world, 0.0025)
+    for step in range(steps):
+        tether.begin(step * STEP_NS)
+        wrench = tether.wrench(END, LEVEL, (0.0,) * 6)
+    return tether, wrench
+
+
+def test_it_hangs_as_the_elastic_catenary() -> None:
+    """Irvine 1981, Cable Structures, eqs 1.26 and 1.27: pull at both ends, from the distance of the ends."""
+
+    def misses(pull: Any) -> tuple[float, float]:
+        h, v = pull  # horizontal, and vertical at the anchor
+        left = v - WEIGHT * KEYS.length
+        x = h * KEYS.length / KEYS.stiffness + h / WEIGHT * (asinh(v / h) - asinh(left / h))
+        z = (v - 0.5 * WEIGHT * KEYS.length) * KEYS.length / KEYS.stiffness
+        z += h / WEIGHT * (sqrt(1.0 + (v / h) ** 2) - sqrt(1.0 + (left / h) ** 2))
+        return x - END[0], z - END[2]
+
+    h, v = fsolve(misses, (30.0, 90.0))
+    tether, wrench = at_rest(KEYS)
+    assert wrench[0] == pytest.approx(-h, rel=0.03)
+    assert wrench[2] == pytest.approx(WEIGHT * KEYS.length - v, rel=0.03)
+    assert tether.anchor_tension == pytest.approx(hypot(h, v), rel=0.03)
+    assert max(map(max, tether._speeds)) < 0.1
+
+
+def test_it_bends_in_a_current_as_an_integration_says() -> None:
+    """0.8 m/s across: d(pull)/ds = -(weight + drag), d(place)/ds along the pull, shot from the anchor to the end."""
+    world = WORLD._replace(current=(0.0, 0.8, 0.0))
+    flow = np.array(world.current)
+
+    def slope(_: float, y: Any) -> Any:
+        size = np.linalg.norm(y[3:])
+        tangent = y[3:] / size
+        slide = flow @ tangent
+        normal = flow - slide * tangent
+        drag = 500.0 * KEYS.diameter * (
+            KEYS.drag * np.linalg.norm(normal) * normal + KEYS.drag_along * pi * abs(slide) * slide * tangent
+        )  # fmt: skip
+        stretched = 1.0 + size / KEYS.stiffness
+        return np.concatenate([tangent * stretched, -stretched * drag - np.array([0.0, 0.0, WEIGHT])])
+
+    def shot(pull: Any) -> Any:
+        start = np.concatenate([np.zeros(3), pull])
+        return solve_ivp(slope, (0.0, KEYS.length), start, rtol=1e-8, atol=1e-8).y[:, -1]
+
+    pull = fsolve(lambda pull: shot(pull)[:3] - np.array(END), (50.0, -50.0, 90.0))
+    _, wrench = at_rest(KEYS, world, 16_000)
+    assert np.array(wrench[:3]) == pytest.approx(-shot(pull)[3:], abs=0.05 * float(np.linalg.norm(pull)))
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7])
+@pytest.mark.parametrize("length", [1.0, 30.0, 300.0])
+def test_it_is_stable_and_loses_its_energy(stiffness: float, length: float) -> None:
+    """Soft or stiff, short (and taut) or long: it comes to rest, and its joints never get fast."""
+    end = (0.9 * length, 0.0, 0.3 * length)
+    tether, fastest = Tether(KEYS._replace(length=length, stiffness=stiffness), WORLD, 0.0025), 0.0
+    for step in range(4000):
+        tether.begin(step * STEP_NS)
+        wrench = tether.wrench(end, LEVEL, (0.0,) * 6)
+        fastest = max(fastest, *(max(map(abs, speed)) for speed in tether._speeds or [(0.0,)]))
+    assert fastest < 5.0
+    assert all(abs(x) < 1e5 for x in wrench)
+
+
+def test_the_winch_pays_out_at_its_speed_and_the_pull_falls() -> None:
+    tether, _ = at_rest(KEYS._replace(length=45.0, winch_speed=1.0), steps=4000)
+    taut = tether.tension
+    tether.set_length(48.0)
+    for step in range(4000, 4400):
+        tether.begin(step * STEP_NS)
+        tether.wrench(END, LEVEL, (0.0,) * 6)
+    assert tether.length == pytest.approx(46.0)
+    for step in range(4400, 8000):
+        tether.begin(step * STEP_NS)
+        tether.wrench(END, LEVEL, (0.0,) * 6)
+    assert tether.length == pytest.approx(48.0)
+    assert tether.tension < 0.9 * taut
+    with pytest.raises(ConfigError, match=r"length 0\.1 m is outside"):
+        tether.set_length(0.1)
+
+
+def test_a_vehicle_cannot_leave_its_tether_and_runs_alike_twice() -> None:
+    """Carried off by a current with 10 m paid out: it is held; the same numbers twice."""
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+
+    def flight() -> Simulation:
+        keys = TetherKeys(10.0, anchor=(0.0, 0.0, 5.0), stiffness=5e4)
+        world = WORLD._replace(current=(0.6, 0.0, 0.0))
+        simulation = Simulation(vehicle, world, {}, position=(7.0, 0.0, 5.0), tether=keys)
+        for _ in range(6000):
+            simulation.step((1500,) * 8)
+        return simulation
+
+    one, other = flight(), flight()
+    assert one.tether
+    assert other.tether
+    away = sqrt(sum((a - b) ** 2 for a, b in zip(one.state.position, (0.0, 0.0, 5.0), strict=True)))
+    assert 8.0 < away < 10.2
+    assert one.tether.tension > 3.0
+    assert one.state.position == other.state.position
+    assert one.tether.nodes == other.tether.nodes
