@@ -84,7 +84,7 @@ def test_it_is_stable_and_loses_its_energy(stiffness: float, length: float) -> N
     for step in range(4000):
         tether.begin(step * STEP_NS)
         wrench = tether.wrench(end, LEVEL, (0.0,) * 6)
-        fastest = max(fastest, *(max(map(abs, speed)) for speed in tether._speeds or [(0.0,)]))
+        fastest = max(fastest, *(max(map(abs, speed)) for speed in tether._speeds or [[0.0]]))
     assert fastest < 5.0
     assert all(abs(x) < 1e5 for x in wrench)
 

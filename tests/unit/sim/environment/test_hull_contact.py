@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import pi, radians, sqrt
 from random import Random
+from typing import Any
 
 import pytest
 
@@ -131,7 +132,11 @@ def test_sliding_along_a_wall_costs_speed(friction: float) -> None:
 
 def test_friction_stops_a_slide_on_the_seabed() -> None:
     """From 1 m/s, flat on the seabed: it comes to rest within v^2 / (2 mu g'), and stays."""
-    keys = {"linear_damping": (0.0,) * 6, "quadratic_damping": (0.0,) * 6, "added_mass": (6.0,) * 3 + (0.1,) * 3}
+    keys: dict[str, Any] = {
+        "linear_damping": (0.0,) * 6,
+        "quadratic_damping": (0.0,) * 6,
+        "added_mass": (6.0,) * 3 + (0.1,) * 3,
+    }
     vehicle = FRAME._replace(neutrally_buoyant=False, mass=FRAME.mass + 4.0, collision=Collision(friction=0.3), **keys)
     half = 0.5 * vehicle.dimensions[2]
     simulation = Simulation(vehicle, SEA, {}, position=(0.0, 0.0, 20.0 - half))
