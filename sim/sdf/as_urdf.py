@@ -12,7 +12,7 @@ from sim.sdf.files import SdfFiles
 from sim.sdf.model import Joint, Link, Model, included, read_model
 from sim.sdf.poses import own_pose
 from sim.vehicle.urdf.pose import Pose
-from sim.vehicle.urdf.text import Element, read_xml
+from sim.vehicle.urdf.text import Element, plain, read_xml
 
 _WATER = ("hydrodynamics", "underwater_object", "buoyancy")  # in the file names of plugins that act on a link
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "capsule": ("radius", "length")}
@@ -81,6 +81,11 @@ def _base(model: Model) -> str:
 def _robot(model: Model, files: SdfFiles, notes: list[str]) -> Element:
     robot, base = Element("robot", name=model.name), _base(model)
     to_base = model.links[base].pose.inverse()
+    bare = [name for name, link in model.links.items() if link.element.find("inertial") is None]
+    if bare:
+        notes.append(
+            f"No mass is given for {', '.join(map(plain, bare))}: none is taken, where Gazebo takes 1 kg each."
+        )
     for name, link in model.links.items():
         robot.append(_link(name, link, files, notes))
         for sensor in link.element.findall("sensor"):

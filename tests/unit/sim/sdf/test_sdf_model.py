@@ -27,6 +27,7 @@ def test_the_origin_is_the_link_that_the_water_acts_on() -> None:
     """The hull stands 0.1 m ahead of the model's frame; the tail is 0.6 m behind the hull, the propeller 0.05 more."""
     vehicle = imported().vehicle
     assert vehicle.mass == 20.5
+    assert "No mass is given for rudder, keel: none is taken, where Gazebo takes 1 kg each." in imported().notes
     assert vehicle.center_of_gravity == pytest.approx((-0.65 * 0.5 / 20.5, 0.0, 0.02 * 20.0 / 20.5))
     (propeller,) = vehicle.thrusters
     assert propeller.position == pytest.approx((-0.65, 0.0, 0.0))
