@@ -155,7 +155,7 @@ def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
     except ValueError:  # whose own words name a setting of the interpreter
         digits = sys.get_int_max_str_digits()
         raise ConfigError(f"{path}: not valid TOML: a number of more than {digits} digits") from None
-    keep(path, stamp, table)
+    write_kept(path, stamp, table)
     return table
 
 
@@ -171,7 +171,7 @@ def _is_deep(table: dict[str, Any]) -> bool:
 
 
 def read_kept(path: str, stamp: Any) -> Any:
-    """Return what `keep` was given for `path` with the same `stamp`, None if it is not there."""
+    """Return what `write_kept` was given for `path` with the same `stamp`, None if it is not there."""
     try:
         with open(cache_path(path), "rb") as file:
             # Never trust what another user left there. Windows has no such numbers, and folders of one user only.
@@ -183,7 +183,7 @@ def read_kept(path: str, stamp: Any) -> Any:
     return value if kept_stamp == stamp else None
 
 
-def keep(path: str, stamp: Any, value: Any) -> None:
+def write_kept(path: str, stamp: Any, value: Any) -> None:
     """Put `value`, made of plain types, into the cache for `path`, if it is small and the folder can be written."""
     cache = cache_path(path)
     fresh = f"{cache}.{os.getpid()}"

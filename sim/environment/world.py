@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, find_preset, parse
-from hil.common.tables import LARGEST, check_file, keep, read_kept, read_table
+from hil.common.tables import LARGEST, check_file, read_kept, read_table, write_kept
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 
@@ -196,7 +196,7 @@ def load_world(name_or_path: str) -> World:
         raise ConfigError(f"{path}: {problem}")
     if len(world.cylinder) + len(world.box) >= _MANY and not (kept and now == bed):
         rest = {key: value for key, value in table.items() if key not in ("cylinder", "box")}
-        keep(
+        write_kept(
             path + _CHECKED, stamp, ({**rest, **sections}, [*map(tuple, world.cylinder)], [*map(tuple, world.box)], now)
         )
     if world.terrain is not None:

@@ -77,20 +77,20 @@ class Usbl:
         place = self._mounting.place(state)
         x, y, z = [a - b for a, b in zip(place, self._station, strict=True)]
         distance = sqrt(x * x + y * y + z * z)
-        is_heard = 0.0 < distance <= self._max_range and submersion(self._scene, time_ns, place) >= 0.0
+        has_fix = 0.0 < distance <= self._max_range and submersion(self._scene, time_ns, place) >= 0.0
         apparent, seconds = distance * self._stretch, distance / self._sound_speed(place)
         line = (x / distance, y / distance, z / distance) if distance else (0.0, 0.0, 1.0)
-        if self._rays and is_heard:
+        if self._rays and has_fix:
             level = sqrt(x * x + y * y)
             ray = self._rays.between(level, self._station[2], place[2])
             if ray is None:
-                is_heard = False
+                has_fix = False
             else:
                 apparent, seconds = ray.time * self._assumed_speed, ray.time
                 along = sqrt(max(0.0, 1.0 - ray.departure * ray.departure)) / level if level else 0.0
                 line = (x * along, y * along, ray.departure)
         measured, up, starboard = self._errors.measure((apparent, 0.0, 0.0))
-        if not is_heard:
+        if not has_fix:
             return None
         self.delay_ns = round(seconds * 1e9)
         direction = _turned(line, up, starboard)

@@ -17,7 +17,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from hil.common.errors import ConfigError, MissingExtraError
-from hil.common.tables import check_file, keep, read_bytes, read_kept
+from hil.common.tables import check_file, read_bytes, read_kept, write_kept
 
 Place = tuple[float, float]
 
@@ -51,7 +51,7 @@ def read_cast(path: str, origin: Place | None) -> dict[str, Any]:
         columns = _thinned(_read(path))
         water = _by_teos10(columns, origin, path) if "temperature" in columns else _given(columns, path)
         made = water._asdict()
-        keep(f"{path}.profile", stamp, made)
+        write_kept(f"{path}.profile", stamp, made)
     return made
 
 
