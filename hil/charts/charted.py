@@ -14,7 +14,8 @@ from hil.charts.grid import Extent, Grid
 from hil.charts.polygons import Edges, fill
 from hil.charts.sources.s57 import Feature
 from sim.environment.obstacles import ZoneKind
-from sim.environment.things.bottom_map import NATURES, UNKNOWN
+from sim.environment.things.bottom_map import UNKNOWN
+from sim.environment.things.natures import NATURES
 from sim.environment.things.pipelines import Pipeline
 from sim.environment.things.zones import Zone
 

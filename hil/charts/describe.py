@@ -6,7 +6,8 @@ from hil.charts.build import Built, Report
 from hil.charts.grid import Grid
 from hil.charts.sources.survey import Survey
 from sim.environment.obstacles import STANDING, Box, Cylinder
-from sim.environment.things.bottom_map import NATURES, UNKNOWN
+from sim.environment.things.bottom_map import UNKNOWN
+from sim.environment.things.natures import NATURES
 
 Facts = tuple[tuple[str, str], ...]  # name, text
 

@@ -9,8 +9,8 @@ rows = 21
 columns = 16
 
 A byte is the number that S-57 gives the nature of a surface (attribute 113, NATSUR), 0 where nothing is known: there
-the seabed is what `[bottom]` says. The file is mapped when a sonar or a camera looks. Echoes are those of
-sim.environment.bottom for its kinds, those of others lie between them; colours and textures are ours.
+the seabed is what `[bottom]` says. The file is mapped when a sonar or a camera looks; sim.environment.things.natures
+has what they see.
 """
 
 import os
@@ -31,30 +31,6 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float32]
 
 
-class Nature(NamedTuple):
-    """One kind of seabed: its number in S-57, echo in dB above sand's, colour, and how strong its texture is."""
-
-    code: int
-    echo: float
-    colour: tuple[float, float, float]
-    texture: float
-
-
-NATURES: dict[str, Nature] = {
-    "mud": Nature(1, PROPERTIES["mud"].echo, (0.17, 0.14, 0.10), 0.4),
-    "clay": Nature(2, -7.0, (0.26, 0.22, 0.18), 0.4),
-    "silt": Nature(3, -5.0, (0.25, 0.21, 0.15), 0.5),
-    "sand": Nature(4, PROPERTIES["sand"].echo, (0.42, 0.36, 0.26), 1.0),
-    "stone": Nature(5, 8.0, (0.24, 0.23, 0.21), 1.6),
-    "gravel": Nature(6, PROPERTIES["gravel"].echo, (0.31, 0.28, 0.23), 1.4),
-    "pebbles": Nature(7, 7.0, (0.30, 0.28, 0.25), 1.5),
-    "cobbles": Nature(8, 8.0, (0.26, 0.25, 0.22), 1.7),
-    "rock": Nature(9, PROPERTIES["rock"].echo, (0.17, 0.16, 0.14), 1.5),
-    "lava": Nature(11, 10.0, (0.10, 0.10, 0.10), 1.5),
-    "coral": Nature(14, 8.0, (0.45, 0.34, 0.28), 1.8),
-    "shells": Nature(17, 4.0, (0.50, 0.47, 0.40), 1.5),
-    "boulder": Nature(18, 10.0, (0.20, 0.19, 0.17), 1.9),
-}
 UNKNOWN = 0
 _CODES = 256
 
@@ -92,6 +68,8 @@ class BottomMap:
         """Return how many times stronger than of the world's `bottom` (None: sand) the echo at places is."""
         import numpy as np
 
+        from sim.environment.things.natures import NATURES
+
         usual = PROPERTIES[bottom.kind].echo if bottom else 0.0
         strengths = np.full(_CODES, usual, np.float32)
         for nature in NATURES.values():
@@ -102,6 +80,8 @@ class BottomMap:
     def looks(self, north: Any, east: Any, usual: Any) -> "tuple[Floats, Floats]":
         """Return the colours (n x 3) at n places, `usual` where none is known, and how strong the texture is."""
         import numpy as np
+
+        from sim.environment.things.natures import NATURES
 
         colours, textures = np.full((_CODES, 3), usual, np.float32), np.ones(_CODES, np.float32)
         for nature in NATURES.values():

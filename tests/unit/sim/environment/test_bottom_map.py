@@ -8,7 +8,7 @@ import pytest
 from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.bottom import PROPERTIES, Bottom
-from sim.environment.things.bottom_map import NATURES
+from sim.environment.things.natures import NATURES
 from sim.environment.world import World, load_world
 from sim.sensors.imaging.camera import Camera
 from sim.sensors.imaging.camera_model import CameraModel
