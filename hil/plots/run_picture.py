@@ -92,6 +92,9 @@ def draw_world(axes: Any, world: World) -> None:
     piles = [Circle((pile.east, pile.north), pile.radius) for pile in world.cylinder]
     seen_from_above = [[(e, n) for n, e, _ in triangle] for mesh in world.mesh for triangle in mesh.placed]
     axes.add_collection(PolyCollection(seen_from_above, color=OBSTACLE, zorder=1))
+    for pipeline in world.pipeline:
+        norths, easts = zip(*pipeline.points, strict=True)
+        axes.plot(easts, norths, color=OBSTACLE, linewidth=1.0, zorder=1)
     for number, obstacle in enumerate([*piles, *(Polygon(_corners(box)) for box in world.box)]):
         obstacle.set(color=OBSTACLE, zorder=1, label="" if number else "obstacle")
         axes.add_patch(obstacle)

@@ -28,14 +28,29 @@ def built(*names: str, resolution: float | None = None) -> tuple[Survey, Built]:
 
 
 @pytest.mark.parametrize(("name", "counts"), [
-    ("US5AK5SI", {"SOUNDG": 8, "DEPCNT": 82, "DEPARE": 69, "COALNE": 24, "LNDARE": 7, "OBSTRN": 6, "WRECKS": 3}),
+    ("US5AK5SI", {"SOUNDG": 8, "DEPCNT": 82, "DEPARE": 69, "COALNE": 24, "LNDARE": 7, "OBSTRN": 6, "WRECKS": 3,
+                  "PIPSOL": 3, "CBLARE": 2, "SBDARE": 33}),
     ("US5AK5SJ", {"SOUNDG": 2, "DEPCNT": 113, "DEPARE": 108, "COALNE": 68, "LNDARE": 31, "OBSTRN": 1}),
     ("US5WA22M", {"SOUNDG": 24, "DEPCNT": 406, "DEPARE": 364, "COALNE": 123, "LNDARE": 67, "OBSTRN": 123, "WRECKS": 20,
-                  "DRGARE": 21, "BRIDGE": 18}),
+                  "DRGARE": 21, "BRIDGE": 18, "PIPSOL": 6, "RESARE": 6, "SBDARE": 85}),
+    ("US4AK4PH", {"CBLSUB": 4, "CBLARE": 2, "SBDARE": 240}),
 ])  # fmt: skip
 def test_objects_of_the_cells(name: str, counts: dict[str, int]) -> None:
     cell = read_cell(cell_path(name))
     assert {kind: len(cell.select(kind)) for kind in counts} == counts
+
+
+def test_what_a_chart_tells_beside_depths_is_on_the_plane() -> None:
+    """Names and rules are those of the cell; the kinds of seabed are more mud than sand in this bay."""
+    survey, _ = read_sources([cell_path("US5WA22M")], None, None)
+    charted = survey.charted
+    assert {pipeline.diameter for pipeline in charted.pipelines} == {0.6}
+    assert sum(zone.kind == "dumping" for zone in charted.zones) == 4
+    (anchorage,) = [zone for zone in charted.zones if zone.kind == "anchorage"]
+    assert anchorage.name == "Commencement Bay General Anchorage"
+    assert any("entry prohibited" in zone.rule or "anchoring prohibited" in zone.rule for zone in charted.zones)
+    codes = [nature.code for nature in charted.natures]
+    assert codes.count(1) > 2 * codes.count(4) > 20
 
 
 def test_updates_change_the_chart() -> None:
