@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from google.protobuf.descriptor_pool import DescriptorPool
-from google.protobuf.message_factory import GetMessageClass
+from google.protobuf.descriptor_pb2 import FileDescriptorSet  # type: ignore[import-untyped]
+from google.protobuf.descriptor_pool import DescriptorPool  # type: ignore[import-untyped]
+from google.protobuf.message_factory import GetMessageClass  # type: ignore[import-untyped]
 
 from hil.gateways.foxglove.scene import encode_scene, scene_channel
 from hil.scenario.config import load_scenario
