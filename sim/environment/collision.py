@@ -91,11 +91,13 @@ class Contact:
     def resolve(self, state: State) -> bool:
         """Move `state` out of whatever it is in; True if it was in something. A new touch counts once."""
         before, self.touching = self.touching, False
-        is_low = self._is_low(state)
-        if is_low or self._is_near(state):
-            self._settle(state, self._relief if is_low and self._last is not None else None)
-        if self._relief is not None:
-            self._last = state.position, state.quaternion
+        relief = self._relief
+        is_far = relief is not None and relief.is_far(state.position)
+        is_low = not is_far and self._is_low(state)
+        if is_low or (self._free < inf and self._is_near(state)):
+            self._settle(state, relief if is_low and self._last is not None else None)
+        if relief is not None:
+            self._last = None if is_far else (state.position, state.quaternion)
         if self.touching and not before:
             self.count += 1
         return self.touching

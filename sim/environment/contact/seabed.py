@@ -43,14 +43,20 @@ class SeabedContact:
         # Within _ROAM m of this place nothing reaches up to this depth.
         self._north, self._east, self._shallowest = inf, inf, 0.0
 
-    def is_clear(self, position: Sequence[float], lowest: float) -> bool:
-        """Return True if nothing around is as shallow as `lowest` m, the depth of the lower end: a quick look."""
-        north, east = position[0], position[1]
+    def is_far(self, position: Sequence[float]) -> bool:
+        """Return True if nothing around is as shallow as the hull can reach down: the quickest look."""
+        north, east, down = position
         away_north, away_east = north - self._north, east - self._east
         if away_north * away_north + away_east * away_east > _ROAM * _ROAM:
             self._north, self._east = north, east
             self._shallowest = self._terrain.shallowest(north, east, self._reach + _ROAM)
-        return lowest <= self._shallowest or lowest <= self._terrain.shallowest(north, east, self._reach)
+        return down + self._reach < self._shallowest
+
+    def is_clear(self, position: Sequence[float], lowest: float) -> bool:
+        """Return True if nothing around is as shallow as `lowest` m, the depth of the lower end: a quick look."""
+        if self.is_far(position) or lowest <= self._shallowest:
+            return True
+        return lowest <= self._terrain.shallowest(position[0], position[1], self._reach)
 
     def places(self, rotation: Rotation) -> Places:
         """Return the hull's places at that attitude (body to world)."""
