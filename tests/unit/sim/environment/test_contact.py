@@ -106,7 +106,7 @@ def test_falling_never_gains_energy(place: tuple[float, float, float]) -> None:
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), 0.0025)
         touched += contact.resolve(state)
         now = energy()
-        assert now <= last + 1e-6  # of some hundred joules
+        assert now <= last + 1e-5  # of some hundred joules
         last = now
     assert touched > 0
     assert contact.count >= 1
