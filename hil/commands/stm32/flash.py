@@ -18,7 +18,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     about = "another image, of python -m firmware_stub.build --output [the shipped one of the chip]"
     add("--image", metavar="FILE.bin", help=about)
     add("--by", choices=("probe", "dfu"), default="probe", help="debug probe or USB bootloader [%(default)s]")
-    add("--probe", metavar="NUMBER", help="a part of the probe's number; with dfu a path of USB [the only one]")
+    add("--probe", metavar="TEXT", help="a part of the probe's number; with dfu a path of USB [the only one]")
     add(
         "--under-reset",
         action="store_true",

@@ -22,7 +22,7 @@ examples:
   uuv-hil vehicle mine.toml --urdf > mine.urdf        for tools of ROS, and simulators
   uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF or xacro, FLU there, FRD here
   uuv-hil vehicle --import robot.urdf --add rest.toml -o mine.toml
-  uuv-hil vehicle --import model.sdf -o mine.toml --scenario flight.toml   Gazebo's, with its sensors
+  uuv-hil vehicle --import model.sdf -o mine.toml --flight flight.toml   Gazebo's, with its sensors
 """
 GRAVITY = 9.80665
 DENSITY = Number(500.0, 2000.0, "kg/m³")
@@ -32,9 +32,9 @@ def main(arguments: list[str]) -> int:
     """List the presets, describe one vehicle, or import one; 0. Raises HilError."""
     options = _parser().parse_args(arguments)
     if (options.add or options.output or options.scenario or options.model) and not options.urdf:
-        raise ConfigError("--add, --output, --scenario and --model go with --import MODEL")
+        raise ConfigError("--add, --output, --flight and --model go with --import MODEL")
     if options.scenario and not options.output:
-        raise ConfigError("--scenario names the vehicle's file: give --output FILE.toml too")
+        raise ConfigError("--flight names the vehicle's file: give --output FILE.toml too")
     if options.urdf:
         from hil.commands.vehicle.import_urdf import Request, convert
 
@@ -73,7 +73,8 @@ def _parser() -> argparse.ArgumentParser:
         "--xacro", metavar="NAME=VALUE", action="append", default=[], help="with --import: an argument of a xacro file"
     )
     add_output(parser, "FILE.toml", "with --import: where to write it [the screen]")
-    parser.add_argument("--scenario", metavar="FILE.toml", help="with --import: also write a scenario with its sensors")
+    about = "with --import: also write a scenario that flies it, with its sensors"
+    parser.add_argument("--flight", metavar="FILE.toml", dest="scenario", help=about)
     return parser
 
 

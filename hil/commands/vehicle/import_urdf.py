@@ -44,7 +44,7 @@ def convert(request: Request) -> int:
     for note in notes:
         print(f"note: {note}")
     if sensors and request.scenario is None:
-        print(f"note: It has sensors, which a scenario holds ({', '.join(sensors)}): --scenario FILE.toml writes one.")
+        print(f"note: It has sensors, which a scenario holds ({', '.join(sensors)}): --flight FILE.toml writes one.")
     return 0
 
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 COLOURS = "#2563eb", "#ea580c", "#16a34a", "#9333ea", "#0891b2", "#ca8a04", "#db2777", "#64748b"
 BLUE, ORANGE, GREEN = COLOURS[:3]
-MESSAGES_OF_PLOTS = {
+MESSAGES_OF_PLOTS = {  # title of the plot -> path in the message, and name of the curve
     "depth": (("odom.pose.pose.position.z", "z (up, m)"), ("altitude.range", "altitude (m)")),
     "speed": (("odom.twist.twist.linear.x", "surge (m/s)"), ("cmd_vel.linear.x", "commanded (m/s)")),
     "thrusts": tuple((f"joint_states.effort[{n}]", f"thrust {n + 1} (N)") for n in range(len(COLOURS))),
@@ -26,12 +26,12 @@ def layout(node: str, frame_prefix: str = "", sensors: "SensorSet" = MappingProx
     images = _images(sensors)
     panels: dict[str, Any] = {
         "3D!scene": _three_d(node, f"{frame_prefix}base_link"),
-        **{panel: _image(f"/{node}/{topic}") for panel, topic in images.items()},
+        **{panel: _image(node, topic) for panel, topic in images.items()},
         "Teleop!stick": _teleop(node),
         "CallService!arm": {"serviceName": f"/{node}/arm", "requestPayload": '{"data": true}', "layout": "vertical"},
         "Parameters!gains": {"title": "Parameters"},
         "DiagnosticSummary!health": {"minLevel": 0, "topicToRender": "/diagnostics", "hardwareIdFilter": ""},
-        **{f"Plot!{name}": _plot(node, curves) for name, curves in MESSAGES_OF_PLOTS.items()},
+        **{f"Plot!{name}": _plot(node, name, curves) for name, curves in MESSAGES_OF_PLOTS.items()},
     }
     left = _split("column", "3D!scene", _row([*images]), 65)
     plots = _split("column", _split("row", "Plot!depth", "Plot!speed"), _split("row", "Plot!thrusts", "Plot!battery"))
@@ -90,16 +90,19 @@ def _three_d(node: str, frame: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _image(topic: str) -> dict[str, Any]:
-    return {"imageMode": {"imageTopic": topic}}
+def _image(node: str, topic: str) -> dict[str, Any]:
+    title = topic.partition("/")[0].replace("_", " ")
+    return {"foxglovePanelTitle": title, "imageMode": {"imageTopic": f"/{node}/{topic}"}}
 
 
-def _plot(node: str, curves: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+def _plot(node: str, title: str, curves: tuple[tuple[str, str], ...]) -> dict[str, Any]:
     paths = [
         {"value": f"/{node}/{path}", "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
         for (path, label), colour in zip(curves, COLOURS, strict=False)
     ]
-    return {"paths": paths, "showLegend": True, "legendDisplay": "top", "isSynced": True, "followingViewWidth": 60}
+    beside = {"showLegend": True, "legendDisplay": "left", "sidebarDimension": 110}
+    window = {"isSynced": True, "followingViewWidth": 60}
+    return {"foxglovePanelTitle": title, "paths": paths, **beside, **window}
 
 
 def _teleop(node: str) -> dict[str, Any]:

@@ -150,7 +150,7 @@ def test_what_is_no_world_is_said(tmp_path: Path) -> None:
 def test_a_vehicle_flies_after_its_import(bay: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The command writes the vehicle and a scenario with its sensors; both are read again."""
     out, flight = tmp_path / "otter.toml", tmp_path / "flight.toml"
-    command = ["vehicle", "--import", str(bay), "-o", str(out), "--scenario", str(flight)]
+    command = ["vehicle", "--import", str(bay), "-o", str(out), "--flight", str(flight)]
     assert main(command) == 0
     said = capsys.readouterr().out
     assert "swimmer, 20.5 kg, 1 thrusters, 1 fins" in said
@@ -158,6 +158,6 @@ def test_a_vehicle_flies_after_its_import(bay: Path, tmp_path: Path, capsys: pyt
     assert load_vehicle(str(out))[0].channels == ("propeller", "rudder")
     assert main(["scenario", "check", str(flight)]) == 0
     assert main(command[:-2]) == 0
-    assert "--scenario FILE.toml writes one" in capsys.readouterr().out
-    assert main([*command[:3], "--scenario", str(flight)]) == 2
+    assert "--flight FILE.toml writes one" in capsys.readouterr().out
+    assert main([*command[:3], "--flight", str(flight)]) == 2
     assert "give --output FILE.toml too" in capsys.readouterr().err

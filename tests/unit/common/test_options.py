@@ -18,7 +18,8 @@ from hil.common.options import List, Number, Parser, Share, new_parser, subparse
 TEXTS = {
     "SCENARIO", "NAME", "DIR", "FOLDER", "FILE", "PATH", "WORLD", "VEHICLE", "TYPE", "VALUES", "TOPIC", "SERVICE",
     "HEX", "ADDRESS", "KEY=VALUE", "NAME=VALUE", "KEY=A,B,...", "NAME|FILE", "NAME|FILE.toml", "CHART.000",
-    "MODEL.urdf", "FILE.csv", "FILE.png", "FILE.toml", "FILE.json", "A.json", "B.json", "OUT.pgm|.tif|.stl|.glb|.sdf",
+    "MODEL", "WORLD.sdf", "FILE.bin", "FILE.csv", "FILE.png", "FILE.toml", "FILE.json", "A.json", "B.json",
+    "OUT.pgm|.tif|.stl|.glb|.sdf",
     "KIND", "FILE|DIR", "NODE=HOST", "COMMAND", "ACTION", "EPSG:N", "TEXT",
 }  # fmt: skip
 VALUES = ["nan", "inf", "-inf", "-1", "0", "1e12", "x", "", "9" * 5000, "0x10", "1_0", "½", "1e400", "5 kg"]
@@ -234,7 +235,7 @@ def test_did_you_mean(words: list[str], meant: str, capsys: pytest.CaptureFixtur
     [
         (["world", "export", "pool", "-o", "x.sdf"], "no option '-o'; see"),  # another subcommand has it
         (["sim", "-q"], "no option '-q'; see"),
-        (["world", "shwo"], "ACTION: 'shwo' is not one of build, show, export, list; did you mean 'show'?; see"),
+        (["world", "shwo"], "ACTION: 'shwo' is not one of build, show, export, import, list; did you mean 'show'?"),
         (["keys", "ad"], "ACTION: 'ad' is not one of init, add; did you mean 'add'?; see"),
     ],
 )
