@@ -92,6 +92,8 @@ EXTRAS = {
     "aiohttp": "view",
     "trimesh": "view",
     "contourpy": "view",
+    "collada": "mesh",
+    "gsw": "ocean",
     "scipy": "chart",
     "pyogrio": "chart",
     "shapely": "chart",

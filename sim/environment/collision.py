@@ -161,10 +161,10 @@ class Contact:
         return away_north * away_north + away_east * away_east >= self._free * self._free
 
     def is_inside(self, state: State) -> bool:
-        """Return True if the hull is in something."""
+        """Return True if the hull is in something by more than its skin: one that rests on the seabed is not."""
         places = self._relief.places(rotations.matrix(state.quaternion)) if self._relief else None
-        return bool(self.find(state)) or bool(
-            self._relief and places and self._relief.sunk(state.position, places) > 0.0
+        return any(touch.depth > SKIN for touch in self.find(state)) or bool(
+            self._relief and places and self._relief.sunk(state.position, places) > SKIN
         )
 
     def _settle(self, state: State, relief: "SeabedContact | None") -> None:

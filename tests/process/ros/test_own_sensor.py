@@ -170,7 +170,7 @@ def test_a_planner_gets_it_in_simulated_time_and_over_the_network(where: Path) -
         ('[sensors.odom]\nclass = "my_sensors:Bare"\nrate = 1', "the topic 'odom' is taken"),
         ('[sensors.imu]\nclass = "my_sensors:Bare"\nrate = 1', "imu: no key 'class'"),
         ('[sensors."my-own"]\nclass = "my_sensors:Bare"\nrate = 1', "a sensor's name becomes a topic's"),
-        ("[sensors.mine]\nrate = 1", 'one of your own needs class = "module:Class"'),
+        ("[sensors.mine]\nrate = 1", 'one of your own class = "module:Class"'),
     ],
 )
 def test_what_is_wrong_is_reported(where: Path, section: str, words: str) -> None:

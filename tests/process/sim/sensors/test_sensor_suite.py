@@ -65,8 +65,9 @@ def scenario(folder: Path, sections: str = "") -> Simulation:
     return build_simulation(read, load_vehicle(read.vehicle)[0], load_world(read.world))
 
 
-IF_ASKED_FOR = (  # [ros] images, points, ground_truth
-    "camera/image_raw/compressed", "camera/depth/points", "camera/labels"
+IF_ASKED_FOR = (  # [ros] images, points, ground_truth; the picture of a fan; `bins` of a scanning sonar
+    "camera/image_raw/compressed", "camera/depth/points", "camera/labels", "forward_sonar/fan/image_raw",
+    "scanning_sonar/image",
 )  # fmt: skip
 
 

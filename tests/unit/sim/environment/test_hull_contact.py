@@ -151,6 +151,7 @@ def test_friction_stops_a_slide_on_the_seabed() -> None:
         simulation.step((1500,) * 8)
     assert simulation.state.position == pytest.approx(place, abs=1e-5)
     assert simulation.touching
+    Simulation(vehicle, SEA, {}, position=place)  # it may start where it came to rest
 
 
 def energy(dynamics: Dynamics, state: State) -> float:
