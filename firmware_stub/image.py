@@ -60,9 +60,9 @@ def describe_image(path: str) -> Image:
     """Return what the .toml beside an image says of it. Raises ConfigError without a valid one."""
     from hil.common.tables import parse_toml  # an emulated STM32 needs the bytes alone
 
-    beside = path.removesuffix(".bin") + ".toml"
+    description = path.removesuffix(".bin") + ".toml"
     try:
-        with open(beside, encoding="utf-8") as file:
+        with open(description, encoding="utf-8") as file:
             table: dict[str, Any] = parse_toml(file.read())
         return Image(
             table["chip"].removeprefix("STM32").lower(), path, table["chip"], tuple(table["device_ids"]),
@@ -72,7 +72,7 @@ def describe_image(path: str) -> Image:
         )  # fmt: skip
     except (OSError, KeyError, ValueError) as error:
         raise ConfigError(
-            f"{path}: no valid description beside it, {beside} ({error}): make both with "
+            f"{path}: no valid description beside it, {description} ({error}): make both with "
             "python -m firmware_stub.build, or install uuv-hil again"
         ) from None
 

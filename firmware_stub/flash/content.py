@@ -1,4 +1,4 @@
-"""What is written to a board, whether it fits the chip there, and the wiring of its pins."""
+"""The content of a board's flash, whether it fits the chip there, and the wiring of its pins."""
 
 import hashlib
 from typing import NamedTuple
@@ -21,7 +21,7 @@ OTHERS = {
 
 
 class Content(NamedTuple):
-    """What is written: pieces of flash by address; the first is the image."""
+    """The content to write: pieces of flash by address; the first is the image."""
 
     image: Image
     pieces: tuple[tuple[int, bytes], ...]

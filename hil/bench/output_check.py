@@ -39,7 +39,7 @@ class Plan(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What telemetry said of one output, counted from 1, while it was to turn.
+    """The telemetry of one output, counted from 1, while it was to turn.
 
     confirmed_ms: from the first command of the pulse to the report that shows it, None if none did. reported_us: the
     last pulse reported. others: outputs that were reported away from neutral, which they should not be. motor: what
@@ -55,7 +55,7 @@ class Finding(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether the pulse was confirmed, and of that output alone."""
+        """Return True if the pulse was confirmed, and of that output alone."""
         return self.confirmed_ms is not None and not self.others
 
 

@@ -1,4 +1,4 @@
-"""What a chart tells beside depths and obstacles: cables and pipelines, areas with rules, and what the bed is made of.
+"""Charted things beside depths and obstacles: cables and pipelines, areas with rules, and the bed's material.
 
 A chart seldom says how thick a pipeline or cable is: the diameters here are ours, and it lies on the bed unless it is
 charted as buried. The nature of the bed is given at places, and counts as far as the next one, but no farther than
@@ -50,7 +50,7 @@ class Nature(NamedTuple):
 
 
 class Charted(NamedTuple):
-    """What charts say beside depths and obstacles, on the plane, from the coarsest chart to the finest."""
+    """The parts of charts beside depths and obstacles, on the plane, from the coarsest chart to the finest."""
 
     pipelines: tuple[Pipeline, ...] = ()
     zones: tuple[Zone, ...] = ()

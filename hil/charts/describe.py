@@ -29,7 +29,7 @@ def describe(survey: Survey, built: Built) -> Facts:
         ("obstacles", f"{len(obstacles) - floating} standing on the bed, {report.beds_under} of which the bed was "
                       f"lowered for; {floating} floating"
                       + (BRIDGES if survey.bridges else "")),
-        *_beside(built),
+        *_charted_facts(built),
     )  # fmt: skip
 
 
@@ -39,20 +39,20 @@ def _used(report: Report) -> str:
     return ", ".join([*shares, f"{percent(1.0 - report.unknown - sum(share for _, share in report.beds))} by others"])
 
 
-def _beside(built: Built) -> Facts:
+def _charted_facts(built: Built) -> Facts:
     """Return what else was charted."""
     charted, bottom = built.placed.charted, built.placed.bottom
     lines = Counter(f"{pipeline.kind}s" for pipeline in charted.pipelines)
     zones = Counter(f"{zone.kind} areas" for zone in charted.zones)
-    said: list[tuple[str, str]] = []
+    facts: list[tuple[str, str]] = []
     if lines or zones:
-        said.append(("charted", ", ".join(f"{count} {kind}" for kind, count in (*lines.items(), *zones.items()))))
+        facts.append(("charted", ", ".join(f"{count} {kind}" for kind, count in (*lines.items(), *zones.items()))))
     if bottom is not None:
         names = {nature.code: name for name, nature in NATURES.items()}
         shares = [(float((bottom.codes == code).mean()), name) for code, name in names.items()]
         kinds = ", ".join(f"{percent(share)} {name}" for share, name in sorted(shares, reverse=True) if share > 0.0)
-        said.append(("bottom", f"{kinds}; nothing is known of {percent(float((bottom.codes == UNKNOWN).mean()))}"))
-    return tuple(said)
+        facts.append(("bottom", f"{kinds}; nothing is known of {percent(float((bottom.codes == UNKNOWN).mean()))}"))
+    return tuple(facts)
 
 
 def facts(grid: Grid, report: Report) -> Facts:

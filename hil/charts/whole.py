@@ -119,8 +119,8 @@ def _placed(world: World) -> Placed:
     if world.bottom_map is not None:
         keys = world.bottom_map.keys
         bottom = charted.BottomGrid(world.bottom_map.grid(), keys.north_min, keys.east_min, keys.resolution)
-    beside = charted.Charted(world.pipeline, world.all_zones())
-    return Placed(grid_of(world), world.cylinder, world.box, beside, bottom)
+    others = charted.Charted(world.pipeline, world.all_zones())
+    return Placed(grid_of(world), world.cylinder, world.box, others, bottom)
 
 
 def _store(whole: Whole, folder: str) -> None:

@@ -1,4 +1,4 @@
-"""What a seabed is made of: the `[bottom]` of a world, for all that looks at it.
+"""The material of a seabed: the `[bottom]` of a world, for all that looks at it.
 
 [bottom]
 kind = "sand"
@@ -19,7 +19,7 @@ Kind = Literal["mud", "sand", "gravel", "rock"]
 
 
 class Properties(NamedTuple):
-    """Of one kind: height (m) and exponent of its relief, echo and patchiness (dB, re sand)."""
+    """The numbers of one kind: height (m) and exponent of its relief, echo and patchiness (dB, re sand)."""
 
     height: float
     exponent: float

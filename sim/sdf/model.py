@@ -45,7 +45,7 @@ class Model(NamedTuple):
 
 
 class _Scope:
-    """What of one model element has been read so far."""
+    """The part of one model element that has been read so far."""
 
     def __init__(self) -> None:
         self.frames: dict[str, tuple[str, Pose]] = {}

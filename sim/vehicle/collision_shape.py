@@ -23,7 +23,7 @@ _MOST_SPHERES = 32
 
 
 class Collision(NamedTuple):
-    """How a vehicle touches things: see the top of this module.
+    """The keys of how a vehicle touches things: see the top of this module.
 
     `friction` is Coulomb's coefficient, of sliding and of sticking alike, against whatever it touches; `restitution`
     the share of the closing speed that is left after a blow, the other way. Both are our choice: wet plastic or steel

@@ -37,7 +37,7 @@ class _Placed(NamedTuple):
 
 
 class ImportedWorld(NamedTuple):
-    """What was written: the world as it loads, and what was assumed or left out."""
+    """The result: the world as it loads, and what was assumed or left out."""
 
     world: World
     notes: list[str]

@@ -86,19 +86,19 @@ def _agreed() -> bool:
 
 
 def text(finding: "Finding", pins: tuple[str, ...]) -> str:
-    """Return one line of what telemetry said of an output."""
+    """Return one line on the telemetry of an output."""
     pin = f" ({pins[finding.output - 1]})" if finding.output <= len(pins) else ""
     name = f"output {finding.output}{pin}"
     if finding.confirmed_ms is not None:
-        said = f"{finding.pulse_us} us confirmed after {finding.confirmed_ms:.1f} ms"
+        text = f"{finding.pulse_us} us confirmed after {finding.confirmed_ms:.1f} ms"
     elif finding.reported_us is None:
-        said = "NOT CONFIRMED: no telemetry while it was to turn"
+        text = "NOT CONFIRMED: no telemetry while it was to turn"
     elif finding.reported_us == PWM_NEUTRAL_US:
-        said = f"NOT CONFIRMED: telemetry shows neutral instead of {finding.pulse_us} us"
+        text = f"NOT CONFIRMED: telemetry shows neutral instead of {finding.pulse_us} us"
     else:
-        said = f"NOT CONFIRMED: telemetry shows {finding.reported_us} us instead of {finding.pulse_us} us"
+        text = f"NOT CONFIRMED: telemetry shows {finding.reported_us} us instead of {finding.pulse_us} us"
     if finding.motor:
-        said += "; " + ", ".join(f"{value:g} {unit}" for unit, value in finding.motor.items())
+        text += "; " + ", ".join(f"{value:g} {unit}" for unit, value in finding.motor.items())
     if finding.others:
-        said += f"; WRONG: telemetry shows that output {', '.join(map(str, finding.others))} turned as well"
-    return f"  {name}: {said}"
+        text += f"; WRONG: telemetry shows that output {', '.join(map(str, finding.others))} turned as well"
+    return f"  {name}: {text}"

@@ -15,7 +15,7 @@ from sim.vehicle.vehicle import EQUIPMENT, Vehicle
 
 
 class Request(NamedTuple):
-    """What `--import` and its options say: the model's file, keys to add, files to write, arguments of xacro."""
+    """The values of `--import` and its options: the model's file, keys to add, files to write, arguments of xacro."""
 
     file: str
     add: str | None = None
@@ -63,9 +63,9 @@ def read(request: Request) -> Imported:
 def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Mapping[str, Any]]) -> str:
     """Return a scenario with the file `vehicle`, whose path is written relative to that of `scenario`."""
     folder = os.path.dirname(os.path.abspath(scenario))
-    beside = os.path.relpath(os.path.abspath(vehicle), folder)
+    relative = os.path.relpath(os.path.abspath(vehicle), folder)
     lines = [
-        f"description = {_toml(f'{name}, imported')}", f"vehicle = {_toml(beside)}", 'world = "open_water"', "",
+        f"description = {_toml(f'{name}, imported')}", f"vehicle = {_toml(relative)}", 'world = "open_water"', "",
         "[start]", 'depth = "5 m"', "", "[master]", "goal = [20.0, 20.0]", 'depth = "5 m"',
     ]  # fmt: skip
     for sensor, keys in sensors.items():

@@ -100,9 +100,9 @@ def _plot(node: str, title: str, curves: tuple[tuple[str, str], ...]) -> dict[st
         {"value": f"/{node}/{path}", "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
         for (path, label), colour in zip(curves, COLOURS, strict=False)
     ]
-    beside = {"showLegend": True, "legendDisplay": "left", "sidebarDimension": 110}
+    legend = {"showLegend": True, "legendDisplay": "left", "sidebarDimension": 110}
     window = {"isSynced": True, "followingViewWidth": 60}
-    return {"foxglovePanelTitle": title, "paths": paths, **beside, **window}
+    return {"foxglovePanelTitle": title, "paths": paths, **legend, **window}
 
 
 def _teleop(node: str) -> dict[str, Any]:

@@ -1,1 +1,1 @@
-"""Where a hull touches things, and the blow it gets: parts of sim/environment/collision.py, which alone uses them."""
+"""The touches of a hull, and the blows it gets: parts of sim/environment/collision.py, which alone uses them."""

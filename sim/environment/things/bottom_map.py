@@ -1,4 +1,4 @@
-"""Where the seabed is made of what, for sonars and cameras: `[bottom_map]` of a world's file, as charts have it.
+"""A map of the seabed's material for sonars and cameras: `[bottom_map]` of a world's file, as charts have it.
 
 [bottom_map]
 file = "bay.bottom"            # beside the world's file: a byte a node, row after row from the south-west

@@ -1,4 +1,4 @@
-"""What seabeds are made of, as charts say it: numbers of S-57's NATSUR, and what sonars and cameras make of each.
+"""The materials of seabeds in charts: numbers of S-57's NATSUR, and what sonars and cameras make of each.
 
 Echoes are those of sim.environment.bottom for its kinds, those of others lie between them; colours and textures are
 ours.

@@ -1,4 +1,4 @@
-"""What lamps, particles, waves and motion make of a camera's picture, as its keys say: by default nothing."""
+"""The effects of lamps, particles, waves and motion on a camera's picture, by its keys: none by default."""
 
 from typing import Any
 

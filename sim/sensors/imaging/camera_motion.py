@@ -1,4 +1,4 @@
-"""What motion does to a camera's picture: blur while it is exposed, and the skew of a rolling shutter.
+"""The effects of motion on a camera's picture: blur while it is exposed, and the skew of a rolling shutter.
 
 Both move the pixels of one picture along the flow that the camera's motion gives them, by their distance; what would
 come out from behind an edge meanwhile is not there. The world stands still.

@@ -31,14 +31,14 @@ HALF_POWER = 0.4429464  # sinc² is a half there, in units of its first null
 
 
 class Mirrors(NamedTuple):
-    """What a reflection at the surface and at the seabed costs, in dB."""
+    """The loss of a reflection at the surface and at the seabed, in dB."""
 
     surface: float
     bottom: float
 
 
 class View(NamedTuple):
-    """Where a sonar is (NED, m) and how it stands; its cells, the height of its beams (rad), how far it looks (m)."""
+    """A sonar's place (NED, m) and attitude; its cells, the height of its beams (rad), how far it looks (m)."""
 
     place: Floats
     turn: Floats
@@ -48,7 +48,7 @@ class View(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """What the rays of an aperture of `shape` have met from `place`: points (n x 3, NED; nan for nothing) and cosines.
+    """The hits of an aperture of `shape` from `place`: points (n x 3, NED; nan for nothing) and cosines.
 
     The cosines are those of the angles of incidence.
     """

@@ -145,8 +145,8 @@ class ForwardSonar:
             return np.zeros((m.beams, self._bins.count), np.float32)
         echoes = shares_of(scaled, self._bins, m.beams, self._texture, self._stride).astype(np.float32)
         if m.side_lobes:
-            heard: Floats = self._lobes @ echoes
-            return heard
+            received: Floats = self._lobes @ echoes
+            return received
         total: Floats = self._taps[0] * echoes
         for beam, tap in enumerate(self._taps[1:], 1):
             total[beam:] += tap * echoes[:-beam]

@@ -44,7 +44,7 @@ _ZERO = ("added_mass", "linear_damping", "quadratic_damping")
 
 
 class Imported(NamedTuple):
-    """What of a model could be read: the vehicle, its sensors as a scenario has them, and what was assumed or lost."""
+    """An imported model: the vehicle, its sensors as a scenario has them, and what was assumed or lost."""
 
     vehicle: Vehicle
     sensors: dict[str, dict[str, Any]]

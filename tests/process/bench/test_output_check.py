@@ -76,7 +76,7 @@ def test_over_can_with_what_controllers_report(protocol: str, unit: str, capsys:
 
 
 def test_one_output_at_a_time_and_neutral_around(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is commanded: neutral, then each output alone, neutral between, disarmed at the end."""
+    """The commands in their order: neutral, then each output alone, neutral between, disarmed at the end."""
     sent: list[ThrusterCommand] = []
     send = ThrusterDriver.send
 

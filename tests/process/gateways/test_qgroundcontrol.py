@@ -45,7 +45,7 @@ def test_each_step_of_its_start_is_answered(station: Station) -> None:
 
 
 def test_parameters_also_come_one_by_one_for_all_components(station: Station) -> None:
-    """Where the file did not come it asks component 0, and then for each that it misses."""
+    """It asks component 0 where the file did not come, and then for each that it misses."""
     station.send.param_request_list_send(1, 0)
     names: dict[int, str] = {}
 
@@ -85,7 +85,7 @@ def test_its_joystick_with_extensions_of_mavlink(station: Station) -> None:
 
 
 def test_turns_and_currents_of_its_motors_are_shown(station: Station) -> None:
-    """Of a vehicle whose thrusters follow their maker's table: both forms that it reads, each for all eight."""
+    """Motors that follow their maker's table are reported in both forms that it reads, each for all eight."""
     station.set_mode(Mode.MANUAL)
     assert station.command_to(1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0) == 0
 

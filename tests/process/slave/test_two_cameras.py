@@ -61,7 +61,7 @@ def test_each_camera_and_sonar_is_there_by_its_name(tmp_path: Path) -> None:
 
 
 class _Client:
-    """What a client knows of a slave whose imaging process has published nothing yet."""
+    """The client of a slave whose imaging process has published nothing yet."""
 
     def __init__(self) -> None:
         self.latest: dict[str, object] = {}

@@ -1,4 +1,4 @@
-"""What QGroundControl asks a vehicle for when it connects, in its order, and what it does not go on without.
+"""The requests of QGroundControl when it connects, in its order, and what it does not go on without.
 
 Read in its sources of 2025 (mavlink/qgroundcontrol): Vehicle/InitialConnectStateMachine, Vehicle/StandardModes,
 Vehicle/ComponentInformation, Vehicle/FTPManager, FactSystem/ParameterManager, MissionManager/PlanManager,

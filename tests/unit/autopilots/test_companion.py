@@ -170,7 +170,7 @@ def test_it_calls_again_when_the_autopilot_has_started_again(bench: Callable[[st
 
 
 def test_a_receiver_measures_the_velocity_of_its_antenna(tmp_path: Path) -> None:
-    """Of a mast of 0.4 m on a vehicle whose starboard side goes down: to starboard."""
+    """A mast of 0.4 m on a vehicle whose starboard side goes down moves to starboard."""
     scenario = scenario_of(tmp_path, "gps", sensors="[sensors.gps]\nposition = [0, 0, -0.4]")
     inputs = SensorInputs(scenario, load_world(scenario.world))
     truth = TRUTH._replace(orientation=(1.0, 0.0, 0.0, 0.0), nu=(0.5, 0.0, 0.0, 0.25, 0.0, 0.0))

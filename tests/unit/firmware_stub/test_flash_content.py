@@ -1,4 +1,4 @@
-"""What is written to a board: the right image by the chip's own number, or a refusal that names both."""
+"""A board gets the right image by the chip's own number, or a refusal that names both."""
 
 from pathlib import Path
 

@@ -102,7 +102,7 @@ def test_a_world_has_its_vehicle_by_include() -> None:
 
 
 def test_a_merged_model_has_its_names_outside_and_a_nested_one_has_not() -> None:
-    """As PX4's models include theirs; the plugins follow."""
+    """The plugins of an included model follow, as in PX4's models."""
     for merge, link in (("true", "hull"), ("false", "otter::hull")):
         text = (
             f'<sdf version="1.9"><model name="m"><include merge="{merge}"><uri>model://otter</uri>'

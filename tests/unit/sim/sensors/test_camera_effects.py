@@ -216,7 +216,7 @@ def test_the_ground_truth_has_no_effect() -> None:
 @pytest.mark.parametrize("kind", ["mud", "rock"])
 @pytest.mark.parametrize("keys", [{}, {"lamps": 3.0, "water": "3C"}, {"water": "clear"}, {"ground_truth": True}])
 def test_the_compiled_pass_gives_the_same_light(kind: Any, keys: dict[str, Any]) -> None:
-    """Of relief with ripples, a place without data, a pile, the surface, and nothing: to a part in a thousand."""
+    """Both agree on relief with ripples, a place without data, a pile, the surface, and nothing, to a thousandth."""
     if make_shader() is None:
         pytest.skip("no C compiler here")
     grid = covering((-20.0, 20.0, -20.0, 20.0), 0.7)
