@@ -344,7 +344,7 @@ def test_the_pins_are_those_of_the_wiring_that_people_are_told(chip: str, board:
 def test_all_clocks_are_right_with_the_crystal_and_without(
     chip: str, crystal: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The chip's times as the program sets it: a pulse of 1500 us, a bit of the serial port and of CAN, a millisecond."""
+    """The chip's times as the program sets it: a pulse of 1500 us, a bit of serial and of CAN, a millisecond."""
     if not crystal:
         ready, write = 1 << 17, Rcc.write
 
