@@ -163,7 +163,7 @@ def test_a_route_along_a_pipeline(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     """With a world of the same page in the place of a chart's."""
     code, *_ = (block for block in PYTHON if block.page == "docs/how-to/charts.md")
     world, *_ = (block for block in TOML if block.page == code.page and "[[pipeline]]" in block.text)
-    (tmp_path / "tacoma.toml").write_text(world.text)
+    (tmp_path / "farm.toml").write_text(world.text)
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     exec(code.text, names)  # our own page
