@@ -41,6 +41,18 @@ def _own_scenario(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         topics.TOPICS.update(before)
 
 
+@pytest.fixture(autouse=True)
+def _own_scheduling() -> Iterator[None]:
+    """Restore the scheduling: after a loop that ran in this process all later tests would keep others waiting."""
+    if not hasattr(os, "sched_getscheduler"):
+        yield
+        return
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    yield
+    if os.sched_getscheduler(0) != before[0]:
+        os.sched_setscheduler(0, *before)
+
+
 def pytest_sessionstart() -> None:
     """Reserve ports once: what holds them stays open, and is no leak of the first test that asks for one."""
     free_ports(1)
