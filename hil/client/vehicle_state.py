@@ -1,6 +1,7 @@
 """Samples of one vehicle in the Python interface: the newest of each sensor, and streams of all."""
 
 import threading
+import time
 import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
@@ -224,9 +225,21 @@ class VehicleState:
         return {topic.removeprefix(own): kind for topic, kind in published.items() if topic.startswith(own)}
 
     def _learn(self, topic: str) -> bool:
-        """Return whether the vehicle publishes a topic that is like one of ours, which is known from then on."""
-        published = self._published()
-        return topic in published and learn(topic, published[topic])
+        """Return whether the vehicle publishes a topic that is like one of ours, which is known from then on.
+
+        That of a sensor of pictures is waited for: the graph may show it a moment after the slave.
+        """
+        end = time.monotonic() + FIRST_WITHIN_S
+        while topic not in (published := self._published()):
+            if not self._may_come(topic) or time.monotonic() > end:
+                return False
+            self._closing.wait(0.1)
+        return learn(topic, published[topic])
+
+    def _may_come(self, topic: str) -> bool:
+        """Return False if the slave's diagnostics have no sensor of pictures for the topic; True before they came."""
+        sensors = self.diagnostics.imaging_requested
+        return sensors is None or topic.partition("/")[0] in sensors
 
     def _starts(self, topic: str) -> bool:
         """Return whether the topic is of a sensor of pictures whose process has published none since it started."""
