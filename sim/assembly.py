@@ -176,7 +176,7 @@ def make_shader() -> "Callable[..., None] | None":
 
 
 def make_developer() -> "Callable[..., None] | None":
-    """Return what a camera's sensor makes of light in C, see sim.sensors.imaging.camera_picture; None without C.
+    """Return what a camera's sensor makes of light in C, see sim.sensors.imaging.camera.picture; None without C.
 
     Raises ConfigError as `choose` does.
     """

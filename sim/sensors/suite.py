@@ -53,7 +53,7 @@ SENSORS = {
     "profiler": "sim.sensors.ranging.profiler:Profiler",
     "scanning_sonar": "sim.sensors.imaging.scanning_sonar:ScanningSonar",
     "echosounder": "sim.sensors.ranging.echosounder:Echosounder",
-    "camera": "sim.sensors.imaging.camera:Camera",
+    "camera": "sim.sensors.imaging.camera.sensor:Camera",
     "forward_sonar": "sim.sensors.imaging.forward_sonar:ForwardSonar",
     "side_scan": "sim.sensors.imaging.side_scan:SideScan",
 }

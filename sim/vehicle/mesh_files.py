@@ -1,4 +1,4 @@
-"""Read mesh files of many formats, whoever made them: those of worlds, of vehicles, and of imported models."""
+"""Read mesh files of many formats: those of worlds, of vehicles, and of imported models."""
 
 import os
 import re

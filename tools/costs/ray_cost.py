@@ -36,8 +36,8 @@ from sim.environment.world import World
 from sim.rays.scene import ALONG_AXES, Engine, Hits, RayScene
 from sim.rays.solids import half_space, sphere
 from sim.rotations import from_euler, matrix
-from sim.sensors.imaging.camera import Camera
-from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel
 from sim.sensors.mounting import Mounting

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from sim.environment.obstacles import Box
 from sim.environment.optics import jerlov, underwater
 from sim.environment.world import World
-from sim.sensors.imaging.camera import Camera
-from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.samples import CameraSample, SonarImageSample
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel

@@ -14,8 +14,8 @@ from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World, load_world
 from sim.rotations import from_euler
-from sim.sensors.imaging.camera import Camera
-from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from sim.environment.optics import Water
 from sim.rays.scene import RayScene
-from sim.sensors.imaging.camera_lamps import Lamps
-from sim.sensors.imaging.camera_model import CameraModel
-from sim.sensors.imaging.camera_motion import Motion, Shot
-from sim.sensors.imaging.camera_particles import Caustics, Snow
+from sim.sensors.imaging.camera.lamps import Lamps
+from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.motion import Motion, Shot
+from sim.sensors.imaging.camera.particles import Caustics, Snow
 from sim.sensors.imaging.scenery import Beam, Seen
 from sim.sensors.mounting import Mounting
 

@@ -15,8 +15,8 @@ from sim.rays.scene import NOTHING, RayScene
 from sim.rays.solids import Solid, half_space
 from sim.rotations import matrix
 from sim.sensors.error import sensor_random
-from sim.sensors.imaging.camera_effects import Effects, Shot
-from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera.effects import Effects, Shot
+from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.samples import Distortion, Intrinsics
 from sim.sensors.imaging.scenery import Scenery, Seen
 from sim.sensors.imaging.shading import Shading

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from sim.dynamics import State
 from sim.sensors.error import sensor_random
-from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.samples import CameraSample, Distortion, Intrinsics, need_numpy
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
@@ -19,7 +19,7 @@ class Camera:
 
     Rays give what each pixel sees in its middle, sim.sensors.imaging.scenery its colour, sim.environment.optics what
     the water makes of
-    that, sim.sensors.imaging.camera_effects what lamps, particles, waves and motion add. Daylight fades with depth; the
+    that, sim.sensors.imaging.camera.effects what lamps, particles, waves and motion add. Daylight fades with depth; the
     water's surface is flat. Not modelled: focus, pixels that see an edge in parts; depth is found wherever a ray ends,
     though a stereo camera would find none in fog.
     """
@@ -30,7 +30,7 @@ class Camera:
 
     def __init__(self, model: CameraModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         need_numpy(self.topic)
-        from sim.sensors.imaging.camera_picture import Development, Eye
+        from sim.sensors.imaging.camera.picture import Development, Eye
 
         self._model = model
         focal = 0.5 * model.width / tan(0.5 * model.field_of_view)

@@ -25,9 +25,9 @@ from sim.rays.geometry import NOTHING, SEABED
 from sim.rays.scene import RayScene
 from sim.rays.solids import BOX, KIND, box, half_space, hull, mesh, sphere
 from sim.rotations import from_euler, matrix
-from sim.sensors.imaging.camera import Camera
-from sim.sensors.imaging.camera_model import CameraModel
-from sim.sensors.imaging.camera_picture import pixel_rays
+from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.picture import pixel_rays
+from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample, Intrinsics
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation

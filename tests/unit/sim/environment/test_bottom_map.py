@@ -10,8 +10,8 @@ from sim.dynamics import State
 from sim.environment.bottom import PROPERTIES, Bottom
 from sim.environment.things.natures import NATURES
 from sim.environment.world import World, load_world
-from sim.sensors.imaging.camera import Camera
-from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation

@@ -11,7 +11,7 @@ from hil.common.schema import preset_folder
 from hil.common.tables import read_table
 from sim.environment import optics
 from sim.environment.optics import CLEAR, Water, jaffe_mcglamery, jerlov, ray_lengths, underwater
-from sim.sensors.imaging.camera_model import WaterType
+from sim.sensors.imaging.camera.model import WaterType
 
 WATER = Water((0.5, 0.2, 0.1), (0.4, 0.3, 0.05), (0.02, 0.1, 0.2))
 TYPES = [name for name in get_args(WaterType) if name != "clear"]

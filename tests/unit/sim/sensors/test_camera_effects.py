@@ -17,11 +17,11 @@ from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
 from sim.rotations import from_euler
 from sim.rotations import integrate as turn
-from sim.sensors.imaging.camera import Camera
-from sim.sensors.imaging.camera_lamps import _BACK, Lamps
-from sim.sensors.imaging.camera_model import CameraModel
-from sim.sensors.imaging.camera_particles import Caustics, Snow
-from sim.sensors.imaging.camera_picture import Development
+from sim.sensors.imaging.camera.lamps import _BACK, Lamps
+from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.particles import Caustics, Snow
+from sim.sensors.imaging.camera.picture import Development
+from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample
 from sim.sensors.imaging.scenery import Seen
 from sim.sensors.mounting import Mounting

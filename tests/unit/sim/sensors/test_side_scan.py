@@ -15,8 +15,8 @@ from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
 from sim.rays.scene import Engine, RayScene
 from sim.rotations import from_euler
-from sim.sensors.imaging.camera import Camera
-from sim.sensors.imaging.camera_model import CameraModel
+from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.samples import SideScanSample
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel
