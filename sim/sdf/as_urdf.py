@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from hil.common.errors import ConfigError
 from sim.sdf.files import SdfFiles
-from sim.sdf.model import Joint, Link, Model, included, read_model
+from sim.sdf.model import Joint, Link, Model, models_of
 from sim.sdf.poses import own_pose
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, plain, read_xml
@@ -27,17 +27,12 @@ def as_urdf(path: str, notes: list[str], name: str | None = None, text: bytes | 
     root = read_xml(path, text, "sdf")
     files, folder = SdfFiles(path), os.path.dirname(os.path.abspath(path))
     world = root.find("world")
-    models = list(_models(world if world is not None else root, folder, files, notes, root.get("version", "1.12")))
+    models = models_of(world if world is not None else root, folder, files, notes, root.get("version", "1.12"))
     model = _chosen(models, name, path, notes)
     robot = _robot(model, files, notes)
     if world is not None:
         robot.extend(world.findall("plugin"))
     return robot
-
-
-def _models(parent: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Model]:
-    models = [read_model(child, folder, files, notes, 0, version) for child in parent.findall("model")]
-    return models + [model for child in parent.findall("include") for model, _ in included(child, folder, files, notes)]
 
 
 def _chosen(models: list[Model], name: str | None, path: str, notes: list[str]) -> Model:
@@ -96,12 +91,9 @@ def _robot(model: Model, files: SdfFiles, notes: list[str]) -> Element:
     for name, link in model.links.items():
         if name != base:
             robot.append(_joint(name, to_base.then(link.pose), link, joints.get(name), base))
-    lost = [name for name, joint in model.joints.items() if joint.child in model.links and joint.child == base]
-    known = {name for name, _ in joints.values()}
-    for name in lost:  # the base itself turns on another link: seen from it that one turns the other way
-        joint = model.joints[name]
-        if joint.axis is not None and joint.kind != "fixed" and name in known:
-            notes.append(f"The joint {name!r} holds the link {base!r}, on which the water acts: taken as fixed.")
+    own = joints.get(base)
+    if own and own[1].axis is not None and own[1].kind != "fixed":  # seen from the base the other link turns
+        notes.append(f"The joint {own[0]!r} holds the link {base!r}, on which the water acts: taken as fixed.")
     for plugin in model.plugins:
         holder = Element("gazebo")
         holder.append(plugin)

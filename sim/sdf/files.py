@@ -23,7 +23,7 @@ VARIABLES = (
 MOST_FILES = 500  # included ones, all together
 _ASCENT = 2
 _FUEL = re.compile(
-    r"https?://(?:app\.|fuel\.)[\w.]+/(?:1\.0/)?([^/]+)/(?:fuel/)?models/([^/]+)(?:/(?:tip|\d+))?(/.*)?$"
+    r"https?://(?:app\.|fuel\.)[\w.]+/(?:1\.0/)?([^/]+)/(?:fuel/)?models/([^/]+)(?:/(?:tip|\d+))?(?:/files)?(/.*)?$"
 )
 
 
@@ -101,9 +101,9 @@ class SdfFiles:
             models = os.path.join(os.path.expanduser(base), "fuel.gazebosim.org", owner.lower(), "models", name.lower())
             versions = sorted(os.listdir(models), key=_number, reverse=True) if os.path.isdir(models) else []
             for version in versions:
-                yield from _inside(os.path.join(models, version), re.sub(r"^/(tip|\d+)/files", "", inside).lstrip("/"))
+                yield from _inside(os.path.join(models, version), inside.lstrip("/"))
         for folder in dict.fromkeys((name, name.lower().replace(" ", "_"))):
-            yield from self._of_package(folder + re.sub(r"^/(tip|\d+)?/?files", "", inside))
+            yield from self._of_package(folder + inside)
 
     def _allowed(self, path: str) -> Iterator[str]:
         real = os.path.realpath(path)

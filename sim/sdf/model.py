@@ -1,6 +1,5 @@
 """A model of SDF with all that is included or nested in it: links, joints and plugins in one frame."""
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 from hil.common.errors import ConfigError
@@ -86,10 +85,15 @@ def read_model(
     )  # fmt: skip
 
 
-def included(
-    include: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0
-) -> Iterator[tuple[Model, Element]]:
-    """Yield the model of an `<include>` and its element, with the name, pose and plugins that the include gives it."""
+def models_of(parent: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Model]:
+    """Return the models at the top of a world or a file, then the included ones. Raises ConfigError."""
+    own = [read_model(child, folder, files, notes, 0, version) for child in parent.findall("model")]
+    others = [_included(child, folder, files, notes) for child in parent.findall("include")]
+    return own + [model for model in others if model is not None]
+
+
+def _included(include: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0) -> Model | None:
+    """Return the model of an `<include>`, with the name, pose and plugins that the include gives it; None without."""
     uri = (include.findtext("uri") or "").strip()
     read = files.read_model(uri, folder) if uri else None
     if read is None:
@@ -98,13 +102,13 @@ def included(
             f"Left out: the included {shown!r}, which is not {word}: download it, and name the folder that it is in "
             "by GZ_SIM_RESOURCE_PATH."
         )
-        return
+        return None
     root, own_folder = read
     element = root.find("model")
     if element is None:
         if root.find("light") is None:
             notes.append(f"Left out: the included {uri[:100]!r}, in which there is no <model>.")
-        return
+        return None
     for key in ("name", "static"):
         if text := (include.findtext(key) or "").strip():
             if key == "name":
@@ -121,7 +125,7 @@ def included(
     if placement := (include.findtext("placement_frame") or element.get("placement_frame")):
         frame = model.links[placement].pose if placement in model.links else Pose()
         model = model._replace(pose=model.pose.then(frame.inverse()))
-    yield model, include
+    return model
 
 
 def _enter(
@@ -136,9 +140,10 @@ def _enter(
     elif child.tag == "frame":
         scope.frames[name] = relative_to(child, child.get("attached_to") or MODEL), own_pose(child, path)
     elif child.tag == "include":
-        for model, include in included(child, folder, files, notes, depth):
-            is_merged = (include.get("merge") or "").lower() in ("1", "true")
-            _nest(model, "" if is_merged else model.name + _SEPARATOR, relative_to(include, MODEL), scope)
+        inner = _included(child, folder, files, notes, depth)
+        if inner is not None:
+            is_merged = (child.get("merge") or "").lower() in ("1", "true")
+            _nest(inner, "" if is_merged else inner.name + _SEPARATOR, relative_to(child, MODEL), scope)
     elif child.tag == "model":
         model = read_model(child, folder, files, notes, depth + 1, version)
         _nest(model, model.name + _SEPARATOR, relative_to(child, MODEL), scope)
@@ -174,12 +179,17 @@ def _joint(joint: Element, scope: _Scope, path: str, version: str) -> Joint:
         xyz = axis.find("xyz")
         text = (xyz.text if xyz is not None else None) or "0 0 1"
         frame = (xyz.get("expressed_in", "") if xyz is not None else "") or joint.get("name", "")
-        if (axis.findtext("use_parent_model_frame") or "0").strip() in ("1", "true") or version < "1.5":
+        if (axis.findtext("use_parent_model_frame") or "0").strip() in ("1", "true") or _is_old(version):
             frame = MODEL
         known = frame in scope.frames and all(part in (*scope.frames, "world", MODEL) for part in (parent, child))
         turned = resolve(frame, scope.frames, path) if known else Pose()
         direction = turned.turn(numbers_of(text, path, 3))
     return Joint(joint.get("type", ""), parent, child, direction, joint)
+
+
+def _is_old(version: str) -> bool:
+    """Return True for SDF before 1.5, in which the axis of a joint is in the model's axes."""
+    return [int(part) for part in version.split(".") if part.isdecimal()] < [1, 5]
 
 
 def _part(joint: Element, side: str) -> str:

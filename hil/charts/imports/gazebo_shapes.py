@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from hil.common.errors import ConfigError
 from sim.sdf.files import SdfFiles
-from sim.sdf.model import Link, Model, included, read_model
+from sim.sdf.model import Link, Model, models_of
 from sim.sdf.poses import own_pose
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain
@@ -43,7 +43,7 @@ def read_shapes(world: Element, folder: str, files: SdfFiles, notes: list[str], 
     """Return the shapes of all models of a world that stand still; `notes` takes what is left out."""
     shapes: list[Shape] = []
     moving: list[str] = []
-    for model in _models(world, folder, files, notes, version):
+    for model in models_of(world, folder, files, notes, version):
         if model.is_static or _is_welded(model):
             shapes += [shape for link in model.links.values() for shape in _of_link(model, link, files, notes)]
         else:
@@ -51,14 +51,6 @@ def read_shapes(world: Element, folder: str, files: SdfFiles, notes: list[str], 
     if moving:
         notes.append(f"Left out: what moves: {', '.join(map(plain, moving))}.")
     return shapes
-
-
-def _models(world: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> Iterator[Model]:
-    for child in world.findall("model"):
-        yield read_model(child, folder, files, notes, 0, version)
-    for child in world.findall("include"):
-        for model, _ in included(child, folder, files, notes):
-            yield model
 
 
 def _is_welded(model: Model) -> bool:

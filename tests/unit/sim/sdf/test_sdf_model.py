@@ -75,6 +75,15 @@ def test_a_fin_turns_about_its_joint() -> None:
     assert any("fin 'keel' (no joint turns it)" in note for note in found.notes)
 
 
+@pytest.mark.parametrize("version", ["1.5", "1.10", "1.12"])
+def test_an_axis_is_in_the_joints_frame_since_version_five(version: str) -> None:
+    text = MODEL.read_text().replace('version="1.7"', f'version="{version}"')
+    assert f'version="{version}"' in text
+    assert imported(text=text).vehicle.fins == imported().vehicle.fins
+    older = text.replace(f'version="{version}"', 'version="1.4"')
+    assert imported(text=older).vehicle.fins != imported().vehicle.fins
+
+
 def test_sensors_are_those_of_a_scenario() -> None:
     found = imported()
     assert set(found.sensors) == {"imu", "laser", "dvl"}
@@ -152,6 +161,18 @@ def test_a_model_that_includes_itself_ends(tmp_path: Path) -> None:
     )
     with pytest.raises(ConfigError, match="models in each other, more than 8 deep"):
         imported(folder / "model.sdf")
+
+
+@pytest.mark.parametrize("version", ["/tip", "/3", ""])
+def test_files_of_a_model_of_fuel_are_found_where_it_was_downloaded(
+    version: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    mesh = tmp_path / ".gz/fuel/fuel.gazebosim.org/somebody/models/a buoy/3/meshes/buoy.dae"
+    mesh.parent.mkdir(parents=True)
+    mesh.touch()
+    uri = f"https://fuel.gazebosim.org/1.0/Somebody/models/A%20Buoy{version}/files/meshes/buoy.dae"
+    assert SdfFiles(str(tmp_path / "world.sdf")).find(uri, str(tmp_path)) == str(mesh)
 
 
 def test_files_outside_of_the_models_folders_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
