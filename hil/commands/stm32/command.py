@@ -4,6 +4,7 @@ from argparse import Namespace
 
 from firmware_stub import serve
 from hil.commands.stm32 import check, flash
+from hil.common.errors import ConfigError
 from hil.common.options import new_parser
 
 EXAMPLES = f"""\
@@ -41,6 +42,8 @@ def main(arguments: list[str]) -> int:
         )
     )
     options = parser.parse_args(arguments)
+    if options.action and arguments[0] != options.action:
+        raise ConfigError(f"{arguments[0]}: options of {options.action} stand behind it: stm32 {options.action} ...")
     if options.action == "flash":
         return flash.run(options)
     if options.action == "check":

@@ -263,3 +263,10 @@ def test_without_pyocd_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsy
     monkeypatch.setattr(sys, "meta_path", [Absent(), *sys.meta_path])
     assert main(["stm32", "flash", "--yes"]) == 5
     assert "pip install 'uuv-hil[flash]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--channels", "8", "check", "--port", "pty:"], ["--baud", "921600", "flash"]])
+def test_options_before_the_subcommand_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """They are those of the emulated STM32, and would be lost."""
+    assert main(["stm32", *words]) == 2
+    assert "stand behind it: stm32 " in capsys.readouterr().err
