@@ -26,9 +26,6 @@ def image_path(chip: str = DEFAULT_CHIP) -> str:
     return os.path.join(IMAGES, f"uuv_hil_stm32{chip}.bin")
 
 
-IMAGE = image_path()
-
-
 class Image(NamedTuple):
     """An image, with the wiring of its chip, out of the .toml beside it. `name` is the chip as `CHIPS` has it.
 

@@ -42,28 +42,21 @@ def load_content(image: Image, parameters: bytes | None) -> Content:
     return Content(image, tuple(pieces))
 
 
-def chip_name(device_id: int) -> str:
-    """Return what a device id stands for, in words."""
-    for chip in CHIPS:
-        image = load_image(chip)
-        if device_id in image.device_ids:
-            return image.chip
-    return OTHERS.get(device_id, "unknown chip")
-
-
 def choose_image(device_id: int, chip: str | None) -> Image:
     """Return the image for the chip with that device id; `chip` is that of a chosen image, None for any.
 
     Raises ConfigError, by name, for a chip that there is no image for or that is not the one that was named.
     """
-    found = f"the board has an {chip_name(device_id)} (device id {device_id:#05x})"
-    own = next((name for name in CHIPS if device_id in load_image(name).device_ids), None)
+    images = [load_image(name) for name in CHIPS]
+    own = next((image for image in images if device_id in image.device_ids), None)
+    name = own.chip if own else OTHERS.get(device_id, "unknown chip")
+    found = f"the board has an {name} (device id {device_id:#05x})"
     if own is None:
-        names = ", ".join(load_image(name).chip for name in CHIPS)
+        names = ", ".join(image.chip for image in images)
         raise ConfigError(f"{found}, and there is no image for it; there are images for {names}")
-    if chip is not None and chip != own:
-        raise ConfigError(f"{found}, and the image is for an {load_image(chip).chip}: --chip {own}")
-    return load_image(own)
+    if chip is not None and chip != own.name:
+        raise ConfigError(f"{found}, and the image is for an {load_image(chip).chip}: --chip {own.name}")
+    return own
 
 
 def wiring(image: Image) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
+from hil.common.agreement import LOOK_FIRST, agreed
 from hil.common.errors import ConfigError
 from hil.doctor.board import memory_limit
 from hil.doctor.findings import Case, User, accounts
@@ -121,9 +122,7 @@ def _agreed(tree: Tree, plan: Plan, commands: list[Command], options: argparse.N
         print("run", *command)
     if options.dry_run or options.yes:
         return not options.dry_run
-    if not sys.stdin.isatty():
-        raise ConfigError("nobody can be asked here: look at it with --dry-run, do it with --yes")
-    return input("do this? [y/N] ").strip().lower() in ("y", "yes")
+    return agreed("do this?", LOOK_FIRST)
 
 
 def _run(tree: Tree, commands: list[Command]) -> None:

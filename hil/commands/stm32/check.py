@@ -5,6 +5,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from firmware_stub.image import CHIPS, load_image
+from hil.common.agreement import agreed
 from hil.common.errors import STOPPED, ConfigError
 from hil.common.options import Number, Quantity, whole
 from hil.links.contract import PWM_NEUTRAL_US
@@ -44,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     plan = Plan(_kind(options), link_of(options), options.channels, options.offset, options.seconds, options.settle)
     pins = load_image(options.chip).outputs if options.chip else ()
     print(WARNING.format(seconds=options.seconds), file=sys.stderr)
-    if not options.yes and not _agreed():
+    if not options.yes and not agreed("turn them?", "with free propellers do it with --yes"):
         return FAILED
 
     def show(finding: "Finding") -> None:
@@ -77,12 +78,6 @@ def _kind(options: argparse.Namespace) -> str:
     if not options.port:
         options.port = "pty:"
     return str(options.stm32)
-
-
-def _agreed() -> bool:
-    if not sys.stdin.isatty():
-        raise ConfigError("nobody can be asked here: with free propellers do it with --yes")
-    return input("turn them? [y/N] ").strip().lower() in ("y", "yes")
 
 
 def text(finding: "Finding", pins: tuple[str, ...]) -> str:

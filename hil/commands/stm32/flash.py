@@ -1,10 +1,10 @@
 """`uuv-hil stm32 flash`: write the firmware's image to a board."""
 
 import argparse
-import sys
 from collections.abc import Callable
 
 from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, describe_image, load_image, parameters
+from hil.common.agreement import LOOK_FIRST, agreed
 from hil.common.errors import ConfigError
 from hil.common.options import BAUD, Quantity, whole
 
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     print(UNTRIED)
     if options.dry_run or write is None:
         return 0
-    if not options.yes and not _agreed():
+    if not options.yes and not agreed("replace the board's program?", LOOK_FIRST):
         return 1
     write(content, _report)
     print("done; connect the wires, then: uuv-hil stm32 check --port PORT")
@@ -93,20 +93,10 @@ def _recognise(options: argparse.Namespace, chip: str | None) -> tuple[Image, Ca
 
 def _parameters(options: argparse.Namespace) -> bytes | None:
     """Return the parameters, if one of them was given; else those on the board stay."""
-    values = (options.channels, options.watchdog, options.pwm_hz, options.baud)
-    if all(value is None for value in values):
-        return None
-    channels, watchdog, pwm_hz, baud = (
-        other if given is None else given for given, other in zip(values, (6, 0.2, 50, 115_200), strict=True)
-    )
-    return parameters(int(channels), watchdog, int(pwm_hz), int(baud))
+    given = {name: getattr(options, name) for name in ("channels", "watchdog", "pwm_hz", "baud")}
+    given = {name: value for name, value in given.items() if value is not None}
+    return parameters(**({"channels": 6} | given)) if given else None
 
 
 def _report(text: str) -> None:
     print(text, flush=True)
-
-
-def _agreed() -> bool:
-    if not sys.stdin.isatty():
-        raise ConfigError("nobody can be asked here: look at it with --dry-run, do it with --yes")
-    return input("replace the board's program? [y/N] ").strip().lower() in ("y", "yes")

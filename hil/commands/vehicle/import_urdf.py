@@ -10,6 +10,7 @@ from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes, read_table
 from sim.sdf.as_urdf import as_urdf
 from sim.vehicle.urdf.importer import Imported, read_robot
+from sim.vehicle.urdf.shapes import MeshKey, Solid
 from sim.vehicle.urdf.text import read_xml, root_of
 from sim.vehicle.vehicle import EQUIPMENT, Vehicle
 
@@ -56,7 +57,15 @@ def read(request: Request) -> Imported:
     notes: list[str] = []
     data = read_bytes(path) if text is None else text
     robot = as_urdf(path, notes, request.model, data) if root_of(data) == "sdf" else read_xml(path, data)
-    imported = read_robot(robot, path, given, lambda meshes: measure(meshes, notes))
+    solids: dict[MeshKey, Solid | None] = {}
+
+    def measured(meshes: Sequence[MeshKey]) -> dict[MeshKey, Solid]:
+        """Measure each mesh once, in however many shapes it is: a process is started for it."""
+        fresh = [mesh for mesh in meshes if mesh not in solids]
+        solids.update(dict.fromkeys(fresh) | dict(measure(fresh, notes)))
+        return {mesh: solid for mesh in meshes if (solid := solids[mesh]) is not None}
+
+    imported = read_robot(robot, path, given, measured)
     return imported._replace(notes=list(dict.fromkeys(notes + imported.notes)))
 
 

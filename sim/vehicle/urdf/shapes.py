@@ -73,10 +73,10 @@ def _solids(
             geometry = element.find("geometry")
             if geometry is not None:
                 pose = poses[link.get("name", "")].then(origin_of(element, path))
-                shapes += [(shape, pose) for shape in geometry]
-    meshes = measure(sorted({mesh_key(shape, path) for shape, _ in shapes if shape.tag == "mesh"}))
-    for shape, pose in shapes:
-        solid = meshes.get(mesh_key(shape, path)) if shape.tag == "mesh" else _primitive(shape, path)
+                shapes += [(shape, pose, mesh_key(shape, path) if shape.tag == "mesh" else None) for shape in geometry]
+    meshes = measure(sorted({key for _, _, key in shapes if key is not None}))
+    for shape, pose, key in shapes:
+        solid = _primitive(shape, path) if key is None else meshes.get(key)
         if solid is not None:
             yield solid, pose
 

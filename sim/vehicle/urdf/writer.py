@@ -24,7 +24,6 @@ DENSITY = 1000.0  # kg/m³
 _WRITTEN = ("area", "max_deflection")  # of a fin, by a plugin's own tag or the joint
 LEAST_AREA = 1e-6  # m²
 FIN_THICKNESS = 0.01  # m
-PART_MASS, PART_INERTIA = 0.0, 0.0  # of what turns: the mass of the vehicle's file is that of all of it
 EFFORT, RATE = 10.0, 10.0  # of a fin's servo (N m, rad/s), which a joint with limits has to have
 HULL, THRUSTER, FIN = "0.98 0.80 0.08 1", "0.12 0.16 0.23 1", "0.40 0.45 0.55 1"  # red, green, blue, opacity
 
