@@ -1,4 +1,4 @@
-"""Standard streams that accept every text, a line of progress on one, and Ctrl-C before there is anything to stop."""
+"""Standard streams that accept every text, a line of progress, a question, and Ctrl-C before anything runs."""
 
 import os
 import signal
@@ -17,6 +17,8 @@ PLAIN = {"°": "deg", "²": "2", "³": "3", "±": "+-", "·": "*", "µ": "u", "�
 
 TERMINAL_PERIOD_S = 0.2
 LINE_PERIOD_S = 10.0
+
+LOOK_FIRST = "look at it with --dry-run, do it with --yes"
 
 
 def leave_on_ctrl_c() -> None:
@@ -103,3 +105,10 @@ class ProgressLine:
         if self._is_open:
             print("\r\x1b[K", end="", file=self._stream, flush=True)
         self._is_open = False
+
+
+def agreed(question: str, otherwise: str) -> bool:
+    """Return True if the answer is yes. Raises ConfigError, with what to do `otherwise`, where nobody can be asked."""
+    if not sys.stdin.isatty():
+        raise ConfigError(f"nobody can be asked here: {otherwise}")
+    return input(f"{question} [y/N] ").strip().lower() in ("y", "yes")

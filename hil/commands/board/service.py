@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
-from hil.common.agreement import LOOK_FIRST, agreed
 from hil.common.errors import ConfigError
+from hil.common.streams import LOOK_FIRST, agreed
 from hil.doctor.board import memory_limit
 from hil.doctor.findings import Case, User, accounts
 from hil.install import changes as board_changes

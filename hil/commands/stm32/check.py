@@ -5,9 +5,9 @@ import sys
 from typing import TYPE_CHECKING
 
 from firmware_stub.image import CHIPS, load_image
-from hil.common.agreement import agreed
 from hil.common.errors import STOPPED, ConfigError
 from hil.common.options import Number, Quantity, whole
+from hil.common.streams import agreed
 from hil.links.contract import PWM_NEUTRAL_US
 from hil.links.options import add_link
 

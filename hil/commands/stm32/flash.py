@@ -4,9 +4,9 @@ import argparse
 from collections.abc import Callable
 
 from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, describe_image, load_image, parameters
-from hil.common.agreement import LOOK_FIRST, agreed
 from hil.common.errors import ConfigError
 from hil.common.options import BAUD, Quantity, whole
+from hil.common.streams import LOOK_FIRST, agreed
 
 UNTRIED = "Note: this has been tried with emulated chips and probes only, not on hardware yet."
 
