@@ -17,6 +17,7 @@ A winch at the anchor pays out and hauls in with `winch_speed`: all segments bec
 vortex-induced vibration, waves at the line.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import ceil, isfinite, pi, sqrt
@@ -96,6 +97,10 @@ class Tether:
         require_length(length)
         self._wanted = length
 
+    def hang_anew(self) -> None:
+        """Hang the line anew in the next step: the vehicle was put elsewhere, and did not move there."""
+        self.nodes, self._seen, self._force = [], [], (0.0, 0.0, 0.0)
+
     def begin(self, time_ns: int) -> None:
         """Move the line on to the beginning of a step."""
         if time_ns <= self._time_ns:
@@ -127,7 +132,7 @@ class Tether:
 
     def _hang(self, end: Sequence[float]) -> None:
         """Put the line between anchor and vehicle in an arc of its length, or straight where it is too short."""
-        start, count = self.keys.anchor, self.keys.segments
+        start, count = self._anchor(self._time_ns * 1e-9), self.keys.segments
         down = 1.0 if self.keys.mass > self._world.density * self._area else -1.0
         low, high = 0.0, self.length
         for _ in range(40):
@@ -137,10 +142,13 @@ class Tether:
         lengths = _lengths(arc)
         for k in range(count + 1):  # at equal distances along it, or the springs would begin with a jerk
             way = lengths[-1] * k / count
-            at = max([i for i in range(_FINE) if lengths[i] <= way])
+            at = min(bisect_right(lengths, way), _FINE) - 1
             share = (way - lengths[at]) / (lengths[at + 1] - lengths[at] or 1.0)
             self.nodes.append([a + share * (b - a) for a, b in zip(arc[at], arc[at + 1], strict=True)])
         self._speeds = [[0.0, 0.0, 0.0] for _ in range(count + 1)]
+
+    def _anchor(self, time: float) -> list[float]:
+        return [a + time * v for a, v in zip(self.keys.anchor, self.keys.anchor_velocity, strict=True)]
 
     def _advance(self, time: float) -> None:
         keys, dt = self.keys, self._dt
@@ -155,7 +163,7 @@ class Tether:
         last, older = self._seen[-1], self._seen[0]
         velocity = [(a - b) / dt for a, b in zip(last, older, strict=True)]
         end = [a + 0.5 * dt * v for a, v in zip(last, velocity, strict=True)]
-        start = [a + time * v for a, v in zip(keys.anchor, keys.anchor_velocity, strict=True)]
+        start = self._anchor(time)
         from_start, from_end = self.nodes[0], self.nodes[-1]
         self._speeds[0], self._speeds[-1] = list(keys.anchor_velocity), velocity
         total, held = [0.0, 0.0, 0.0], 0.0

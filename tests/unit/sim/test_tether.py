@@ -126,3 +126,24 @@ def test_a_vehicle_cannot_leave_its_tether_and_runs_alike_twice() -> None:
     assert one.tether.tension > 3.0
     assert one.state.position == other.state.position
     assert one.tether.nodes == other.tether.nodes
+
+
+def test_a_vehicle_that_is_put_elsewhere_is_not_thrown_by_its_tether() -> None:
+    """The line hangs anew from where its anchor is by then: nothing has moved at the speed of the jump."""
+    simulation = Simulation(
+        load_vehicle("bluerov2")[0], WORLD, {}, position=(5.0, 0.0, 10.0),
+        tether=KEYS._replace(anchor_velocity=(0.2, 0.0, 0.0)),
+    )  # fmt: skip
+    tether = simulation.tether
+    assert tether is not None
+    neutral = (1500,) * len(simulation.vehicle.thrusters)
+    for _ in range(200):
+        simulation.step(neutral)
+    simulation.state.position = [40.0, 0.0, 20.0]
+    tether.hang_anew()
+    pulls = []
+    for _ in range(400):
+        simulation.step(neutral)
+        pulls.append(tether.tension)
+    assert max(pulls) < 100.0
+    assert tether.nodes[0] == pytest.approx([0.2 * 1.5, 0.0, 0.0], abs=2e-3)
