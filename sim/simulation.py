@@ -16,7 +16,7 @@ from sim.assembly import (
     make_thrusters,
 )
 from sim.dynamics import Dynamics, Forces, Integrator
-from sim.environment.collision import Contact, starts_inside
+from sim.environment.collision import Contact
 from sim.environment.world import World
 from sim.native import NativeDynamics
 from sim.rotations import from_euler, rotate_inverse
@@ -72,12 +72,6 @@ class Simulation:
         require_parts(vehicle, world, sensors)
         require_numbers(vehicle, world, seed, dt_ns, position, heading)
         require_events(failures, forces, releases)
-        if starts_inside(vehicle, world, position, from_euler(0.0, 0.0, heading)):
-            at = ", ".join(f"{x:g}" for x in position)
-            raise ConfigError(
-                f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there; "
-                "move the start"
-            )
         self.vehicle = vehicle
         self.world = world
         self.time_ns = 0
@@ -95,6 +89,12 @@ class Simulation:
         self._flow: Sequence[float] = world.current
         self._wrench: Sequence[float] = (0.0,) * 6
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass, self._dt)
+        if self._contact.is_inside(self.state):
+            at = ", ".join(f"{x:g}" for x in position)
+            raise ConfigError(
+                f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there; "
+                "move the start"
+            )
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
         self._ventilation = Ventilation(vehicle, self.wave_field)
         self._aired = False  # whether a thruster draws air

@@ -162,10 +162,12 @@ class Contact:
 
     def is_inside(self, state: State) -> bool:
         """Return True if the hull is in something by more than its skin: one that rests on the seabed is not."""
-        places = self._relief.places(rotations.matrix(state.quaternion)) if self._relief else None
-        return any(touch.depth > SKIN for touch in self.find(state)) or bool(
-            self._relief and places and self._relief.sunk(state.position, places) > SKIN
-        )
+        if any(touch.depth > SKIN for touch in self.find(state)):
+            return True
+        if self._relief is None:
+            return False
+        places = self._relief.places(rotations.matrix(state.quaternion))
+        return self._relief.sunk(state.position, places) > SKIN
 
     def _settle(self, state: State, relief: "SeabedContact | None") -> None:
         """Give the vehicle the blow of what it touches, and put it back; out of the steps of `relief` too."""
@@ -173,6 +175,8 @@ class Contact:
         if relief is not None:
             self._leave_step(relief, state)
         touches = self.find(state)
+        if not touches and not self.touching:
+            return
         if touches:
             self._strike_in_step(state, touches)
         for _ in range(_PASSES):

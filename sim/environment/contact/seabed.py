@@ -89,9 +89,10 @@ class SeabedContact:
     def step_at(self, position: Sequence[float], places: Places, most: float) -> Vector3 | None:
         """Return a place that is in the seabed by more than `most` m; None if there is none."""
         for place in places.points:
-            if self._sunk(position, place) > most:
+            sunk = self._sunk(position, place)
+            if sunk > most:
                 north, east = position[0] + place[0], position[1] + place[1]
-                if -self._sunk(position, place) * self._terrain.normal(north, east)[2] > most:
+                if -sunk * self._terrain.normal(north, east)[2] > most:
                     return place
         return None
 
