@@ -84,6 +84,11 @@ def grid_of(world: World, resolution: float | None = None) -> Grid:
     return flat
 
 
+def thinning(grid: Grid, most: int) -> int:
+    """Return the step between nodes of which at most `most` along the longer side of a grid are kept."""
+    return -(-max(grid.depths.shape) // most)
+
+
 def overview(world: World, most: int, resolution: float | None = None) -> Grid:
     """Return `grid_of`, but of every second, third or later node where it has more than `most` along a side.
 
@@ -92,9 +97,9 @@ def overview(world: World, most: int, resolution: float | None = None) -> Grid:
     south, north, west, east = world.extent
     terrain = world.terrain
     if terrain is None or resolution not in (None, terrain.grid.resolution):
-        return grid_of(world, resolution and max(resolution, max(north - south, east - west) / most))
+        return grid_of(world, resolution and max(resolution, max(north - south, east - west) / (most - 1)))
     whole = grid_of(world)
-    step = 1 + max(whole.depths.shape) // most
+    step = thinning(whole, most)
     if step == 1:
         return whole
     thin = np.empty(whole.depths[::step, ::step].shape, np.float32)

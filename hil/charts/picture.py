@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.grid import Depths, Grid
+from hil.charts.grid import Depths, Grid, thinning
 from hil.common.errors import ConfigError
 from hil.plots.plotting import pyplot
 from sim.environment.obstacles import Box, Cylinder
@@ -95,7 +95,7 @@ def _size(wide: float, high: float) -> tuple[float, float]:
 
 
 def _thinned(grid: Grid, most: int) -> Grid:
-    step = 1 + max(grid.depths.shape) // most
+    step = thinning(grid, most)
     return grid._replace(depths=grid.depths[::step, ::step], resolution=grid.resolution * step)
 
 

@@ -57,7 +57,7 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | No
     grid = map_at(
         seen, master.depth, below, part.resolution, part.extent, is_coarse=part.resolution > master.resolution
     )
-    for zone in world.all_zones():
+    for zone in world.all_zones() if master.avoid_zones else ():
         if zone.kind in master.avoid_zones:
             close(grid, zone.outline)
     return grid
@@ -138,7 +138,7 @@ def _lower_by_pieces(
         for one, other in near
         if min(one[2], other[2]) - radius < depths[1] and max(one[2], other[2]) + radius > depths[0]
     ]
-    _lower_by_mesh(free, level, norths, easts, max(widen, radius))
+    _lower_by_mesh(free, level, norths, easts, radius + widen)
 
 
 def close(grid: OccupancyGrid, outline: Sequence[Point]) -> None:
@@ -187,7 +187,9 @@ def _thickness(obstacle: Obstacle) -> float:
     """Return the radius (m) of the greatest circle within it."""
     if isinstance(obstacle, Cylinder):
         return obstacle.radius
-    if isinstance(obstacle, (MeshObstacle, Pipeline)):
+    if isinstance(obstacle, Pipeline):
+        return 0.5 * obstacle.diameter
+    if isinstance(obstacle, MeshObstacle):
         return 0.0
     return 0.5 * min(obstacle.size_north, obstacle.size_east) if isinstance(obstacle, Box) else np.inf
 

@@ -119,7 +119,7 @@ class Profile(NamedTuple):
         if self.file:
             return (
                 "file: it has all rows: leave depth, density and sound_speed out"
-                if self.depth or self.density
+                if self.depth or self.density or self.sound_speed
                 else None
             )
         if not self.density:

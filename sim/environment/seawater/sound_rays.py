@@ -39,7 +39,6 @@ class SoundRays:
     def __init__(self, depths: Sequence[float], speeds: Sequence[float], bottom: float = inf) -> None:
         self._rows = list(zip(depths, speeds, strict=True))
         self._bottom = bottom
-        self.is_uniform = min(speeds) == max(speeds)
 
     def between(self, level: float, start: float, end: float) -> Ray | None:
         """Return the ray over `level` m from `start` m of depth to `end` m; None in a shadow."""

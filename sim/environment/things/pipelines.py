@@ -110,7 +110,7 @@ class Pipeline(NamedTuple):
         """Length of its line, m."""
         return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(self.points))
 
-    def drawn(self, seabed: Seabed, spacing: float, most: int) -> Iterator[Piece]:
+    def drawn(self, seabed: Seabed, spacing: float, most: int = 2000) -> Iterator[Piece]:
         """Yield all of its pieces, no more than about `most` of them, for pictures."""
         return self.pieces(seabed, max(spacing, self.length / most))
 

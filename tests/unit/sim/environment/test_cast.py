@@ -86,7 +86,8 @@ def test_errors_name_the_column_and_the_row(tmp_path: Path, text: str, words: st
         profile(tmp_path, text)
 
 
-def test_rows_and_a_file_exclude_each_other(tmp_path: Path) -> None:
-    (tmp_path / "bay.toml").write_text(WORLD.format(origin="") + "depth = [0.0]\ndensity = [1025.0]\n")
+@pytest.mark.parametrize("rows", ["depth = [0.0]\ndensity = [1025.0]\n", "sound_speed = [1500.0]\n"])
+def test_rows_and_a_file_exclude_each_other(tmp_path: Path, rows: str) -> None:
+    (tmp_path / "bay.toml").write_text(WORLD.format(origin="") + rows)
     with pytest.raises(ConfigError, match="leave depth, density and sound_speed out"):
         load_world(str(tmp_path / "bay.toml"))

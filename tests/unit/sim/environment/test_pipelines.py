@@ -127,3 +127,11 @@ def test_a_world_file_has_pipelines(tmp_path: Path) -> None:
         (tmp_path / "w.toml").write_text(head + text)
         with pytest.raises(ConfigError, match=said):
             load_world(str(tmp_path / "w.toml"))
+
+
+def test_on_a_coarse_map_a_cell_is_occupied_where_any_part_of_a_pipeline_may_be() -> None:
+    """A thick one, whose edge reaches 0.2 m into cells of 2 m, not to their middles."""
+    world = FLAT._replace(pipeline=(Pipeline(((-100.0, 0.0), (100.0, 0.0)), 4.4),))
+    coarse = map_at(world, 18.5, 0.5, 2.0, is_coarse=True)
+    assert not any(coarse.is_free((north, east)) for north in (-51.0, 9.0) for east in (-3.0, -1.0, 1.0, 3.0))
+    assert coarse.is_free((9.0, 5.0))
