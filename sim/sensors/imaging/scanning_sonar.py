@@ -95,7 +95,7 @@ class ScanningSonar:
         self._limits = model.min_range, model.max_range
         self._beams = Beams(scene, mounting, cone(model.beam_width, model.beam_height, model.rings), model.max_range)
         random = sensor_random(seed, self.topic)
-        self._echoes = Intensities(model, mounting, seed, scene) if model.bins else None
+        self._echoes = Intensities(model, mounting, seed, scene, self.topic) if model.bins else None
         self._errors = None if model.ground_truth else RangeErrors(model.error, 1.0 / model.rate, random, self._limits)
 
     def add(self, solid: "Solid", state: State) -> None:
@@ -121,10 +121,10 @@ class ScanningSonar:
 
 
 class Intensities:
-    """The echoes of a ping by range, of one beam that sends and receives."""
+    """The echoes of a ping by range, of one beam that sends and receives; `sonar` is the topic of its sonar."""
 
-    def __init__(self, model: ScanningSonarModel, mounting: Mounting, seed: int, scene: Scene) -> None:
-        need_numpy(ScanningSonar.topic)
+    def __init__(self, model: ScanningSonarModel, mounting: Mounting, seed: int, scene: Scene, sonar: str) -> None:
+        need_numpy(sonar)
         import numpy as np
 
         from sim.environment.seawater.absorption import francois_garrison
@@ -133,7 +133,7 @@ class Intensities:
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
-        topic = f"{ScanningSonar.topic}/echoes"
+        topic = f"{sonar}/echoes"
         self._model, self._step = model, (model.max_range - model.min_range) / model.bins
         absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         aperture = _aperture(model)
@@ -144,7 +144,7 @@ class Intensities:
         ranges = model.min_range + (np.arange(model.bins) + 0.5) * self._step
         self._picture = Picture(model, ranges, absorption, float(aperture.weights.sum()), seed, topic)
         # The same device: its clock is as wrong as that of its distances.
-        self._scale = RangeScale(model, mounting, seed, topic, scene, ScanningSonar.topic)
+        self._scale = RangeScale(model, mounting, seed, topic, scene, sonar)
         self._texture = make_texture(scene.world)
 
     def measure(self, time_ns: int, state: State, angle: float) -> SonarImageSample:

@@ -102,6 +102,15 @@ def test_each_has_random_numbers_of_its_own_and_the_first_the_usual_ones() -> No
     assert values[0] != values[1]
 
 
+def test_echoes_of_a_further_scanning_sonar_have_noise_of_their_own() -> None:
+    keys = {"bins": 50, "max_range": 20.0}
+    read = read_suite({"scanning_sonar": keys, "sonar_aft": {"sensor": "scanning_sonar", **keys}}, "")
+    scene = Simulation(load_vehicle("bluerov2")[0], load_world("slope"), {}, position=(0.0, 0.0, 2.0))
+    one, other = (Slot(name, read[name], scene, 1, 1).sensor for name in ("scanning_sonar", "sonar_aft"))
+    echoes = [sensor.sample(0, scene.state).echoes for sensor in (one, other)]  # type: ignore[union-attr]
+    assert echoes[0].intensities != echoes[1].intensities
+
+
 @pytest.mark.parametrize(("sections", "words"), [
     ({"camera_down": {}}, r'no sensor .camera_down.*needs sensor = "KIND"'),
     ({"down": {"sensor": "kamera"}}, "down: sensor: no 'kamera'.*camera"),
