@@ -121,10 +121,12 @@ class VehicleState:
         """
         self._listen(topic)
         within = FIRST_WITHIN_S
-        if topic not in self.client.latest and (topic in DESCRIPTIONS or topic in self.pictures()):
-            within = MADE_WITHIN_S
-        elif self._starts(topic):
-            within = STARTED_WITHIN_S
+        if topic not in self.client.latest:  # one that came already asks the network for nothing
+            pictures = self.pictures()
+            if topic in DESCRIPTIONS or topic in pictures:
+                within = MADE_WITHIN_S
+            elif self._starts(topic, pictures):
+                within = STARTED_WITHIN_S
         with self._first:
             self._first.wait_for(lambda: topic in self.client.latest or not self.present, within)
         self._require_presence()
@@ -142,7 +144,7 @@ class VehicleState:
 
         def check(waited: float) -> None:
             self._require_presence()
-            if waited > (max(timeout, STARTED_WITHIN_S) if self._starts(topic) else timeout):
+            if waited > timeout and (waited > STARTED_WITHIN_S or not self._starts(topic, self.pictures())):
                 raise NetworkError(self._no_sensor(topic, waited))
 
         self._listen(topic)
@@ -195,13 +197,13 @@ class VehicleState:
             )
 
     def _no_sensor(self, topic: str, waited: float) -> str:
-        if self._starts(topic):
+        pictures = self.pictures()
+        if self._starts(topic, pictures):
             sensor = topic.partition("/")[0]
             return (
                 f"{self.name} has sent no {topic!r} for {waited:.1f} s: the process that makes the pictures of its "
                 f"{sensor} is still starting; ask again, or see the slave's log if it does not come up"
             )
-        pictures = self.pictures()
         there = ", ".join(sorted({name for name in self.client.offers() if name.isidentifier()} | pictures))
         other = topic.removesuffix(COMPRESSED) if topic.endswith(COMPRESSED) else topic + COMPRESSED
         if other in pictures - {topic}:
@@ -241,9 +243,7 @@ class VehicleState:
         sensors = self.diagnostics.imaging_requested
         return sensors is None or topic.partition("/")[0] in sensors
 
-    def _starts(self, topic: str) -> bool:
+    def _starts(self, topic: str, pictures: set[str]) -> bool:
         """Return whether the topic is of a sensor of pictures whose process has published none since it started."""
         sensors = self.diagnostics.imaging_requested or {}
-        return topic.partition("/")[0] in sensors and not any(
-            name.partition("/")[0] in sensors for name in self.pictures()
-        )
+        return topic.partition("/")[0] in sensors and not any(name.partition("/")[0] in sensors for name in pictures)

@@ -25,7 +25,6 @@ _CUBE, _CYLINDER, _LINE_STRIP, _LINE_LIST, _TRIANGLE_LIST = 1, 3, 4, 5, 11  # co
 _COLOUR = {"r": 0.4, "g": 0.45, "b": 0.55, "a": 0.8}
 _ZONE_COLOUR = {"r": 0.75, "g": 0.1, "b": 0.6, "a": 0.9}  # magenta, as on charts
 _ZONE_WIDTH = 1.0  # m
-MOST_PIECES = 2000  # of a pipeline that is drawn
 _LEAST_HEIGHT = 0.01  # m: a marker without height is not drawn
 
 
@@ -106,7 +105,7 @@ def _mesh_marker(time_ns: int, number: int, mesh: MeshObstacle) -> Message:
 
 
 def _pipeline_marker(time_ns: int, number: int, pipeline: Pipeline, world: World) -> Message:
-    ends = [end for piece in pipeline.drawn(world.seabed, world.spacing(), MOST_PIECES) for end in piece]
+    ends = [end for piece in pipeline.drawn(world.seabed, world.spacing()) for end in piece]
     colour = dict(zip("rgba", (*pipeline.colour, 1.0), strict=True))
     return _drawn(time_ns, PIPELINES, number, _LINE_LIST, ends, pipeline.diameter, colour, pipeline.label)
 

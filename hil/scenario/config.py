@@ -108,6 +108,10 @@ class Scenario(NamedTuple):
             return "link: watchdog must be at least twice [slave] control_period"
         return None
 
+    def for_process(self, sensors: SensorSet) -> "Scenario":
+        """Return what a process that only looks needs, with these sensors: without what cannot be sent to it."""
+        return self._replace(force=(), failure=(), release=(), tether=None, link=Link(options={}), sensors=sensors)
+
     def _unsupported_link(self) -> str:
         """Return the part of [link] that the firmware in C does not support; empty if it supports all."""
         link = self.link

@@ -63,7 +63,7 @@ def run(
         board, session = board or _recognised(), network.session()
         loop.ros = RosNode(session, scenario, loop, log.write_line)
         stack.callback(loop.ros.close)
-        loop.sample_publisher.declare(fitted.topic for fitted in scenario.sensors.values())
+        loop.sample_publisher.declare(fitted.topic for fitted in scenario.sensors.values() if not fitted.offloaded)
         ends = session, scenario.slave.node, loop.command_receiver, loop.sample_publisher
         contacts = Contacts(*ends, log.write_line, scenario.security, scenario.network.lease)
         if scenario.network.router:

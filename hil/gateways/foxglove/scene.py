@@ -27,7 +27,6 @@ MAP = "map"
 GROUND, HULL = (0.55, 0.5, 0.4, 1.0), (0.98, 0.8, 0.08, 1.0)  # red, green, blue, opacity
 THRUSTER, OBSTACLE = (0.12, 0.16, 0.23, 1.0), (0.4, 0.45, 0.55, 0.6)
 ZONE, ZONE_WIDTH = (0.75, 0.1, 0.6, 0.9), 1.0  # magenta, as on charts; m
-MOST_PIECES = 2000  # of a pipeline
 THRUSTER_SIZE = 0.1, 0.1, 0.1  # m
 
 
@@ -112,7 +111,7 @@ def _mesh(m: Any, mesh: MeshObstacle) -> Any:
 
 
 def _pipeline(m: Any, pipeline: Pipeline, world: World) -> Any:
-    ends = [end for piece in pipeline.drawn(world.seabed, world.spacing(), MOST_PIECES) for end in piece]
+    ends = [end for piece in pipeline.drawn(world.seabed, world.spacing()) for end in piece]
     return _line(m, m.LinePrimitiveLineType.LineList, ends, pipeline.diameter, (*pipeline.colour, 1.0))
 
 

@@ -23,7 +23,6 @@ from hil.common.errors import ConfigError, MissingExtraError
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.graph import Identity
 from hil.scenario.config import Scenario
-from hil.scenario.records import Link
 from hil.slave.health import usage
 from sim.dynamics import State
 from sim.sensors.suite import SensorSpec
@@ -52,8 +51,7 @@ class Imaging:
     def __init__(self, scenario: Scenario, report: Callable[[str], None]) -> None:
         offloaded = [name for name, fitted in scenario.sensors.items() if fitted.offloaded]
         only = {name: scenario.sensors[name] for name in offloaded}
-        bare = scenario._replace(force=(), failure=(), release=(), tether=None)
-        self._true = bare._replace(sensors=only, link=Link(options={}))
+        self._true = scenario.for_process(only)
         self._names = offloaded
         self._report = report
         standing_in = {name: self._stand_in(number, name) for number, name in enumerate(offloaded)}

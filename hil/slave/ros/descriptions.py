@@ -14,7 +14,6 @@ from hil.network.session import Session
 from hil.ros.graph import SUBSCRIPTIONS, Node, read_token
 from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import Scenario
-from hil.scenario.records import Link
 
 QUIET = {"OPENBLAS_NUM_THREADS": "1"}  # a map is small
 
@@ -23,9 +22,7 @@ class Descriptions:
     """The descriptions of one node; `report` gets a line where one cannot be made."""
 
     def __init__(self, session: Session, graph: Node, scenario: Scenario, report: Callable[[str], None]) -> None:
-        # Without what a process that only describes does not need, and what cannot be sent to it.
-        bare = scenario._replace(force=(), failure=(), release=(), tether=None)
-        self._scenario = bare._replace(sensors={}, link=Link(options={}))
+        self._scenario = scenario.for_process({})
         self._report = report
         self._made: set[str] = set()
         self._session = session

@@ -20,7 +20,6 @@ STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 10
 SHALLOW, DEEP = np.array([214.0, 200.0, 160.0]), np.array([24.0, 60.0, 110.0])  # colours: sand to deep blue
 SURFACE_OPACITY = 0.06
 OPACITY = 0.35  # of obstacles and nets
-MOST_PIECES = 2000  # of a pipeline
 
 
 class WorldScene:
@@ -124,7 +123,7 @@ class WorldScene:
         self._scene.add_box(name, color=colours.OBSTACLE, dimensions=size, position=place, wxyz=turn, opacity=OPACITY)
 
     def _draw_pipeline(self, number: int, pipeline: Pipeline) -> None:
-        pieces = list(pipeline.drawn(self.world.seabed, self.world.spacing(), MOST_PIECES))
+        pieces = list(pipeline.drawn(self.world.seabed, self.world.spacing()))
         if pieces:
             segments = to_scene(np.array(pieces).reshape(-1, 3)).reshape(-1, 2, 3)
             self._scene.add_line_segments(
