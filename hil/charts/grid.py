@@ -86,7 +86,7 @@ def grid_of(world: World, resolution: float | None = None) -> Grid:
 
 def thinning(grid: Grid, most: int) -> int:
     """Return the step between nodes of which at most `most` along the longer side of a grid are kept."""
-    return -(-max(grid.depths.shape) // most)
+    return -(-int(max(grid.depths.shape)) // most)
 
 
 def overview(world: World, most: int, resolution: float | None = None) -> Grid:
