@@ -97,7 +97,7 @@ class Tether:
         require_length(length)
         self._wanted = length
 
-    def hang_anew(self) -> None:
+    def restart(self) -> None:
         """Hang the line anew in the next step: the vehicle was put elsewhere, and did not move there."""
         self.nodes, self._seen, self._force = [], [], (0.0, 0.0, 0.0)
 

@@ -197,7 +197,7 @@ class Loop:
         state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
         state.nu_dot = [0.0] * 6
         if self.simulation.tether:
-            self.simulation.tether.hang_anew()
+            self.simulation.tether.restart()
         self.set_neutral()
 
     def fail(self, *failures: "Failure") -> None:

@@ -140,7 +140,7 @@ def test_a_vehicle_that_is_put_elsewhere_is_not_thrown_by_its_tether() -> None:
     for _ in range(200):
         simulation.step(neutral)
     simulation.state.position = [40.0, 0.0, 20.0]
-    tether.hang_anew()
+    tether.restart()
     pulls = []
     for _ in range(400):
         simulation.step(neutral)
