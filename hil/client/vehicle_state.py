@@ -217,7 +217,8 @@ class VehicleState:
 
         Those of further sensors of a kind are known from then on.
         """
-        return {name for name, kind in self._published().items() if is_picture(name) and learn(name, kind)}
+        published = self._published()
+        return {name for name, kind in published.items() if is_picture(name) and learn(name, kind, published)}
 
     def _published(self) -> dict[str, str]:
         """Return the types of the topics that it publishes, by its node in the graph."""
@@ -236,7 +237,7 @@ class VehicleState:
             if not self._may_come(topic) or time.monotonic() > end:
                 return False
             self._closing.wait(0.1)
-        return learn(topic, published[topic])
+        return learn(topic, published[topic], published)
 
     def _may_come(self, topic: str) -> bool:
         """Return False if the slave's diagnostics have no sensor of pictures for the topic; True before they came."""

@@ -1,5 +1,7 @@
 """Table of topics, one row each. Keys, codecs, priorities and the recorder derive from it."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 from hil.ros import dialect
@@ -114,6 +116,8 @@ _SAMPLE_TOPICS = {
     "profiler": ("profiler", "profiler/points"),
 }
 
+_BESIDE = {topic for topics in _SAMPLE_TOPICS.values() for topic in topics[1:]}  # no sensor has it alone
+
 ALL = "*"  # the topics of a node, but for pictures
 DESCRIPTIONS = ("robot_description", "map", "obstacles")  # made when somebody subscribes
 COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # what a vehicle obeys
@@ -186,23 +190,29 @@ def add_further(name: str, first: str) -> None:
         TOPICS[topic], _alike[topic] = TOPICS[row]._replace(name=topic), row
 
 
-def learn(topic: str, type_name: str) -> bool:
+def learn(topic: str, type_name: str, published: Mapping[str, str] = MappingProxyType({})) -> bool:
     """Let a topic that a vehicle's node in the graph says be known, if it is like one of a sensor; False if not.
 
-    So does a process know further sensors whose scenario it has not read.
+    So does a process know further sensors whose scenario it has not read. `published` has the types of all topics of
+    the node: of kinds with a topic of that type, it is the one that has most of its topics among them.
     """
     if topic in TOPICS:
         return True
-    name, slash, rest = topic.partition("/")
+    name, _, rest = topic.partition("/")
+    kinds = []
     for row in [TOPICS[each] for each in OURS if TOPICS[each].type == type_name]:
         first, _, end = row.name.partition("/")
-        if end == rest and first and not row.from_master and row.priority != "real_time":
-            if slash:
-                add_further(name, first)
-            else:
-                TOPICS[topic], _alike[topic] = row._replace(name=topic), row.name
-            return True
-    return False
+        is_own = end or row.name not in _BESIDE or topic.endswith(f"_{row.name}")
+        if end == rest and first and is_own and not row.from_master and row.priority != "real_time":
+            kinds.append(first)
+    if not kinds:
+        return False
+
+    def share(first: str) -> int:
+        return sum(published.get(each) == TOPICS[row].type for each, row in further_topics(name, first).items())
+
+    add_further(name, max(kinds, key=share))
+    return True
 
 
 def _renamed(topic: str, first: str, name: str) -> str:

@@ -9,7 +9,7 @@ from hil.ros import encoders as ros
 from hil.ros.graph import ros_name
 from hil.ros.message import decode
 from hil.ros.own import announce
-from hil.ros.topics import TOPICS, first_of, learn, sample_topics
+from hil.ros.topics import TOPICS, first_of, further_topics, learn, sample_topics
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Ros
 from hil.slave.ros.node import static_transforms
@@ -154,6 +154,16 @@ def test_a_process_without_the_scenario_learns_a_topic_from_the_graph() -> None:
     assert ros.decoder("gps_2") is ros.decoder("gps")
     assert not learn("other/thing", "sensor_msgs/msg/Image")
     assert not learn("cmd_mine", "geometry_msgs/msg/Twist"), "commands are no samples"
+
+
+@pytest.mark.parametrize("kind", ["laser", "profiler", "forward_sonar", "scanning_sonar", "altimeter", "dvl"])
+def test_the_kind_is_that_which_has_the_topics_of_the_node(kind: str) -> None:
+    """LaserScan, Range and ProjectedSonarImage are types of several kinds, which read them differently."""
+    published = {topic: TOPICS[row].type for topic, row in further_topics("aft", kind).items()}
+    for topic, type_name in published.items():
+        if TOPICS[further_topics("aft", kind)[topic]].priority != "real_time":
+            assert learn(topic, type_name, published)
+            assert first_of(topic) == further_topics("aft", kind)[topic]
 
 
 def test_a_flag_of_a_further_switch() -> None:
