@@ -116,7 +116,7 @@ _SAMPLE_TOPICS = {
     "profiler": ("profiler", "profiler/points"),
 }
 
-_BESIDE = {topic for topics in _SAMPLE_TOPICS.values() for topic in topics[1:]}  # no sensor has it alone
+_FURTHER = {topic for topics in _SAMPLE_TOPICS.values() for topic in topics[1:]}  # no sensor has it alone
 
 ALL = "*"  # the topics of a node, but for pictures
 DESCRIPTIONS = ("robot_description", "map", "obstacles")  # made when somebody subscribes
@@ -202,7 +202,7 @@ def learn(topic: str, type_name: str, published: Mapping[str, str] = MappingProx
     kinds = []
     for row in [TOPICS[each] for each in OURS if TOPICS[each].type == type_name]:
         first, _, end = row.name.partition("/")
-        is_own = end or row.name not in _BESIDE or topic.endswith(f"_{row.name}")
+        is_own = end or row.name not in _FURTHER or topic.endswith(f"_{row.name}")
         if end == rest and first and is_own and not row.from_master and row.priority != "real_time":
             kinds.append(first)
     if not kinds:

@@ -139,5 +139,5 @@ def test_a_picture_is_drawn_of_every_so_many_nodes(tmp_path: Path) -> None:
     coarse = overview(world, 500, 130.0)
     assert coarse.resolution == 130.0
     assert coarse.depths[193, 190] == pytest.approx(world.seabed(float(coarse.north[193]), float(coarse.east[190])))
-    assert overview(world, 500, 1.0).resolution == 100.0, "no finer than the picture"
+    assert overview(world, 500, 1.0).resolution == pytest.approx(50_000.0 / 499), "no finer than the picture"
     assert peak_mb(lambda: overview(world, 1320)) < 20.0
