@@ -12,11 +12,13 @@ from aiohttp import web
 
 from hil.common.server_thread import ServerThread, http_log
 from hil.gateways.access import Access
-from hil.gateways.websocket_client import SocketClient
+from hil.gateways.websocket_client import STALLED_S, SocketClient
 
 MOST_CLIENTS = 32
 LARGEST = 1 << 20  # bytes of a message of a client
-HEARTBEAT_S = 5.0  # after which a client that does not answer is gone
+# A client is asked this often whether it is there, and is gone if it has not answered after half of that: a planner that
+# computes for seconds reads nothing meanwhile.
+HEARTBEAT_S = 2.0 * STALLED_S
 
 
 T = TypeVar("T", bound=SocketClient)
