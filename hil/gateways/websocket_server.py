@@ -16,8 +16,8 @@ from hil.gateways.websocket_client import STALLED_S, SocketClient
 
 MOST_CLIENTS = 32
 LARGEST = 1 << 20  # bytes of a message of a client
-# A client is asked this often whether it is there, and is gone if it has not answered after half of that: a planner that
-# computes for seconds reads nothing meanwhile.
+# A client is asked this often whether it is there, and is gone if it has not answered after half of that: a planner
+# that computes for seconds reads nothing meanwhile.
 HEARTBEAT_S = 2.0 * STALLED_S
 
 
