@@ -53,7 +53,7 @@ COMMANDS = {
     "router": ("hil.commands.router", "forward between vehicles and masters that cannot reach each other"),
     "fleet": ("hil.commands.fleet", "start, show and stop the slaves of a fleet, here and on hosts over ssh"),
     "keys": ("hil.commands.keys", "make certificates: who may command a vehicle, and who may listen"),
-    "vehicle": ("hil.commands.vehicle.command", "describe a vehicle and what it can do; import one from a URDF"),
+    "vehicle": ("hil.commands.vehicle.command", "describe a vehicle and what it can do; import one from URDF or SDF"),
     "tune": ("hil.commands.tune", "find gains for a vehicle's controller from step responses"),
     "topic": (
         "hil.commands.topic.command",

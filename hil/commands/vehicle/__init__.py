@@ -1,1 +1,1 @@
-"""`uuv-hil vehicle`: describe a vehicle; import one from a URDF or xacro file."""
+"""`uuv-hil vehicle`: describe a vehicle; import one from a URDF, SDF or xacro file."""

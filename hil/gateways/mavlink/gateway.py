@@ -120,5 +120,5 @@ class Gateway:
                 may_command, link.burst, self.dispatcher.signing.secret, self._wall_clock, is_local,
             )  # fmt: skip
             self.dispatcher.peers[peer.number] = peer
-            self._report(f"{link.name}: {name}{'' if may_command else ' (may only look)'}")
+            self._report(f"{link.name}: sends to {name}{'' if may_command else ' (may only look)'}")
         return peer
