@@ -19,6 +19,7 @@ from hil.autonomy.paths.astar import path_length
 from hil.common.clock import seconds_ns
 from hil.common.errors import MissionError, NoPathError
 from hil.common.schema import shortened
+from hil.common.vectors import off_line
 from hil.master.follow import Follow
 from hil.master.planner import Done, Planner, PlanRequest, Point, ReceivedSamples, Samples, topics_of
 from hil.ros.topics import ALL
@@ -285,15 +286,7 @@ def held(command: VelocityCommand, odometry: OdometrySample) -> VelocityCommand:
 
 def distance_to_path(point: Point, path: Sequence[Point]) -> float:
     """Return how far (m) a point is from a path of two points or more."""
-    return min(_distance_to_leg(point, *leg) for leg in pairwise(path))
-
-
-def _distance_to_leg(point: Point, start: Point, end: Point) -> float:
-    north, east = end[0] - start[0], end[1] - start[1]
-    square = north * north + east * east
-    along = ((point[0] - start[0]) * north + (point[1] - start[1]) * east) / square if square else 0.0
-    share = min(max(along, 0.0), 1.0)
-    return dist(point, (start[0] + share * north, start[1] + share * east))
+    return min(hypot(*off_line(*point, *start, *end)) for start, end in pairwise(path))
 
 
 def require_success(outcome: Outcome) -> None:

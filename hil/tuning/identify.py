@@ -6,6 +6,7 @@ from math import inf
 from typing import Any, NamedTuple
 
 from hil.common.errors import ConfigError
+from hil.common.vectors import dot
 from hil.tuning.rig import CONTROL_PERIOD_S, Rig
 from hil.tuning.step_response import AXES, HOLD_S, order
 from sim.vehicle.vehicle import Vehicle
@@ -75,7 +76,7 @@ def fit_lag(values: Sequence[float], acceleration: float, period: float, where: 
 
 def _two_unknowns(a: Sequence[float], b: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
     """Return the x1, x2 of the least squares of x1 a + x2 b = y; what cannot be told apart is put on x1."""
-    aa, ab, bb, ay, by = _dot(a, a), _dot(a, b), _dot(b, b), _dot(a, y), _dot(b, y)
+    aa, ab, bb, ay, by = dot(a, a), dot(a, b), dot(b, b), dot(a, y), dot(b, y)
     determinant = aa * bb - ab * ab
     if determinant <= 1e-9 * aa * bb:
         return _one_unknown(a, y), 0.0
@@ -83,9 +84,5 @@ def _two_unknowns(a: Sequence[float], b: Sequence[float], y: Sequence[float]) ->
 
 
 def _one_unknown(a: Sequence[float], y: Sequence[float]) -> float:
-    square = _dot(a, a)
-    return _dot(a, y) / square if square else 0.0
-
-
-def _dot(a: Sequence[float], b: Sequence[float]) -> float:
-    return sum(x * y for x, y in zip(a, b, strict=True))
+    square = dot(a, a)
+    return dot(a, y) / square if square else 0.0

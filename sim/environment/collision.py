@@ -23,7 +23,7 @@ from sim.assembly import make_impulses
 from sim.dynamics import State
 from sim.environment.contact.impulses import SKIN, Touch
 from sim.environment.contact.solids import touches as solid_touches
-from sim.environment.obstacles import Obstacle
+from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 from sim.environment.world import World
 from sim.matrices import Matrix
 from sim.rotations import Rotation
@@ -74,14 +74,14 @@ class Contact:
         # Where it was free, and the most (m) that a slope can be in the hull since.
         self._last: tuple[Sequence[float], Sequence[float]] | None = None
         self._share = inf
-        self._obstacles = world.upright()
+        self._world = world
         self._meshes: MeshContact | None = None
         if world.mesh or world.pipeline:
             from sim.environment.contact import meshes
 
             self._meshes = meshes.MeshContact(world, self.shape)
         # Those within _NEAR m of that place, and how far all others are at least from there.
-        self._near: Sequence[Obstacle] = ()
+        self._near: list[Obstacle] = []
         self._near_place = (inf, inf)
         self._beyond = 0.0
         # As long as the vehicle is within `_free` m of this place it cannot touch any of them.
@@ -272,21 +272,23 @@ class Contact:
     def _find_solids(
         self, state: State, places: Sequence[tuple[float, float, float, float]], rotation: Rotation
     ) -> list[tuple[float, Vector3, Vector3, str]]:
-        """Return the touches of obstacles and meshes, and how far it may go before there is one."""
+        """Return the touches of what is near, and find how far it may go before there is one."""
         self._free = self._find_near(state)
         position = self._north, self._east, down = state.position
         found: list[tuple[float, Vector3, Vector3, str]] = []
+        by_rays = False
         for obstacle in self._near:
             away = obstacle.separation(self._north, self._east)[0] - self.radius
             self._free = min(self._free, max(0.0, away))
             if away < 0.0 and down + self.radius > obstacle.top and down - self.radius < obstacle.bottom:
+                if not isinstance(obstacle, (Cylinder, Box, Wall)):
+                    by_rays = True
+                    continue
                 touches = solid_touches(obstacle, self.shape, position, places)
                 found += [(*touch, obstacle.label) for touch in touches]
-        if self._meshes:
-            away = self._meshes.away(self._north, self._east) - self.radius
-            self._free = min(self._free, max(0.0, away))
-            if away < 0.0:
-                found += self._meshes.touches(position, rotation)
+        if by_rays:
+            assert self._meshes
+            found += self._meshes.touches(position, rotation)
         return found
 
     def _find_near(self, state: State) -> float:
@@ -295,10 +297,14 @@ class Contact:
         (from_north, from_east), limit = self._near_place, self.radius + _NEAR
         away = hypot(north - from_north, east - from_east)
         if not away < 0.5 * _NEAR:
-            apart = [(obstacle.separation(north, east)[0], obstacle) for obstacle in self._obstacles]
+            world = self._world
+            apart = [(one.separation(north, east)[0], one) for one in (*world.upright(), *world.mesh)]
             self._near = [obstacle for distance, obstacle in apart if distance <= limit]
             self._near_place, away = (north, east), 0.0
             self._beyond = min([distance for distance, _ in apart if distance > limit], default=inf)
+            for pipeline in world.pipeline:
+                self._near += pipeline.stretches(world.seabed, world.spacing(), north, east, limit)
+                self._beyond = min(self._beyond, limit)
         return max(0.0, self._beyond - self.radius - away)
 
 

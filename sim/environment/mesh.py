@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.schema import Range, parse
 from hil.common.tables import check_file
-from hil.common.vectors import Vector3
+from hil.common.vectors import Vector3, off_line
 from sim.environment.obstacles import Coordinate, Heading, Separation
 from sim.rotations import from_euler, matrix
 from sim.vehicle.mesh_files import MOST_BYTES, load_mesh
@@ -179,11 +179,8 @@ def _to_triangle(north: float, east: float, triangle: Triangle) -> float:
     """Return how far a place is from a triangle, seen from above."""
     least, turns = inf, []
     for (x, y, _), (to_x, to_y, _) in zip(triangle, (*triangle[1:], triangle[0]), strict=True):
-        along_x, along_y, at_x, at_y = to_x - x, to_y - y, north - x, east - y
-        square = along_x * along_x + along_y * along_y
-        share = min(max((at_x * along_x + at_y * along_y) / square, 0.0), 1.0) if square else 0.0
-        off_x, off_y = at_x - share * along_x, at_y - share * along_y
+        off_x, off_y = off_line(north, east, x, y, to_x, to_y)
         least = min(least, off_x * off_x + off_y * off_y)
-        turns.append(along_x * at_y - along_y * at_x)
+        turns.append((to_x - x) * (east - y) - (to_y - y) * (north - x))
     is_inside = min(turns) > 0.0 or max(turns) < 0.0
     return 0.0 if is_inside else sqrt(least)

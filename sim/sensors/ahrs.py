@@ -1,11 +1,10 @@
 """An attitude and heading reference system: fused gyros, accelerometers and magnetometer."""
 
-from collections.abc import Sequence
 from math import atan2, pi, remainder, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from hil.common.vectors import Quaternion, Vector3
+from hil.common.vectors import Quaternion, Vector3, cross
 from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.environment.geomagnetism import field_of
@@ -83,10 +82,6 @@ class Ahrs:
         tilt = self._level_share / sqrt(sum([f * f for f in force]) or 1.0)
         north, east, _ = rotate(attitude, field)
         heading = self._heading_share * remainder(atan2(east, north) - self._declination, 2.0 * pi)
-        leaned = _cross(down, force)  # as the force points up
+        leaned = cross(down, force)  # as the force points up
         turn = [tilt * lean - heading * d for lean, d in zip(leaned, down, strict=True)]
         return integrate(attitude, turn, 1.0)
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Vector3:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -15,6 +15,7 @@ from math import atan2, exp, hypot, inf, pi, remainder, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
+from hil.common.vectors import cross, unit
 from sim.forces import Wrench
 from sim.matrices import Matrix
 from sim.rotations import Rotation
@@ -103,7 +104,7 @@ class Fin(NamedTuple):
         """Return what is wrong between the keys, or None."""
         if self.aspect_ratio is None and (self.lift_slope is None or self.induced_drag is None):
             return f"fin {self.name!r}: give aspect_ratio, or lift_slope and induced_drag"
-        across = hypot(*_cross(self.axis, self.chord))
+        across = hypot(*cross(self.axis, self.chord))
         if min(hypot(*self.axis), hypot(*self.chord)) < SHORTEST or across < SHORTEST * SHORTEST:
             return f"fin {self.name!r}: axis and chord must be directions across each other"
         if not self.pwm_min_us < self.pwm_neutral_us < self.pwm_max_us:
@@ -121,8 +122,8 @@ class Fin(NamedTuple):
     @property
     def frame(self) -> tuple[Direction, Direction]:
         """Unit vectors along the chord at rest, and to where a positive deflection turns its leading edge."""
-        normal = _unit(_cross(self.axis, self.chord))
-        return _unit(_cross(normal, self.axis)), normal
+        normal = unit(cross(self.axis, self.chord))
+        return unit(cross(normal, self.axis)), normal
 
     def deflection(self, pwm_us: float) -> float:
         """Return the angle (rad) that a pulse asks for."""
@@ -193,7 +194,7 @@ class FinSet:
             push = scale * sqrt(along * along + across * across)
             ahead, starboard = -push * (drag * along + lift * across), push * (lift * along - drag * across)
             force = [ahead * i + starboard * j for i, j in zip(chord, normal, strict=True)]
-            total = [a + b for a, b in zip(total, (*force, *_cross((x, y, z), force)), strict=True)]
+            total = [a + b for a, b in zip(total, (*force, *cross((x, y, z), force)), strict=True)]
         return total
 
     def numbers(self) -> list[float]:
@@ -213,15 +214,5 @@ def fin_matrix(fins: Sequence[Fin], density: float) -> Matrix:
         chord, normal = fin.frame
         size = 0.5 * density * fin.area * fin.polar.lift_slope * chord[0] * chord[0]
         force = [size * n for n in normal]
-        columns.append((*force, *_cross(fin.position, force)))
+        columns.append((*force, *cross(fin.position, force)))
     return [list(row) for row in zip(*columns, strict=True)]
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Direction:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _unit(vector: Sequence[float]) -> Direction:
-    x, y, z = vector
-    length = sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length

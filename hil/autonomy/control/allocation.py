@@ -12,6 +12,7 @@ from math import copysign, sqrt
 from operator import gt, lt
 
 from hil.common.errors import ConfigError
+from hil.common.vectors import dot
 
 Wrench = tuple[float, float, float, float, float, float]
 Matrix = list[list[float]]
@@ -127,11 +128,11 @@ def pseudo_inverse(
     ]
     size = len(rows)
     basis = [[float(i == j) for j in range(size)] for i in range(size)]
-    dust = _RANK_TOLERANCE**2 * sum(_dot(row, row) for row in rows)
+    dust = _RANK_TOLERANCE**2 * sum(dot(row, row) for row in rows)
     for _ in range(_MOST_SWEEPS):
         if not _sweep(rows, basis, dust):
             break
-    energies = [_dot(row, row) for row in rows]
+    energies = [dot(row, row) for row in rows]
     least = max(energies) * _RANK_TOLERANCE**2
     strong = [i for i, energy in enumerate(energies) if energy > least]
     inverse = [
@@ -147,8 +148,8 @@ def _sweep(rows: Matrix, basis: Matrix, dust: float) -> bool:
     rotated = False
     for i in range(len(rows)):
         for j in range(i + 1, len(rows)):
-            overlap = _dot(rows[i], rows[j])
-            lengths = sqrt(_dot(rows[i], rows[i]) * _dot(rows[j], rows[j]))
+            overlap = dot(rows[i], rows[j])
+            lengths = sqrt(dot(rows[i], rows[i]) * dot(rows[j], rows[j]))
             # each pair by its own size, or a weak row beside a strong one stays askew
             if abs(overlap) > _ORTHOGONAL * max(lengths, dust):
                 _rotate(rows, basis, i, j, overlap)
@@ -157,7 +158,7 @@ def _sweep(rows: Matrix, basis: Matrix, dust: float) -> bool:
 
 
 def _rotate(rows: Matrix, basis: Matrix, i: int, j: int, overlap: float) -> None:
-    zeta = (_dot(rows[j], rows[j]) - _dot(rows[i], rows[i])) / (2.0 * overlap)
+    zeta = (dot(rows[j], rows[j]) - dot(rows[i], rows[i])) / (2.0 * overlap)
     tangent = copysign(1.0, zeta) / (abs(zeta) + sqrt(1.0 + zeta * zeta))
     c = 1.0 / sqrt(1.0 + tangent * tangent)
     s = c * tangent
@@ -165,10 +166,6 @@ def _rotate(rows: Matrix, basis: Matrix, i: int, j: int, overlap: float) -> None
         first, second = table[i], table[j]
         table[i] = [c * a - s * b for a, b in zip(first, second, strict=True)]
         table[j] = [s * a + c * b for a, b in zip(first, second, strict=True)]
-
-
-def _dot(a: list[float], b: list[float]) -> float:
-    return sum(x * y for x, y in zip(a, b, strict=True))
 
 
 def _eases(thruster_weights: Sequence[float] | None, count: int) -> list[float]:

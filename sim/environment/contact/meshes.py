@@ -37,10 +37,6 @@ class MeshContact:
         self._directions = array("d", [x / length for place, length in rays for x in place])
         self._reach = max(self._lengths)
 
-    def away(self, north: float, east: float) -> float:
-        """Return the distance (m) from a place to the nearest pipeline or upright cylinder around a mesh."""
-        return min(mesh.separation(north, east)[0] for mesh in self._meshes)
-
     def touches(self, position: Sequence[float], rotation: Rotation) -> Iterator[tuple[float, Vector3, Vector3, str]]:
         """Yield where a mesh reaches into the hull.
 

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, parse
-from hil.common.vectors import Vector3
+from hil.common.vectors import Vector3, off_line
 from sim.environment.obstacles import Coordinate, Separation
 
 Share = Annotated[float, Range(0.0, 1.0)]
@@ -75,6 +75,17 @@ class Pipeline(NamedTuple):
             if distance < best[0]:
                 best = (distance, x / distance, y / distance) if distance else (0.0, 1.0, 0.0)
         return best[0] - 0.5 * self.diameter, best[1], best[2]
+
+    def stretches(
+        self, seabed: Seabed, spacing: float, north: float, east: float, within: float
+    ) -> "Iterator[Stretch]":
+        """Yield the straight parts of its line that come within `within` m of a place, seen from above."""
+        for start, end in pairwise(self.points):
+            part = self._replace(points=(start, end))
+            near = part.pieces(seabed, spacing, north, east, within + 0.5 * self.diameter)
+            depths = [place[2] for piece in near for place in piece]
+            if depths:  # the ends of its pieces reach up by less than a diameter
+                yield Stretch(part, min(depths) - self.diameter)
 
     def pieces(
         self, seabed: Seabed, spacing: float, north: float = 0.0, east: float = 0.0, within: float = inf
@@ -134,14 +145,21 @@ class Pipeline(NamedTuple):
         return least
 
 
-def off_line(
-    north: float, east: float, from_north: float, from_east: float, to_north: float, to_east: float
-) -> tuple[float, float]:
-    """Return the way (m north, m east) to a place from the nearest place of a straight line."""
-    x, y, at_x, at_y = to_north - from_north, to_east - from_east, north - from_north, east - from_east
-    square = x * x + y * y
-    share = min(max((at_x * x + at_y * y) / square, 0.0), 1.0) if square else 0.0
-    return at_x - share * x, at_y - share * y
+class Stretch(NamedTuple):
+    """A straight part of a pipeline as an obstacle to contact; `top` (m) is that of what is near of it."""
+
+    part: Pipeline
+    top: float
+    bottom: float = inf
+
+    @property
+    def label(self) -> str:
+        """Name for messages."""
+        return self.part.label
+
+    def separation(self, north: float, east: float) -> Separation:
+        """Distance (m) from its side as seen from above, and the direction away from its axis."""
+        return self.part.separation(north, east)
 
 
 def read_pipelines(section: Any, path: str) -> tuple[Pipeline, ...]:

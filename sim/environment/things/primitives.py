@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from math import asinh, cos, cosh, hypot, pi, sin, sinh, sqrt
 
-from hil.common.vectors import Vector3
+from hil.common.vectors import Vector3, cross, minus, unit
 
 Triangle = tuple[Vector3, Vector3, Vector3]
 _HALVINGS = 60  # of an interval in which a root is looked for
@@ -27,7 +27,7 @@ def tube(line: Sequence[Vector3], upright: Vector3, radius: float, sides: int, c
     for k, (x, y, z) in enumerate(line):
         before = line[k - 1] if k or closed else line[0]
         after = line[(k + 1) % len(line)] if k + 1 < len(line) or closed else line[-1]
-        side = _unit(_cross(_minus(after, before), upright))
+        side = unit(cross(minus(after, before), upright))
         turns = [2.0 * pi * (i + 0.5) / sides for i in range(sides)]
         rims.append([
             (
@@ -79,7 +79,7 @@ def links(line: Sequence[Vector3], bar: float) -> list[Triangle]:
     made: list[Triangle] = []
     right = (0.0, 1.0, 0.0)
     for number, ((x, y, z), along) in enumerate(_along(line, 4.0 * bar)):
-        across = _cross(along, right)
+        across = cross(along, right)
         plane, normal = (right, across) if number % 2 else (across, right)
         outline = [(2.5, 0.0), (1.2, 1.3), (-1.2, 1.3), (-2.5, 0.0), (-1.2, -1.3), (1.2, -1.3)]
         loop = [
@@ -125,7 +125,7 @@ def _along(line: Sequence[Vector3], step: float) -> Iterable[tuple[Vector3, Vect
     """Yield places every `step` m along a line from half a step on, and its direction there."""
     ahead = 0.5 * step
     for start, end in pairwise(line):
-        way = _minus(end, start)
+        way = minus(end, start)
         length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
         if not length:
             continue
@@ -138,17 +138,3 @@ def _along(line: Sequence[Vector3], step: float) -> Iterable[tuple[Vector3, Vect
 
 def _rectangle(low: Vector3, high: Vector3, down: float) -> list[Vector3]:
     return [(low[0], low[1], down), (high[0], low[1], down), (high[0], high[1], down), (low[0], high[1], down)]
-
-
-def _minus(a: Vector3, b: Vector3) -> Vector3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-def _cross(a: Vector3, b: Vector3) -> Vector3:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _unit(vector: Vector3) -> Vector3:
-    x, y, z = vector
-    length = sqrt(x * x + y * y + z * z) or 1.0
-    return x / length, y / length, z / length

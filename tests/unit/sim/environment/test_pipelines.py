@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from hil.common.errors import ConfigError
+from hil.common.vectors import off_line
 from hil.scenario.world_map import map_at
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact
+from sim.environment.contact.meshes import MeshContact
 from sim.environment.relief import Sinusoid, Slope
 from sim.environment.terrain import Terrain, covering
+from sim.environment.things import pipelines
 from sim.environment.things.pipelines import Pipeline
 from sim.environment.world import World, load_world
 from sim.rays.scene import SEABED, RayScene
@@ -105,6 +108,26 @@ def test_a_vehicle_touches_it_and_planners_go_round_it_only_near_the_bed() -> No
     assert world.clearance(0.0, 5.0, 19.0, height=0.5) == pytest.approx(4.0)
     assert world.clearance(0.0, 5.0, 10.0, height=0.5) == inf
     assert world.clearance(0.0, 5.0) == pytest.approx(4.0)
+
+
+def test_above_a_long_one_a_step_looks_only_at_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is looked at again until the vehicle has gone on, and no ray is cast from 3 m above."""
+    line = tuple((-1000.0 + k, 0.01 * (k % 7)) for k in range(2001))
+    contact = Contact(
+        VEHICLE, FLAT._replace(pipeline=(Pipeline(line, 1.0),)), Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
+    )
+    assert not contact.resolve(State((0.0, 0.0, 15.0)))
+    looked: list[float] = []
+
+    def counted(*numbers: float) -> tuple[float, float]:
+        looked.append(numbers[0])
+        return off_line(*numbers)
+
+    monkeypatch.setattr(pipelines, "off_line", counted)
+    monkeypatch.setattr(MeshContact, "touches", None)
+    for step in range(20):
+        assert not contact.resolve(State((0.01 * step, 0.0, 15.0)))
+    assert 20 <= len(looked) < 20 * 60
 
 
 def test_cameras_and_sonars_know_what_it_is_made_of() -> None:
