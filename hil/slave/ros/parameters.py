@@ -23,10 +23,10 @@ the thruster's service, a scenario. The services are those of rclcpp's nodes; va
 reason. What a request has set is published on /parameter_events; what a service or scenario has set is not.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Protocol
 
 from hil.autonomy.control.controller import CascadedController
 from hil.common.clock import now_ns
@@ -36,6 +36,9 @@ from hil.network.services import Answer
 from hil.ros.message import Message, encode, header
 from hil.slave.loop import Loop
 from sim.vehicle.failures import Failure
+
+if TYPE_CHECKING:
+    from sim.tether import Tether
 
 EVENTS = "/parameter_events"
 PREFIX = "failures"
@@ -49,49 +52,62 @@ _GIVEN = ("thruster", "time")  # keys that the parameter stands for
 _EXAMPLE = 'kind = "efficiency", efficiency = 0.5'
 
 
-class _GainChange(NamedTuple):
-    axis: str
-    key: str
-    value: float
+class _Group(Protocol):
+    """Parameters of one kind: all of one `type` (rcl_interfaces/ParameterType), which is `expected` of a value."""
+
+    type: int
+    expected: str
+
+    def names(self) -> Collection[str]:
+        """Return the names of those that there are now."""
+
+    def value(self, name: str) -> dict[str, Any]:
+        """Return the ParameterValue of one, without its type."""
+
+    def descriptor(self, name: str) -> dict[str, Any]:
+        """Return the ParameterDescriptor of one, without name and type."""
+
+    def read(self, name: str, value: Message) -> Any:
+        """Return what `apply` takes, of a value of the right type. Raises ConfigError for one that cannot be."""
+
+    def apply(self, name: str, change: Any) -> str:
+        """Let it hold from the next step on; return a text of what holds then."""
 
 
 class _Gains:
-    """The gains of a running loop's cascade, by the names of their parameters."""
+    """The gains of a running loop's cascade."""
+
+    type, expected = _DOUBLE, "a number with a decimal point, such as 1.0"
 
     def __init__(self, loop: Loop) -> None:
         self._loop = loop
 
     def names(self) -> list[str]:
-        """Return the names of all; none without a cascade."""
         controller = self._controller()
         rows = controller.gains._asdict().items() if controller else ()
-        return [f"{GAINS}.{axis}.{key}" for axis, row in rows for key, value in _finite(row).items()]
+        return [f"{GAINS}.{axis}.{key}" for axis, row in rows for key in _finite(row)]
 
     def value(self, name: str) -> dict[str, Any]:
-        """Return the ParameterValue of a gain."""
         _, axis, key = name.split(".")
-        return {"type": _DOUBLE, "double_value": float(_finite(self._row(axis))[key])}
+        return {"double_value": float(_finite(self._row(axis))[key])}
 
     def descriptor(self, name: str) -> dict[str, Any]:
-        """Return the ParameterDescriptor of a gain."""
         _, axis, key = name.split(".")
-        return {"name": name, "type": _DOUBLE, "description": f"{key} of the controller's loop {axis}"}
+        return {"description": f"{key} of the controller's loop {axis}"}
 
-    def read(self, name: str, value: Message) -> _GainChange:
-        """Return what is to be changed. Raises ConfigError for a value that cannot be."""
+    def read(self, name: str, value: Message) -> float:
         _, axis, key = name.split(".")
-        if value["type"] != _DOUBLE:
-            raise ConfigError(f"{name}: expected a number with a decimal point, such as 1.0")
-        row = self._row(axis)
-        parse({**_finite(row), key: value["double_value"]}, type(row), f"{GAINS}.{axis}")
-        return _GainChange(axis, key, value["double_value"])
+        row, wanted = self._row(axis), float(value["double_value"])
+        parse({**_finite(row), key: wanted}, type(row), f"{GAINS}.{axis}")
+        return wanted
 
-    def apply(self, change: _GainChange) -> None:
-        """Let it hold from the next step on."""
+    def apply(self, name: str, change: float) -> str:
+        _, axis, key = name.split(".")
         controller = self._controller()
-        if controller:
-            row = self._row(change.axis)._replace(**{change.key: change.value})
-            controller.set_gains(controller.gains._replace(**{change.axis: row}))
+        assert controller
+        row = self._row(axis)._replace(**{key: change})
+        controller.set_gains(controller.gains._replace(**{axis: row}))
+        return f"{change:g}"
 
     def _row(self, axis: str) -> Any:
         controller = self._controller()
@@ -108,6 +124,66 @@ def _finite(row: Any) -> dict[str, float]:
     return {key: value for key, value in row._asdict().items() if isfinite(value)}
 
 
+class _TetherState:
+    """The length of a tether that is paid out, and its pull."""
+
+    type, expected = _DOUBLE, "a number like 20.0"
+
+    def __init__(self, tether: "Tether") -> None:
+        self._tether = tether
+
+    def names(self) -> tuple[str, ...]:
+        return TETHER, TENSION
+
+    def value(self, name: str) -> dict[str, Any]:
+        return {"double_value": self._tether.length if name == TETHER else self._tether.tension}
+
+    def descriptor(self, name: str) -> dict[str, Any]:
+        what = "m that are paid out" if name == TETHER else "N of pull at the vehicle"
+        return {"description": what, "read_only": name == TENSION}
+
+    def read(self, name: str, value: Message) -> float:
+        if name == TENSION:
+            raise ConfigError(f"{name}: it is measured")
+        from sim.tether import require_length  # most vehicles have none
+
+        require_length(value["double_value"])
+        return float(value["double_value"])
+
+    def apply(self, name: str, change: float) -> str:
+        self._tether.set_length(change)
+        return f"{change:g} m"
+
+
+class _Failures:
+    """The failures of thrusters, `thrusters` by the last part of their parameters' names."""
+
+    type, expected = _STRING, f"a text, such as {_EXAMPLE}"
+
+    def __init__(self, loop: Loop, thrusters: Mapping[str, str]) -> None:
+        self._loop = loop
+        self._thrusters = {f"{PREFIX}.{name}": thruster for name, thruster in thrusters.items()}
+
+    def names(self) -> Collection[str]:
+        return self._thrusters
+
+    def value(self, name: str) -> dict[str, Any]:
+        return {"string_value": failures_text(self._loop.simulation.failures(self._thrusters[name]))}
+
+    def descriptor(self, name: str) -> dict[str, Any]:
+        return {
+            "description": f"what is wrong with the thruster {self._thrusters[name]!r}",
+            "additional_constraints": f"empty, or the keys of a [[failure]]: {_EXAMPLE}; several are divided by ;",
+        }
+
+    def read(self, name: str, value: Message) -> list[Failure]:
+        return read_failures(value["string_value"], self._thrusters[name], name)
+
+    def apply(self, name: str, change: Sequence[Failure]) -> str:
+        self._loop.fail(Failure(self._thrusters[name], "repaired"), *change)
+        return str(self.value(name)["string_value"]) or "nothing is wrong"
+
+
 class Parameters:
     """The parameters of a running loop's vehicle, called `node`.
 
@@ -117,9 +193,11 @@ class Parameters:
     def __init__(self, loop: Loop, node: str, thrusters: Mapping[str, str], report: Callable[[str], None]) -> None:
         self._loop = loop
         self._node = node
-        self._thrusters = {f"{PREFIX}.{name}": thruster for name, thruster in thrusters.items()}
         self._report = report
-        self._gains = _Gains(loop)
+        tether = loop.simulation.tether
+        self._groups: list[_Group] = [_Failures(loop, thrusters), _Gains(loop)]
+        if tether:
+            self._groups.append(_TetherState(tether))
 
     def services(self) -> dict[str, tuple[str, Answer]]:
         """Type and answer of each service, by its name below the node's."""
@@ -145,74 +223,44 @@ class Parameters:
     def _list(self, request: Message) -> dict[str, Any]:
         """List parameters as rclcpp does: the depth counts the parts of a name behind the prefix."""
         prefixes, depth = request["prefixes"][:MOST], request["depth"]
-        names = [
-            name
-            for name in [*self._thrusters, *self._gains.names(), *self._tether()]
-            if _is_below(name, prefixes, depth)
-        ]
+        names = [name for name in self._names() if _is_below(name, prefixes, depth)]
         parents = dict.fromkeys([name.rpartition(".")[0] for name in names])
         return {"result": {"names": names, "prefixes": list(parents)}}
+
+    def _names(self) -> list[str]:
+        return [name for group in self._groups for name in group.names()]
+
+    def _group(self, name: str) -> _Group | None:
+        """Return the group that a parameter belongs to, None for a name that is none."""
+        return next((group for group in self._groups if name in group.names()), None)
 
     def _each(self, request: Message, answer: Callable[[str], Any]) -> list[Any]:
         return [answer(name) for name in request["names"][:MOST]]
 
-    def _tether(self) -> dict[str, float]:
-        """Return the parameters of the tether, empty without one."""
-        tether = self._loop.simulation.tether
-        return {TETHER: tether.length, TENSION: tether.tension} if tether else {}
-
     def _value(self, name: str) -> dict[str, Any]:
         """Return a ParameterValue, which is not set for a name that is none."""
-        if name in (TETHER, TENSION) and self._tether():
-            return {"type": _DOUBLE, "double_value": self._tether()[name]}
-        if name in self._gains.names():
-            return self._gains.value(name)
-        if name not in self._thrusters:
-            return {}
-        return {"type": _STRING, "string_value": failures_text(self._loop.simulation.failures(self._thrusters[name]))}
+        group = self._group(name)
+        return {"type": group.type, **group.value(name)} if group else {}
 
     def _type(self, name: str) -> int:
-        if name in self._gains.names() or name in self._tether():
-            return _DOUBLE
-        return _STRING if name in self._thrusters else _NOT_SET
+        group = self._group(name)
+        return group.type if group else _NOT_SET
 
     def _descriptor(self, name: str) -> dict[str, Any]:
-        if name in self._gains.names():
-            return self._gains.descriptor(name)
-        if name in self._tether():
-            what = "m that are paid out" if name == TETHER else "N of pull at the vehicle"
-            return {"name": name, "type": _DOUBLE, "description": what, "read_only": name == TENSION}
-        if name not in self._thrusters:
-            return {"name": name}
-        return {
-            "name": name,
-            "type": _STRING,
-            "description": f"what is wrong with the thruster {self._thrusters[name]!r}",
-            "additional_constraints": f"empty, or the keys of a [[failure]]: {_EXAMPLE}; several are divided by ;",
-        }
+        group = self._group(name)
+        return {"name": name, "type": group.type, **group.descriptor(name)} if group else {"name": name}
 
     def _set(self, parameters: Sequence[Message]) -> dict[str, Any]:
         """Set all of them or, where one cannot be, none; a SetParametersResult."""
         try:
             if len(parameters) > MOST:
                 raise ConfigError(f"{len(parameters)} parameters at once, at most {MOST}")
-            wanted = [(parameter["name"], self._read(**parameter)) for parameter in parameters]
+            wanted = [(parameter["name"], *self._read(**parameter)) for parameter in parameters]
         except ConfigError as error:
             return {"successful": False, "reason": str(error)}
-        for name, failures in wanted:
-            if isinstance(failures, float):
-                assert self._loop.simulation.tether
-                self._loop.simulation.tether.set_length(failures)
-                self._report(f"parameter: {name}: {failures:g} m")
-                continue
-            if isinstance(failures, _GainChange):
-                self._gains.apply(failures)
-                self._report(f"parameter: {name}: {self._gains.value(name)['double_value']:g}")
-                continue
-            self._loop.fail(Failure(self._thrusters[name], "repaired"), *failures)
-            now = failures_text(self._loop.simulation.failures(self._thrusters[name]))
-            self._report(f"parameter: {name}: {now or 'nothing is wrong'}")
-        self._publish_event([name for name, _ in wanted])
+        for name, group, change in wanted:
+            self._report(f"parameter: {name}: {group.apply(name, change)}")
+        self._publish_event([name for name, *_ in wanted])
         return {"successful": True}
 
     def _publish_event(self, names: Sequence[str]) -> None:
@@ -222,24 +270,14 @@ class Parameters:
         event = {"stamp": header(now)["stamp"], "node": f"/{self._node}", "changed_parameters": changed}
         self._loop.sample_publisher.put(EVENTS, encode("rcl_interfaces/msg/ParameterEvent", event))
 
-    def _read(self, name: str, value: Message) -> list[Failure] | _GainChange | float:
-        if name in self._tether():
-            if name == TENSION or value["type"] != _DOUBLE:
-                raise ConfigError(
-                    f"{name}: " + ("it is measured" if name == TENSION else "expected a number like 20.0")
-                )
-            from sim.tether import require_length  # most vehicles have none
-
-            require_length(value["double_value"])
-            return float(value["double_value"])
-        gains = self._gains.names()
-        if name in gains:
-            return self._gains.read(name, value)
-        if name not in self._thrusters:
-            raise ConfigError(f"no parameter {name!r}{nearest(name[:LONGEST], [*self._thrusters, *gains])}")
-        if value["type"] != _STRING:
-            raise ConfigError(f"{name}: expected a text, such as {_EXAMPLE}")
-        return read_failures(value["string_value"], self._thrusters[name], name)
+    def _read(self, name: str, value: Message) -> tuple[_Group, Any]:
+        """Return the group of a parameter and the change of it that is asked for. Raises ConfigError."""
+        group = self._group(name)
+        if group is None:
+            raise ConfigError(f"no parameter {name!r}{nearest(name[:LONGEST], self._names())}")
+        if value["type"] != group.type:
+            raise ConfigError(f"{name}: expected {group.expected}")
+        return group, group.read(name, value)
 
 
 def read_failures(text: str, thruster: str, where: str) -> list[Failure]:

@@ -1,0 +1,63 @@
+"""Parameters of a vehicle's node that go with parts of its simulation: those of a tether."""
+
+from types import SimpleNamespace
+from typing import Any
+
+from hil.slave.ros.parameters import Parameters
+
+DOUBLE, STRING = 3, 4
+
+
+class FakeTether:
+    """A tether of which only length and pull are there."""
+
+    length, tension = 20.0, 3.5
+
+    def set_length(self, length: float) -> None:
+        self.length = length
+
+
+def answers(tether: FakeTether | None) -> Any:
+    """Return a function that calls a service of parameters, and what was reported and published."""
+    simulation = SimpleNamespace(tether=tether, failures=lambda _: ())
+    publisher = SimpleNamespace(stamps=SimpleNamespace(wall_ns=lambda now: now), put=lambda *_: None)
+    loop: Any = SimpleNamespace(simulation=simulation, pilot=None, sample_publisher=publisher)
+    reports: list[str] = []
+    services = Parameters(loop, "uuv1", {"bow": "bow"}, reports.append).services()
+    return lambda name, **request: services[name][1](request), reports
+
+
+def parameter(name: str, value: float | str) -> dict[str, Any]:
+    kind, key = (STRING, "string_value") if isinstance(value, str) else (DOUBLE, "double_value")
+    return {"name": name, "value": {"type": kind, key: value}}
+
+
+def test_a_tether_has_a_length_that_is_set_and_a_pull_that_is_read() -> None:
+    tether = FakeTether()
+    call, reports = answers(tether)
+    names = ["tether.length", "tether.tension"]
+    assert call("list_parameters", prefixes=["tether"], depth=0)["result"]["names"] == names
+    assert [v["double_value"] for v in call("get_parameters", names=names)["values"]] == [20.0, 3.5]
+    assert call("get_parameter_types", names=[*names, "failures.bow", "x"])["types"] == [DOUBLE, DOUBLE, STRING, 0]
+    assert [d["read_only"] for d in call("describe_parameters", names=names)["descriptors"]] == [False, True]
+    assert call("set_parameters", parameters=[parameter(names[0], 25.0)])["results"] == [{"successful": True}]
+    assert (tether.length, reports) == (25.0, ["parameter: tether.length: 25 m"])
+
+
+def test_values_that_cannot_be_are_refused_with_a_reason() -> None:
+    call, reports = answers(FakeTether())
+    for wrong, words in (
+        (parameter("tether.tension", 1.0), "tether.tension: it is measured"),
+        (parameter("tether.length", "long"), "tether.length: expected a number like 20.0"),
+        (parameter("tether.lenght", 1.0), "did you mean 'tether.length'"),
+    ):
+        (result,) = call("set_parameters", parameters=[wrong])["results"]
+        assert not result["successful"]
+        assert words in result["reason"]
+    assert not reports
+
+
+def test_without_a_tether_there_are_none() -> None:
+    call, _ = answers(None)
+    assert call("list_parameters", prefixes=[], depth=0)["result"]["names"] == ["failures.bow"]
+    assert call("get_parameters", names=["tether.length"])["values"] == [{}]
