@@ -108,12 +108,11 @@ class ForwardSonar:
         self._texture = make_texture(scene.world)
         self._stride = max(1, round(0.5 * model.beam_width / spacing))
         apart = np.arange(model.beams) * spacing
-        taps = pattern(apart, model.beam_width)
-        self._taps = taps[taps > 0.0].astype(np.float32)
-        if model.side_lobes:
-            of = np.abs(np.arange(model.beams)[:, None] - np.arange(model.beams))
-            self._lobes = array_pattern(apart, model.beam_width, model.side_lobes)[of].astype(np.float32)
-        solid_angle = float(aperture.weights[0].sum() * (2.0 * self._taps.sum() - self._taps[0]))
+        of = np.abs(np.arange(model.beams)[:, None] - np.arange(model.beams))
+        lobe = pattern(apart, model.beam_width)
+        received = array_pattern(apart, model.beam_width, model.side_lobes) if model.side_lobes else lobe
+        self._received = received.astype(np.float32)[of]
+        solid_angle = float(aperture.weights[0].sum() * (2.0 * lobe.sum() - lobe[0]))
         ranges = model.min_range + (np.arange(count) + 0.5) * model.range_step
         self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic)
         self._scale = RangeScale(model, mounting, seed, self.topic, scene)
@@ -144,14 +143,8 @@ class ForwardSonar:
         if scaled is None:
             return np.zeros((m.beams, self._bins.count), np.float32)
         echoes = shares_of(scaled, self._bins, m.beams, self._texture, self._stride).astype(np.float32)
-        if m.side_lobes:
-            received: Floats = self._lobes @ echoes
-            return received
-        total: Floats = self._taps[0] * echoes
-        for beam, tap in enumerate(self._taps[1:], 1):
-            total[beam:] += tap * echoes[:-beam]
-            total[:-beam] += tap * echoes[beam:]
-        return total
+        received: Floats = self._received @ echoes
+        return received
 
 
 def _aperture(model: ForwardSonarModel, angles: "Floats", spacing: float) -> "Aperture":

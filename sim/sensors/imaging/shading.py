@@ -21,9 +21,13 @@ _EMPTY = np.zeros(0, np.float32)
 
 
 class Shading:
-    """The looks of a `scenery` for pixels along `toward` (unit vectors, n x 3), each `pixel` rad wide."""
+    """The looks of a `scenery` for pixels along `toward` (unit vectors, n x 3), each `pixel` rad wide.
 
-    def __init__(self, scenery: looks.Scenery, toward: Floats, pixel: float, reach: float) -> None:
+    `call` is the compiled function. It knows all looks but those of a map of the bottom.
+    """
+
+    def __init__(self, call: Any, scenery: looks.Scenery, toward: Floats, pixel: float, reach: float) -> None:
+        self._call = call
         self._scenery, self._toward, self._pixel = scenery, toward, pixel
         self._per_metre = _STEPS / reach
         self._distances = np.arange(_STEPS + 1) / self._per_metre
@@ -35,13 +39,8 @@ class Shading:
         self._texture = texture.tiles() if texture else _EMPTY
         self._relief = (texture.height, NODE, looks.FINEST, *texture.ripples) if texture else (0.0, *[1.0] * 6)
 
-    @property
-    def is_whole(self) -> bool:
-        """True if the compiled pass knows all of the looks: the bottom is the same everywhere."""
-        return self._scenery.bottom_map is None
-
-    def shade(self, call: Any, hits: Any, place: Any, rotation: Any, lamps: float, water: Water) -> Floats:
-        """Return the radiance (n x 3) at the lens of what the pixels see, by the compiled function `call`."""
+    def shade(self, hits: Any, place: Any, rotation: Any, lamps: float, water: Water) -> Floats:
+        """Return the radiance (n x 3) at the lens of what the pixels see."""
         if water is not self._water:
             self._water = water
             coefficients = np.array([*water.attenuation, *water.backscatter])
@@ -55,7 +54,7 @@ class Shading:
             *nodes, *deviations, *rock, *ground, *self._relief,
         )  # fmt: skip
         out = np.empty((len(self._toward), 3), np.float32)
-        call(
+        self._call(
             settings, np.ascontiguousarray(hits.distances), np.ascontiguousarray(hits.normals),
             np.ascontiguousarray(hits.objects), self._toward, self._scenery.colours, looks.grain_tile(), self._fades,
             self._depths, self._texture, out,

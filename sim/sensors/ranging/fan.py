@@ -1,6 +1,7 @@
 """A fan of thin beams in one plane at one instant, and what is common to all fans."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from math import pi
 from typing import Annotated, Any
 
@@ -33,18 +34,23 @@ class Fan(ABC):
     def __init__(self, model: Any, mounting: Mounting, seed: int, scene: Scene) -> None:
         self._first, self._step = model.angle_min, (model.angle_max - model.angle_min) / (model.beams - 1)
         self._limits = model.min_range, model.max_range
-        directions = [self.direction(self._first + i * self._step) for i in range(model.beams)]
+        angles = [self._first + i * self._step for i in range(model.beams)]
+        directions = [ray for angle in angles for ray in self.rays(model, angle)]
         self._beams = Beams(scene, mounting, directions, model.max_range)
         random = sensor_random(seed, self.topic)
         self._errors = None if model.ground_truth else RangeErrors(model.error, 1.0 / model.rate, random, self._limits)
 
     @staticmethod
     @abstractmethod
-    def direction(angle: float) -> Vector3:
-        """Return the unit vector (the sensor's axes) of the beam at an angle (rad)."""
+    def rays(model: Any, angle: float) -> Sequence[Vector3]:
+        """Return the unit vectors (the sensor's axes) that stand for the beam at an angle (rad)."""
 
     def sample(self, time_ns: int, state: State) -> LaserSample:
         """Return the measurement of `state`."""
-        true = self._beams.ranges(time_ns, state)
+        true, strengths = self.measure(time_ns, state)
         measured = self._errors.measure(true) if self._errors else within(true, true, self._limits)
-        return LaserSample(time_ns, self._first, self._step, measured, self._limits)
+        return LaserSample(time_ns, self._first, self._step, measured, self._limits, strengths)
+
+    def measure(self, time_ns: int, state: State) -> tuple[Sequence[float], tuple[float, ...]]:
+        """Return the true distance (m) along each beam and, of devices that tell it, how strong its echo is (dB)."""
+        return self._beams.ranges(time_ns, state), ()

@@ -1,5 +1,6 @@
 """A scanning laser: distances in a horizontal plane all around."""
 
+from collections.abc import Sequence
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
@@ -41,6 +42,6 @@ class Laser(Fan):
     topic = "laser"
 
     @staticmethod
-    def direction(angle: float) -> Vector3:
-        """Return the unit vector (the sensor's axes) of the beam at an angle (rad)."""
-        return cos(angle), sin(angle), 0.0
+    def rays(model: LaserModel, angle: float) -> Sequence[Vector3]:
+        """Return one unit vector, that of the beam."""
+        return [(cos(angle), sin(angle), 0.0)]

@@ -1,5 +1,6 @@
 """A profiling multibeam sonar: the shape of the seabed across the track in one ping, and how strongly it echoes."""
 
+from collections.abc import Sequence
 from math import cos, inf, log10, nan, sin
 from typing import Annotated, NamedTuple
 
@@ -9,10 +10,9 @@ from sim.dynamics import State
 from sim.environment.bottom import PROPERTIES
 from sim.rays.geometry import NOTHING, SEABED
 from sim.sensors.error import ErrorModel, sensor_random
-from sim.sensors.extra_samples import LaserSample
 from sim.sensors.mounting import Mounting
-from sim.sensors.ranging.beams import Beams, RangeErrors, cone, within
-from sim.sensors.ranging.fan import DEGREE, Angle, validate_fan
+from sim.sensors.ranging.beams import cone
+from sim.sensors.ranging.fan import DEGREE, Angle, Fan, validate_fan
 from sim.sensors.samples import Scene
 
 _LEAST = 1e-6  # of a share of intensity: -60 dB
@@ -48,7 +48,7 @@ class ProfilerModel(NamedTuple):
         return validate_fan(self.min_range, self.max_range, self.angle_min, self.angle_max)
 
 
-class Profiler:
+class Profiler(Fan):
     """Beams in the sensor's y-z plane, the angle from z (down) towards y (starboard).
 
     The distance of a wide beam is the mean of all of it that echoes, by strength, as a detector of amplitudes finds it:
@@ -62,34 +62,26 @@ class Profiler:
     topic = "profiler"
 
     def __init__(self, model: ProfilerModel, mounting: Mounting, seed: int, scene: Scene) -> None:
-        self._model = model
-        self._first, self._step = model.angle_min, (model.angle_max - model.angle_min) / (model.beams - 1)
-        self._limits = model.min_range, model.max_range
-        about = cone(model.beam_width, model.beam_width, model.rings) if model.beam_width else [(1.0, 0.0, 0.0)]
-        self._rays = len(about)
-        angles = [self._first + i * self._step for i in range(model.beams)]
-        directions = [_turned(angle, ray) for angle in angles for ray in about]
-        self._beams = Beams(scene, mounting, directions, model.max_range)
-        self._errors = None
-        if not model.ground_truth:
-            self._errors = RangeErrors(model.error, 1.0 / model.rate, sensor_random(seed, self.topic), self._limits)
+        super().__init__(model, mounting, seed, scene)
+        self._model, self._count = model, len(self.rays(model, 0.0))
         self._random = sensor_random(seed, f"{self.topic}/strength")
         bottom = scene.world.bottom
         self._seabed = 10.0 ** (0.1 * (model.seabed_strength + (PROPERTIES[bottom.kind].echo if bottom else 0.0)))
         self._objects = 10.0 ** (0.1 * model.object_strength)
 
-    def sample(self, time_ns: int, state: State) -> LaserSample:
-        """Return the measurement of `state`."""
-        true, strengths = self._measure(time_ns, state)
-        measured = self._errors.measure(true) if self._errors else within(true, true, self._limits)
-        return LaserSample(time_ns, self._first, self._step, measured, self._limits, tuple(strengths))
+    @staticmethod
+    def rays(model: ProfilerModel, angle: float) -> Sequence[Vector3]:
+        """Return the unit vectors of a beam: those of a cone about x, their x turned down and then towards y."""
+        width, c, s = model.beam_width, cos(angle), sin(angle)
+        about = cone(width, width, model.rings) if width else [(1.0, 0.0, 0.0)]
+        return [(-out, along * s + across * c, along * c - across * s) for along, across, out in about]
 
-    def _measure(self, time_ns: int, state: State) -> tuple[list[float], list[float]]:
-        """Return true distance (m) and measured strength (dB) of each beam."""
+    def measure(self, time_ns: int, state: State) -> tuple[Sequence[float], tuple[float, ...]]:
+        """Return the true distance (m) along each beam and the measured strength (dB) of its echo."""
         found = self._beams.echoes(time_ns, state)
-        model, count = self._model, self._rays
+        model, count = self._model, self._count
         if found is None:
-            return [inf] * model.beams, [nan] * model.beams
+            return [inf] * model.beams, (nan,) * model.beams
         hits, cosines = found
         shares = [
             (self._seabed if thing == SEABED else self._objects) * cosine * cosine if thing != NOTHING else 0.0
@@ -110,10 +102,4 @@ class Profiler:
                 ranges.append(sum([s * r for s, r in zip(own, distances, strict=True) if s]) / total)
             luck = self._random.gammavariate(looks, 1.0 / looks) if looks else 1.0
             strengths.append(10.0 * log10(max(total / count * luck, _LEAST * self._seabed)))
-        return ranges, strengths
-
-
-def _turned(angle: float, ray: Vector3) -> Vector3:
-    """Return a ray about x as one about the beam at an angle (rad): its x down, then towards y; its z astern."""
-    along, across, out = ray
-    return -out, along * sin(angle) + across * cos(angle), along * cos(angle) - across * sin(angle)
+        return ranges, tuple(strengths)

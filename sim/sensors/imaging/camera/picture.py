@@ -48,8 +48,9 @@ class Eye:
         self._scenery = Scenery(scene.world, self._surface)
         self._water, self._water_depth = CLEAR, -1.0
         self._effects = Effects(model, intrinsics.fx, self._toward, seed)
-        self._shading = Shading(self._scenery, self._toward, self._pixel, model.max_range)
-        self._shade = make_shader() if self._shading.is_whole else None
+        can_shade = self._scenery.bottom_map is None and not self._effects.change_light
+        call = make_shader() if can_shade else None
+        self._shading = Shading(call, self._scenery, self._toward, self._pixel, model.max_range) if call else None
 
     def add(self, solid: Solid, state: State) -> None:
         """Put a solid there that goes with a vehicle's `state`."""
@@ -65,8 +66,8 @@ class Eye:
         hits = self._rays.hits(place, self._directions, self._model.max_range, rotation)
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         water, effects, turned = self._around(place[2]), self._effects, np.array(rotation).reshape(3, 3)
-        if self._shade and not effects.change_light:
-            wet = self._shading.shade(self._shade, hits, place, rotation, self._model.lamps, water)
+        if self._shading:
+            wet = self._shading.shade(hits, place, rotation, self._model.lamps, water)
         else:
             wet = self._lit(hits, time_ns, place, turned, water)
         wet = effects.water(wet, ranges, place, turned, water)

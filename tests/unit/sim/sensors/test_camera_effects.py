@@ -17,6 +17,7 @@ from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
 from sim.rotations import from_euler
 from sim.rotations import integrate as turn
+from sim.sensors.imaging.camera import picture
 from sim.sensors.imaging.camera.lamps import _BACK, Lamps
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.particles import Caustics, Snow
@@ -231,10 +232,22 @@ def test_the_compiled_pass_gives_the_same_light(kind: Any, keys: dict[str, Any])
         light = []
         for call in (make_shader(), None):
             camera = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)
-            camera._eye._shade = call
+            assert camera._eye._shading
+            if call is None:
+                camera._eye._shading = None
             light.append(camera._eye.render(0, State((0.3, -0.2, 5.0)))[0])
         assert np.isclose(light[0], light[1], rtol=2e-3, atol=1e-4).mean() > 0.999
         assert light[0].std() > 0.01
+
+
+def test_the_compiled_pass_is_made_only_where_it_serves(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[float] = []
+    monkeypatch.setattr(picture, "make_shader", lambda: print)
+    monkeypatch.setattr(picture, "Shading", lambda *_: made.append(1.0))
+    scene = Simulation(VEHICLE, PILED, {}, position=(0.0, 0.0, 2.0))
+    for caustics in (0.5, 0.0):
+        Camera(KEYS._replace(caustics=caustics), Mounting(), 1, scene)
+    assert len(made) == 1
 
 
 def test_the_compiled_pass_refuses_what_does_not_fit() -> None:
