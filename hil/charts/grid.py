@@ -1,6 +1,8 @@
 """The seabed as a grid of depths."""
 
 import os
+from collections.abc import Mapping
+from errno import EISDIR
 from typing import NamedTuple
 
 import numpy as np
@@ -113,14 +115,23 @@ def overview(world: World, most: int, resolution: float | None = None) -> Grid:
 
 def write_file(path: str, data: bytes) -> None:
     """Write a whole file or none: what was there stays until all is written. Raises ConfigError."""
-    fresh = f"{path}.{os.getpid()}"
+    write_files({path: data})
+
+
+def write_files(contents: Mapping[str, bytes]) -> None:
+    """Write whole files, all of them or none, by their paths. Raises ConfigError."""
+    fresh = {path: f"{path}.{os.getpid()}" for path in contents}
     try:
-        os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
-        with open(fresh, "wb") as file:
-            file.write(data)
-        os.replace(fresh, path)
+        for path, data in contents.items():
+            os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
+            if os.path.isdir(path):
+                raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+            with open(fresh[path], "wb") as file:
+                file.write(data)
+        for path in contents:
+            os.replace(fresh[path], path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
     finally:
-        if os.path.exists(fresh):
-            os.remove(fresh)
+        for left in filter(os.path.exists, fresh.values()):
+            os.remove(left)

@@ -9,6 +9,7 @@ import numpy as np
 
 from hil.charts.grid import write_file
 from hil.charts.hazards import Placed
+from hil.common.text import toml_text
 from sim.environment.geomagnetism import field_at
 from sim.environment.things.bottom_map import BottomMapKeys
 
@@ -72,10 +73,4 @@ def keys_of(table: dict[str, Any]) -> Iterator[str]:
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return str(value) if isinstance(value, int) else repr(round(float(value), 9) + 0.0)
+    return toml_text(value, lambda number: repr(round(number, 9) + 0.0))

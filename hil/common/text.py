@@ -1,6 +1,7 @@
-"""Text for terminals, logs and other programs: without control characters, of limited length, or as JSON."""
+"""Text for terminals, logs and other programs: without control characters, of limited length, as JSON or TOML."""
 
 import re
+from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
@@ -31,6 +32,22 @@ def json_value(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.hex()
     return value if not isinstance(value, float) or isfinite(value) else None
+
+
+def toml_text(value: Any, number: Callable[[float], str] = repr) -> str:
+    """Return a value as TOML has it, a matrix row after row; `number` writes those with a fraction."""
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+    if isinstance(value, (tuple, list)):
+        items = [toml_text(item, number) for item in value]
+        if len(items) not in (9, 36) or not isinstance(value[0], float):
+            return f"[{', '.join(items)}]"
+        size = 3 if len(items) == 9 else 6
+        rows = [", ".join(items[start : start + size]) for start in range(0, len(items), size)]
+        return "[\n  " + ",\n  ".join(rows) + ",\n]"
+    if isinstance(value, (bool, int)):
+        return str(value).lower()
+    return number(float(value))
 
 
 def wrap_command(line: str, width: int) -> list[str]:

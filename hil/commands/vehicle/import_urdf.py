@@ -4,10 +4,11 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from hil.charts.grid import write_files
 from hil.charts.imports.meshes import measure
 from hil.commands.vehicle.xacro_expand import expand, is_xacro
-from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes, read_table
+from hil.common.text import toml_text
 from sim.sdf.as_urdf import as_urdf
 from sim.vehicle.urdf.importer import Imported, read_robot
 from sim.vehicle.urdf.shapes import MeshKey, Solid
@@ -36,11 +37,13 @@ def convert(request: Request) -> int:
     if request.output is None:
         print(to_toml(vehicle, notes), end="")
         return 0
-    _write(request.output, to_toml(vehicle, notes))
+    files = {request.output: to_toml(vehicle, notes)}
+    if request.scenario is not None:
+        files[request.scenario] = scenario_of(request.output, request.scenario, vehicle.name, sensors)
+    write_files({path: text.encode() for path, text in files.items()})
     fins = f", {len(vehicle.fins)} fins" if vehicle.fins else ""
     print(f"{request.output}: {vehicle.name}, {vehicle.mass:g} kg, {len(vehicle.thrusters)} thrusters{fins}")
     if request.scenario is not None:
-        _write(request.scenario, scenario_of(request.output, request.scenario, vehicle.name, sensors))
         print(f"{request.scenario}: flies it, with {', '.join(sensors) or 'the usual sensors'}")
     for note in notes:
         print(f"note: {note}")
@@ -89,14 +92,6 @@ def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Ma
     return "\n".join(lines) + "\n"
 
 
-def _write(path: str, text: str) -> None:
-    try:
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
-
-
 def to_toml(vehicle: Vehicle, notes: list[str]) -> str:
     """`vehicle` as the text of a vehicle file; `notes` stand at its head as comments."""
     head = [f"# {note}" for note in ("Body axes: x forward, y starboard, z down.", *notes)]
@@ -125,14 +120,5 @@ def _toml_keys(record: Any, skip: tuple[str, ...]) -> Iterator[str]:
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, tuple) and len(value) in (9, 36):  # a matrix, row after row
-        size = 3 if len(value) == 9 else 6
-        rows = [", ".join(map(_toml, value[start : start + size])) for start in range(0, len(value), size)]
-        return "[\n  " + ",\n  ".join(rows) + ",\n]"
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, (bool, int)):
-        return str(value).lower()
-    return repr(round(float(f"{value:.12g}"), 15) + 0.0)  # without the dust of sines and cosines
+    """Return a value as TOML, without the dust of sines and cosines."""
+    return toml_text(value, lambda number: repr(round(float(f"{number:.12g}"), 15) + 0.0))

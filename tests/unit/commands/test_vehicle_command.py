@@ -80,6 +80,15 @@ def test_import_writes_a_vehicle_file(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "cannot be driven alone: sway, roll, pitch, yaw" in out
 
 
+def test_import_writes_both_files_or_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, flight = tmp_path / "mine.toml", tmp_path / "folder"
+    flight.mkdir()
+    for bad in (flight, Path("/proc/no/flight.toml")):
+        code, _, err = run(capsys, "--import", str(VECTORS / "hydra.urdf"), "-o", str(path), "--flight", str(bad))
+        assert (code, f"{bad}: cannot be written" in err) == (2, True)
+        assert list(tmp_path.iterdir()) == [flight]
+
+
 def test_import_asks_for_what_is_missing_and_takes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = run(capsys, "--import", str(VECTORS / "hydra_gz.urdf"))
     assert code == 2
