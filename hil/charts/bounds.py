@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.polygons import Mask, contains, fill
 from hil.charts.grid import Depths, Grid
-from hil.charts.polygons import Mask, contains, fill
 from hil.charts.sources.survey import Sheet, Survey
 
 Array = NDArray[np.float64]

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.polygons import Edges, contains
 from hil.charts.charted import DIAMETERS, ZONES, Charted, Nature, nature_of, pipelines_of, zones_of
 from hil.charts.hazards import hazards_of
-from hil.charts.polygons import Edges, contains
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.s57 import Cell, Feature
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, first_in_cell, resample

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.polygons import Edges, fill
 from hil.charts.grid import Extent, Grid
-from hil.charts.polygons import Edges, fill
 from hil.charts.sources.s57 import Feature
 from sim.environment.obstacles import ZoneKind
 from sim.environment.things.bottom_map import UNKNOWN

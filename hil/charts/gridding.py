@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.polygons import Mask
+from hil.autonomy.paths.polygons import Mask
 from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]

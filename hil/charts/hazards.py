@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.polygons import Edges, fill
 from hil.charts.bounds import limits_at
 from hil.charts.charted import BottomGrid, Charted
 from hil.charts.grid import Grid
 from hil.charts.gridding import Surface
-from hil.charts.polygons import Edges, fill
 from hil.charts.sources.s57 import Feature
 from hil.charts.sources.survey import Hazard, Survey, first_in_cell
 from sim.environment.obstacles import STANDING, Box, Cylinder

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.polygons import Mask
 from hil.charts.gridding import Indices, Surface
-from hil.charts.polygons import Mask
 
 Array = NDArray[np.float64]
 

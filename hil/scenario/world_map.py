@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.occupancy import Extent, OccupancyGrid, Point
+from hil.autonomy.paths.polygons import fill
 from hil.common.errors import ConfigError
 from hil.scenario.map_parts import MapPart, map_parts
 from hil.scenario.records import Master, Start
@@ -142,25 +143,14 @@ def _lower_by_pieces(
 
 
 def close(grid: OccupancyGrid, outline: Sequence[Point]) -> None:
-    """Occupy the cells of a map whose middles are within an outline (corners, north and east in m).
-
-    Those are where a line to the north crosses its sides an odd number of times.
-    """
-    corners = np.array(outline)
-    middles = [
+    """Occupy the cells of a map whose middles are within an outline (corners, north and east in m)."""
+    corners = np.array([*outline, outline[0]], float)
+    norths, easts = (
         first + grid.resolution * (np.arange(count) + 0.5)
         for first, count in zip(grid.origin, grid.cells.shape, strict=True)
-    ]
-    rows, columns = (
-        slice(*np.searchsorted(middle, (corners[:, axis].min(), corners[:, axis].max())))
-        for axis, middle in enumerate(middles)
     )
-    north, east = middles[0][rows, None], middles[1][None, columns]
-    inside = np.zeros((len(north), east.shape[1]), bool)
-    for (x, y), (to_x, to_y) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        if y != to_y:
-            inside ^= ((y <= east) != (to_y <= east)) & (north < x + (to_x - x) * (east - y) / (to_y - y))
-    grid.cells[rows, columns] |= inside
+    window, inside = fill((corners,), norths, easts)
+    grid.cells[window] |= inside
 
 
 def _to_triangle(corners: Array, north: Array, east: Array) -> Array:

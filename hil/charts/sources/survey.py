@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.polygons import Edges
 from hil.charts.charted import Charted
 from hil.charts.gridding import Indices
-from hil.charts.polygons import Edges
 from sim.environment.obstacles import STANDING
 
 Array = NDArray[np.float64]

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.polygons import contains, fill
 from hil.charts.bounds import LAND_RISE, allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
 from hil.charts.build import build
 from hil.charts.grid import Grid
 from hil.charts.hazards import LEAST_HEIGHT, OUT_OF_WATER, place
-from hil.charts.polygons import contains, fill
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, block_means, first_in_cell, resample
 
 Array = NDArray[np.float64]
