@@ -3,7 +3,7 @@
 # make check   run everything, and tell at the end what failed: make test, emulators, User Mode Linux, boards, clusters,
 #              random search, style and types
 # make coverage  run the unit tests alone and tell which share of the lines they run
-# make search  run the random tests with four times as many examples, from SEED
+# make search  run the random tests with eight times as many examples, from SEED
 # make lint    check style and types
 # make docs    build the documentation into site/index.html
 # make clean   remove what these have made

@@ -1,7 +1,7 @@
 """Number of random examples of a test, and suppressed health checks; `tests/conftest.py` has the profiles.
 
 The default profile draws the same examples each time: what fails, fails for everybody. `make search`, a part of
-`make check`, draws four times as many from a seed that can be chosen.
+`make check`, draws eight times as many from a seed that can be chosen.
 """
 
 from hypothesis import HealthCheck, settings
@@ -14,7 +14,7 @@ _MACHINE = (HealthCheck.too_slow,)
 def register_profiles() -> None:
     """Make the profiles known, and the default one valid for all that is imported from now on."""
     common = settings(deadline=None, database=None, suppress_health_check=_MACHINE, print_blob=True)
-    settings.register_profile("default", common, derandomize=True, max_examples=USUAL // 2)
+    settings.register_profile("default", common, derandomize=True, max_examples=USUAL // 4)
     settings.register_profile("search", common, derandomize=False, max_examples=2 * USUAL)
     settings.load_profile("default")
 

@@ -71,7 +71,8 @@ def test_the_interval_of_equal_values_is_that_value() -> None:
     assert ratio_interval([2.0] * 9, [3.0] * 9) == Interval(1.5, 1.5)
 
 
-def test_the_interval_holds_the_true_median_as_often_as_it_says() -> None:
+def test_the_interval_holds_the_true_median_as_often_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
     generator = random.Random(5)
     trials, held = 120, 0
     for seed in range(trials):
@@ -98,7 +99,7 @@ def wander(generator: random.Random, count: int, alike: float) -> list[float]:
 
 def test_neighbours_that_are_alike_are_drawn_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two series of one process: of a hundred pairs some five may seem to differ, not a quarter."""
-    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
+    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 150)  # sooner done
     generator, trials = random.Random(7), 60
     wrong = {True: 0, False: 0}
     for _ in range(trials):

@@ -72,14 +72,10 @@ def test_in_contact_the_forces_still_add_up_to_mass_times_acceleration(tmp_path:
     assert pressed["thrusters_x_n"] > 10.0
 
 
-def test_the_track_shows_what_is_there(flown: Flight, tmp_path: Path) -> None:
+def test_the_picture(flown: Flight, tmp_path: Path) -> None:
     drawn: list[Any] = []
     flown.draw(str(tmp_path / "flight.png"), drawn.append)
     assert [axes.get_title() for axes in drawn] == ["track from above"]
-
-
-def test_the_picture(flown: Flight, tmp_path: Path) -> None:
-    flown.draw(str(tmp_path / "flight.png"))
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(ConfigError, match=r"nowhere/flight\.png: cannot be written"):
         flown.draw(str(tmp_path / "nowhere" / "flight.png"))

