@@ -15,6 +15,8 @@ has what they see.
 
 import os
 import sys
+from math import floor
+from mmap import ACCESS_READ, mmap
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
@@ -22,6 +24,7 @@ from hil.common.schema import Range, parse
 from hil.common.tables import check_file
 from sim.environment.bottom import PROPERTIES, Bottom
 from sim.environment.terrain_grid import Edge
+from sim.environment.things.natures import NATURES
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,11 +50,19 @@ class BottomMapKeys(NamedTuple):
 
 
 class BottomMap:
-    """The kinds of seabed of a world, in the file at `path`. Its methods need numpy, which sonars and cameras have."""
+    """The kinds of seabed of a world, in the file at `path`. Methods that take arrays need numpy."""
 
     def __init__(self, keys: BottomMapKeys, path: str) -> None:
         self.keys, self.path = keys, path
-        self._mapped: Codes | None = None
+        self._mapped: mmap | None = None
+
+    def code(self, north: float, east: float) -> int:
+        """Return S-57's number of the kind at a place (m): that of the nearest node, 0: unknown."""
+        keys = self.keys
+        row = floor((north - keys.north_min) / keys.resolution + 0.5)
+        column = floor((east - keys.east_min) / keys.resolution + 0.5)
+        inside = 0 <= row < keys.rows and 0 <= column < keys.columns
+        return self._bytes()[row * keys.columns + column] if inside else UNKNOWN
 
     def codes(self, north: Any, east: Any) -> "Codes":
         """Return S-57's number of the kind at places (m, arrays of one shape): that of the nearest node, 0: unknown."""
@@ -65,23 +76,15 @@ class BottomMap:
         return np.where(inside, found, np.uint8(UNKNOWN))
 
     def echoes(self, north: Any, east: Any, bottom: Bottom | None) -> "Floats":
-        """Return how many times stronger than of the world's `bottom` (None: sand) the echo at places is."""
+        """Return `echo_ratios` at places (m, arrays of one shape)."""
         import numpy as np
 
-        from sim.environment.things.natures import NATURES
-
-        usual = PROPERTIES[bottom.kind].echo if bottom else 0.0
-        strengths = np.full(_CODES, usual, np.float32)
-        for nature in NATURES.values():
-            strengths[nature.code] = nature.echo
-        times: Floats = 10.0 ** (0.1 * (strengths - np.float32(usual)))
-        return times[self.codes(north, east)]
+        ratios: Floats = np.array(echo_ratios(bottom), np.float32)
+        return ratios[self.codes(north, east)]
 
     def looks(self, north: Any, east: Any, usual: Any) -> "tuple[Floats, Floats]":
         """Return the colours (n x 3) at n places, `usual` where none is known, and how strong the texture is."""
         import numpy as np
-
-        from sim.environment.things.natures import NATURES
 
         colours, textures = np.full((_CODES, 3), usual, np.float32), np.ones(_CODES, np.float32)
         for nature in NATURES.values():
@@ -93,9 +96,22 @@ class BottomMap:
         """Return the numbers at the nodes, rows x columns, mapped."""
         import numpy as np
 
+        return np.frombuffer(self._bytes(), np.uint8).reshape(self.keys.rows, self.keys.columns)
+
+    def _bytes(self) -> mmap:
         if self._mapped is None:
-            self._mapped = np.memmap(self.path, np.uint8, "r", shape=(self.keys.rows, self.keys.columns))
+            with open(self.path, "rb") as file:
+                self._mapped = mmap(file.fileno(), 0, access=ACCESS_READ)
         return self._mapped
+
+
+def echo_ratios(bottom: Bottom | None) -> list[float]:
+    """Return by S-57's number how many times stronger than of a world's `bottom` (None: sand) the echo of a kind is."""
+    usual = PROPERTIES[bottom.kind].echo if bottom else 0.0
+    ratios = [1.0] * _CODES
+    for nature in NATURES.values():
+        ratios[nature.code] = 10.0 ** (0.1 * (nature.echo - usual))
+    return ratios
 
 
 def read_bottom_map(section: Any, path: str) -> BottomMap:

@@ -54,8 +54,8 @@ class Profiler(Fan):
     The distance of a wide beam is the mean of all of it that echoes, by strength, as a detector of amplitudes finds it:
     over a slope, an edge or a thing in the water it is neither the first nor the middle. Strengths are without
     spreading and absorption, as of a device that makes these good: 10 lg mu + 20 lg cos of the angle of incidence
-    (Lambert). Not modelled: detection by phase, the way of the sound while the vehicle moves on, rays that bend, false
-    bottoms.
+    (Lambert); the seabed's also goes with the kind that a `[bottom_map]` has there. Not modelled: detection by phase,
+    the way of the sound while the vehicle moves on, rays that bend, false bottoms.
     """
 
     Model = ProfilerModel
@@ -68,6 +68,11 @@ class Profiler(Fan):
         bottom = scene.world.bottom
         self._seabed = 10.0 ** (0.1 * (model.seabed_strength + (PROPERTIES[bottom.kind].echo if bottom else 0.0)))
         self._objects = 10.0 ** (0.1 * model.object_strength)
+        self._kinds, self._ratios = scene.world.bottom_map, [1.0]
+        if self._kinds:
+            from sim.environment.things.bottom_map import echo_ratios
+
+            self._ratios = echo_ratios(bottom)
 
     @staticmethod
     def rays(model: ProfilerModel, angle: float) -> Sequence[Vector3]:
@@ -87,6 +92,10 @@ class Profiler(Fan):
             (self._seabed if thing == SEABED else self._objects) * cosine * cosine if thing != NOTHING else 0.0
             for thing, cosine in zip(hits.objects, cosines, strict=True)
         ]
+        if kinds := self._kinds:
+            places = zip(hits.objects, hits.points[0::3], hits.points[1::3], strict=True)
+            codes = [kinds.code(north, east) if thing == SEABED else 0 for thing, north, east in places]
+            shares = [share * self._ratios[code] for share, code in zip(shares, codes, strict=True)]
         looks = 0.0 if model.ground_truth else model.looks
         ranges, strengths = [], []
         for first in range(0, len(shares), count):

@@ -14,6 +14,7 @@ from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.profiler import Profiler, ProfilerModel
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -53,6 +54,18 @@ def test_a_sonar_hears_rock_above_mud(tmp_path: Path) -> None:
     port, starboard = (echoes[250:300, part].sum() for part in (slice(4, 24), slice(40, 60)))
     apart = PROPERTIES["rock"].echo - PROPERTIES["mud"].echo
     assert 10.0 * np.log10(starboard / port) == pytest.approx(apart, abs=0.5)
+
+
+@pytest.mark.parametrize("width", [0.0, 0.02])
+def test_a_profiler_hears_what_lies_below_each_beam(tmp_path: Path, width: float) -> None:
+    """To port the bed is mud, to starboard rock; its strengths are without the cosine of the other side."""
+    world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
+    scene = Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 2.0))
+    profiler = Profiler(ProfilerModel(ground_truth=True, beams=41, beam_width=width), Mounting(), 1, scene)
+    strengths = profiler.sample(0, State((0.0, 25.0, 2.0))).intensities
+    apart = PROPERTIES["rock"].echo - PROPERTIES["mud"].echo
+    for beam in range(5, 20):
+        assert strengths[40 - beam] - strengths[beam] == pytest.approx(apart, abs=0.01)
 
 
 def test_a_camera_sees_its_colours(tmp_path: Path) -> None:
