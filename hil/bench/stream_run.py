@@ -158,7 +158,8 @@ def expected(scenario: Scenario) -> dict[str, float]:
     if scenario.ros.wrench:
         rates["thruster_wrench"] = scenario.ros.wrench
     if scenario.ros.joints:
-        rates |= dict.fromkeys(("joint_states", "motors"), scenario.ros.joints)
+        own = ("joint_states", "motors", *(("tether",) if scenario.tether else ()))
+        rates |= dict.fromkeys(own, scenario.ros.joints)
     return {topic: rate for topic, rate in rates.items() if not is_picture(topic)}
 
 

@@ -8,6 +8,7 @@ START = "#0f766e"
 GOAL = "#16a34a"
 OBSTACLE = "#64748b"
 HIDDEN_OBSTACLE = "#a16207"  # not on the planner's map
+TETHER = "#ca8a04"
 EVENT = "#dc2626"
 WATER = "#f3f6f9"
 GRID = "0.9"

@@ -4,9 +4,11 @@ from collections.abc import Iterable
 
 from hil.client.delay import INSTANTS, DelayMeter
 from hil.common.errors import ConfigError
+from hil.common.vectors import Vector3
 from hil.recording.mcap_file import PULSES, Message
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
+from hil.ros.plan import decode_plan
 from sim.rotations import to_euler
 from sim.run_events import RunEvent, events_since
 from sim.sensors.samples import OdometrySample
@@ -40,7 +42,7 @@ class VehicleData:
 
     `true` and `measured`: north, east, depth (m), yaw (rad), surge, sway, heave (m/s), yaw rate (rad/s); `commands`:
     surge, sway, heave (m/s), yaw rate (rad/s); `pulses`: one a channel (us). `traced` are the times of
-    the samples of `delays`, `events` what the vehicle said went wrong.
+    the samples of `delays`, `events` what the vehicle said went wrong, `tether` where its line was at last (NED, m).
     """
 
     def __init__(self) -> None:
@@ -52,6 +54,7 @@ class VehicleData:
         self.delays = DelayMeter(min_commands=MOST_ROWS)
         self.boot_id = ""
         self.events: tuple[RunEvent, ...] = ()
+        self.tether: tuple[Vector3, ...] = ()
 
 
 def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
@@ -119,6 +122,10 @@ def _add_trace(data: VehicleData, message: Message, time: float) -> None:
             data.traced = data.traced[-len(data.delays.samples) :]
 
 
+def _add_tether(data: VehicleData, message: Message, _time: float) -> None:
+    data.tether = decode_plan(message.data) or data.tether
+
+
 def _state(sample: OdometrySample) -> Row:
     u, v, w, _, _, r = sample.nu
     return (*sample.position, to_euler(sample.orientation)[2], u, v, w, r)
@@ -140,4 +147,5 @@ _HANDLERS = {
     PULSES.name: _add_pulses,
     "diagnostics": _add_diagnostics,
     "trace": _add_trace,
+    "tether": _add_tether,
 }

@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.client.delay import HOPS, quantiles
 from hil.common.errors import ConfigError
-from hil.common.palette import COMMANDED, GRID, NAVIGATION, TRACK
+from hil.common.palette import COMMANDED, GRID, NAVIGATION, TETHER, TRACK
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.plots.run_data import Row, VehicleData, collect
 from hil.plots.run_picture import draw_events, draw_goal, draw_world
@@ -75,6 +75,9 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
         axes.plot(_column(rows, 2), _column(rows, 1), color=color, linewidth=1.3, label=label)
         axes.plot(rows[0][2], rows[0][1], "o", color=color, markersize=7)
         axes.plot(rows[-1][2], rows[-1][1], "s", color=color, markersize=6)
+        if data.tether:
+            axes.plot(_column(data.tether, 1), _column(data.tether, 0), color=TETHER, linewidth=1.3,
+                      label="tether at the end")  # fmt: skip
     draw_events(axes, [event for data in vehicles.values() for event in data.events])
     axes.set(
         xlabel="east (m)", ylabel="north (m)", aspect="equal", title=_title("trajectory", run) + "\n○ start, □ end"

@@ -24,7 +24,7 @@ LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will say no more
 # What a slave receives, or publishes without a request.
 COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
 NOT_SAMPLES = {
-    *COMMANDS, *DESCRIPTIONS, "trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "/clock",
+    *COMMANDS, *DESCRIPTIONS, "trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "tether", "/clock",
     "/tf_static", "/diagnostics", "/parameter_events",
 }  # fmt: skip
 

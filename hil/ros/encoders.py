@@ -340,6 +340,6 @@ _ELSEWHERE = {
     **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events"), "world"),
     **dict.fromkeys(("joint_states", "motors"), "joints"),
     "formation": "formation",
-    "plan": "plan",
+    **dict.fromkeys(("plan", "tether"), "plan"),
     **dict.fromkeys(("modem_tx", "modem_rx", "modem_range"), "modem"),
 }

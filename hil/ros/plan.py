@@ -1,4 +1,4 @@
-"""Encode and decode nav_msgs/Path: where a planner leads its vehicle."""
+"""Encode and decode nav_msgs/Path: where a planner leads its vehicle, and where a tether hangs."""
 
 from collections.abc import Sequence
 
@@ -35,4 +35,4 @@ def decode_plan(data: bytes) -> tuple[Vector3, ...]:
 
 
 ENCODERS: dict[str, Encoder] = {}  # no sensor sends it
-DECODERS: dict[str, Decoder] = {"plan": decode_plan}
+DECODERS: dict[str, Decoder] = {"plan": decode_plan, "tether": decode_plan}

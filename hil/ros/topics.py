@@ -88,6 +88,7 @@ TOPICS = {
         Topic("thruster_wrench", "geometry_msgs/msg/WrenchStamped", 10, "data"),
         Topic("joint_states", "sensor_msgs/msg/JointState", 10, "data"),
         Topic("motors", "std_msgs/msg/Float64MultiArray", 10, "data"),
+        Topic("tether", "nav_msgs/msg/Path", 10, "data"),
         Topic(
             "formation", "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint", 10, "data", express=True, from_master=True
         ),

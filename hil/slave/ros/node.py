@@ -5,6 +5,7 @@ Loaded when the vehicle is ready.
 
 from collections.abc import Callable
 from math import nan, sqrt
+from typing import TYPE_CHECKING
 
 from hil.common.clock import NEVER_NS
 from hil.network.services import Server
@@ -21,6 +22,9 @@ from hil.slave.ros.parameters import EVENTS
 from hil.slave.ros.services import offer_services
 from sim.sensors.samples import period_ns
 from sim.sensors.suite import SensorSet
+
+if TYPE_CHECKING:
+    from sim.tether import Tether
 
 _HALF_SQRT = sqrt(0.5)
 WITHOUT_PLACE = ("odometry", "ground_truth")  # they are of the body's origin
@@ -84,6 +88,8 @@ class RosNode:
                 self._publish_joints(time_ns)
             if sample_publisher.has_subscribers(("motors",)):
                 self._publish_motors()
+            if self._loop.simulation.tether and sample_publisher.has_subscribers(("tether",)):
+                self._publish_tether(self._loop.simulation.tether, time_ns)
         self.due_ns = min(self._clock.due_ns, self._wrench.due_ns, self._joints.due_ns)
 
     def _publish_joints(self, time_ns: int) -> None:
@@ -103,6 +109,12 @@ class RosNode:
         blank = [(nan, nan)] * (len(loop.pwm_us) - len(found))
         rows = zip(loop.pwm_us, [*found, *blank], strict=True)
         loop.sample_publisher.put("motors", encode_motors([MotorState(pulse, *motor) for pulse, motor in rows]))
+
+    def _publish_tether(self, tether: "Tether", time_ns: int) -> None:
+        from hil.ros.plan import encode_plan
+
+        stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
+        self._loop.sample_publisher.put("tether", encode_plan(stamp_ns, tether.nodes, 0.0))
 
     def add_figures(self, figures: Diagnostics) -> None:
         """Add the counters of the services."""

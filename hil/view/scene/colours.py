@@ -12,8 +12,8 @@ def _rgb(colour: str) -> RGB:
     return red, green, blue
 
 
-PATH, TRACK, NAVIGATION, GOAL, OBSTACLE = (
-    _rgb(colour) for colour in (palette.PATH, palette.TRACK, palette.NAVIGATION, palette.GOAL, palette.OBSTACLE)
+PATH, TRACK, NAVIGATION, GOAL, OBSTACLE, TETHER = (
+    _rgb(getattr(palette, name)) for name in ("PATH", "TRACK", "NAVIGATION", "GOAL", "OBSTACLE", "TETHER")
 )
 THRUST: RGB = (220, 38, 38)
 THRUSTER: RGB = (30, 41, 59)
@@ -28,7 +28,7 @@ WATER: RGB = (56, 132, 200)
 ZONE: RGB = (190, 24, 160)  # magenta, as on charts
 CONTOUR: RGB = (20, 40, 60)
 LEGEND = (("planned path", PATH), ("track", TRACK), ("track by navigation", NAVIGATION), ("goal", GOAL),
-          ("obstacle", OBSTACLE), ("thrust", THRUST), ("current", CURRENT))  # fmt: skip
+          ("obstacle", OBSTACLE), ("thrust", THRUST), ("current", CURRENT), ("tether", TETHER))  # fmt: skip
 FLEET_LEGEND = (("in range of each other", LINK), ("place in the formation", PLACE))
 
 

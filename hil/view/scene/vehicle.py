@@ -19,6 +19,12 @@ THRUST_SCALE = 0.02  # m of an arrow per N
 AXES = 0.6  # m
 
 
+def draw_line(scene: Any, name: str, line: Any, colour: colours.RGB) -> None:
+    """Draw a line through places of the scene, in place of one of the same name."""
+    segments = np.stack([line[:-1], line[1:]], axis=1)
+    scene.add_line_segments(name, segments, colour, thickness=2.5, thickness_units="screen")
+
+
 class Track:
     """A line where something has been, thinned out as it grows."""
 
@@ -40,9 +46,7 @@ class Track:
         if len(self._points) < 2 or len(self._points) == self._drawn:
             return
         self._drawn = len(self._points)
-        line = np.array(self._points, np.float32)
-        segments = np.stack([line[:-1], line[1:]], axis=1)
-        self._scene.add_line_segments(self._name, segments, self._colour, thickness=2.5, thickness_units="screen")
+        draw_line(self._scene, self._name, np.array(self._points, np.float32), self._colour)
 
 
 class VehicleScene:
@@ -61,6 +65,7 @@ class VehicleScene:
         self.sensors = SensorScene(self._scene, self._root, carried)
         self._draw_shape()
         self._thrusts: Any = None
+        self._tether = f"/tethers/{name}"
         self._track = Track(self._scene, f"/tracks/{name}/true", colours.TRACK)
         self._navigation = Track(self._scene, f"/tracks/{name}/navigation", colours.NAVIGATION)
 
@@ -75,6 +80,8 @@ class VehicleScene:
         self._track.add(self.place)
         if "ground_truth" in latest and "odom" in latest:
             self._navigation.add(to_scene([latest["odom"].position])[0])
+        if tether := latest.get("tether"):
+            draw_line(self._scene, self._tether, to_scene(tether), colours.TETHER)
         if joints := latest.get("joint_states"):
             self._draw_thrusts(joints.efforts)
 

@@ -59,6 +59,8 @@ class SimulatedSource:
                 newest[topic] = sample
                 if topic == "dvl":  # what the slave publishes of it as a topic of its own
                     newest["altitude"] = altitude_of(sample)
+        if simulation.tether:
+            newest["tether"] = tuple(simulation.tether.nodes)
         names = tuple([thruster.name for thruster in simulation.vehicle.thrusters])
         newest["joint_states"] = JointStates(simulation.time_ns, names, tuple(simulation.thrusts))
         return newest

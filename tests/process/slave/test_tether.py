@@ -1,0 +1,61 @@
+"""A tether of a slave as a user runs it: its line on the network, in the live view and in plots."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from hil.client.client import VehicleClient
+from hil.network.roles import open_master_session
+from hil.plots.run_data import collect
+from hil.recording.mcap_file import Message
+from hil.ros.plan import encode_plan
+from hil.view.scene.vehicle import VehicleScene
+from tests.support.processes import Program, write_scenario
+from tests.unit.view.scene_recorder import Recorder
+
+TETHER = '[tether]\nlength = "12 m"\nanchor = [0.0, 0.0, 0.0]\nsegments = 6\n'
+
+
+def test_a_slave_publishes_where_its_tether_hangs(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    with scenario.open("a") as file:
+        file.write(TETHER)
+    with (
+        Program(tmp_path, "slave", scenario),
+        open_master_session(f"tcp/127.0.0.1:{port}") as session,
+        VehicleClient(session, "uuv1") as client,
+    ):
+        assert client.wait_for_vehicle(60)
+        client.watch("tether", "ground_truth")
+        until = time.monotonic() + 30.0
+        while not (client.latest.get("tether") and client.latest.get("ground_truth")):
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        line, truth = client.latest["tether"].value, client.latest["ground_truth"].value
+    assert len(line) == 7
+    assert line[0] == (0.0, 0.0, 0.0)
+    assert line[-1] == pytest.approx(truth.position, abs=0.5)
+
+
+def test_the_live_view_draws_it() -> None:
+    server = Recorder()
+    vehicle = VehicleScene(server, "uuv1", None, {})
+    line = ((0.0, 0.0, 0.0), (2.0, 1.0, 4.0), (4.0, 0.0, 5.0))
+    vehicle.move({"ground_truth": _Truth(), "tether": line})
+    kind, (segments, *_), _ = server.added["/tethers/uuv1"]
+    assert (kind, segments.shape) == ("add_line_segments", (2, 2, 3))
+    assert segments[1, 1].tolist() == [0.0, 4.0, -5.0]
+
+
+def test_plots_know_its_last_place() -> None:
+    lines = [((0.0, 0.0, 0.0), (1.0, 2.0, 3.0)), ((0.0, 0.0, 0.0), (4.0, 5.0, 6.0))]
+    messages = [
+        Message("/uuv1/tether", "nav_msgs/msg/Path", k, k, k, encode_plan(k, line, 0.0))
+        for k, line in enumerate(lines, 1)
+    ]
+    assert collect(messages, "a.mcap")["uuv1"].tether == lines[1]
+
+
+class _Truth:
+    position, orientation = (4.0, 0.0, 5.0), (1.0, 0.0, 0.0, 0.0)
