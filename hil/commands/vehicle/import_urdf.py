@@ -86,7 +86,7 @@ def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Ma
         for key, value in keys.items():
             if isinstance(value, dict):
                 own += ["", f"[sensors.{sensor}.{key}]", *(f"{k} = {_toml(v)}" for k, v in value.items())]
-        if sensor == "gps":
+        if keys.get("sensor", sensor) == "gps":
             own = ["# It needs a world with an origin:", *(f"# {line}".rstrip() for line in own)]
         lines += ["", *own]
     return "\n".join(lines) + "\n"

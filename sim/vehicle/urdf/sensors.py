@@ -1,19 +1,23 @@
 """Read the sensors of a model as those of a scenario: `<sensor>` tags, and uuv_simulator's and dave's plugins.
 
 A sensor's frame is x forward and z up in these files, x forward and z down in ours; a beam of ours goes along z, of
-theirs along x. A scenario has one sensor of each kind: the first counts, others are reported.
+theirs along x. The first sensor of a kind has the kind's name in a scenario, further ones their own of the model.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from itertools import count
 from math import pi, radians, sqrt
+from re import ASCII, sub
 from typing import Any
 
 from sim.sdf.poses import own_pose
+from sim.sensors.suite import SENSORS
 from sim.vehicle.urdf.pose import Pose, pose_at
 from sim.vehicle.urdf.text import Element, child_text, number_of, plain, to_frd
 
 Keys = dict[str, Any]
 _DOWN = pose_at((0.0, 0.0, 0.0), (0.0, -pi / 2.0, 0.0))  # z of ours along x of theirs
+_LONGEST_NAME = 40  # letters of a sensor's, which is a topic's
 _PASCAL = 9810.0  # of a metre of water, for a barometer's heights
 _MOST_RATE = {"gps": 25.0, "imu": 2000.0, "magnetometer": 1000.0, "pressure": 1000.0}  # Hz; 100 of all others
 # Parts of the file names of plugins (uuv_simulator, dave) -> our sensor.
@@ -30,14 +34,26 @@ def read_sensors(robot: Element, poses: Mapping[str, Pose], path: str, notes: li
     for what, name, pose, keys in (*_tagged(robot, poses, path), *_plugged(robot, poses, path)):
         if not name:
             notes.append(f"Left out: the sensor {plain(what)[:80]}, of a kind that there is not.")
-        elif name in sensors:
-            notes.append(f"Left out: the sensor {plain(what)[:80]}, a second {name}.")
         else:
             keys = {key: value for key, value in keys.items() if value != {}}
             most = _MOST_RATE.get(name, 100.0)
             keys["rate"] = min(keys["rate"], most) if keys.get("rate") else None
-            sensors[name] = {key: value for key, value in (_mounting(pose) | keys).items() if value is not None}
+            keys = {key: value for key, value in (_mounting(pose) | keys).items() if value is not None}
+            if name in sensors:
+                own = _further_name(what, name, sensors)
+                notes.append(f"The sensor {plain(what)[:80]} is [sensors.{own}], one more {name}.")
+                name, keys = own, {"sensor": name} | keys
+            sensors[name] = keys
     return sensors
+
+
+def _further_name(what: str, kind: str, taken: Mapping[str, Keys]) -> str:
+    """Return a name for one more sensor of a kind: its own where that is of no kind, else by number."""
+    own = sub(r"\W", "_", what.partition(" (")[0].strip("'\""), flags=ASCII)[:_LONGEST_NAME]
+    kinds = {*SENSORS, *taken}
+    if own.isidentifier() and own not in kinds:
+        return own
+    return next(name for number in count(2) if (name := f"{kind}_{number}") not in kinds)
 
 
 def _tagged(robot: Element, poses: Mapping[str, Pose], path: str) -> Iterator[tuple[str, str, Pose, Keys]]:

@@ -10,6 +10,7 @@ from hil.common.errors import ConfigError
 from sim.matrices import square
 from sim.sdf.as_urdf import as_urdf
 from sim.sdf.files import SdfFiles
+from sim.sensors.suite import read_suite
 from sim.vehicle.urdf.importer import Imported, read_robot
 
 OTTER = Path(__file__).parents[3] / "vectors" / "otter"
@@ -96,6 +97,19 @@ def test_sensors_are_those_of_a_scenario() -> None:
     assert dvl["tilt"] == pytest.approx(0.43633, abs=1e-5)
     assert (dvl["min_range"], dvl["max_range"], dvl["velocity"]) == (0.7, 90.0, {"noise": 0.015})
     assert "Left out: the sensor 'nose' (thermal), of a kind that there is not." in found.notes
+
+
+def test_further_sensors_of_a_kind_have_their_own_names() -> None:
+    """Two lasers more: by their names, by number where that is of another kind."""
+    text = MODEL.read_text()
+    start = text.index('<sensor name="scan"')
+    laser = text[start : text.index("</sensor>", start) + len("</sensor>")]
+    more = [laser.replace('"scan"', f'"{name}"') for name in ("stern scan", "dvl")]
+    found = imported(text=text.replace(laser, laser + "".join(more)))
+    assert set(found.sensors) == {"imu", "laser", "dvl", "stern_scan", "laser_2"}
+    assert found.sensors["stern_scan"] == {"sensor": "laser", **found.sensors["laser"]}
+    assert any("is [sensors.stern_scan], one more laser." in note for note in found.notes)
+    assert read_suite(found.sensors, "flight.toml")["laser_2"].sensor.topic == "laser"
 
 
 def test_a_world_has_its_vehicle_by_include() -> None:
