@@ -30,8 +30,10 @@ class ForwardSonarModel(NamedTuple):
     surface and the seabed, which take `surface_loss` and `bottom_loss` dB of it. `error` is that of all ranges.
 
     The picture: amplitudes to the power of `contrast`; white is the echo of seabed right across a beam, `gain` dB more
-    is brighter; `tvg` is the share of the losses by range that the device makes good (1: all). With `ground_truth` it
-    is the mean intensity, echo / source, without noise, speckle and error.
+    is brighter; `tvg` is the share of the losses by range that the device makes good (1: all). The gain ends where the
+    noise alone would be brighter than `noise_grey` (1: white), as limits of devices have it (factor L of Kongsberg's
+    M3): farther away the noise stays that dark, and what is not far above it is lost. With `ground_truth` it is the
+    mean intensity, echo / source, without noise, speckle and error.
 
     Defaults: Blueprint Subsea Oculus M750d at 750 kHz (130 x 20 deg, 512 beams of 1 deg, 0.1 to 120 m, 40 Hz at most;
     sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, side lobes, losses
@@ -65,6 +67,7 @@ class ForwardSonarModel(NamedTuple):
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0)] = 12.0
     contrast: Annotated[float, Range(0.1, 3.0)] = 0.7
+    noise_grey: Annotated[float, Range(0.01, 1.0)] = 0.15
     ground_truth: bool = False
 
     def validate(self) -> str | None:

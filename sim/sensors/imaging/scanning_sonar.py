@@ -59,6 +59,7 @@ class ScanningSonarModel(NamedTuple):
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0)] = 12.0
     contrast: Annotated[float, Range(0.1, 3.0)] = 0.7
+    noise_grey: Annotated[float, Range(0.01, 1.0)] = 0.15
     ground_truth: bool = False
 
     @property

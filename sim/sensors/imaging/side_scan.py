@@ -50,6 +50,7 @@ class SideScanModel(NamedTuple):
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0)] = 18.0
     contrast: Annotated[float, Range(0.1, 3.0)] = 0.7
+    noise_grey: Annotated[float, Range(0.01, 1.0)] = 0.15
     ground_truth: bool = False
 
 

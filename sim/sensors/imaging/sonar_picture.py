@@ -37,6 +37,8 @@ class _Levels(Protocol):
     @property
     def contrast(self) -> float: ...
     @property
+    def noise_grey(self) -> float: ...
+    @property
     def ground_truth(self) -> bool: ...
 
 
@@ -89,7 +91,9 @@ class Picture:
         losses = 20.0 * np.log10(ranges) + 2.0 * absorption * ranges
         losses = model.tvg * losses + (1.0 - model.tvg) * np.interp(0.25 * ranges[-1], ranges, losses)
         white = model.seabed_strength + 10.0 * np.log10(solid_angle) - losses - model.gain
-        self._scale = (10.0 ** (-0.1 * white)).astype(np.float32)[:, None]
+        scale = (10.0 ** (-0.1 * white)).astype(np.float32)
+        darkest = np.float32(model.noise_grey ** (2.0 / model.contrast)) / self._noise
+        self._scale = np.minimum(scale, darkest)[:, None]
 
     def make(self, mean: Floats) -> bytes:
         """Return the picture, a row a bin."""

@@ -203,6 +203,16 @@ def test_a_wide_beam_smears_by_its_pattern() -> None:
     assert across / across.max() == pytest.approx(np.array(expected) / max(expected), abs=0.02)
 
 
+def test_noise_stays_dark_at_full_range_and_a_wall_is_seen_there() -> None:
+    """Open water to 120 m: gain that made good all losses whitened 95 % of the last 20 m."""
+    model = ForwardSonarModel(max_range=120.0, range_step=0.2, beams=128)
+    empty, walled = (image(forward(w, model).sample(0, AHEAD)) / 255.0 for w in (DEEP, facing_wall(70.0)))
+    noise = [empty[rows].mean() for rows in (slice(300, 400), slice(400, 500), slice(500, 600))]
+    assert noise == pytest.approx([0.135] * 3, abs=0.01)
+    assert empty.max() < 0.6
+    assert walled[345:352, 60:68].mean() > 2.0 * noise[0]
+
+
 def test_side_lobes_ring() -> None:
     """A pile is heard by all beams at its range, farther off the weaker, and none of it without side lobes."""
     world = DEEP._replace(cylinder=(Cylinder(20.0, 0.0, 0.5),))
@@ -328,8 +338,8 @@ def test_gain_over_time_makes_a_wall_as_bright_near_as_far() -> None:
 
 
 def test_noise_grows_where_nothing_comes_back() -> None:
-    """With gain over time the far end of an empty sea is brighter; its level is that of the model."""
-    model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=90.0, contrast=1.0)
+    """With gain over time the far end of open water is brighter; its level is that of the model."""
+    model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=90.0, contrast=1.0, noise_grey=1.0)
     picture = image(forward(DEEP, model).sample(0, AHEAD))
     assert picture[50:100].mean() < picture[200:250].mean() < picture[400:].mean()
     louder = image(forward(DEEP, model._replace(noise_level=96.0206)).sample(0, AHEAD))
