@@ -1,8 +1,9 @@
 """Make a grid from a survey, and estimate its error."""
 
 import time
+from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from hil.charts.grid import Extent, Grid
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import Placed, beds_under, place
 from hil.charts.held_out import HeldOut, hold_out
-from hil.charts.sources.survey import Survey, first_in_cell
+from hil.charts.sources.survey import Bed, Survey, first_in_cell
 from hil.common.errors import ConfigError, MissingExtraError
 
 Array = NDArray[np.float64]
@@ -89,35 +90,39 @@ def build(
     north, east = _axes(extent, resolution)
     bounds = paint(survey, north, east)
     water = bounds.known & ~bounds.land
-    known, shares = _known_beds(survey, north, east)
-    if not (water.any() or np.nanmax(known, initial=0.0) > 0.0):
+    known, shares = _with_beds(np.full((len(north), len(east)), np.nan), survey.beds, north, east)
+    if not (water.any() or survey.fillers or np.nanmax(known, initial=0.0) > 0.0):
         raise ConfigError(f"{survey.source}: no water in the area: move or widen it (uuv-hil world build --area)")
     grid, clamped = Grid(known.astype(np.float32), float(north[0]), float(east[0]), resolution), 0.0
     data = _data(survey) if water.any() else None
     if data is not None:
         surface, clamped = _settled(survey, data, bounds, grid, progress)
         grid = grid._replace(depths=np.where(np.isfinite(known), grid.depths, surface.depths))
+    filled, more = _with_beds(grid.depths, survey.fillers, north, east)
+    grid = grid._replace(depths=filled.astype(np.float32))
     placed = place(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low))
     placed = placed._replace(
         charted=within(survey.charted, grid.extent)._replace(natures=()),
         bottom=paint_natures(survey.charted.natures, grid, survey.detail),
     )
     progress(0.85)
-    report = _report(placed.grid, data, clamped, begin)._replace(beds=shares)
+    report = _report(placed.grid, data, clamped, begin)._replace(beds=(*shares, *more))
     progress(1.0)
     return Built(placed, report)
 
 
-def _known_beds(survey: Survey, north: Array, east: Array) -> tuple[Array, tuple[tuple[str, float], ...]]:
-    """Return the depths that rasters have, the first before the next, nan where none has one, and the share of each."""
-    known, shares, before = np.full((len(north), len(east)), np.nan), [], 0.0
-    for name, bed in survey.beds:
-        if np.isnan(known).any():
-            known = np.where(np.isfinite(known), known, bed(north, east))
-        share = float(np.isfinite(known).mean())
+def _with_beds(
+    depths: NDArray[np.floating[Any]], beds: Sequence[tuple[str, Bed]], north: Array, east: Array
+) -> tuple[NDArray[np.floating[Any]], tuple[tuple[str, float], ...]]:
+    """Return depths with what rasters have where these are nan, the first before the next, and the share of each."""
+    shares, before = [], float(np.isfinite(depths).mean())
+    for name, bed in beds:
+        if np.isnan(depths).any():
+            depths = np.where(np.isfinite(depths), depths, bed(north, east))
+        share = float(np.isfinite(depths).mean())
         shares.append((name, share - before))
         before = share
-    return known, tuple(shares)
+    return depths, tuple(shares)
 
 
 def _settled(survey: Survey, data: _Data, bounds: Bounds, empty: Grid, progress: Progress) -> tuple[Grid, float]:

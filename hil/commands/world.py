@@ -61,6 +61,10 @@ def _parser() -> argparse.ArgumentParser:
     build.add_argument(
         "--newest", action="store_true", help="of rasters that overlap take the newest [the first named]"
     )
+    build.add_argument(
+        "--priority", metavar="FILE=N", type=priority, action="append", default=[],
+        help="where sources overlap, those with the greatest number are believed [1 of rasters, 0 of others]",
+    )  # fmt: skip
     add_plot(build, "draw it with soundings and contours")
     add_json(build)
     build.set_defaults(run=_build)
@@ -115,6 +119,7 @@ def _build(options: argparse.Namespace) -> int:
         options.reach,
         options.crs,
         options.newest,
+        dict(options.priority),
     )
     try:
         built = build(survey, extent, options.resolution, show_progress)
@@ -250,6 +255,15 @@ def _described(name: str, world: World) -> dict[str, Any]:
         "grid": world.terrain.grid.resolution if world.terrain else None,
         "obstacles": len(world.cylinder) + len(world.box),
     }
+
+
+def priority(text: str) -> tuple[str, int]:
+    """Return file and number of FILE=N."""
+    file, _, number = text.rpartition("=")
+    try:
+        return file, int(number)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected FILE=N with a whole number, found {text!r}") from None
 
 
 def area(text: str) -> tuple[float, float, float, float]:

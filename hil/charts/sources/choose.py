@@ -1,6 +1,7 @@
 """Read any supported file of a seabed, and combine all that are given into one survey."""
 
 import os
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -10,6 +11,7 @@ from hil.charts.chart_survey import Box, covered, survey_charts
 from hil.charts.grid import Extent
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.points import Points, is_points, read_points
+from hil.charts.sources.priority import OTHER, RASTER, require_named, without_outranked
 from hil.charts.sources.rasters import DRIVERS, Raster, open_raster
 from hil.charts.sources.s57 import Cell, read_cell
 from hil.charts.sources.sign import Positive
@@ -25,26 +27,34 @@ POINTS_REACH = 4.0  # the seabed is known around soundings, in what they are apa
 def read_sources(
     paths: list[str], area: Box | None, resolution: float | None = None, updates: bool = True,
     positive: Positive = "auto", reach: float | None = None, crs: str | None = None, newest: bool = False,
+    priorities: Mapping[str, int] | None = None,
 ) -> tuple[Survey, Extent]:  # fmt: skip
     """Return what the files say of `area` (all they cover if None), and where that is on the plane, m.
 
     `resolution` (m) of the grid that is wanted, what the data resolve if None; `updates` and `positive` as in the
-    readers, as `crs`; `reach` (m): how far from loose soundings the seabed is known. Of rasters the first is believed
-    where they overlap, the `newest` one if that is asked for and those without a date last, and all of them before
-    charts and soundings. Raises ConfigError, MissingExtraError.
+    readers, as `crs`; `reach` (m): how far from loose soundings the seabed is known. Where sources overlap,
+    `priorities` of files say which are believed (hil.charts.sources.priority), and of rasters with the same one the
+    first, or the `newest` if that is asked for, those without a date last. Raises ConfigError, MissingExtraError.
     """
     cells: list[Cell] = []
     loose: list[Points] = []
     rasters: list[Raster] = []
+    ranks: dict[str, list[int]] = {"cells": [], "loose": [], "rasters": []}
+    priorities = priorities or {}
+    require_named(priorities, paths)
     for path in paths:
+        rank = priorities.get(path, OTHER)
         if path.lower().endswith(".000"):
             cells.append(read_cell(path, updates))
+            ranks["cells"].append(rank)
         elif is_points(path):
             loose.append(read_points(path, positive, crs))
+            ranks["loose"].append(rank)
         else:
             rasters.append(_open(path, positive, crs))
-    if newest:
-        rasters.sort(key=lambda raster: raster.date, reverse=True)
+            ranks["rasters"].append(priorities.get(path, RASTER))
+    order = sorted(range(len(rasters)), key=lambda k: rasters[k].date, reverse=True) if newest else range(len(rasters))
+    order = sorted(order, key=lambda k: -ranks["rasters"][k])
     if any(not points.geographic for points in loose):
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
     boxes = [*([covered(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
@@ -52,9 +62,13 @@ def read_sources(
     plane = LocalPlane(*_origin(area.centre))
     parts = [survey_charts(cells, plane)] if cells else []
     parts += [_survey(points, _local(points, plane), resolution, reach) for points in loose]
+    surface = [*([max(ranks["cells"])] if cells else []), *ranks["loose"]]
+    parts = without_outranked(parts, surface)
     parts += [Survey(r.name, None, np.empty((0, 3)), detail=r.spacing) for r in rasters]
-    beds = tuple((raster.label, partial(raster.depths, plane)) for raster in rasters)
-    return _together(parts, _origin(area.centre))._replace(beds=beds), _extent(area, plane)
+    beds = [(rasters[k].label, partial(rasters[k].depths, plane)) for k in order]
+    first = sum(ranks["rasters"][k] >= max(surface, default=OTHER) for k in order)
+    together = _together(parts, _origin(area.centre))
+    return together._replace(beds=tuple(beds[:first]), fillers=tuple(beds[first:])), _extent(area, plane)
 
 
 def _open(path: str, positive: Positive, crs: str | None) -> Raster:
@@ -84,9 +98,10 @@ def _on_a_plane(
 
 
 def _box(points: Points) -> Box:
-    south, west = points.places.min(axis=0)
-    north, east = points.places.max(axis=0)
-    return Box(float(south), float(west), float(north), float(east))
+    latitudes, longitudes = points.places.T
+    if np.ptp(longitudes) > 180.0:  # on both sides of the 180th meridian
+        longitudes = longitudes % 360.0
+    return Box(*map(float, (latitudes.min(), longitudes.min(), latitudes.max(), longitudes.max())))
 
 
 def _origin(place: tuple[float, float]) -> tuple[float, float]:
@@ -97,7 +112,8 @@ def _origin(place: tuple[float, float]) -> tuple[float, float]:
 def _around(boxes: list[Box]) -> Box:
     corners = np.array(boxes)
     if np.ptp(corners[:, [1, 3]]) > 180.0:  # on both sides of the 180th meridian
-        corners[:, [1, 3]] %= 360.0
+        turns = 360.0 * np.floor(corners[:, 1] / 360.0)
+        corners[:, [1, 3]] -= turns[:, None]
     return Box(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
 
 

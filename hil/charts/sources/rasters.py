@@ -125,6 +125,8 @@ def _placed(path: str, file: str, source: Any, positive: Positive, crs: str | No
     west, south, east, north = bounds if where.is_geographic else transform_bounds(where, WGS84, *bounds)
     box = Box(min(south, north), west, max(south, north), east + 360.0 if east < west else east)
     middle = source.height // 2, source.width // 2
+    if where.is_geographic and max(-west, east) >= 180.0:  # else GDAL finds nothing of it beyond the meridian
+        where = CRS.from_dict({**where.to_dict(), "lon_wrap": 0.5 * (west + east)})
     a, b, c, d, e, f = source.transform[:6]  # of the positions of pixels
     pixels = [(middle[1] + column, middle[0] + row) for row, column in ((0, 0), (1, 0), (0, 1))]
     corners = [(a * column + b * row + c, d * column + e * row + f) for column, row in pixels]

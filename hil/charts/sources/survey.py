@@ -63,7 +63,7 @@ class Survey(NamedTuple):
     `sheets` go from the coarsest to the finest. `reach`: how far in m the bed is known around soundings where no
     sheet says so; 0 nowhere. `origin`: latitude and longitude in degrees of (0, 0), None where there is none.
     `beds`: depths that are known everywhere, as rasters have them, the first before the next and before all else, each
-    with its name.
+    with its name; `fillers` are the same where nothing else is known.
     `charted`: what charts tell beside that.
     `notes`: what a person should know of how the files were read.
     """
@@ -82,6 +82,7 @@ class Survey(NamedTuple):
     reach: float = 0.0
     notes: tuple[str, ...] = ()
     beds: tuple[tuple[str, Bed], ...] = ()
+    fillers: tuple[tuple[str, Bed], ...] = ()
     charted: Charted = Charted()
 
 
