@@ -1,5 +1,6 @@
 """Several sources of one place: which is believed, by priority, order and date; and beds across 180 degrees."""
 
+import argparse
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,7 @@ def test_of_soundings_those_of_less_priority_are_left_out_where_others_are(tmp_p
 def test_what_is_no_priority(tmp_path: Path) -> None:
     assert command.priority("a=b.tif=-2") == ("a=b.tif", -2)
     for wrong in ("a.tif", "a.tif=high"):
-        with pytest.raises(command.argparse.ArgumentTypeError, match="expected FILE=N"):
+        with pytest.raises(argparse.ArgumentTypeError, match="expected FILE=N"):
             command.priority(wrong)
     with pytest.raises(ConfigError, match=r"--priority: c.tif is not among the files"):
         bed([raster(tmp_path / "a.tif", 20.0, 10.0, 10.02)], {"c.tif": 1})
