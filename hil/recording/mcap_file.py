@@ -90,6 +90,10 @@ class RecordingFile:
             channel = self._writer.add_channel(topic, kind, schema_of(kind), about)
         self._writer.add_message(channel, sequence, published_ns, logged_ns, data)
 
+    def add_topic(self, topic: str, kind: str, schema: tuple[str, bytes], encoding: str) -> None:
+        """Add a topic whose messages are not in CDR, before its first message."""
+        self._writer.add_channel(topic, kind, schema, {}, encoding)
+
     def flush(self) -> None:
         """Put all that was written on disk, and wait until it is there. Raises OSError; the file stays whole."""
         self._writer.end_chunk()

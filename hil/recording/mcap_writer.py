@@ -86,16 +86,18 @@ class McapWriter:
             )
         )
 
-    def add_channel(self, topic: str, kind: str, schema: tuple[str, bytes], about: dict[str, str]) -> Channel:
-        """Return a new topic of messages in CDR; `schema` is encoding and text of the type's definition."""
+    def add_channel(
+        self, topic: str, kind: str, schema: tuple[str, bytes], about: dict[str, str], encoding: str = "cdr"
+    ) -> Channel:
+        """Return a new topic of messages in that encoding; `schema` is encoding and text of the type's definition."""
         records = self._records
         if kind not in self._schemas:
-            encoding, data = schema
-            self._schemas[kind] = records.Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=kind)
+            language, data = schema
+            self._schemas[kind] = records.Schema(id=len(self._schemas) + 1, data=data, encoding=language, name=kind)
             self._chunk += self._bytes(self._schemas[kind])
         channel = self.channels[topic] = Channel(len(self.channels) + 1, topic, kind)
         record = records.Channel(
-            id=channel.number, topic=topic, message_encoding="cdr", metadata=about, schema_id=self._schemas[kind].id
+            id=channel.number, topic=topic, message_encoding=encoding, metadata=about, schema_id=self._schemas[kind].id
         )
         self._channel_records.append(record)
         self._chunk += self._bytes(record)

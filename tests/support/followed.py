@@ -149,7 +149,7 @@ class Follower:
         line = re.sub(r"--seeds \d+", "--seeds 2", self._here(line)).replace(":14550", f":{free_port()}")
         name = line.split()[1]
         secured = any("tls/" in file.read_text() for file in self.cwd.glob("*.toml") if file.name in line)
-        if name in LISTENERS and not secured and not re.search("--listen|--check|--connect", line):
+        if name in LISTENERS and not secured and not re.search("--listen|--check|--connect|--foxglove", line):
             line += f" --listen tcp/127.0.0.1:{self.port}"
         if name in CLIENTS and "--connect" not in line and "--matlab" not in line:
             line += f" --connect tcp/127.0.0.1:{self.port}"
@@ -178,7 +178,8 @@ class Follower:
         command = ["bash", "-c", f'exec {sys.executable} -m hil "$@"'.replace('"$@"', line.removeprefix("uuv-hil "))]
         path = os.pathsep.join([str(self.cwd), str(ROOT)])
         environment = {**package_environment(), "COLUMNS": "80", "PYTHONPATH": path}
-        replaced = "slave" if words[0] in LISTENERS else name if endless else ""  # which listens where this will
+        listens = words[0] in LISTENERS and "--foxglove" not in words
+        replaced = "slave" if listens else name if endless else ""  # which listens where this will
         if replaced in self._servers:
             self._servers.pop(replaced).stop(signal.SIGINT)
         program = Program(self.folder, command=command, cwd=self.cwd, environment=environment)

@@ -25,8 +25,8 @@ With a scenario the 3-D panel also shows its seabed, its obstacles and the vehic
 examples:
   uuv-hil foxglove --connect tcp/192.168.3.116:7447
   uuv-hil foxglove --scenario mine.toml --command
-  uuv-hil foxglove --layout uuv1 > layout.json       a layout with all panels, to import in Foxglove
-  uuv-hil foxglove --layout uuv1 --scenario mine.toml > layout.json   with a panel for each of its cameras and sonars
+  uuv-hil foxglove --layout uuv1 > layout.json       a layout to import in Foxglove, of the usual sensors
+  uuv-hil foxglove --layout uuv1 --scenario mine.toml > layout.json   with its cameras, sonars, laser and battery
   uuv-hil foxglove --listen 0.0.0.0:9000             for other machines: programs that reach it can look
 """
 LISTEN = "127.0.0.1:8765"
@@ -45,8 +45,7 @@ def main(arguments: list[str]) -> int:
     if options.layout:
         from hil.gateways.foxglove.layout import layout
 
-        described = scenario_and_endpoints(options)[0]
-        print(layout(options.layout, sensors=described.sensors if described else {}))
+        print(layout(options.layout, scenario_and_endpoints(options)[0]))
         return 0
     scenario, endpoints = scenario_and_endpoints(options)
     try:
@@ -78,7 +77,6 @@ def main(arguments: list[str]) -> int:
             server.show(messages)
             for message in messages:
                 _greet(server, nodes, message)
-                _show_fan(server, message)
             if text := tap.complaint():
                 print(text, flush=True)
     return 0
@@ -100,16 +98,3 @@ def _show_scene(server: "FoxgloveServer", scenario: Scenario) -> None:
 
     scene = encode_scene(scenario, load_world(scenario.world), load_vehicle(scenario.vehicle)[0])
     server.publish(scene_channel(), to_wall_ns(now_ns()), scene, latched=True)
-
-
-def _show_fan(server: "FoxgloveServer", message: Message) -> None:
-    """Publish a sonar's picture as a fan too, while somebody looks."""
-    from hil.gateways.foxglove import scene
-
-    sonar, _, end = message.topic.rpartition("/")
-    if message.type != scene.SONAR_TYPE or end != "image":
-        return
-    channel = scene.fan_channel(sonar)
-    server.offer(channel)
-    if server.is_watched(channel.topic) and (fan := scene.encode_fan(message)):
-        server.publish(channel, message.published_ns, fan)

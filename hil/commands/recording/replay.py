@@ -9,7 +9,7 @@ from hil.commands.listening import add_wait
 from hil.commands.recording.options import add_recording
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import STOPPED, ConfigError, MissionError, NetworkError
-from hil.common.options import ENDPOINT, Number, new_parser
+from hil.common.options import ENDPOINT, OUTPUT_FILE, Number, new_parser
 from hil.common.stop import StopSignals
 from hil.recording.mcap_file import Message
 from hil.recording.reader import read_about, read_messages
@@ -27,6 +27,7 @@ examples:
   uuv-hil replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
   uuv-hil replay dive7 --connect tcp/127.0.0.1:7447                  its commands to a slave that runs there
   uuv-hil replay dive7 --view                                        in a browser, with pause, speed and a slider
+  uuv-hil replay dive7 --foxglove dive7_foxglove.mcap                for `uuv-hil foxglove --layout`
   uuv-hil replay dive7 --check                                       does the vehicle do the same, bit for bit?
 
 --check needs a slave's own recording ([recording] slave = true). It runs the simulator with the pulses that the
@@ -41,7 +42,7 @@ SPEED = Number(0.001, 1000.0, also=(0,))
 
 
 def main(arguments: list[str]) -> int:
-    """Replay in one of the three ways; the exit code."""
+    """Replay in one of the ways; the exit code."""
     parser = new_parser("replay", __doc__, EXAMPLES)
     add_recording(parser)
     way = parser.add_mutually_exclusive_group()
@@ -50,6 +51,9 @@ def main(arguments: list[str]) -> int:
     )
     way.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, help="send its commands to this slave")
     way.add_argument("--check", action="store_true", help="repeat it without network and clock")
+    way.add_argument(
+        "--foxglove", metavar="FILE.mcap", type=OUTPUT_FILE, help="write one file for Foxglove, with seabed and vehicle"
+    )
     way.add_argument("--view", action="store_true", help="show it in a browser")
     parser.add_argument(
         "--speed", metavar="X", type=SPEED, default=1.0, help="speed factor; 0: as fast as possible [%(default)g]"
@@ -58,10 +62,21 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     if options.check:
         return _check(options.recording, options.own_classes)
+    if options.foxglove:
+        return _write_for_foxglove(options.recording, options.foxglove, options.own_classes)
     with StopSignals() as stop_fd:
         if options.view:
             return _show(options.recording, options.own_classes, stop_fd)
         return _command(options, stop_fd) if options.connect else _play(options, stop_fd)
+
+
+def _write_for_foxglove(path: str, target: str, own_classes: bool) -> int:
+    from hil.gateways.foxglove.recording import write_for_foxglove
+
+    written = write_for_foxglove(path, target, own_classes)
+    added = ", ".join([f"{count} of {topic}" for topic, count in sorted(written.added.items())])
+    print(f"{target}: {written.copied} messages of {path}, and {added}")
+    return 0
 
 
 def _check(path: str, own_classes: bool) -> int:

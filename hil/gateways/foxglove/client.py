@@ -48,10 +48,6 @@ class Client(SocketClient):
             encode_text("serverInfo", name="uuv-hil", capabilities=capabilities, supportedEncodings=[CDR], metadata={})
         )
 
-    def has_subscribed(self, channel: int | None) -> bool:
-        """Return True if the client has subscribed to a channel."""
-        return channel in self._subscriptions
-
     def advertise(self, channels: Mapping[int, Channel]) -> None:
         """Name channels to the client."""
         if channels:

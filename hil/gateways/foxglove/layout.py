@@ -1,12 +1,11 @@
 """A layout for Foxglove in which all panels are of one vehicle: to import, for live data and recordings alike."""
 
 import json
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from sim.sensors.suite import SensorSet
+from hil.ros.topics import FAN
+from hil.scenario.config import Scenario
+from sim.sensors.suite import SensorSet, fit
 
 COLOURS = "#2563eb", "#ea580c", "#16a34a", "#9333ea", "#0891b2", "#ca8a04", "#db2777", "#64748b"
 BLUE, ORANGE, GREEN = COLOURS[:3]
@@ -15,52 +14,68 @@ MESSAGES_OF_PLOTS = {  # title of the plot -> path in the message, and name of t
     "speed": (("odom.twist.twist.linear.x", "surge (m/s)"), ("cmd_vel.linear.x", "commanded (m/s)")),
     "thrusts": tuple((f"joint_states.effort[{n}]", f"thrust {n + 1} (N)") for n in range(len(COLOURS))),
     "battery": (("battery.voltage", "voltage (V)"), ("battery.current", "current (A)")),
+    "turn": (("odom.twist.twist.angular.z", "turn rate (rad/s)"), ("cmd_vel.angular.z", "commanded (rad/s)")),
 }
+POINTS = {"laser": ORANGE, "profiler": GREEN}
+PICTURES = {"jpeg": "image_raw/compressed", "both": "image_raw/compressed", "raw": "image_raw"}  # of a camera
 
 
-def layout(node: str, frame_prefix: str = "", sensors: "SensorSet" = MappingProxyType({})) -> str:
+def layout(node: str, scenario: Scenario | None = None) -> str:
     """Return the layout of the vehicle called `node` as the JSON that Foxglove imports.
 
-    It has a panel for each camera and forward-looking sonar of `sensors`, one of both without any.
+    It shows the sensors of the scenario, without one those that each vehicle has: no panel stays empty. What commands
+    the vehicle is on a tab of its own, as a recording obeys nobody.
     """
-    images = _images(sensors)
+    sensors = scenario.sensors if scenario else fit()
+    images = _images(sensors, scenario.ros.images if scenario else "jpeg")
+    fourth = "battery" if "battery" in sensors else "turn"
+    plots = ("depth", "speed", "thrusts", fourth)
+    health = {"topicToRender": "/diagnostics"}
     panels: dict[str, Any] = {
-        "3D!scene": _three_d(node, f"{frame_prefix}base_link"),
+        "3D!scene": _three_d(node, f"{scenario.ros.frame_prefix if scenario else ''}base_link", sensors),
         **{panel: _image(node, topic) for panel, topic in images.items()},
+        "Tab!side": {"activeTabIdx": 0, "tabs": [_tab("health", _health()), _tab("commands", _commands())]},
         "Teleop!stick": _teleop(node),
         "CallService!arm": {"serviceName": f"/{node}/arm", "requestPayload": '{"data": true}', "layout": "vertical"},
         "Parameters!gains": {"title": "Parameters"},
-        "DiagnosticSummary!health": {"minLevel": 0, "topicToRender": "/diagnostics", "hardwareIdFilter": ""},
-        **{f"Plot!{name}": _plot(node, name, curves) for name, curves in MESSAGES_OF_PLOTS.items()},
+        "DiagnosticSummary!vehicles": {"minLevel": 0, "hardwareIdFilter": "", **health},
+        "DiagnosticStatusPanel!slave": {"selectedHardwareId": "", "selectedName": f"{node}: slave", **health},
+        **{f"Plot!{name}": _plot(node, name) for name in plots},
     }
-    left = _split("column", "3D!scene", _row([*images]), 65)
-    plots = _split("column", _split("row", "Plot!depth", "Plot!speed"), _split("row", "Plot!thrusts", "Plot!battery"))
-    acts = _split("row", _split("column", "Teleop!stick", "CallService!arm", 65), "Parameters!gains")
-    right = _split("column", plots, _split("row", acts, "DiagnosticSummary!health", 65), 55)
+    scene = "3D!scene"
+    left = _split("column", scene, _row([*images]), 65) if images else scene
+    curves = _split("column", _row(["Plot!depth", "Plot!speed"]), _row(["Plot!thrusts", f"Plot!{fourth}"]))
     return json.dumps(
         {
             "configById": panels,
             "globalVariables": {},
             "userNodes": {},
             "playbackConfig": {"speed": 1},
-            "layout": _split("row", left, right, 55),
+            "layout": _split("row", left, _split("column", curves, "Tab!side", 55), 55),
         },
         indent=2,
     )
 
 
-def topics_of(node: str) -> set[str]:
-    """Return the topics that the layout shows."""
-    plotted = {path.partition(".")[0] for curves in MESSAGES_OF_PLOTS.values() for path, _ in curves}
-    shown = {*plotted, "laser", "profiler", *_images({}).values()}
-    return {f"/{node}/{name}" for name in shown}
-
-
-def _images(sensors: "SensorSet") -> Mapping[str, str]:
+def _images(sensors: SensorSet, format_of_camera: str) -> dict[str, str]:
     """Return the panels of pictures, each with its topic."""
-    kinds = {"camera": "image_raw/compressed", "forward_sonar": "fan"}
-    shown = {name: kinds[each.sensor.topic] for name, each in sensors.items() if each.sensor.topic in kinds}
-    return {f"Image!{name}": f"{name}/{end}" for name, end in (shown or kinds).items()}
+    kinds = {"camera": PICTURES[format_of_camera], "forward_sonar": FAN}
+    return {
+        f"Image!{name}": f"{name}/{kinds[each.sensor.topic]}"
+        for name, each in sensors.items() if each.sensor.topic in kinds
+    }  # fmt: skip
+
+
+def _tab(title: str, shown: Any) -> dict[str, Any]:
+    return {"title": title, "layout": shown}
+
+
+def _health() -> Any:
+    return _split("row", "DiagnosticSummary!vehicles", "DiagnosticStatusPanel!slave", 30)
+
+
+def _commands() -> Any:
+    return _split("row", _split("column", "Teleop!stick", "CallService!arm", 65), "Parameters!gains")
 
 
 def _row(panels: list[str]) -> Any:
@@ -73,9 +88,11 @@ def _split(direction: str, first: Any, second: Any, percent: int = 50) -> dict[s
     return {"direction": direction, "first": first, "second": second, "splitPercentage": percent}
 
 
-def _three_d(node: str, frame: str) -> dict[str, Any]:
+def _three_d(node: str, frame: str, sensors: SensorSet) -> dict[str, Any]:
     visible = {"visible": True}
-    points = {**visible, "pointSize": 4, "colorMode": "flat"}
+    # Without a field Foxglove chooses one, and colours by it.
+    points = {**visible, "pointSize": 4, "colorMode": "flat", "colorField": "intensity"}
+    found = {name: POINTS[each.sensor.topic] for name, each in sensors.items() if each.sensor.topic in POINTS}
     return {
         "followTf": frame,
         "followMode": "follow-position",
@@ -83,8 +100,8 @@ def _three_d(node: str, frame: str) -> dict[str, Any]:
         "scene": {"backgroundColor": "#0b1622", "transforms": {"showLabel": False}},
         "transforms": {},
         "topics": {
-            "/scene": visible, f"/{node}/laser": {**points, "flatColor": ORANGE},
-            f"/{node}/profiler": {**points, "flatColor": GREEN}, f"/{node}/odom": visible,
+            "/scene": visible, f"/{node}/odom": visible, f"/{node}/plan": visible,
+            **{f"/{node}/{name}": {**points, "flatColor": colour} for name, colour in found.items()},
         },
         "layers": {"grid": {"layerId": "foxglove.Grid", "visible": True, "size": 100, "divisions": 20}},
     }  # fmt: skip
@@ -95,12 +112,13 @@ def _image(node: str, topic: str) -> dict[str, Any]:
     return {"foxglovePanelTitle": title, "imageMode": {"imageTopic": f"/{node}/{topic}"}}
 
 
-def _plot(node: str, title: str, curves: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+def _plot(node: str, title: str) -> dict[str, Any]:
     paths = [
         {"value": f"/{node}/{path}", "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
-        for (path, label), colour in zip(curves, COLOURS, strict=False)
+        for (path, label), colour in zip(MESSAGES_OF_PLOTS[title], COLOURS, strict=False)
     ]
-    legend = {"showLegend": True, "legendDisplay": "left", "sidebarDimension": 110}
+    many = len(paths) > 2
+    legend = {"showLegend": True, "legendDisplay": "left" if many else "top", "sidebarDimension": 100 if many else 66}
     window = {"isSynced": True, "followingViewWidth": 60}
     return {"foxglovePanelTitle": title, "paths": paths, **legend, **window}
 

@@ -1,17 +1,14 @@
-"""Scene for Foxglove's 3-D panel: world and vehicles of a scenario, and the sonar's fan.
+"""Scene for Foxglove's 3-D panel: world and vehicles of a scenario.
 
-World and vehicles are foxglove.SceneUpdate, made by Foxglove's SDK; axes are those of ROS (ENU, FLU).
+They are a foxglove.SceneUpdate, made by Foxglove's SDK; axes are those of ROS (ENU, FLU).
 """
 
 from base64 import b64encode
-from io import BytesIO
 from math import cos, sin
 from typing import Any
 
 from hil.common.errors import MissingExtraError
 from hil.gateways.foxglove.protocol import Channel
-from hil.recording.mcap_file import Message, schema_of
-from hil.ros.images import decode_sonar, encode_compressed
 from hil.scenario.config import Scenario
 from sim.environment.mesh import MeshObstacle
 from sim.environment.obstacles import Cylinder
@@ -21,33 +18,12 @@ from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
 SCENE_TOPIC = "/scene"
-SONAR_TYPE, FAN_TYPE = "marine_acoustic_msgs/msg/ProjectedSonarImage", "sensor_msgs/msg/CompressedImage"
 MOST_NODES = 150  # a side of the seabed that is sent: 45,000 triangles
 MAP = "map"
 GROUND, HULL = (0.55, 0.5, 0.4, 1.0), (0.98, 0.8, 0.08, 1.0)  # red, green, blue, opacity
 THRUSTER, OBSTACLE = (0.12, 0.16, 0.23, 1.0), (0.4, 0.45, 0.55, 0.6)
 ZONE, ZONE_WIDTH = (0.75, 0.1, 0.6, 0.9), 1.0  # magenta, as on charts; m
 THRUSTER_SIZE = 0.1, 0.1, 0.1  # m
-
-
-def fan_channel(sonar: str) -> Channel:
-    """Return the channel of the fan of a sonar, such as "/uuv1/forward_sonar", as a picture."""
-    encoding, text = schema_of(FAN_TYPE)
-    return Channel(f"{sonar}/fan", FAN_TYPE, schema=text.decode(), schema_encoding=encoding)
-
-
-def encode_fan(message: Message) -> bytes | None:
-    """Return a message of the forward-looking sonar as a picture of its fan, ahead upwards; None for a corrupt one."""
-    from PIL import Image
-
-    from hil.view.panels.pictures import fan_picture
-
-    sample = decode_sonar(message.data)
-    if sample is None:
-        return None
-    file = BytesIO()
-    Image.fromarray(fan_picture(sample)).save(file, "JPEG", quality=85)
-    return encode_compressed(sample.time_ns, file.getvalue(), f"{message.topic.split('/')[-2]}_link")
 
 
 def scene_channel() -> Channel:

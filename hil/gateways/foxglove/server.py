@@ -36,15 +36,6 @@ class FoxgloveServer(WebSocketServer[Client]):
         """Publish a message of the gateway itself on a channel."""
         self._loop.call_soon_threadsafe(self._publish, channel, time_ns, data, latched)
 
-    def is_watched(self, topic: str) -> bool:
-        """Return True if a client has subscribed to the topic."""
-        number = self._numbers.get(topic)
-        return any(client.has_subscribed(number) for client in tuple(self._clients))
-
-    def offer(self, channel: Channel) -> None:
-        """Advertise a channel before there is a message."""
-        self._loop.call_soon_threadsafe(self._number_of, channel)
-
     def _show(self, messages: list[Message]) -> None:
         for message in messages:
             number = self._numbers.get(message.topic)

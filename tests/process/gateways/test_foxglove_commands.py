@@ -182,9 +182,7 @@ def test_world_and_vehicle_are_in_the_scene(foxglove: Foxglove) -> None:
     assert (channel["encoding"], channel["schemaName"]) == ("protobuf", SceneUpdate.get_schema().name)
 
 
-def test_the_layout_shows_topics_that_there_are(tmp_path: Path) -> None:
-    with Program(tmp_path, "foxglove", "--layout", "uuv1") as program:
+def test_the_layout_is_printed(tmp_path: Path) -> None:
+    with Program(tmp_path, "foxglove", "--layout", "uuv1", "--scenario", "paper_field") as program:
         assert program.process.wait(60) == 0
-    panels = json.loads(program.output)
-    leaves = re.findall(r'"(?:first|second)": "([^"]+)"', program.output)
-    assert sorted(leaves) == sorted(panels["configById"])
+    assert json.loads(program.output)["configById"]["Teleop!stick"]["topic"] == "/uuv1/cmd_vel"

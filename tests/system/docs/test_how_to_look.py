@@ -8,7 +8,7 @@ from tests.support.followed import follow
 
 # How many commands of a page are typed at least, so that a page that is skipped is noticed.
 TYPED = {
-    "docs/how-to/foxglove.md": 4,
+    "docs/how-to/foxglove.md": 6,
     "docs/how-to/imaging.md": 5,
     "docs/how-to/live_view.md": 5,
     "docs/how-to/record.md": 6,

@@ -1,12 +1,14 @@
 """Foxglove's websocket protocol: bytes as its specification has them, and whatever comes off the wire."""
 
+import json
+import re
 from struct import pack
 from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.gateways.foxglove.layout import MESSAGES_OF_PLOTS, layout, topics_of
+from hil.gateways.foxglove.layout import MESSAGES_OF_PLOTS, layout
 from hil.gateways.foxglove.protocol import (
     ClientMessage,
     ServiceRequest,
@@ -17,6 +19,11 @@ from hil.gateways.foxglove.protocol import (
 )
 from hil.ros import message as ros_message
 from hil.ros.topics import TOPICS
+from hil.scenario.config import load_scenario
+from hil.scenario.records import Ros
+from sim.sensors.suite import fit, load_sensor
+
+SENSORS = {name: load_sensor(name).Model() for name in ("camera", "forward_sonar", "laser", "battery")}
 
 
 def test_binary_messages_are_those_of_the_specification() -> None:
@@ -46,8 +53,31 @@ def test_a_length_beyond_the_end_is_no_message() -> None:
 
 def test_the_layout_names_the_topics_of_its_vehicle() -> None:
     text = layout("uuv7")
-    assert all(topic in text for topic in topics_of("uuv7"))
+    assert "/uuv7/odom" in text
     assert "/uuv1/" not in text
+
+
+def test_the_layout_has_panels_for_what_the_vehicle_has() -> None:
+    """Nothing stays empty: no camera, sonar and battery where there is none."""
+    usual = json.loads(layout("uuv1"))["configById"]
+    assert not any(panel.startswith("Image!") for panel in usual)
+    assert "Plot!turn" in usual
+    assert "/uuv1/laser" not in usual["3D!scene"]["topics"]
+    scenario = load_scenario("paper_field")._replace(sensors=fit(**SENSORS), ros=Ros(frame_prefix="a/", images="raw"))
+    fitted = json.loads(layout("uuv1", scenario))["configById"]
+    images = [panel["imageMode"]["imageTopic"] for name, panel in fitted.items() if name.startswith("Image!")]
+    assert images == ["/uuv1/camera/image_raw", "/uuv1/forward_sonar/fan/image_raw"]
+    assert "Plot!battery" in fitted
+    assert "Plot!turn" not in fitted
+    scene = fitted["3D!scene"]
+    assert scene["followTf"] == "a/base_link"
+    assert scene["topics"]["/uuv1/laser"]["colorField"], "without it Foxglove takes colours of its own"
+
+
+def test_all_panels_of_the_layout_are_placed_once() -> None:
+    made = json.loads(layout("uuv1", load_scenario("paper_field")._replace(sensors=fit(**SENSORS))))
+    placed = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(made))
+    assert sorted(placed) == sorted(made["configById"])
 
 
 def test_the_layout_plots_fields_that_messages_have() -> None:
@@ -57,4 +87,3 @@ def test_the_layout_plots_fields_that_messages_have() -> None:
             message: Any = ros_message.empty(TOPICS[name].type)
             for field in fields:
                 message = message[field]
-    assert topics_of("uuv1") - {topic.full_name("uuv1") for topic in TOPICS.values()} == {"/uuv1/forward_sonar/fan"}
