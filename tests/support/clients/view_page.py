@@ -10,14 +10,36 @@ import numpy as np
 from PIL import Image
 
 import hil
+from hil.client import samples
 from hil.client.vehicle_handle import Vehicle
+from hil.ros.diagnostics import Diagnostics
 from tests.support.clients.browser import PATIENCE_MS, Seen, open_page
 from tests.support.clients.view_client import ADDRESS
-from tests.support.processes import Program, wait_for, write_scenario
+from tests.support.processes import PATIENCE_S, Program, wait_for, write_scenario
 
 READY = "document.getElementById('reason').textContent === 'ready'"
 PAUSE_MS = 100
 DRAWN_COLOURS = 12  # a scene with a seabed has more, an empty one fewer
+
+
+class Observed:
+    """Last words of a vehicle, also where a busy machine lets nothing through for longer than its liveness allows."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.client = vehicle.client
+        self.client.watch("ground_truth")
+        assert wait_for(lambda: self.client.latest.get("ground_truth")), f"{vehicle.name} says nothing"
+
+    @property
+    def ground_truth(self) -> samples.State:
+        """True position and speed."""
+        state: samples.State = samples.aged("ground_truth", self.client.latest["ground_truth"])
+        return state
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """Figures of its health."""
+        return self.client.diagnostics()
 
 
 class ViewPage:
@@ -97,7 +119,7 @@ def _xpath(kind: str) -> str:
 
 
 @contextmanager
-def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[tuple[ViewPage, Vehicle, Program]]:
+def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[tuple[ViewPage, Observed, Program]]:
     """A slave in the pool and a view of it in a browser: the page, what the vehicle says, and the slave.
 
     `script` is run in the page before its own.
@@ -107,17 +129,17 @@ def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[t
     with (
         Program(folder, "slave", scenario) as slave,
         Program(folder, *words) as view,
-        hil.connect(f"tcp/127.0.0.1:{port}", observe=True) as fleet,
+        hil.connect(f"tcp/127.0.0.1:{port}", observe=True, wait=PATIENCE_S) as fleet,
         open_page() as seen,
     ):
         seen.page.add_init_script(script)
         page = ViewPage(seen, view)
-        yield page, fleet["uuv1"], slave
+        yield page, Observed(fleet["uuv1"]), slave
         assert "Traceback" not in view.output
         assert not seen.errors, seen.errors
 
 
-def steer_by_keyboard(page: ViewPage, vehicle: Vehicle) -> None:
+def steer_by_keyboard(page: ViewPage, vehicle: Observed) -> None:
     """Hold the space bar and W: the vehicle moves, in the water and on the screen; let go, and it stops."""
     before, place = page.pixels(), vehicle.ground_truth.position
     page.page.locator("#heading").focus()  # outside the scene, whose camera has keys of its own
