@@ -2,11 +2,15 @@
 
 import json
 from itertools import combinations
+from typing import Any
+
+import pytest
 
 from hil.commands.top.grafana import PANELS, dashboard, expressions
 from hil.commands.top.prometheus import METRICS
 
 OTHERS = {"up", "cpu_share", "throttled"}  # served beside the table
+TYPES = "grafana_foundation_sdk"
 
 
 def test_every_curve_is_a_figure_that_is_served() -> None:
@@ -30,3 +34,33 @@ def test_panels_do_not_cover_each_other() -> None:
         above = one["y"] + one["h"] <= other["y"] or other["y"] + other["h"] <= one["y"]
         assert beside or above
     assert max(place["x"] + place["w"] for place in places) <= 24
+
+
+def test_grafana_knows_every_key_and_unit() -> None:
+    """Read by Grafana's own types, and written again: a key that they do not know would be lost."""
+    types = pytest.importorskip(f"{TYPES}.models.dashboard", reason="needs grafana-foundation-sdk, of Python 3.11")
+    plugins, encoder = (pytest.importorskip(f"{TYPES}.cog.{name}") for name in ("plugins", "encoder"))
+    plugins.register_default_plugins()
+    written = json.loads(dashboard())
+    read = types.Dashboard.from_json(written)
+    assert lost(written, json.loads(json.dumps(read, cls=encoder.JSONEncoder))) == []
+    query = pytest.importorskip(f"{TYPES}.models.prometheus").Dataquery
+    assert all(isinstance(target, query) for panel in read.panels for target in panel.targets)
+    units = vars(pytest.importorskip(f"{TYPES}.models.units")).values()
+    assert {panel.unit for panel in PANELS} - {unit for unit in units if isinstance(unit, str)} == set()
+
+
+def lost(written: Any, read: Any, where: str = "") -> list[str]:
+    """Return the places whose values the reader does not have."""
+    if isinstance(written, dict):
+        return [
+            place for key, value in written.items()
+            for place in (lost(value, read[key], f"{where}.{key}") if key in read else [f"{where}.{key}"])
+        ]  # fmt: skip
+    if isinstance(written, list) and len(written) == len(read):
+        return [
+            place
+            for row, (one, other) in enumerate(zip(written, read, strict=True))
+            for place in lost(one, other, f"{where}[{row}]")
+        ]
+    return [] if written == read else [where]
