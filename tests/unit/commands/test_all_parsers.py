@@ -53,8 +53,6 @@ def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser
 
 ALL = [parser for module in MODULES for parser in parsers(find_parser(module))]
 LEAVES = [parser for parser in ALL if not subparsers(parser)]
-every = pytest.mark.parametrize("parser", ALL, ids=lambda parser: parser.prog)
-each = pytest.mark.parametrize("parser", LEAVES, ids=lambda parser: parser.prog)
 
 
 def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
@@ -68,20 +66,20 @@ def test_all_commands_are_looked_at() -> None:
     assert len(LEAVES) > 45
 
 
-@every
-def test_a_help_fits_a_terminal(parser: argparse.ArgumentParser, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_help_fits_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    text = parser.format_help()
-    assert [line for line in text.splitlines() if len(line) > 80] == []
-    assert " ".join(text.split()).endswith(" ".join(EXIT_CODES.split())), "the exit codes are in every help"
+    for parser in ALL:
+        text = parser.format_help()
+        assert [line for line in text.splitlines() if len(line) > 80] == [], parser.prog
+        assert " ".join(text.split()).endswith(" ".join(EXIT_CODES.split())), "the exit codes are in every help"
 
 
-@each
-def test_a_file_that_is_written_says_that_its_folder_must_exist(parser: argparse.ArgumentParser) -> None:
-    for name, option in options(parser).items():
-        is_checked = option.type is OUTPUT_FILE
-        assert str(option.help).endswith("; its folder must be there") == is_checked, name
-        assert is_checked or name not in ("--plot", "--csv", "--markdown")
+def test_a_file_that_is_written_says_that_its_folder_must_exist() -> None:
+    for parser in LEAVES:
+        for name, option in options(parser).items():
+            is_checked = option.type is OUTPUT_FILE
+            assert str(option.help).endswith("; its folder must be there") == is_checked, f"{parser.prog} {name}"
+            assert is_checked or name not in ("--plot", "--csv", "--markdown")
 
 
 @pytest.mark.parametrize("words", [["--help"], ["help"], ["bench", "--help"]])
@@ -103,40 +101,41 @@ def test_help_of_a_command(words: str, capsys: pytest.CaptureFixture[str]) -> No
     assert capsys.readouterr().out.startswith(f"usage: uuv-hil {words} ")
 
 
-@every
-def test_every_help_has_a_purpose_and_its_examples(parser: argparse.ArgumentParser) -> None:
-    text = parser.format_help()
-    assert parser.description
-    assert re.search(rf"^examples:\n(.*\n)*? +.*{re.escape(parser.prog)}\b", text, flags=re.MULTILINE)
+def test_every_help_has_a_purpose_and_its_examples() -> None:
+    for parser in ALL:
+        text = parser.format_help()
+        assert parser.description, parser.prog
+        example = rf"^examples:\n(.*\n)*? +.*{re.escape(parser.prog)}\b"
+        assert re.search(example, text, flags=re.MULTILINE), parser.prog
 
 
-@each
-def test_every_option_says_what_it_is(parser: argparse.ArgumentParser) -> None:
-    for action in parser._actions:
-        assert action.help, f"{parser.prog} {action.option_strings or action.metavar or action.dest}"
-        if action.option_strings:
-            assert action.nargs == 0 or action.metavar or action.choices, f"{parser.prog} {action.option_strings}"
+def test_every_option_says_what_it_is() -> None:
+    for parser in LEAVES:
+        for action in parser._actions:
+            assert action.help, f"{parser.prog} {action.option_strings or action.metavar or action.dest}"
+            if action.option_strings:
+                assert action.nargs == 0 or action.metavar or action.choices, f"{parser.prog} {action.option_strings}"
 
 
-@each
-def test_no_option_repeats_its_name_as_its_value(parser: argparse.ArgumentParser) -> None:
+def test_no_option_repeats_its_name_as_its_value() -> None:
     """`--role {host,device}`, `--host ADDRESS`; only SCENARIO is called the same where it is an argument."""
-    for name, action in options(parser).items():
-        words = " ".join(action.metavar) if isinstance(action.metavar, tuple) else action.metavar or ""
-        assert words == "SCENARIO" or words != name.lstrip("-").replace("-", "_").upper(), f"{parser.prog} {name}"
+    for parser in LEAVES:
+        for name, action in options(parser).items():
+            words = " ".join(action.metavar) if isinstance(action.metavar, tuple) else action.metavar or ""
+            assert words == "SCENARIO" or words != name.lstrip("-").replace("-", "_").upper(), f"{parser.prog} {name}"
 
 
-@each
-def test_every_default_stands_in_the_help(parser: argparse.ArgumentParser) -> None:
-    for action in parser._actions:
-        if action.default not in (None, False, True, "", 0, 0.0, argparse.SUPPRESS, [], ()):
-            assert "[" in (action.help or ""), f"{parser.prog} {action.dest}: [{action.default}]"
+def test_every_default_stands_in_the_help() -> None:
+    for parser in LEAVES:
+        for action in parser._actions:
+            if action.default not in (None, False, True, "", 0, 0.0, argparse.SUPPRESS, [], ()):
+                assert "[" in (action.help or ""), f"{parser.prog} {action.dest}: [{action.default}]"
 
 
-@each
-def test_one_name_for_one_thing(parser: argparse.ArgumentParser) -> None:
-    for name in options(parser):
-        assert name not in OTHER_NAMES, f"{parser.prog}: {name} is called {OTHER_NAMES[name]}"
+def test_one_name_for_one_thing() -> None:
+    for parser in LEAVES:
+        for name in options(parser):
+            assert name not in OTHER_NAMES, f"{parser.prog}: {name} is called {OTHER_NAMES[name]}"
 
 
 def test_one_meaning_of_one_name() -> None:
@@ -181,30 +180,32 @@ def test_one_definition_of_the_scenario() -> None:
 ALLOWED = {"--baud", "--protocol", "--stm32", "--connect"}
 
 
-@each
-def test_the_common_options(parser: argparse.ArgumentParser) -> None:
-    found = options(parser)
-    if "--output" in found:
-        assert found["--output"].option_strings == ["-o", "--output"]
-    if "--json" in found:
-        assert found["--json"].nargs == 0, f"{parser.prog}: --json prints JSON; a file is --output"
-    if "--plot" in found:
-        assert found["--plot"].metavar == "FILE.png"
-    if "--connect" in found:
-        assert found["--connect"].metavar == "ENDPOINT"
-    if "--listen" in found:
-        assert found["--listen"].metavar in ("ENDPOINT", "[HOST:]PORT", "ADDRESS")
+def test_the_common_options() -> None:
+    for parser in LEAVES:
+        found = options(parser)
+        if "--output" in found:
+            assert found["--output"].option_strings == ["-o", "--output"]
+        if "--json" in found:
+            assert found["--json"].nargs == 0, f"{parser.prog}: --json prints JSON; a file is --output"
+        if "--plot" in found:
+            assert found["--plot"].metavar == "FILE.png"
+        if "--connect" in found:
+            assert found["--connect"].metavar == "ENDPOINT"
+        if "--listen" in found:
+            assert found["--listen"].metavar in ("ENDPOINT", "[HOST:]PORT", "ADDRESS")
 
 
-@each
-def test_who_reads_a_scenario_lets_it_be_changed(parser: argparse.ArgumentParser) -> None:
-    reads = "--scenario" in options(parser) or any(action.metavar == "SCENARIO" for action in parser._actions)
-    if reads and parser.prog not in UNCHANGED:
-        assert options(parser)["--set"].metavar == "KEY=VALUE"
-    positional = [action for action in parser._actions if action.metavar == "SCENARIO" and not action.option_strings]
-    for action in positional:
-        assert action.default in (None, "paper_field"), parser.prog
-    assert not (positional and "--scenario" in options(parser)), f"{parser.prog}: two ways to name one scenario"
+def test_who_reads_a_scenario_lets_it_be_changed() -> None:
+    for parser in LEAVES:
+        reads = "--scenario" in options(parser) or any(action.metavar == "SCENARIO" for action in parser._actions)
+        if reads and parser.prog not in UNCHANGED:
+            assert options(parser)["--set"].metavar == "KEY=VALUE"
+        positional = [
+            action for action in parser._actions if action.metavar == "SCENARIO" and not action.option_strings
+        ]
+        for action in positional:
+            assert action.default in (None, "paper_field"), parser.prog
+        assert not (positional and "--scenario" in options(parser)), f"{parser.prog}: two ways to name one scenario"
 
 
 @pytest.mark.parametrize("command", ["sim", "campaign", "vehicle", "top", "doctor", "loopback", "board"])

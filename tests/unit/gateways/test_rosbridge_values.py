@@ -28,17 +28,17 @@ JSON = st.recursive(
 IMAGE: dict[str, Any] = {"header": {"frame_id": "camera"}, "height": 1, "width": 3, "step": 3, "data": b"\x00\x7f\xff"}
 
 
-@pytest.mark.parametrize("name", MESSAGES)
-def test_a_message_comes_back_from_json(name: str) -> None:
-    message = ros_message.empty(name)
-    back = from_json(name, json.loads(json_text(to_json(name, message))))
-    assert ros_message.encode(name, back) == ros_message.encode(name, message)
+def test_a_message_comes_back_from_json() -> None:
+    for name in MESSAGES:
+        message = ros_message.empty(name)
+        back = from_json(name, json.loads(json_text(to_json(name, message))))
+        assert ros_message.encode(name, back) == ros_message.encode(name, message), name
 
 
-@pytest.mark.parametrize("name", TYPES)
-def test_a_message_is_cbor(name: str) -> None:
-    message = ros_message.empty(name)
-    assert set(cbor2.loads(cbor2.dumps(to_cbor(name, message)))) == set(message)
+def test_a_message_is_cbor() -> None:
+    for name in TYPES:
+        message = ros_message.empty(name)
+        assert set(cbor2.loads(cbor2.dumps(to_cbor(name, message)))) == set(message), name
 
 
 def test_bytes_are_base64_in_json_and_bytes_in_cbor() -> None:
