@@ -1,5 +1,6 @@
 """Settings of all tests: profiles of random examples, time limits, and assertions explained in shared modules too."""
 
+import fcntl
 import os
 import signal
 from collections.abc import Iterator
@@ -85,9 +86,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="session")
 def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The C twins, compiled once: for `tests.support.flights.twins.taken_from`. Skips where there is no compiler."""
+    """The C twins, compiled once: for `tests.support.flights.twins.taken_from`. Skips where there is no compiler.
+
+    Workers of one run share them: the first compiles, the others wait for it.
+    """
     from tests.support.flights.twins import compiled
 
-    folder = tmp_path_factory.mktemp("native")
-    compiled(folder)
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        folder = tmp_path_factory.mktemp("native")
+        compiled(folder)
+        return folder
+    folder = tmp_path_factory.getbasetemp().parent / "native"
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "done").exists():
+            compiled(folder)
+            (folder / "done").touch()
     return folder

@@ -36,8 +36,15 @@ class WithoutSamples(Relay):
         super().__init__(target)
 
     def _pass(self, end: socket.socket) -> None:
+        """Pass on what has come; a link that its client has closed, as it does to open another session, is closed."""
         far = self._pairs[end] if end not in self._far else end
         near = self._pairs[far]
+        try:
+            self._filter(end, near, far)
+        except OSError:
+            self._close(far, near)
+
+    def _filter(self, end: socket.socket, near: socket.socket, far: socket.socket) -> None:
         is_samples = near.getsockname()[1] == self.port + 1
         if end is near and near not in self._sessions:
             first = near.recv(64, socket.MSG_PEEK)
@@ -46,19 +53,16 @@ class WithoutSamples(Relay):
         session = self._sessions.get(near, b"")
         if self.withholds and session:
             self.withheld_from.add(session)
-        if end is near or not is_samples or session not in self.withheld_from:
+        if end is near or not is_samples:
             super()._pass(end)
             return
-        try:
-            data = far.recv(65536)
-        except OSError:
-            data = b""
+        data, withholds = far.recv(65536), session in self.withheld_from
         if not data:
             self._close(far, near)
             return
         data = self._buffers.pop(far, b"") + data
         while len(data) >= 2 and len(data) >= (size := 2 + int.from_bytes(data[:2], "little")):
-            near.sendall(KEEP_ALIVE if data[2] & 0x1F in (FRAME, FRAGMENT) else data[:size])
+            near.sendall(KEEP_ALIVE if withholds and data[2] & 0x1F in (FRAME, FRAGMENT) else data[:size])
             data = data[size:]
         self._buffers[far] = data
 

@@ -131,7 +131,7 @@ def test_a_wrong_gain_is_named() -> None:
         build_pilot(scenario, vehicle, {**control, "fins": {"pich_limit": 0.1}}, OPEN)
 
 
-@pytest.mark.parametrize("name", ["remus100", "lauv"])
+@pytest.mark.parametrize("name", ["lauv"])
 def test_it_crosses_the_open_water(name: str) -> None:
     """The scenario as it is delivered, but for a coarser step: it arrives, and nothing comes nearer than 5 m."""
     scenario = load_scenario("open_water", {"vehicle": name, "slave.step": STEP})

@@ -262,12 +262,12 @@ def test_wrong_settings_are_named(role: Any, channels: int, settings: dict[str, 
         open_vesc(role, channels, **settings)
 
 
-def test_a_hundred_thousand_bad_records() -> None:
+def test_many_bad_records() -> None:
     end, master = device(), host()
     sound = frames(host().encode(ThrusterCommand(1, True, PULSES)) + device().encode(report()) + device().tick(0))
     sound += frames(one(17, 1, b"\xfe") + one(0, 255, 7))
     received, answered = 0, 0
-    for count, record in enumerate(noise(100_000, sound)):
+    for count, record in enumerate(noise(25_000, sound)):
         received += len(end.feed(record)) + len(master.feed(record))
         answered += len(end.replies())
         if count % 20 == 0:

@@ -118,12 +118,12 @@ def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: py
     """Pushed against walls, piles, a block and the seabed, and put elsewhere now and then, also into something."""
     ride = Ride(twins(monkeypatch, FIELD, integrator=integrator))
     assert ride.both[1]._coast
-    for _ in range(100):
+    for _ in range(40):
         ride.go(80)
         ride.place([ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-0.2, 6.2)])
-    assert 100 < ride.touches < 6000
-    assert ride.both[0].contacts > 25
-    assert ride.samples > 1000
+    assert 50 < ride.touches < 2400
+    assert ride.both[0].contacts > 10
+    assert ride.samples > 500
 
 
 def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,7 +141,7 @@ def test_steps_of_every_vehicle_are_equal(name: str, monkeypatch: pytest.MonkeyP
     vehicle, _ = load_vehicle(name)
     python, quick = twins(monkeypatch, FLAT._replace(depth=60.0), vehicle)
     chance = random.Random(7)
-    for step in range(600):
+    for step in range(240):
         if step % 60 == 0:
             pulses = tuple([chance.choice(PULSES) for _ in vehicle.channels])
         assert repr(python.step(pulses)) == repr(quick.step(pulses))

@@ -73,7 +73,7 @@ def test_noise_is_seeded_of_its_size_and_of_no_rate() -> None:
     first, again, other = (ride(failing(table, seed=seed), [1900] * 200) for seed in (1, 1, 2))
     assert first == again
     assert first != other
-    for dt in (0.0025, 0.02):
+    for dt in (0.005, 0.02):
         thrusts = ride(failing(table, seed=3, dt=dt), [1900] * round(200.0 / dt))
         assert pstdev(thrusts) == pytest.approx(0.1 * FULL, rel=0.06)  # 2000 correlation times: 2 sigma is 3 %
         steps = [b - a for a, b in pairwise(thrusts)]

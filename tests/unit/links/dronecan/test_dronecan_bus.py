@@ -156,14 +156,14 @@ def test_the_allocator_forgets_half_an_exchange() -> None:
     assert allocator.answer(Allocation(0, False, b"ghijkl")) is None
 
 
-def test_a_hundred_thousand_bad_records() -> None:
+def test_many_bad_records() -> None:
     end, master = device(node_id=0), host(allocate=True)
     talker = device(battery={})
     sound = frames(host().encode(ThrusterCommand(1, True, PULSES)) + host().tick(0))
     sound += frames(talker.encode(report()) + talker.tick(0) + end.tick(0) + end.tick(10**10))
     sound += [CanFrame(0x1E018A0A, b"\xc0")]  # GetNodeInfo of node 10
     now_ns, received = 0, 0
-    for record in noise(100_000, sound):
+    for record in noise(25_000, sound):
         received += len(end.feed(record)) + len(master.feed(record))
         master.replies()
         end.replies()
@@ -171,9 +171,9 @@ def test_a_hundred_thousand_bad_records() -> None:
         for node in (end, master):
             if now_ns >= node.deadline_ns:
                 node.tick(now_ns)
-    assert received > 100
+    assert received > 20
     for node in (end, master):
-        assert node.counters.malformed > 100
+        assert node.counters.malformed > 50
         assert len(node._receiver._sessions) <= 128 * len(node._receiver.kinds)
     assert len(master._codes) <= 127
     assert len(master._rounds._pulses) <= 6

@@ -190,16 +190,16 @@ def test_anonymous_frames(receiver: Receiver) -> None:
     assert counted(receiver) == (4, 0)
 
 
-def test_a_hundred_thousand_bad_frames(receiver: Receiver) -> None:
+def test_many_bad_frames(receiver: Receiver) -> None:
     sound = [frame for number in range(32) for frame in transfer(number)]
     sound += frames(pack_anonymous(ALLOCATION, 24, b"abcdefg", 5))
     source = random.Random(5)
     now_ns = 0
-    for record in noise(100_000, sound):
+    for record in noise(25_000, sound):
         now_ns += source.randrange(10_000_000)
         for frame in frames(record):
             receiver.feed_frame(frame, now_ns)
     assert len(receiver._sessions) <= len(receiver.kinds) * 127
     assert all(len(session.payload or b"") <= RAW_COMMAND.max_size + 2 for session in receiver._sessions.values())
-    assert min(counted(receiver)) > 10
+    assert min(counted(receiver)) > 2
     assert received(receiver, transfer(30), now_ns + 10**10) == [PAYLOAD]
