@@ -70,7 +70,7 @@ class RayScene:
         Raises ValueError for a buffer of anything else, and for origins of another number.
         """
         rays = _doubles(directions)
-        distances = array("d", bytes(rays.nbytes // 3))
+        distances = array("d", (0.0,)) * (len(rays) // 3)
         self._cast(origin, rays, reach, rotation, distances, None)
         return distances
 
@@ -103,7 +103,7 @@ class RayScene:
     def _cast(
         self,
         origin: Sequence[float],
-        rays: "memoryview[float]",
+        rays: "memoryview[float] | array[float]",
         reach: float,
         rotation: Sequence[float],
         distances: "array[float]",
@@ -185,8 +185,10 @@ def _append(solids: Iterable[Solid], numbers: "array[float]", nodes: "array[floa
         numbers.extend(solid.numbers(root))
 
 
-def _doubles(directions: Any) -> "memoryview[float]":
+def _doubles(directions: Any) -> "memoryview[float] | array[float]":
     """Return the numbers of a buffer in a row. Raises ValueError if they are no doubles, or not three a ray."""
+    if type(directions) is array and directions.typecode == "d" and not len(directions) % 3:
+        return directions
     view = memoryview(directions)
     if view.format != "d" or view.nbytes % 24:
         raise ValueError(f"directions: three doubles a ray are needed, found {view.nbytes} bytes of {view.format!r}")
