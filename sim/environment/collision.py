@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 _PASSES = 4  # of putting back in a step: each way is found as if nothing turned
 _ROUNDING = 1e-3  # m
 _NEAR = 20.0  # m: obstacles farther away are left out until the vehicle has come half that far
+_FAR = 500.0  # m: those farther away are not measured
 _TOUCHING = 2e-5  # m: what lies so near touches, or rounding would lift it now and then
 _MOST_TOUCHES = 8
 _DEPTH_LEFT = 1e-6  # m
@@ -298,10 +299,13 @@ class Contact:
         away = hypot(north - from_north, east - from_east)
         if not away < 0.5 * _NEAR:
             world = self._world
-            apart = [(one.separation(north, east)[0], one) for one in (*world.upright(), *world.mesh)]
+            roughly = world.within(north, east, _FAR)
+            apart = [(one.separation(north, east)[0], one) for one in (*roughly, *world.mesh)]
             self._near = [obstacle for distance, obstacle in apart if distance <= limit]
             self._near_place, away = (north, east), 0.0
             self._beyond = min([distance for distance, _ in apart if distance > limit], default=inf)
+            if len(roughly) < len(world.upright()):
+                self._beyond = min(self._beyond, _FAR)
             for pipeline in world.pipeline:
                 self._near += pipeline.stretches(world.seabed, world.spacing(), north, east, limit)
                 self._beyond = min(self._beyond, limit)

@@ -100,6 +100,15 @@ class World(NamedTuple):
         """Return the obstacles with a horizontal outline, walls included: all but meshes and pipelines."""
         return (*self.cylinder, *self.box, *self._walls())
 
+    def within(self, north: float, east: float, distance: float) -> list[Obstacle]:
+        """Return the upright obstacles but for those that are farther than so many m from a place, by a quick look."""
+        piles = [o for o in self.cylinder if abs(o[0] - north) < distance + o[2] and abs(o[1] - east) < distance + o[2]]
+        blocks = [
+            o for o in self.box
+            if abs(o[0] - north) < distance + o[2] + o[3] and abs(o[1] - east) < distance + o[2] + o[3]
+        ]  # fmt: skip
+        return [*piles, *blocks, *self._walls()]
+
     def looks(self) -> "Iterator[tuple[int, tuple[float, float, float] | None, float]]":
         """Yield number among the `obstacles`, from 1 on, colour (None: any) and echo (dB) of meshes and pipelines."""
         number = len(self.upright())

@@ -3,15 +3,18 @@
 from array import array
 from collections.abc import Iterator, Sequence
 from math import ceil, cos, pi, sin, sqrt
+from typing import TYPE_CHECKING
 
 from hil.common.vectors import Vector3
-from sim.environment.mesh import MeshObstacle
-from sim.environment.things.pipelines import Pipeline
 from sim.environment.world import World
 from sim.rays.geometry import NOTHING
 from sim.rays.scene import RayScene
 from sim.rotations import Rotation
 from sim.vehicle.collision_shape import HullShape
+
+if TYPE_CHECKING:
+    from sim.environment.mesh import MeshObstacle
+    from sim.environment.things.pipelines import Pipeline
 
 _AROUND = 8  # places of a ring around a rod with a radius
 _EDGE = 6  # steps along a rod without one

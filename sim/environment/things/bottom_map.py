@@ -16,7 +16,6 @@ has what they see.
 import os
 import sys
 from math import floor
-from mmap import ACCESS_READ, mmap
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
@@ -24,9 +23,10 @@ from hil.common.schema import Range, parse
 from hil.common.tables import check_file
 from sim.environment.bottom import PROPERTIES, Bottom
 from sim.environment.terrain_grid import Edge
-from sim.environment.things.natures import NATURES
 
 if TYPE_CHECKING:
+    from mmap import mmap
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -86,6 +86,8 @@ class BottomMap:
         """Return the colours (n x 3) at n places, `usual` where none is known, and how strong the texture is."""
         import numpy as np
 
+        from sim.environment.things.natures import NATURES
+
         colours, textures = np.full((_CODES, 3), usual, np.float32), np.ones(_CODES, np.float32)
         for nature in NATURES.values():
             colours[nature.code], textures[nature.code] = nature.colour, nature.texture
@@ -98,8 +100,10 @@ class BottomMap:
 
         return np.frombuffer(self._bytes(), np.uint8).reshape(self.keys.rows, self.keys.columns)
 
-    def _bytes(self) -> mmap:
+    def _bytes(self) -> "mmap":
         if self._mapped is None:
+            from mmap import ACCESS_READ, mmap  # when somebody looks: not while a vehicle starts
+
             with open(self.path, "rb") as file:
                 self._mapped = mmap(file.fileno(), 0, access=ACCESS_READ)
         return self._mapped
@@ -107,6 +111,8 @@ class BottomMap:
 
 def echo_ratios(bottom: Bottom | None) -> list[float]:
     """Return by S-57's number how many times stronger than of a world's `bottom` (None: sand) the echo of a kind is."""
+    from sim.environment.things.natures import NATURES
+
     usual = PROPERTIES[bottom.kind].echo if bottom else 0.0
     ratios = [1.0] * _CODES
     for nature in NATURES.values():

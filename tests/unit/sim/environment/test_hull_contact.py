@@ -208,3 +208,25 @@ def test_what_lies_on_the_seabed_is_quiet() -> None:
     assert simulation.contacts == contacts
     assert simulation.state.position == pytest.approx(place, abs=1e-4)
     assert max(abs(x) for x in to_euler(simulation.state.quaternion)[:2]) < 0.01 * pi
+
+
+def test_of_many_obstacles_those_far_away_are_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thousands are on a chart; those within 500 m are found, wherever the vehicle comes from."""
+    piles = tuple(Cylinder(20.0 * k, 40.0, 1.0) for k in range(1000))
+    measured: list[float] = []
+    separation = Cylinder.separation
+
+    def counted(pile: Cylinder, north: float, east: float) -> tuple[float, float, float]:
+        measured.append(pile.north)
+        return separation(pile, north, east)
+
+    world = World("piles", "test", (-100.0, 20_000.0, -100.0, 100.0), 50.0, cylinder=piles)
+    vehicle, _ = load_vehicle("paper_six")
+    contact = Contact(vehicle, world, Dynamics(vehicle, 1025.0, 9.8).inverse_mass)
+    monkeypatch.setattr(Cylinder, "separation", counted)
+    for north in (0.0, 460.0, 5000.0, 19_000.0):
+        measured.clear()
+        assert not contact.resolve(State((north, 0.0, 10.0)))
+        assert 0 < len(measured) < 70
+        assert contact.room()[2] < 500.0
+    assert contact.resolve(State((9980.0, 40.0, 10.0)))
