@@ -81,7 +81,7 @@ def test_all_sensors_fly_at_their_rates_and_every_sample_goes_out(tmp_path: Path
                 assert decoder is not None
                 assert decoder(payload) is not None
                 counts[topic] += 1
-    others = {"trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "/tf_static", "/clock"}
+    others = {"trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "tether", "/tf_static", "/clock"}
     others |= {*IF_ASKED_FOR, *DESCRIPTIONS, "/diagnostics", "/parameter_events"}
     ours = {name: topic for name, topic in TOPICS.items() if name not in others and not topic.from_master}
     assert counts == {name: round(4 * topic.rate_hz) for name, topic in ours.items()}
