@@ -31,14 +31,14 @@ _POSITIONS: dict[str, Parameters] = {
     "dvl": _EXTERNAL,
     "gps": {"SIM_GPS1_ENABLE": 0.0, "GPS1_TYPE": 14.0},  # 14: by MAVLink
 }
-# What an autopilot knows the place of a sensor by, each followed by _X, _Y or _Z in m. Its own simulated GPS is at the
-# body origin, and so is what a navigation solution says.
+# What an autopilot knows the place of a sensor by, each followed by X, Y or Z in m. Its own simulated GPS is at the
+# body origin, and so is what a navigation solution says. PX4's antenna: before and since 1.18.
 _PLACES: dict[str, dict[str, tuple[str, ...]]] = {
     "ardupilot": {
-        "imu": ("INS_POS1", "INS_POS2", "INS_POS3"), "altimeter": ("RNGFND1_POS",), "dvl": ("VISO_POS",),
-        "gps": ("GPS1_POS",),
+        "imu": ("INS_POS1_", "INS_POS2_", "INS_POS3_"), "altimeter": ("RNGFND1_POS_",), "dvl": ("VISO_POS_",),
+        "gps": ("GPS1_POS_",),
     },
-    "px4": {"imu": ("EKF2_IMU_POS",), "gps": ("EKF2_GPS_POS",)},
+    "px4": {"imu": ("EKF2_IMU_POS_",), "gps": ("EKF2_GPS_POS_", "SENS_GPS0_OFF")},
 }  # fmt: skip
 _BY_POSITIONS = ("dvl", "gps")  # sensors that ArduPilot hears of only where [autopilot] positions says so
 
@@ -103,7 +103,7 @@ def sensor_places(settings: AutopilotSettings, controller: str, sensors: SensorS
             continue
         for prefix in prefixes:
             for axis, place in zip("XYZ", sensors[name].mounting.position, strict=True):
-                parameters[f"{prefix}_{axis}"] = place
+                parameters[f"{prefix}{axis}"] = place
     return parameters
 
 

@@ -74,10 +74,11 @@ def test_a_file_that_is_not_there() -> None:
 @pytest.mark.parametrize(
     ("controller", "positions", "expected"),
     [
-        ("ardupilot", "simulated", {"INS_POS1": (0.1, 0, 0), "INS_POS3": (0.1, 0, 0), "RNGFND1_POS": (0, 0, 0.2)}),
-        ("ardupilot", "dvl", {"VISO_POS": (-0.3, 0.05, 0.15), "INS_POS2": (0.1, 0, 0)}),
-        ("ardupilot", "gps", {"GPS1_POS": (0, 0, -0.4)}),
-        ("px4", "simulated", {"EKF2_IMU_POS": (0.1, 0, 0), "EKF2_GPS_POS": (0, 0, -0.4)}),
+        ("ardupilot", "simulated", {"INS_POS1_": (0.1, 0, 0), "INS_POS3_": (0.1, 0, 0), "RNGFND1_POS_": (0, 0, 0.2)}),
+        ("ardupilot", "dvl", {"VISO_POS_": (-0.3, 0.05, 0.15), "INS_POS2_": (0.1, 0, 0)}),
+        ("ardupilot", "gps", {"GPS1_POS_": (0, 0, -0.4)}),
+        ("px4", "simulated", {"EKF2_IMU_POS_": (0.1, 0, 0), "EKF2_GPS_POS_": (0, 0, -0.4)}),
+        ("px4", "simulated", {"SENS_GPS0_OFF": (0, 0, -0.4)}),
     ],
 )
 def test_the_autopilot_knows_where_its_sensors_are(
@@ -92,6 +93,6 @@ def test_the_autopilot_knows_where_its_sensors_are(
     settings = AutopilotSettings(positions=positions)  # type: ignore[arg-type]
     found = sensor_places(settings, controller, read_suite(mounted, "test"))
     for prefix, place in expected.items():
-        assert tuple(found[f"{prefix}_{axis}"] for axis in "XYZ") == place
+        assert tuple(found[f"{prefix}{axis}"] for axis in "XYZ") == place
     assert any(name.startswith("VISO") for name in found) == (positions == "dvl")
     assert not sensor_places(settings, controller, read_suite({name: {} for name in mounted}, "test"))
