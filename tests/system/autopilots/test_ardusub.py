@@ -1,10 +1,5 @@
-"""The real ArduSub, where UUV_HIL_ARDUSUB names its SITL program: it arms, holds depth, drives a square, survives.
+"""The real ArduSub, where UUV_HIL_ARDUSUB names its SITL program: it arms, holds depth, drives a square, survives."""
 
-Everything happens in simulated time, in lockstep: how fast it goes depends on the machine, what happens does not.
-"""
-
-import os
-import time
 from collections.abc import Iterator
 from math import hypot
 from pathlib import Path
@@ -12,102 +7,32 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.autopilots.run import AutopilotRun
-from hil.scenario.config import load_scenario
+from hil.autopilots.parameters import FOLDER, read_parameters
+from hil.common.schema import preset_folder
 from sim.vehicle.failures import Failure
-from tests.support.autopilots.autopilot_dive import ARM, SET_MODE, WORLD, command
-from tests.support.clients.ground_station import GroundStation, Mission, fly
+from tests.support.autopilots.ardusub_dive import GUIDED, POSHOLD, PROGRAM, Dive
+from tests.support.autopilots.autopilot_dive import ARM, SET_MODE
+from tests.support.clients.ground_station import Mission, fly
 
-PROGRAM = os.environ.get("UUV_HIL_ARDUSUB", "")
 pytestmark = [
     pytest.mark.skipif(not PROGRAM, reason="UUV_HIL_ARDUSUB does not name ArduSub's SITL program"),
     pytest.mark.timeout(1200),  # six minutes of simulated time, on a machine that others use too
 ]
-SCENARIO = """
-vehicle = "{vehicle}"
-world = "{world}"
-controller = "ardupilot"
-master = {{}}
-[start]
-depth = 0
-[autopilot]
-program = "{program}"
-instance = {instance}
-positions = "{positions}"
-[sensors.imu]
-rate = 400
-[sensors.pressure]
-rate = 50
-drop_out = {drop_out}
-[sensors.altimeter]
-[sensors.odometry]
-rate = 20
-[sensors.gps]
-rate = 5
-position = [0, 0, -0.4]
+
+# Names that ArduSub had until 4.6, and those that it has since 4.7: the installed files give both.
+FORMER = {
+    "RNGFND1_MAX_CM", "RNGFND1_MIN_CM", "PSC_ACCZ_P", "PSC_ACCZ_I", "PSC_VELZ_P", "PSC_POSZ_P", "PSC_POSXY_P",
+    "PSC_VELXY_P", "PSC_VELXY_I", "PSC_VELXY_D",
+}  # fmt: skip
+PRESENT = {
+    "RNGFND1_MAX", "RNGFND1_MIN", "PSC_D_ACC_P", "PSC_D_ACC_I", "PSC_D_VEL_P", "PSC_D_POS_P", "PSC_NE_POS_P",
+    "PSC_NE_VEL_P", "PSC_NE_VEL_I", "PSC_NE_VEL_D",
+}  # fmt: skip
+PLACED = """
+[sensors.dvl]
+rate = 10
+position = [0.5, 0.1, 0.2]
 """
-MANUAL, ALT_HOLD, GUIDED, POSHOLD = 19, 2, 4, 16
-
-
-class Dive:
-    """One ArduSub with its vehicle and a ground station."""
-
-    def __init__(
-        self, folder: Path, vehicle: str = "bluerov2_heavy", instance: int = 3, drop_out: float = 0.0,
-        positions: str = "simulated",
-    ) -> None:  # fmt: skip
-        world, path = folder / "stream.toml", folder / "dive.toml"
-        world.write_text(WORLD)
-        text = SCENARIO.format(
-            vehicle=vehicle, world=world, program=PROGRAM, instance=instance, drop_out=drop_out, positions=positions
-        )
-        path.write_text(text)
-        self.reports: list[str] = []
-        self.run = AutopilotRun(load_scenario(str(path)), self.reports.append)
-        self.station = GroundStation(("127.0.0.1", 5760 + 10 * instance))
-        self.began = time.monotonic()
-
-    def close(self) -> None:
-        self.station.close()
-        simulated, took = self.run.simulation.time_ns / 1e9, time.monotonic() - self.began
-        print(
-            f"{simulated:.0f} s simulated in {took:.1f} s: {simulated / took:.1f} times real time; {self.reports[1:]}"
-        )
-        self.run.__exit__()
-
-    @property
-    def position(self) -> list[float]:
-        return list(self.run.simulation.state.position)
-
-    def command(self, number: int, *parameters: float) -> Mission:
-        """Send until it is accepted."""
-        return command(self.station, number, *parameters)
-
-    def dive(self, depth: float) -> Mission:
-        """Arm, go down by the sticks, and hold depth."""
-        yield lambda: self.station.said("ArduPilot Ready")
-        yield from self.command(ARM, 1)
-        self.station.sticks = (0, 0, 300, 0)
-        yield lambda: self.position[2] > depth
-        self.station.sticks = (0, 0, 500, 0)
-        yield from self.command(SET_MODE, 1, ALT_HOLD)
-        yield 15.0
-
-    def hold(self, seconds: float, depths: list[float]) -> Mission:
-        """Note the depth twenty times a second."""
-        for _ in range(round(20 * seconds)):
-            depths.append(self.position[2])
-            yield 0.05
-
-    def go(self, north: float, east: float, depth: float) -> Mission:
-        """Go to a place (m from the estimator's origin) in GUIDED; said once, as each target begins from rest."""
-        mask = 0b1101_1111_1000  # positions only
-        message = dialect.MAVLink_set_position_target_local_ned_message(
-            0, 1, 1, dialect.MAV_FRAME_LOCAL_NED, mask, north, east, depth, 0, 0, 0, 0, 0, 0, 0, 0
-        )
-        self.station.send(message)
-        local = self.station.latest
-        yield lambda: hypot(local["LOCAL_POSITION_NED"].x - north, local["LOCAL_POSITION_NED"].y - east) < 0.5
 
 
 @pytest.fixture
@@ -139,6 +64,30 @@ def test_it_holds_depth_for_two_minutes_in_a_current(tmp_path: Path, vehicle: st
     assert set(dive.run.pwm_us) == {1500}  # disarmed
 
 
+@pytest.mark.parametrize("vehicle", ["bluerov2", "bluerov2_heavy"])
+def test_it_takes_all_installed_parameters_and_the_places_of_sensors(tmp_path: Path, vehicle: str) -> None:
+    given = read_parameters(f"{preset_folder(FOLDER)}/ardupilot_{vehicle}.parm")
+    given |= {"VISO_POS_X": 0.5, "VISO_POS_Y": 0.1, "VISO_POS_Z": 0.2, "EK3_SRC1_POSXY": 6.0}
+    dive = Dive(tmp_path, vehicle, positions="dvl", sensors=PLACED)
+    found: dict[str, float] = {}
+
+    def mission() -> Mission:
+        yield lambda: dive.station.said("ArduPilot Ready")
+        for name in given:
+            dive.station.send(dialect.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
+            yield 0.3
+            answer = dive.station.latest.get("PARAM_VALUE")
+            if answer and answer.param_id == name:
+                found[name] = answer.param_value
+
+    try:
+        fly(dive.run, dive.station, mission(), 100.0)
+    finally:
+        dive.close()
+    assert given.keys() - found.keys() in (FORMER, PRESENT)
+    assert found == pytest.approx({name: given[name] for name in found})
+
+
 def test_it_drives_a_square_in_guided(dive: Dive) -> None:
     corners = [(0.0, 5.0), (5.0, 5.0), (5.0, 0.0), (0.0, 0.0)]
     misses: list[float] = []
@@ -163,7 +112,7 @@ def test_it_drives_a_square_in_guided(dive: Dive) -> None:
     assert max(misses) < 1.5
 
 
-@pytest.mark.parametrize(("positions", "most"), [("odometry", 1.0), ("dvl", 1.0)])
+@pytest.mark.parametrize(("positions", "most"), [("odometry", 0.4), ("dvl", 0.4)])
 def test_it_holds_its_position_under_water_without_gps(tmp_path: Path, positions: str, most: float) -> None:
     dive = Dive(tmp_path, positions=positions)
     strayed: list[float] = []
@@ -184,6 +133,34 @@ def test_it_holds_its_position_under_water_without_gps(tmp_path: Path, positions
     print(f"{positions}: {max(strayed):.2f} m off in a minute of POSHOLD, in a current of 0.3 m/s")
     assert max(strayed) < most
     assert dive.station.latest["GPS_RAW_INT"].fix_type <= 1
+
+
+def test_a_dvl_ahead_of_the_middle_does_not_take_a_turn_for_a_sway(tmp_path: Path) -> None:
+    """ArduSub knows its place: unknown, half a turn would move the estimate by twice the lever arm of 0.5 m."""
+    dive = Dive(tmp_path, positions="dvl", sensors="[sensors.dvl]\nrate = 10\nposition = [0.5, 0, 0]")
+    errors: list[tuple[float, float]] = []
+    turned: list[float] = []
+
+    def mission() -> Mission:
+        yield from dive.dive(3.0)
+        yield from dive.command(SET_MODE, 1, POSHOLD)
+        yield 15.0
+        for stick in (300, 0, 0) * 6:
+            dive.station.sticks = (0, 0, 500, stick)
+            yield 2.0
+            believed, (north, east, _) = dive.station.latest["LOCAL_POSITION_NED"], dive.position
+            errors.append((believed.x - north, believed.y - east))
+            turned.append(dive.station.latest["ATTITUDE"].yaw)
+
+    try:
+        fly(dive.run, dive.station, mission(), 400.0)
+    finally:
+        dive.close()
+    steady = errors[6:]  # the first turns move the estimate wherever the DVL is
+    worst = max(hypot(north - steady[0][0], east - steady[0][1]) for north, east in steady)
+    print(f"turned from {min(turned):.1f} to {max(turned):.1f} rad: {worst:.2f} m off")
+    assert max(turned) - min(turned) > 2.5
+    assert worst < 0.3
 
 
 def test_a_given_gps_has_a_position_at_the_surface_alone(tmp_path: Path) -> None:

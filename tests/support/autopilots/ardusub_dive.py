@@ -1,0 +1,106 @@
+"""A dive of the real ArduSub, whose SITL program UUV_HIL_ARDUSUB names: the vehicle, and a ground station.
+
+Everything happens in simulated time, in lockstep: how fast it goes depends on the machine, what happens does not.
+"""
+
+import os
+import time
+from math import hypot
+from pathlib import Path
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.autopilots.run import AutopilotRun
+from hil.scenario.config import load_scenario
+from tests.support.autopilots.autopilot_dive import ARM, SET_MODE, WORLD, command
+from tests.support.clients.ground_station import GroundStation, Mission
+
+PROGRAM = os.environ.get("UUV_HIL_ARDUSUB", "")
+SCENARIO = """
+vehicle = "{vehicle}"
+world = "{world}"
+controller = "ardupilot"
+master = {{}}
+[start]
+depth = 0
+[autopilot]
+program = "{program}"
+instance = {instance}
+positions = "{positions}"
+{autopilot}
+[sensors.imu]
+rate = 400
+[sensors.pressure]
+rate = 50
+drop_out = {drop_out}
+[sensors.altimeter]
+[sensors.odometry]
+rate = 20
+[sensors.gps]
+rate = 5
+position = [0, 0, -0.4]
+{sensors}
+"""
+MANUAL, ALT_HOLD, GUIDED, POSHOLD = 19, 2, 4, 16
+
+
+class Dive:
+    """One ArduSub with its vehicle and a ground station."""
+
+    def __init__(
+        self, folder: Path, vehicle: str = "bluerov2_heavy", instance: int = 3, drop_out: float = 0.0,
+        positions: str = "simulated", autopilot: str = "", sensors: str = "",
+    ) -> None:  # fmt: skip
+        world, path = folder / "stream.toml", folder / "dive.toml"
+        world.write_text(WORLD)
+        text = SCENARIO.format(
+            vehicle=vehicle, world=world, program=PROGRAM, instance=instance, drop_out=drop_out, positions=positions,
+            autopilot=autopilot, sensors=sensors,
+        )  # fmt: skip
+        path.write_text(text)
+        self.reports: list[str] = []
+        self.run = AutopilotRun(load_scenario(str(path)), self.reports.append)
+        self.station = GroundStation(("127.0.0.1", 5760 + 10 * instance))
+        self.began = time.monotonic()
+
+    def close(self) -> None:
+        self.station.close()
+        simulated, took = self.run.simulation.time_ns / 1e9, time.monotonic() - self.began
+        print(
+            f"{simulated:.0f} s simulated in {took:.1f} s: {simulated / took:.1f} times real time; {self.reports[1:]}"
+        )
+        self.run.__exit__()
+
+    @property
+    def position(self) -> list[float]:
+        return list(self.run.simulation.state.position)
+
+    def command(self, number: int, *parameters: float) -> Mission:
+        """Send until it is accepted."""
+        return command(self.station, number, *parameters)
+
+    def dive(self, depth: float) -> Mission:
+        """Arm, go down by the sticks, and hold depth."""
+        yield lambda: self.station.said("ArduPilot Ready")
+        yield from self.command(ARM, 1)
+        self.station.sticks = (0, 0, 300, 0)
+        yield lambda: self.position[2] > depth
+        self.station.sticks = (0, 0, 500, 0)
+        yield from self.command(SET_MODE, 1, ALT_HOLD)
+        yield 15.0
+
+    def hold(self, seconds: float, depths: list[float]) -> Mission:
+        """Note the depth twenty times a second."""
+        for _ in range(round(20 * seconds)):
+            depths.append(self.position[2])
+            yield 0.05
+
+    def go(self, north: float, east: float, depth: float) -> Mission:
+        """Go to a place (m from the estimator's origin) in GUIDED; said once, as each target begins from rest."""
+        mask = 0b1101_1111_1000  # positions only
+        message = dialect.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, dialect.MAV_FRAME_LOCAL_NED, mask, north, east, depth, 0, 0, 0, 0, 0, 0, 0, 0
+        )
+        self.station.send(message)
+        local = self.station.latest
+        yield lambda: hypot(local["LOCAL_POSITION_NED"].x - north, local["LOCAL_POSITION_NED"].y - east) < 0.5
