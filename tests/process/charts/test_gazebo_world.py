@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from hil.charts.imports.gazebo_world import import_world
 from hil.charts.imports.meshes import MeshJob, read_meshes
@@ -16,6 +15,9 @@ from hil.cli import main
 from hil.common.errors import ConfigError
 from sim.environment.world import World, load_world
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.lazy import import_lazily
+
+trimesh = import_lazily("trimesh")
 
 OTTER = Path(__file__).parents[2] / "vectors" / "otter"
 

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from sim.sensors.suite import SENSORS
-from tools.pages import sensor_gallery
+from tests.support.lazy import import_lazily
+
+sensor_gallery = import_lazily("tools.pages.sensor_gallery")
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "reference" / "sensors.md").read_text()

@@ -1,6 +1,7 @@
 """The page of the live view behind certificates."""
 
 import ssl
+from importlib.util import find_spec
 from pathlib import Path
 
 import aiohttp
@@ -10,7 +11,7 @@ from hil.commands.keys import add_machine, init
 from tests.support.clients.view_client import ADDRESS, offered, with_session
 from tests.support.processes import Program, free_port, run_here, write_scenario
 
-pytest.importorskip("viser", reason="the live view needs the extra view")
+pytestmark = pytest.mark.skipif(find_spec("viser") is None, reason="the live view needs the extra view")
 
 
 def machine(folder: Path) -> Path:

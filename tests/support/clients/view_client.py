@@ -6,7 +6,10 @@ from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
 import aiohttp
-import viser
+
+from tests.support.lazy import import_lazily
+
+viser = import_lazily("viser")
 
 T = TypeVar("T")
 ADDRESS = r"watch at (https?://\S+/)\?token=(\S+)"

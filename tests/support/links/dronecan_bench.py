@@ -1,41 +1,48 @@
 """A bus in memory with nodes of the package `dronecan`, the reference implementation in Python, and ends of ours."""
 
-from importlib import import_module
+from functools import cache
 from typing import Any
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.links.contract import ThrusterLink
 from hil.links.dronecan.link import open_dronecan
 from hil.links.wires.can_frame import CanFrame
+from tests.support.lazy import import_lazily
 from tests.support.links.can_bench import MemoryBus, MemoryWire, frames, records
 
-dronecan: Any = import_module("dronecan")
-uavcan = dronecan.uavcan
+dronecan = import_lazily("dronecan")
+uavcan = import_lazily("dronecan", "uavcan")
 
 PULSES = (1100, 1499, 1500, 1501, 1777, 1900)
 MS = 1_000_000
 
 
-class Driver(dronecan.driver.common.AbstractDriver):  # type: ignore[misc]  # the package has no types
-    """A wire of ours as the package wants it. It never waits."""
+@cache
+def driver_class() -> Any:
+    """Return the class of a wire of ours as the package wants it; made on first use, which imports the package."""
 
-    def __init__(self, wire: MemoryWire) -> None:
-        super().__init__()
-        self._wire = wire
-        self._heard: list[CanFrame] = []
+    class Driver(dronecan.driver.common.AbstractDriver):  # type: ignore[misc]  # the package has no types
+        """A wire of ours as the package wants it. It never waits."""
 
-    def receive(self, _timeout: float | None = None) -> Any:
-        self._heard += frames(self._wire.read())
-        if not self._heard:
-            return None
-        frame = self._heard.pop(0)
-        return dronecan.driver.common.CANFrame(frame.id, frame.data, frame.extended)
+        def __init__(self, wire: MemoryWire) -> None:
+            super().__init__()
+            self._wire = wire
+            self._heard: list[CanFrame] = []
 
-    def send_frame(self, frame: Any) -> None:
-        self._wire.write(records([CanFrame(frame.id, bytes(frame.data), frame.extended)]))
+        def receive(self, _timeout: float | None = None) -> Any:
+            self._heard += frames(self._wire.read())
+            if not self._heard:
+                return None
+            frame = self._heard.pop(0)
+            return dronecan.driver.common.CANFrame(frame.id, frame.data, frame.extended)
 
-    def close(self) -> None:
-        pass
+        def send_frame(self, frame: Any) -> None:
+            self._wire.write(records([CanFrame(frame.id, bytes(frame.data), frame.extended)]))
+
+        def close(self) -> None:
+            pass
+
+    return Driver
 
 
 class Bench:
@@ -57,7 +64,7 @@ class Bench:
     def node(self, node_id: int) -> Any:
         operational = uavcan.protocol.NodeStatus().MODE_OPERATIONAL
         made = dronecan.node.Node(
-            Driver(self.bus.wire()), node_id=node_id, mode=operational, catch_handler_exceptions=False
+            driver_class()(self.bus.wire()), node_id=node_id, mode=operational, catch_handler_exceptions=False
         )
         self.nodes.append(made)
         return made

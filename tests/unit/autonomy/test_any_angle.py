@@ -3,7 +3,6 @@
 import math
 from itertools import combinations, pairwise
 
-import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,6 +12,9 @@ from hil.autonomy.paths.any_angle import Sight, plan_any_angle
 from hil.autonomy.paths.astar import path_length, plan
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.errors import MissionError
+from tests.support.lazy import import_lazily
+
+nx = import_lazily("networkx")
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -1,6 +1,5 @@
 """A* against networkx's Dijkstra, an independent implementation, on 200 random maps."""
 
-import networkx as nx
 import numpy as np
 import pytest
 
@@ -8,6 +7,9 @@ from hil.autonomy.paths.astar import path_length, plan
 from hil.autonomy.paths.dstar import DStarLite
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.errors import MissionError
+from tests.support.lazy import import_lazily
+
+nx = import_lazily("networkx")
 
 
 def graph(cells: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> "nx.Graph[tuple[int, int]]":

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 from google.protobuf.descriptor_pb2 import FileDescriptorSet  # type: ignore[import-untyped]
 from google.protobuf.descriptor_pool import DescriptorPool  # type: ignore[import-untyped]
 from google.protobuf.message_factory import GetMessageClass  # type: ignore[import-untyped]
@@ -15,6 +14,9 @@ from hil.gateways.foxglove.scene import encode_scene, scene_channel
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.lazy import import_lazily
+
+trimesh = import_lazily("trimesh")
 
 WORLD = """\
 name = "w"

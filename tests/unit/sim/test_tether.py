@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.optimize import fsolve
 
 from hil.common.errors import ConfigError
 from sim.environment.world import World
 from sim.simulation import Simulation
 from sim.tether import Tether, TetherKeys
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.lazy import import_lazily
+
+integrate, optimize = import_lazily("scipy.integrate"), import_lazily("scipy.optimize")
 
 WORLD = World("deep", "test", (-300.0, 300.0, -300.0, 300.0), 500.0, density=1000.0, gravity=9.81)
 LEVEL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -42,7 +43,7 @@ def test_it_hangs_as_the_elastic_catenary() -> None:
         z += h / WEIGHT * (sqrt(1.0 + (v / h) ** 2) - sqrt(1.0 + (left / h) ** 2))
         return x - END[0], z - END[2]
 
-    h, v = fsolve(misses, (30.0, 90.0))
+    h, v = optimize.fsolve(misses, (30.0, 90.0))
     tether, wrench = at_rest(KEYS)
     assert wrench[0] == pytest.approx(-h, rel=0.03)
     assert wrench[2] == pytest.approx(WEIGHT * KEYS.length - v, rel=0.03)
@@ -68,9 +69,9 @@ def test_it_bends_in_a_current_as_an_integration_says() -> None:
 
     def shot(pull: Any) -> Any:
         start = np.concatenate([np.zeros(3), pull])
-        return solve_ivp(slope, (0.0, KEYS.length), start, rtol=1e-8, atol=1e-8).y[:, -1]
+        return integrate.solve_ivp(slope, (0.0, KEYS.length), start, rtol=1e-8, atol=1e-8).y[:, -1]
 
-    pull = fsolve(lambda pull: shot(pull)[:3] - np.array(END), (50.0, -50.0, 90.0))
+    pull = optimize.fsolve(lambda pull: shot(pull)[:3] - np.array(END), (50.0, -50.0, 90.0))
     _, wrench = at_rest(KEYS, world, 16_000)
     assert np.array(wrench[:3]) == pytest.approx(-shot(pull)[3:], abs=0.05 * float(np.linalg.norm(pull)))
 

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from hil.commands.topic.text import lines
 from hil.ros import message
@@ -13,7 +12,10 @@ from hil.view.scene import world as world_scene
 from sim.environment.things.pipelines import Pipeline
 from sim.environment.things.zones import Zone
 from sim.environment.world import World, load_world
+from tests.support.lazy import import_lazily
 from tests.unit.view.scene_recorder import Recorder
+
+trimesh = import_lazily("trimesh")
 
 ZONE = Zone("restricted", ((0.0, 0.0), (0.0, 10.0), (10.0, 10.0)), "reserve")
 PIPE = Pipeline(((0.0, 0.0), (0.0, 30.0)), 0.4, colour=(0.2, 0.4, 0.6))

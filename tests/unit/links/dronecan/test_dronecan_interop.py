@@ -1,7 +1,6 @@
 """Our DroneCAN against the reference implementation in Python, the package `dronecan`, on a bus in memory."""
 
 from collections.abc import Iterator
-from importlib import import_module
 from typing import Any, cast
 
 import pytest
@@ -12,11 +11,12 @@ from hil.links.dronecan.host import DroneCanHost
 from hil.links.dronecan.link import open_dronecan
 from hil.links.wires.can_frame import CanFrame
 from tests.support.calls import count_calls
+from tests.support.lazy import import_lazily
 from tests.support.links.can_bench import records
 from tests.support.links.dronecan_bench import PULSES, Bench, arm, dronecan, listen, uavcan
 
-dynamic_node_id: Any = import_module("dronecan.app.dynamic_node_id")
-node_monitor: Any = import_module("dronecan.app.node_monitor")
+dynamic_node_id = import_lazily("dronecan.app.dynamic_node_id")
+node_monitor = import_lazily("dronecan.app.node_monitor")
 
 RAW = [-8191, -20, 0, 20, 5672, 8191]
 

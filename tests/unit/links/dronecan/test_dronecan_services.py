@@ -2,7 +2,6 @@
 
 import random
 import struct
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +20,12 @@ from hil.links.dronecan.types import (
     unpack_rpm_command,
     unpack_status_extended,
 )
-from tests.support.links.dronecan_bench import PULSES, Bench, arm, dronecan, listen, uavcan
+from tests.support.lazy import import_lazily
+from tests.support.links.dronecan_bench import PULSES, Bench, arm, dronecan, listen
 from tests.support.links.dronecan_ends import device, host
 
-node_monitor: Any = import_module("dronecan.app.node_monitor")
-protocol, esc = uavcan.protocol, uavcan.equipment.esc
+node_monitor = import_lazily("dronecan.app.node_monitor")
+protocol, esc = import_lazily("dronecan", "uavcan.protocol"), import_lazily("dronecan", "uavcan.equipment.esc")
 SAVE, ERASE = 0, 1
 
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from hil.common.errors import ConfigError
 from hil.scenario.world_map import map_at
@@ -18,6 +17,9 @@ from sim.environment.world import World, load_world
 from sim.rays.scene import RayScene
 from sim.sensors.imaging.scenery import Scenery
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.lazy import import_lazily
+
+trimesh = import_lazily("trimesh")
 
 VEHICLE, _ = load_vehicle("paper_six")
 EMPTY = World("sea", "test", (-50.0, 50.0, -50.0, 50.0), 30.0)

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import integrate
 
 from sim.assembly import make_developer, make_shader
 from sim.dynamics import State
@@ -28,6 +27,9 @@ from sim.sensors.imaging.scenery import Seen
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.lazy import import_lazily
+
+integrate = import_lazily("scipy.integrate")
 
 EXTENT = (-60.0, 60.0, -60.0, 60.0)
 VEHICLE, _ = load_vehicle("bluerov2_heavy")

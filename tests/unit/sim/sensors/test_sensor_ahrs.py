@@ -1,7 +1,6 @@
 from math import asin, atan2, cos, degrees, exp, hypot, radians, sin
 from statistics import fmean, pstdev
 
-import allantools
 import pytest
 
 from hil.common.vectors import Quaternion
@@ -15,6 +14,9 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.lazy import import_lazily
+
+allantools = import_lazily("allantools")
 
 EXACT = ErrorModel()
 MODEL = AhrsModel(rate=50.0, angular_velocity=EXACT, acceleration=EXACT, magnetic_field=EXACT)

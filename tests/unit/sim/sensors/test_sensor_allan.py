@@ -3,10 +3,12 @@
 from math import exp, sqrt
 from random import Random
 
-import allantools
 import pytest
 
 from sim.sensors.error import ErrorModel, ErrorProcess
+from tests.support.lazy import import_lazily
+
+allantools = import_lazily("allantools")
 
 RATE = 50.0
 SECONDS = 8000.0

@@ -1,0 +1,24 @@
+"""Modules that are imported on first use: each worker collects all tests, and runs a part of them."""
+
+from importlib import import_module
+from operator import attrgetter
+from typing import Any
+
+
+class _LazyModule:
+    """A module's attributes, or those of an attribute of it."""
+
+    def __init__(self, name: str, attribute: str) -> None:
+        self._name = name
+        self._attribute = attribute
+
+    def __getattr__(self, name: str) -> Any:
+        return attrgetter(".".join(filter(None, (self._attribute, name))))(import_module(self._name))
+
+
+def import_lazily(name: str, attribute: str = "") -> Any:
+    """Return a stand-in for a module that takes long to import, to be used like it.
+
+    attribute: of the module ("a" or "a.b"), for which it stands instead.
+    """
+    return _LazyModule(name, attribute)
