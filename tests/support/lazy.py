@@ -13,6 +13,8 @@ class _LazyModule:
         self._attribute = attribute
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # what pytest looks for in all that a module of tests holds
+            raise AttributeError(name)
         return attrgetter(".".join(filter(None, (self._attribute, name))))(import_module(self._name))
 
 

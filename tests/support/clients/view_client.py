@@ -7,10 +7,6 @@ from typing import Any, TypeVar
 
 import aiohttp
 
-from tests.support.lazy import import_lazily
-
-viser = import_lazily("viser")
-
 T = TypeVar("T")
 ADDRESS = r"watch at (https?://\S+/)\?token=(\S+)"
 
@@ -36,6 +32,8 @@ def stick(held: bool = False, acts: tuple[str, ...] = (), vehicle: str = "uuv1",
 
 async def scene_bytes(client: aiohttp.ClientSession, address: str) -> int:
     """Connect as viser's page does; how many bytes of the scene come first."""
+    import viser  # here: it takes long to import, and all workers collect all tests
+
     async with client.ws_connect(f"{address}scene", protocols=[f"viser-v{viser.__version__}"]) as scene:
         message = await scene.receive(timeout=30.0)
         return len(message.data) if message.type is aiohttp.WSMsgType.BINARY else 0

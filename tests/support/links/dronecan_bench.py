@@ -1,6 +1,7 @@
 """A bus in memory with nodes of the package `dronecan`, the reference implementation in Python, and ends of ours."""
 
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 from firmware_stub.stub import Stm32, Stm32End
@@ -21,7 +22,9 @@ MS = 1_000_000
 def driver_class() -> Any:
     """Return the class of a wire of ours as the package wants it; made on first use, which imports the package."""
 
-    class Driver(dronecan.driver.common.AbstractDriver):  # type: ignore[misc]  # the package has no types
+    package: Any = import_module("dronecan")
+
+    class Driver(package.driver.common.AbstractDriver):  # type: ignore[misc]  # the package has no types
         """A wire of ours as the package wants it. It never waits."""
 
         def __init__(self, wire: MemoryWire) -> None:
@@ -34,7 +37,7 @@ def driver_class() -> Any:
             if not self._heard:
                 return None
             frame = self._heard.pop(0)
-            return dronecan.driver.common.CANFrame(frame.id, frame.data, frame.extended)
+            return package.driver.common.CANFrame(frame.id, frame.data, frame.extended)
 
         def send_frame(self, frame: Any) -> None:
             self._wire.write(records([CanFrame(frame.id, bytes(frame.data), frame.extended)]))

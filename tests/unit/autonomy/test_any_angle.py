@@ -2,6 +2,7 @@
 
 import math
 from itertools import combinations, pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,7 +15,10 @@ from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.errors import MissionError
 from tests.support.lazy import import_lazily
 
-nx = import_lazily("networkx")
+if TYPE_CHECKING:
+    import networkx as nx
+else:
+    nx = import_lazily("networkx")
 
 SEEDS = st.integers(0, 2**32 - 1)
 
