@@ -1,6 +1,7 @@
 """The live view: a scene and panels of some vehicles in the browser, brought up to date about 20 times a second."""
 
 from collections.abc import Mapping, Sequence
+from math import dist
 from ssl import SSLContext
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from hil.view.panels.panels import Panels
 from hil.view.panels.playback import PlaybackPanel
 from hil.view.panels.recording import RecordingPanel
 from hil.view.scene.fleet import FleetScene, Hunt
+from hil.view.scene.following import CAMERA_OFFSET, follow
 from hil.view.scene.sensors import SensorScene
 from hil.view.scene.server import SceneServer
 from hil.view.scene.vehicle import VehicleScene
@@ -29,7 +31,7 @@ from sim.vehicle.vehicle import Vehicle as VehicleFile
 PERIOD_S = 0.05  # of the scene
 PANEL_EVERY = 4  # frames
 TRACK_EVERY = 10
-CAMERA_OFFSET = (-1.8, -3.0, 1.8)  # m, of a camera that follows
+MOVED = 1e-3  # m, from which on a camera follows
 TOP_HEIGHT = 20.0  # m
 JPEG, RAW, SONAR, SIDE_SCAN = (
     "camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image",
@@ -198,21 +200,16 @@ class LiveView:
         self._last_place = tuple(place)
 
     def _follow(self) -> None:
-        """Move the cameras along with the chosen vehicle, wherever persons have turned them to."""
+        """Have the cameras follow the chosen vehicle, wherever persons have turned them to."""
         if self._name not in self._drawn:
             return
-        place = self._drawn[self._name].place
-        last = self._last_place
-        self._last_place = tuple(place)
-        if last is None:
+        place = tuple(self._drawn[self._name].place)
+        if self._last_place is not None and dist(place, self._last_place) < MOVED:
             return
-        moved = [a - b for a, b in zip(place, last, strict=True)]
-        if max(abs(value) for value in moved) < 1e-3:
-            self._last_place = last
-            return
+        self._last_place = place
         for client in self._server.get_clients().values():
             with client.atomic():
-                client.camera.position = client.camera.position + moved
+                follow(client.camera, place)
 
     def _on_stick(self, person: int, message: Mapping[str, Any] | None) -> Mapping[str, Any]:
         """Handle a message of a browser's stick; return what its bar shows."""

@@ -1,0 +1,59 @@
+"""A camera that follows a vehicle, in a browser that reports late what it shows."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.view.scene.following import CAMERA_OFFSET, follow
+
+STEP = np.array([0.04, 0.02, 0.0])  # m a frame: 0.9 m/s
+
+
+class Camera:
+    """A camera as viser's: to set its place moves also the point that it looks at."""
+
+    def __init__(self, place: Any, offset: Any) -> None:
+        self._position, self.look_at = place + offset, place
+
+    @property
+    def position(self) -> Any:
+        return self._position
+
+    @position.setter
+    def position(self, value: Any) -> None:
+        self.look_at = self.look_at + value - self._position
+        self._position = value
+
+    def report(self, position: Any, look_at: Any) -> None:
+        """Take what a browser shows."""
+        self._position, self.look_at = position, look_at
+
+
+@pytest.mark.parametrize("frames_late", [0, 1, 20])
+def test_it_does_not_fall_behind(frames_late: int) -> None:
+    place, offset = np.zeros(3), np.array(CAMERA_OFFSET)
+    camera = Camera(place, offset)
+    shown = deque([(camera.position, camera.look_at)] * (frames_late + 1))
+    for _ in range(1000):
+        place = place + STEP
+        follow(camera, place.tolist())
+        shown.append((camera.position, camera.look_at))
+        last = shown[-1]
+        camera.report(*shown.popleft())
+    assert np.allclose(last[0], place + offset)
+    assert np.allclose(last[1], place)
+
+
+def test_it_keeps_the_side_and_distance_that_a_person_chose() -> None:
+    camera = Camera(np.zeros(3), np.array(CAMERA_OFFSET))
+    camera.report(np.array([0.0, 8.0, 1.0]), np.zeros(3))
+    follow(camera, STEP.tolist())
+    assert np.allclose(camera.position, STEP + np.array([0.0, 8.0, 1.0]))
+
+
+def test_a_camera_inside_the_vehicle_comes_out() -> None:
+    camera = Camera(np.zeros(3), np.zeros(3))
+    follow(camera, STEP.tolist())
+    assert np.allclose(camera.position, STEP + np.array(CAMERA_OFFSET))
