@@ -307,8 +307,10 @@ class Contact:
             if len(roughly) < len(world.upright()):
                 self._beyond = min(self._beyond, _FAR)
             for pipeline in world.pipeline:
-                self._near += pipeline.stretches(world.seabed, world.spacing(), north, east, limit)
-                self._beyond = min(self._beyond, limit)
+                distance = pipeline.separation(north, east)[0]
+                if distance <= limit:
+                    self._near += pipeline.stretches(world.seabed, world.spacing(), north, east, limit)
+                self._beyond = min(self._beyond, max(limit, distance))
         return max(0.0, self._beyond - self.radius - away)
 
 

@@ -130,6 +130,12 @@ def test_above_a_long_one_a_step_looks_only_at_what_is_near(monkeypatch: pytest.
     assert 20 <= len(looked) < 20 * 60
 
 
+def test_far_from_one_nothing_is_looked_at_until_it_may_be_near() -> None:
+    contact = Contact(VEHICLE, FLAT, Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass)
+    assert not contact.resolve(State((0.0, -150.0, 19.0)))
+    assert 140.0 < contact.room()[2] < 150.0
+
+
 def test_cameras_and_sonars_know_what_it_is_made_of() -> None:
     world = FLAT._replace(pipeline=(FLAT.pipeline[0]._replace(colour=(0.9, 0.1, 0.2), echo=5.0),))
     assert list(world.looks()) == [(1, (0.9, 0.1, 0.2), 5.0)]
