@@ -5,7 +5,6 @@ from math import cos, degrees, exp, radians, sqrt
 from random import Random
 from statistics import fmean, pstdev
 
-import allantools
 from matplotlib.axes import Axes
 
 from sim.dynamics import State
@@ -117,6 +116,8 @@ def allan(panels: Sequence[Axes]) -> list[Finding]:
 def _deviation(model: ErrorModel, taus: list[float]) -> list[float]:
     process = ErrorProcess(model, 1.0 / RATE, Random(11))
     values = [process.measure(0.0) for _ in range(round(SECONDS * RATE))]
+    import allantools  # here: it loads all of scipy's statistics
+
     used, deviations, _, _ = allantools.oadev(values, rate=RATE, data_type="freq", taus=taus)
     taus[:] = [float(tau) for tau in used]
     return [float(x) for x in deviations]

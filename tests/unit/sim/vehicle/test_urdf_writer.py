@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yourdfpy
 from urdf_parser_py.urdf import URDF
 
 from hil.common.schema import preset_names
@@ -14,6 +13,9 @@ from sim.vehicle.meshes import Mesh
 from sim.vehicle.urdf.importer import read_urdf
 from sim.vehicle.urdf.writer import urdf_of
 from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.lazy import import_lazily
+
+yourdfpy = import_lazily("yourdfpy")
 
 PRESETS = preset_names("sim/vehicles")
 SAME = (
