@@ -220,7 +220,8 @@ class LiveView:
             return {}
         name = str(message.get("vehicle") or "")
         if name not in names:
-            return {"vehicles": names, "text": "no vehicle yet; waiting for one", "may_stop": False, "may_steer": False}
+            text, may = "no vehicle yet; waiting for one", {"may_stop": False, "may_steer": False}
+            return {"vehicles": names, "text": text, "dark": bool(self._panels.dark.value), **may}
         vehicle, present = self._source.vehicle(name), self._source.is_present(name)
         reason = _unavailable_reason(vehicle, present)
         text = reason
@@ -233,6 +234,7 @@ class LiveView:
         return {
             "vehicles": names, "text": text or "ready", "may_stop": bool(vehicle) and present,
             "may_steer": not reason, "armed": self._source.diagnostics(name).armed,
+            "dark": bool(self._panels.dark.value),
         }  # fmt: skip
 
     def _act(self, vehicle: Vehicle, message: Mapping[str, Any]) -> str:

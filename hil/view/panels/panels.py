@@ -23,8 +23,8 @@ class Panels:
         self.log = deque[str](maxlen=LOG_LINES)
         self.vehicle = gui.add_dropdown("vehicle", tuple(names) or ("-",))
         self.camera = gui.add_dropdown("camera", ("follow", "free", "top"))
-        dark = gui.add_checkbox("dark", False)
-        dark.on_update(lambda _: _set_theme(gui, bool(dark.value)))
+        self.dark = gui.add_checkbox("dark", False)
+        self.dark.on_update(lambda _: _set_theme(gui, bool(self.dark.value)))
         _set_theme(gui, False)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vehicle"):

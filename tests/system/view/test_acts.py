@@ -99,3 +99,7 @@ def test_who_only_looks_finds_all_buttons_grey(tmp_path: Path) -> None:
         assert page.page.locator("#stop").is_disabled()
         page.frame.get_by_text("this view only observes").first.wait_for()
         assert vehicle.diagnostics.armed
+        is_dark = "getComputedStyle(document.documentElement).colorScheme === 'dark'"
+        assert not page.page.evaluate(is_dark)
+        page.tick("dark")
+        page.page.wait_for_function(is_dark)  # the bar, as the panels
