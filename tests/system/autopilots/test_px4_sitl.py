@@ -76,9 +76,10 @@ class Dive:
         yield lambda: "ATTITUDE" in self.station.latest
         self.locked = self.run.simulation.time_ns / 1e9, time.monotonic()
         yield 3.0
-        yield from self.mode(MANUAL)
+        yield from self.mode(ALTITUDE)  # in MANUAL PX4 1.18 arms with the stick for motion ahead at full astern only
         yield from command(self.station, ARM, 1)
-        self.station.sticks = (-500, 0, 500, 0)
+        yield from self.mode(MANUAL)
+        self.station.sticks = (-500, 0, 250, 0)  # down is one of these: the first until PX4 1.17, the second since
         yield lambda: self.position[2] > depth
         self.station.sticks = (0, 0, 500, 0)
         yield MODE_AGES_S
