@@ -181,7 +181,7 @@ class LivenessMonitor:
         """
         if self.present or not (self.losses or self._session.has_pairs):
             return False
-        return len({peer for peer, *_ in self._session.links()}) >= self._session.dialled
+        return self._session.is_linked
 
     def _on_pong(self, payload: bytes) -> None:
         received_ns = to_wall_ns(now_ns())

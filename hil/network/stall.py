@@ -1,16 +1,21 @@
-"""Detect that a vehicle answers pings but sends no samples.
+"""Detect that a vehicle answers pings but sends no samples, or that none comes at all.
 
 A session has two links, one for commands and answers, one for samples: either may carry nothing while the other does.
 The cause that is known, `hil.network.unread_links` finds by itself; this is for any other.
 """
 
-from hil.common.clock import NS_PER_S
+from collections.abc import Callable
+
+from hil.common.clock import NS_PER_S, now_ns
+from hil.network.session import Session
+from hil.network.unread_links import UnreadLinks
 
 LONGEST_CHECK_NS = NS_PER_S // 2  # that counts between two looks: longer ones are pauses of this process
 FIRST_GAP_NS = NS_PER_S  # between two messages of a vehicle: at the least its figures of health come that often
 GAPS = 3  # of the longest that was usual, on top of the leases
 FORGOTTEN = 0.9  # is what remains of the longest gap at each look at which messages had come
 LEASES = 2
+CHECK_S = 0.25  # between two looks whether anybody has come
 LONGEST_PAUSE_NS = 60 * NS_PER_S  # between two attempts to mend it
 
 
@@ -52,3 +57,24 @@ class StallDetector:
         self._silent_ns = 0
         self.attempts += 1
         return True
+
+
+def mend_while_nobody(session: Session, is_anybody: Callable[[], bool], lease: float) -> None:
+    """Let a session meet its first vehicle, from a thread of its own until it is closed; `lease` in s.
+
+    What zenoh sends first on a link gets lost now and then on a busy machine, and with it all that we declared: while
+    there are links and nobody is there, links that are not read are cut, and the session is opened again. A vehicle
+    that is there is watched by `hil.client.liveness`.
+    """
+    unread, stall, met = UnreadLinks(lease, session.has_pairs), StallDetector(lease), 0
+
+    def mend() -> None:
+        nonlocal met
+        is_deaf = not is_anybody() and session.is_linked
+        met += not is_deaf
+        if session.is_lost or stall.is_stalled(now_ns(), 0, met, is_deaf):
+            session.reopen()
+        elif is_deaf:
+            unread.mend(session)
+
+    session.every(CHECK_S, mend, "first contact")

@@ -81,7 +81,7 @@ def _parser() -> Any:
         "--prometheus", metavar="[HOST:]PORT", type=serving_address, help="serve the figures to a monitoring system too"
     )
     parser.add_argument("--grafana", action="store_true", help="print a dashboard for Grafana, and end")
-    add_wait(parser, 5.0, "a slave")
+    add_wait(parser, 10.0, "a slave")
     return parser
 
 

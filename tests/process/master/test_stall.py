@@ -2,11 +2,16 @@
 
 import socket
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
+import pytest
 import zenoh
 
+import hil
 from hil.client.client import VehicleClient
+from hil.client.health_watch import HealthWatch
+from hil.network import stall
 from hil.network.opening import listen
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.sockets import cut
@@ -46,6 +51,21 @@ def test_it_connects_again_when_the_vehicle_never_appears() -> None:
         assert wait_for(lambda: client.contact.reconnections)
         assert [line for line in reports if "has a link, but no answer has come of it" in line]
         assert wait_for(lambda: len(client.session.links()) > 0)
+
+
+def test_who_looks_for_any_vehicle_connects_again_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stall, "GAPS", 0)  # nothing has come yet, so no gap is usual
+    scenario, port = write_scenario(tmp_path)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with ExitStack() as stack:
+        with listen(endpoint):  # in the place of a slave whose token is lost
+            fleet = stack.enter_context(hil.connect(endpoint, observe=True))
+            session = stack.enter_context(open_client_session(endpoint))
+            watch = HealthWatch(session)
+            assert wait_for(lambda: fleet._session.reopenings and session.reopenings)
+        stack.enter_context(Program(tmp_path, "slave", scenario))
+        assert fleet.wait_for("uuv1", seconds=60)
+        assert wait_for(watch.statuses)
 
 
 def test_a_socket_that_cannot_be_cut_is_left() -> None:
