@@ -52,7 +52,10 @@ def main(arguments: list[str]) -> int:
     way.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, help="send its commands to this slave")
     way.add_argument("--check", action="store_true", help="repeat it without network and clock")
     way.add_argument(
-        "--foxglove", metavar="FILE.mcap", type=OUTPUT_FILE, help="write one file for Foxglove, with seabed and vehicle"
+        "--foxglove",
+        metavar="FILE.mcap",
+        type=OUTPUT_FILE,
+        help="write one file for Foxglove, with seabed and vehicle; its folder must be there",
     )
     way.add_argument("--view", action="store_true", help="show it in a browser")
     parser.add_argument(

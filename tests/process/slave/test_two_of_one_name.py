@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tests.support.processes import Program, free_port, write_scenario
+from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 
 def test_the_second_slave_of_a_name_ends(tmp_path: Path) -> None:
@@ -20,7 +20,9 @@ def test_the_second_slave_of_a_name_ends(tmp_path: Path) -> None:
         with Program(folders[0], "slave", scenarios[0]) as first:
             first.expect("ready", 60)
             with Program(folders[1], "slave", scenarios[1]) as second:
-                assert second.process.wait(60) == 4
+                ended = wait_for(lambda: second.process.poll() is not None, 60)
+                assert ended, f"the first:\n{first.output}\nthe second:\n{second.output}"
+                assert second.process.returncode == 4
                 assert f":{first.process.pid}; end that one" in second.output
                 assert "thrusters neutral" in second.output
                 assert "Traceback" not in second.output
