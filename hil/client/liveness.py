@@ -7,7 +7,7 @@ from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
 from hil.network.clock_offset import ClockOffset, Estimate
 from hil.network.presence import declare_presence, watch_presence
 from hil.network.session import Session
-from hil.network.stall import StallDetector
+from hil.network.stall import StallDetector, is_linked
 from hil.network.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
 from hil.network.unread_links import UnreadLinks
 
@@ -181,7 +181,7 @@ class LivenessMonitor:
         """
         if self.present or not (self.losses or self._session.has_pairs):
             return False
-        return self._session.is_linked
+        return is_linked(self._session)
 
     def _on_pong(self, payload: bytes) -> None:
         received_ns = to_wall_ns(now_ns())

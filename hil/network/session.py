@@ -288,11 +288,6 @@ class Session:
         """Return of each link the identity of the peer and both addresses, ours and the peer's."""
         return [(str(link.zid), link.src, link.dst) for link in self._session.info.links()]
 
-    @property
-    def is_linked(self) -> bool:
-        """True while each peer that is dialled has a link."""
-        return len({peer for peer, *_ in self.links()}) >= max(1, self.dialled)
-
     def free_links(self) -> None:
         """Close lost links at once, so that they do not delay the next one; see `hil.network.sockets`."""
         from hil.network.sockets import free_new  # the vehicle is ready before this is loaded

@@ -59,6 +59,11 @@ class StallDetector:
         return True
 
 
+def is_linked(session: Session) -> bool:
+    """Return whether each peer that we dial has a link, as a lost one has not."""
+    return len({peer for peer, *_ in session.links()}) >= max(1, session.dialled)
+
+
 def mend_while_nobody(session: Session, is_anybody: Callable[[], bool], lease: float) -> None:
     """Let a session meet its first vehicle, from a thread of its own until it is closed; `lease` in s.
 
@@ -70,7 +75,7 @@ def mend_while_nobody(session: Session, is_anybody: Callable[[], bool], lease: f
 
     def mend() -> None:
         nonlocal met
-        is_deaf = not is_anybody() and session.is_linked
+        is_deaf = not is_anybody() and is_linked(session)
         met += not is_deaf
         if session.is_lost or stall.is_stalled(now_ns(), 0, met, is_deaf):
             session.reopen()
