@@ -57,7 +57,8 @@ def test_topics_are_registered_and_come_in_the_form_of_ros_1(served: Served) -> 
     assert [each.header.seq - messages[0].header.seq for each in messages] == [0, 1, 2]
     assert messages[0].header.frame_id == "imu_link"
     assert served.master.items["Publisher", "/uuv1/imu"] == ("sensor_msgs/Imu", served.api)
-    assert {"/clock", "/tf", "/tf_static", "/uuv1/odom"} <= served.master.names("Publisher")
+    there = {"/clock", "/tf", "/tf_static", "/uuv1/odom"}
+    assert wait_for(lambda: there <= served.master.names("Publisher"))
 
 
 def test_a_latched_topic_comes_to_each_that_subscribes(served: Served) -> None:
