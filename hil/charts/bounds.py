@@ -102,7 +102,7 @@ def settle(grid: Grid, low: Array, high: Array, soundings: Array) -> Depths:
     low, high = low.astype(np.float32), high.astype(np.float32)
     need = np.nan_to_num(np.clip(bed, low, high) - bed)
     if need.any():
-        known, here = _around_soundings(soundings, grid), need.copy()
+        known, here = around(soundings, grid), need.copy()
         for _ in range(PASSES):
             edge = np.pad(need, 1, mode="edge")
             mean = np.float32(0.25 * SPREAD) * (edge[:-2, 1:-1] + edge[2:, 1:-1] + edge[1:-1, :-2] + edge[1:-1, 2:])
@@ -111,16 +111,16 @@ def settle(grid: Grid, low: Array, high: Array, soundings: Array) -> Depths:
     return np.asarray(np.clip(bed + need, low, high), np.float32)
 
 
-def _around_soundings(soundings: Array, grid: Grid) -> Mask:
-    """Return which nodes are a corner of a cell with a sounding in it."""
-    around = np.zeros(grid.depths.shape, bool)
-    last: Indices = np.array(around.shape, np.intp) - 1
-    scaled = (soundings[:, :2] - (grid.north_min, grid.east_min)) / grid.resolution
+def around(points: Array, grid: Grid) -> Mask:
+    """Return which nodes are a corner of a cell with one of `points` (n, 2 or more) in it."""
+    corners = np.zeros(grid.depths.shape, bool)
+    last: Indices = np.array(corners.shape, np.intp) - 1
+    scaled = (points[:, :2] - (grid.north_min, grid.east_min)) / grid.resolution
     scaled = scaled[((scaled >= 0.0) & (scaled <= last)).all(axis=1)]
     rows, columns = np.minimum(np.floor(scaled).astype(np.intp), last - 1).T
     for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        around[rows + row, columns + column] = True
-    return around
+        corners[rows + row, columns + column] = True
+    return corners
 
 
 def allowance(soundings: Array, limits: Array, north: Array, east: Array, reach: float) -> Array:

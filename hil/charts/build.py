@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hil.charts.bounds import Bounds, allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
 from hil.charts.charted import paint_natures, within
+from hil.charts.expected import Limits, from_borders, known_nodes, leave_limits
 from hil.charts.grid import Extent, Grid
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import Placed, beds_under, place
@@ -62,15 +63,15 @@ class Built(NamedTuple):
 class _Data(NamedTuple):
     """Data that a surface goes through: `points` (n, 3) are soundings first, then beds below hazards, then guides.
 
-    The first `soundings` of them are soundings, the first `measured` are those with the beds. `low` and `high`: the
-    limits at what is measured.
+    The first `soundings` of them are soundings, the first `measured` are those with the beds. `limits` are at what is
+    measured, and `borders` tells how far, m, that is from the borders of areas.
     """
 
     points: Array
     soundings: int
     measured: int
-    low: Array
-    high: Array
+    limits: Limits
+    borders: Array
     surface: Surface
 
 
@@ -131,12 +132,15 @@ def _settled(survey: Survey, data: _Data, bounds: Bounds, empty: Grid, progress:
     north, east, resolution = empty.north, empty.east, empty.resolution
     smooth = data.surface.evaluate(north, east, water, lambda share: progress(0.8 * share))
     low = relaxed(np.where(water, bounds.low, np.inf), survey.detail, resolution)
-    high = bounds.high + allowance(measured, data.high, north, east, 2.0 * max(resolution, survey.detail))
+    high = bounds.high + allowance(measured, data.limits.high, north, east, 2.0 * max(resolution, survey.detail))
     grid = empty._replace(depths=smooth.astype(np.float32))
     grid = grid._replace(depths=settle(grid, low, high, measured))
     clamped = float((np.abs(grid.depths - smooth) > 0.01)[water].mean())
+    if survey.sheets:
+        known = known_nodes(bounds, grid, data.points)
+        grid = grid._replace(depths=leave_limits(grid, Limits(low, high), data.surface, known, survey.detail))
     grid = grid._replace(depths=raise_land(grid.depths, bounds.land, water, resolution))
-    return keep_shoals(grid, measured, data.low, np.where(water, low, -np.inf)), clamped
+    return keep_shoals(grid, measured, data.limits.low, np.where(water, low, -np.inf)), clamped
 
 
 def _report(grid: Grid, data: _Data | None, clamped: float, begin: float) -> Report:
@@ -145,8 +149,9 @@ def _report(grid: Grid, data: _Data | None, clamped: float, begin: float) -> Rep
     if data is not None:
         count = data.soundings
         inside = _inside(data.points, grid.extent)
-        errors = hold_out(data.surface, data.points, inside[:count], (data.low[:count], data.high[:count]))
-        off_limits = int((inside[:count] & (data.points[:count, 2] > data.high[:count])).sum())
+        limits = Limits(*(part[:count] for part in data.limits))
+        errors = hold_out(data.surface, data.points, inside[:count], limits, data.borders[:count])
+        off_limits = int((inside[:count] & (data.points[:count, 2] > limits.high)).sum())
         counts = [int(part.sum()) for part in np.split(inside, [count, data.measured])]
     water, land, unknown = (
         float(share.mean()) for share in (grid.depths > 0.0, grid.depths <= 0.0, np.isnan(grid.depths))
@@ -203,8 +208,8 @@ def _data(survey: Survey) -> _Data:
         both = np.concatenate([measured, survey.guides])
         points = both[first_in_cell(both, SAME_PLACE)]
         surface = Surface(points[:, :2], points[:, 2], survey.strikes)
-    low, high = limits_at(survey, measured[:, :2])
-    return _Data(points, len(soundings), len(measured), low, high, surface)
+    limits = Limits(*limits_at(survey, measured[:, :2]))
+    return _Data(points, len(soundings), len(measured), limits, from_borders(survey, measured[:, :2]), surface)
 
 
 def _inside(points: Array, extent: Extent) -> NDArray[np.bool_]:

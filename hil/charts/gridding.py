@@ -7,6 +7,9 @@ shows in how well the contours of a patch agree in direction (geometric anisotro
 Delfiner, Geostatistics, 2012, 2.5.2). Blending with weights that have no jump in slope or curvature (partition of
 unity, Wendland 15.4) leaves no creases, which switching from one set of neighbours to the next would, and which a sonar
 would see.
+
+How far the bed may be off between its points is what kriging with that kernel as variogram tells (Chiles and Delfiner,
+chapter 3); the variogram's size is estimated from the depths of each patch.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,12 +25,16 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Progress = Callable[[float], None]  # takes the share that is done, 0 to 1
 
-LEAF = 40  # points in a patch before it is widened
-OVERLAP = 0.6  # how far a patch is widened to each side, in its own size
+LEAF = 20  # points in a patch before it is widened
+OVERLAP = 1.0  # how far a patch is widened to each side, in its own size
+LEAST_OVERLAP = 0.5  # down to which that is reduced where it makes too large a patch
+MOST = 300  # points in such a patch
 LEAST = 12  # points that a widened patch must have: it grows until then
 MOST_STRETCH = 3.0  # along contours, of a patch
 FEWEST_PIECES = 4  # of contours, below which a patch has no direction
 LEAST_WEIGHT = 1e-4  # of a patch, below which it has no say
+POWER = 1.75  # of the distance, in the kernel
+MAIN_WEIGHT = 0.02  # the same for how far it may be off, which need not be as smooth
 CHUNK = 500  # nodes evaluated at once: the matrices in between stay in the processor's cache
 
 
@@ -37,6 +44,19 @@ class Patch(NamedTuple):
     centre: Array
     half: Array
     inside: Indices
+
+
+class Doubt(NamedTuple):
+    """Expected error of a bed: `variance` in m^2, and `roughness`, the part of it a unit of distance, m^2 / m^1.75."""
+
+    variance: Array
+    roughness: Array
+
+    def deviation(self, away: Array) -> Array:
+        """Return the standard deviation in m, where the bed is known in `away` m: less than it changes till there."""
+        nearby = np.isfinite(away)
+        change = np.where(nearby, self.roughness * np.where(nearby, away, 0.0) ** POWER, np.inf)
+        return np.asarray(np.sqrt(np.minimum(self.variance, change)))
 
 
 class Surface:
@@ -61,7 +81,19 @@ class Surface:
 
         Only where `wanted` (of that shape) is true; nan elsewhere.
         """
-        total, weights = np.zeros(wanted.shape), np.zeros(wanted.shape)
+        return self._blend(north, east, wanted, lambda fit, nodes: fit.at(nodes)[:, None], report=report)[..., 0]
+
+    def doubt(self, north: Array, east: Array, wanted: Mask) -> Doubt:
+        """Return how far `evaluate` may be off there, nan where it is not wanted."""
+        found = self._blend(north, east, wanted, _Fit.doubts, least=MAIN_WEIGHT)
+        return Doubt(found[..., 0], found[..., 1])
+
+    def _blend(
+        self, north: Array, east: Array, wanted: Mask, find: Callable[["_Fit", Array], Array],
+        least: float = LEAST_WEIGHT, report: Progress = lambda share: None,
+    ) -> Array:  # fmt: skip
+        """Return what `find` tells (n, k) of nodes (n, 2), blended over the patches: (len(north), len(east), k)."""
+        total, weights = np.zeros((*wanted.shape, 1)), np.zeros(wanted.shape)
         for done, patch in enumerate(self._patches):
             report(done / len(self._patches))
             part = self._reached(north, 0, patch), self._reached(east, 1, patch)
@@ -70,13 +102,17 @@ class Surface:
                 continue
             rows, columns = rows + part[0].start, columns + part[1].start
             nodes = np.column_stack([north[rows], east[columns]])
-            weight = self._weight(nodes, patch)
+            weight = self._weight(nodes, patch, least)
             heavy = weight > 0.0
             rows, columns, nodes, weight = rows[heavy], columns[heavy], nodes[heavy], weight[heavy]
-            total[rows, columns] += weight * self._fit(patch).at(nodes)
+            found = find(self._fit(patch), nodes)
+            if found.shape[1] > total.shape[2]:
+                total = np.zeros((*wanted.shape, found.shape[1]))
+            total[rows, columns] += weight[:, None] * found
             weights[rows, columns] += weight
         report(1.0)
-        return np.where(weights > 0.0, total / np.where(weights > 0.0, weights, 1.0), np.nan)
+        weights[weights == 0.0] = np.nan
+        return np.asarray(total / weights[..., None])
 
     def at(self, places: Array) -> Array:
         """Depths at `places` (n, 2)."""
@@ -89,21 +125,23 @@ class Surface:
                 weights[near] += weight[near]
         return np.asarray(total / weights)
 
-    def held_out(self, folds: Indices) -> Array:
+    def held_out(self, folds: Indices) -> tuple[Array, Doubt]:
         """Return the surface at each data point fitted without the points of its fold; nan where the fold is < 0.
 
+        And how far it may be off there, which is estimated without them too.
         Exact and as cheap as one fit: blocks of a system's inverse tell the errors that leaving out its unknowns
         would make (Rippa, Adv. Comput. Math. 11, 1999, for one point; the same elimination for several).
         """
-        total, weights = np.zeros(len(self._points)), np.zeros(len(self._points))
+        total, weights = np.zeros((len(self._points), 3)), np.zeros(len(self._points))
         for patch in self._patches:
             if not (folds[patch.inside] >= 0).any():
                 continue
             weight = self._weight(self._points[patch.inside], patch)
-            total[patch.inside] += weight * self._fit(patch).without(folds[patch.inside])
+            total[patch.inside] += weight[:, None] * self._fit(patch).without(folds[patch.inside])
             weights[patch.inside] += weight
-        held = folds >= 0
-        return np.where(held, total / np.where(held, weights, 1.0), np.nan)
+        weights[folds < 0] = np.nan
+        depths, variance, roughness = total.T / weights
+        return depths, Doubt(variance, roughness)
 
     def _fit(self, patch: Patch) -> "_Fit":
         return _Fit(self._points[patch.inside], self._depths[patch.inside], patch, _stretch(self._strikes, patch))
@@ -114,13 +152,13 @@ class Surface:
         ends = patch.centre[k] - patch.half[k], patch.centre[k] + patch.half[k]
         return slice(int(np.searchsorted(clipped, ends[0], "right")), int(np.searchsorted(clipped, ends[1], "left")))
 
-    def _weight(self, nodes: Array, patch: Patch) -> Array:
-        """Wendland's C2 function along both axes: 1 in the middle of the patch, 0 on its rim."""
+    def _weight(self, nodes: Array, patch: Patch, least: float = LEAST_WEIGHT) -> Array:
+        """Wendland's C2 function along both axes: 1 in the middle of the patch, 0 on its rim, and below `least`."""
         clipped = np.clip(nodes, self._low, self._high)
         t = np.minimum(np.abs(clipped - patch.centre) / patch.half, 1.0)
         rest = (1.0 - t) * (1.0 - t)
         weights = rest * rest * (4.0 * t + 1.0)
-        return np.maximum(weights[:, 0] * weights[:, 1] - LEAST_WEIGHT, 0.0)
+        return np.maximum(weights[:, 0] * weights[:, 1] - least, 0.0)
 
 
 def _split(points: Array, inside: Indices, low: Array, high: Array) -> Iterator[tuple[Array, Array]]:
@@ -140,15 +178,19 @@ def _split(points: Array, inside: Indices, low: Array, high: Array) -> Iterator[
 
 def _widen(points: Array, order: Indices, low: Array, high: Array) -> Patch:
     """Return the patch around a box; `order`: the points' from south to north."""
-    centre, half = 0.5 * (low + high), (0.5 + OVERLAP) * np.maximum(high - low, 1e-3)
-    wanted = min(LEAST, len(points))
+    centre, size = 0.5 * (low + high), np.maximum(high - low, 1e-3)
     norths = points[order, 0]
-    while True:
+
+    def inside(half: Array) -> Indices:
         near = order[slice(*np.searchsorted(norths, (centre[0] - half[0], centre[0] + half[0])))]
-        inside = near[(np.abs(points[near] - centre) < half).all(axis=1)]
-        if len(inside) >= wanted:
-            return Patch(centre, half, np.sort(inside))
-        half *= 1.3
+        return np.sort(near[(np.abs(points[near] - centre) < half).all(axis=1)])
+
+    half = (0.5 + OVERLAP) * size
+    while len(inside(half)) > MOST and half[0] > (0.5 + LEAST_OVERLAP) * size[0]:
+        half = np.maximum(0.9 * half, (0.5 + LEAST_OVERLAP) * size)
+    while len(inside(half)) < min(LEAST, len(points)):
+        half = 1.3 * half
+    return Patch(centre, half, inside(half))
 
 
 def _stretch(strikes: Array, patch: Patch) -> Array:
@@ -176,6 +218,7 @@ class _Fit:
 
     def __init__(self, points: Array, depths: Array, patch: Patch, stretch: Array) -> None:
         self._centre, self._stretch = patch.centre, stretch
+        self._unit = 1.0 / patch.half.max()  # of scaled distances, as the stretch keeps areas
         self._points, self._depths = self._scaled(points), depths
         size = len(points) + 1
         self._system = np.ones((size, size))
@@ -191,15 +234,37 @@ class _Fit:
             for start in range(0, max(1, len(nodes)), CHUNK)
         ])  # fmt: skip
 
+    def doubts(self, nodes: Array) -> Array:
+        """Return the variance and the roughness at `nodes` (n, 2) as columns."""
+        inverse = np.linalg.inv(self._system)
+        sill = self._sill(float(self._right @ inverse @ self._right), len(self._points))
+        found = np.full((len(nodes), 2), sill * self._unit**POWER)
+        for start in range(0, len(nodes), CHUNK):
+            part = self._scaled(nodes[start : start + CHUNK])
+            to = np.column_stack([_kernel(part, self._points), np.ones(len(part))])
+            found[start : start + CHUNK, 0] = sill * np.maximum(0.0, -((to @ inverse) * to).sum(axis=1))
+        return found
+
     def without(self, folds: Indices) -> Array:
-        """Return the surface at each point, had the points of its fold not been there."""
+        """Return the surface at each point, had the points of its fold not been there, its variance and roughness."""
         inverse = np.linalg.inv(self._system)
         solution = inverse @ self._right
-        errors = np.zeros(len(self._points))
+        whole = float(self._right @ solution)
+        found = np.column_stack([self._depths, np.zeros((len(self._points), 2))])
         for fold in np.unique(folds[folds >= 0]):
             left_out = np.flatnonzero(folds == fold)
-            errors[left_out] = np.linalg.solve(inverse[np.ix_(left_out, left_out)], solution[left_out])
-        return np.asarray(self._depths - errors)
+            block = inverse[np.ix_(left_out, left_out)]
+            errors = np.linalg.solve(block, solution[left_out])
+            sill = self._sill(whole - float(solution[left_out] @ errors), len(self._points) - len(left_out))
+            found[left_out, 0] -= errors
+            found[left_out, 1] = sill * np.maximum(0.0, np.diag(np.linalg.inv(block)))
+            found[left_out, 2] = sill * self._unit**POWER
+        return found
+
+    @staticmethod
+    def _sill(energy: float, count: int) -> float:
+        """Return the size of the variogram in m^2 by `count` depths, whose quadratic form `energy` is (REML)."""
+        return max(0.0, energy) / max(1, count - 1)
 
     def _scaled(self, points: Array) -> Array:
         return np.asarray((points - self._centre) @ self._stretch)

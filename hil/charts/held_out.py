@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Mask
+from hil.charts.expected import Limits, expected
 from hil.charts.gridding import Indices, Surface
 
 Array = NDArray[np.float64]
@@ -27,22 +28,23 @@ class HeldOut(NamedTuple):
     held: int
 
 
-def hold_out(surface: Surface, points: Array, wanted: Mask, limits: tuple[Array, Array]) -> HeldOut:
+def hold_out(surface: Surface, points: Array, wanted: Mask, limits: Limits, borders: Array) -> HeldOut:
     """Hold out the `wanted` (n,) of the soundings, which are the first n of `points` (m, 3), a tenth at a time.
 
     Contours are kept. Ours and the linear, which is the triangulation of soundings and contours, are both held between
-    the areas' `limits` (n,) each, as the grid is.
+    the areas' `limits` (n,) each, and ours is what is expected between them, as in the grid. `borders` (n,): how far in
+    m the areas' borders are.
     """
     count = len(wanted)
     folds = np.random.default_rng(0).permutation(count) % FOLDS
     if wanted.sum() > MANY:
         folds = np.where(folds == 0, 0, -1)
     folds = np.where(wanted, folds, -1)
-    ours = surface.held_out(np.concatenate([folds, np.full(len(points) - count, -1)]))[:count]
-    errors, linear_errors = (
-        np.maximum(np.minimum(found, limits[1]), limits[0]) - points[:count, 2]
-        for found in (ours, _linear(points, folds))
-    )
+    found, doubt = surface.held_out(np.concatenate([folds, np.full(len(points) - count, -1)]))
+    deviation = doubt._replace(variance=doubt.variance[:count], roughness=doubt.roughness[:count]).deviation(borders)
+    linear = limits.hold(_linear(points, folds))
+    errors = expected(found[:count], deviation, limits) - points[:count, 2]
+    linear_errors = linear - points[:count, 2]
     reached = np.isfinite(linear_errors)
     return HeldOut(
         _rms(errors[reached]),

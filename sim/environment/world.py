@@ -32,6 +32,7 @@ _RELIEF_WITHIN = 50.0  # m
 # chart's two thousand take a slave of a tenth of a second a third more.
 _MANY = 100
 _CHECKED = ".obstacles"  # what they are kept as, after the world's file
+_FARTHEST_MESH = 5.0  # how far a mesh may reach, in the longer side of its world
 _SECTIONS = ("mesh", "shape", "pipeline", "bottom_map", "zone", "terrain", "ocean")
 
 
@@ -130,7 +131,13 @@ class World(NamedTuple):
     def misplaced_mesh(self) -> str | None:
         """Return which mesh could not be seen or is not in the world at all, if any."""
         north_min, north_max, east_min, east_max = self.extent
+        most = _FARTHEST_MESH * max(north_max - north_min, east_max - east_min)
         for mesh in self.mesh:
+            if mesh.radius > most:
+                return (
+                    f"{mesh.label} reaches {mesh.radius:.3g} m from its place, far out of the world: if its file is in "
+                    "millimetres, scale = 0.001; if it is in coordinates of a map, move it to its own origin"
+                )
             if not (north_min <= mesh.north <= north_max and east_min <= mesh.east <= east_max):
                 return f"{mesh.label} is outside the extent"
             if all(down >= self.seabed(north, east) for triangle in mesh.placed for north, east, down in triangle):

@@ -14,7 +14,7 @@ from typing import IO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.sources.sign import Positive, is_upwards
+from hil.charts.sources.sign import Positive, is_upwards, metres_in, require_possible
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 from hil.common.text import clean
@@ -77,6 +77,8 @@ def read_points(path: str, positive: Positive = "auto", crs: str | None = None) 
     if geographic and np.ptp(rows[:, 0]) > 180.0:  # on both sides of the 180th meridian
         rows[:, 0] %= 360.0
     name = [names[third]] if has_names else []
+    rows[:, 2] *= metres_in(name[0]) if name else 1.0
+    require_possible(path, rows[:, 2])
     up = is_upwards(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
     return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hil.charts.chart_survey import Box
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.sign import Positive, is_upwards
+from hil.charts.sources.sign import Positive, is_of_depths, is_upwards, metres_in, metres_of, require_possible
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 
@@ -30,9 +30,9 @@ COARSER = 1.5  # nodes farther apart than so many pixels get the mean of their p
 class Raster(NamedTuple):
     """A raster on the earth. `file` and `driver` are GDAL's names of it and of its format, `crs` is of its positions.
 
-    `box`: where it lies, degrees, east beyond 180 where it crosses that; `spacing`: the side of a pixel, m; `scale` and
-    `offset` make depths in m of its numbers. `date`: the day of the survey or of its issue, as 2024-03-01, "" where the
-    file names none.
+    `band` has the depths. `box`: where it lies, degrees, east beyond 180 where it crosses that; `spacing`: the side of
+    a pixel, m; `scale` and `offset` make depths in m of its numbers. `date`: the day of the survey or of its issue, as
+    2024-03-01, "" where the file names none.
     """
 
     name: str
@@ -44,6 +44,7 @@ class Raster(NamedTuple):
     scale: float
     offset: float
     date: str = ""
+    band: int = 1
 
     @property
     def label(self) -> str:
@@ -73,20 +74,24 @@ class Raster(NamedTuple):
                     UNIFIED_SRC_NODATA="NO",  # or a depth of none counts where the file says how sure it is of it
                 ) as warped,
             ):  # fmt: skip
-                found = warped.read(1)
+                found = warped.read(self.band)
         except (rasterio.errors.RasterioError, OSError) as error:
             raise ConfigError(f"{self.name}: cannot be resampled: {error}") from None
-        return np.asarray(self.scale * found[::-1].astype(float) + self.offset)
+        depths = self.scale * found[::-1].astype(float) + self.offset
+        require_possible(self.name, depths[~np.isnan(depths)])
+        return np.asarray(depths)
 
 
 def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) -> Raster:
-    """Return the first band of `path`; `crs` (as EPSG:32605) of its positions if it says none itself.
+    """Return the band of `path` that is named as depths or heights, else the first.
 
-    Without either, positions in degrees are taken as WGS 84. A shift between vertical datums is not applied. The ending
-    of its name, one of DRIVERS, says its format. Raises ConfigError, MissingExtraError.
+    `crs` (as EPSG:32605) is of its positions if it says none itself. Without either, positions in degrees are taken as
+    WGS 84. A shift between vertical datums is not applied. The ending of its name, one of DRIVERS, says its format.
+    Raises ConfigError, MissingExtraError.
     """
     try:
         import rasterio
+        from rasterio._err import CPLE_BaseError  # of a coordinate system that is not one of the earth
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
     except ImportError:
         raise MissingExtraError(f"{path}: rasters need rasterio: pip install 'uuv-hil[raster]'") from None
@@ -99,7 +104,7 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
                 file = _depths_of(path, source.subdatasets) if source.subdatasets else path
             with rasterio.open(file, driver=driver) as source:
                 return _placed(path, file, source, positive, crs)
-    except (RasterioError, OSError) as error:
+    except (RasterioError, CPLE_BaseError, OSError) as error:
         raise ConfigError(f"{path}: cannot be read as a raster: {error}") from None
 
 
@@ -133,10 +138,26 @@ def _placed(path: str, file: str, source: Any, positive: Positive, crs: str | No
     longitude, latitude = (np.array(axis) for axis in transform(where, WGS84, *zip(*corners, strict=True)))
     local = np.column_stack(LocalPlane(float(latitude[0]), float(longitude[0])).to_local(latitude, longitude))
     spacing = float(np.hypot(*(local[1:] - local[0]).T).max())
-    sign = -1.0 if _is_upwards(path, file, source, positive) else 1.0
-    scale, offset = sign * source.scales[0], sign * source.offsets[0]
-    date = _date({**source.tags(), **source.tags(1)})
-    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, date)
+    band = _band(source)
+    unit = _unit(path, source, band)
+    sign = -unit if _is_upwards(path, file, source, positive, band, unit) else unit
+    scale, offset = sign * source.scales[band - 1], sign * source.offsets[band - 1]
+    date = _date({**source.tags(), **source.tags(band)})
+    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, date, band)
+
+
+def _band(source: Any) -> int:
+    """Return which of a raster's bands has the depths: the first with a name of such, else the first."""
+    for band, name in enumerate(source.descriptions, 1):
+        if name and is_of_depths(name):
+            return band
+    return 1
+
+
+def _unit(path: str, source: Any, band: int) -> float:
+    """Return the metres of the unit that a band's values have; those without one are in metres. Raises ConfigError."""
+    name = source.units[band - 1] or source.tags(band).get("units") or ""
+    return metres_of(path, name) if name else metres_in(source.descriptions[band - 1] or "")
 
 
 def _date(tags: dict[str, str]) -> str:
@@ -160,16 +181,18 @@ def known_crs(name: str) -> Any:
         raise ConfigError(f"--crs: {name}: no such coordinate system ({error}); name one as EPSG:32605") from None
 
 
-def _is_upwards(path: str, file: str, source: Any, positive: Positive) -> bool:
-    tags = {key.rpartition("#")[2].lower(): str(value) for key, value in source.tags(1).items()}
+def _is_upwards(path: str, file: str, source: Any, positive: Positive, band: int, unit: float) -> bool:
+    tags = {key.rpartition("#")[2].lower(): str(value) for key, value in source.tags(band).items()}
     if positive == "auto" and tags.get("positive") in ("up", "down"):
         return tags["positive"] == "up"
     if positive == "auto" and source.driver in ("BAG", "S102"):  # elevations by definition; GDAL gives depths of S-102
         return bool(source.driver == "BAG")
-    named = [tags.get("standard_name"), tags.get("long_name"), source.descriptions[0], file.rpartition(":")[2]]
+    named = [tags.get("standard_name"), tags.get("long_name"), source.descriptions[band - 1], file.rpartition(":")[2]]
     shape = min(SAMPLED, source.height), min(SAMPLED, source.width)
-    values = np.ma.masked_invalid(source.read(1, out_shape=shape, masked=True))
-    known = values.compressed() * source.scales[0] + source.offsets[0]
+    values = source.read(band, out_shape=shape, masked=True)
+    known = unit * (values.compressed() * source.scales[band - 1] + source.offsets[band - 1])
+    known = known[~np.isnan(known)]
     if not len(known):
         raise ConfigError(f"{path}: not one pixel with a depth in it: take another file")
+    require_possible(path, known)
     return is_upwards(path, positive, [word for word in named if word], float(known.min()), float(known.max()))

@@ -127,8 +127,10 @@ def test_a_coast_is_a_guide(tmp_path: Path) -> None:
     cell.line(30, shore)
     guided = whole_bed(cell.write(tmp_path / "COAST.000"), 10.0).placed.grid
     before = guided.north < (54.0079 - 54.005) * 111_260.0
-    assert (bare.depths[before] == 0.0).mean() > 0.05
-    assert (guided.depths[before] == 0.0).mean() < 0.01
+    for found in (bare, guided):
+        assert (found.depths[before] == 0.0).mean() < 0.01
+    assert (np.diff(bare.depths[before][:, 50]) > 0.0).any(), "a trough before the beach"
+    assert (np.diff(guided.depths[before][:, 50]) < 0.0).all(), "up to the coast without one"
     assert guided.at(np.array([[(54.0078 - 54.005) * 111_260.0, 0.0]]))[0] < 1.5
 
 

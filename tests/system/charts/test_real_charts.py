@@ -70,8 +70,8 @@ def test_a_missing_update_is_named(tmp_path: Path) -> None:
 # RMSE in m of ours, of linear interpolation, and of the better of scipy's two radial bases (50 neighbours, linear or
 # thin plate), all three with the same contours and limits.
 ERRORS = [
-    ("US5AK5SI", 3.052, 5.595, 3.734), ("US5AK5SJ", 7.111, 8.849, 7.443), ("US5WA22M", 4.846, 7.779, 5.516),
-    ("US4AK4PH", 8.798, 12.41, 9.179), ("US4MD81M", 1.310, 1.812, 1.501),
+    ("US5AK5SI", 2.987, 5.595, 3.734), ("US5AK5SJ", 6.909, 8.849, 7.443), ("US5WA22M", 4.816, 7.779, 5.516),
+    ("US4AK4PH", 8.624, 12.41, 9.179), ("US4MD81M", 1.266, 1.812, 1.501),
 ]  # fmt: skip
 
 
@@ -82,7 +82,7 @@ def test_soundings_that_were_held_out(name: str, ours: float, linear: float, rad
     report = found.report
     assert report.rmse == pytest.approx(ours, rel=0.02)
     assert report.linear_rmse == pytest.approx(linear, rel=0.02)
-    assert report.rmse < 0.96 * min(report.linear_rmse, radial)
+    assert report.rmse < 0.95 * min(report.linear_rmse, radial)
     assert report.rmse_all < 1.02 * report.rmse
     assert report.bias < 0.0
     grid = found.placed.grid

@@ -66,13 +66,43 @@ def test_held_out_is_what_leaving_out_gives() -> None:
     corners = np.array([[0.0, 0.0], [0.0, 100.0], [100.0, 0.0], [100.0, 100.0]])
     points, depths = np.vstack([points, corners]), np.append(depths, [1.0, 2.0, 3.0, 4.0])
     folds = np.append(np.arange(LEAF - 4) % 5, [-1] * 4)
-    found = Surface(points, depths).held_out(folds)
+    found, doubt = Surface(points, depths).held_out(folds)
     assert np.isnan(found[-4:]).all()
     for fold in range(5):
         rest = Surface(points[folds != fold], depths[folds != fold])
         for index in np.flatnonzero(folds == fold):
             truth = rest.evaluate(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
             assert found[index] == pytest.approx(truth[0, 0], abs=1e-7)
+            there = rest.doubt(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
+            assert doubt.variance[index] == pytest.approx(there.variance[0, 0], rel=1e-5)
+            assert doubt.roughness[index] == pytest.approx(there.roughness[0, 0], rel=1e-5)
+
+
+def test_how_far_it_may_be_off_is_how_far_it_is() -> None:
+    """Held-out errors over their deviations have the size of one, and are nothing at the points themselves."""
+    bed = known_bed()
+    soundings = sounded(bed, 300)
+    surface = Surface(soundings[:, :2], soundings[:, 2])
+    found, doubt = surface.held_out(np.arange(300) % 10)
+    off = (found - soundings[:, 2]) / doubt.deviation(np.full(300, np.inf))
+    assert 0.6 < rms(off) < 1.5
+    north, east = soundings[:1, 0], soundings[:1, 1]
+    assert surface.doubt(north, east, np.ones((1, 1), bool)).variance[0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert (doubt.deviation(np.zeros(300)) == 0.0).all()
+
+
+def test_patches_are_widened_less_where_points_are_dense(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thousand points in one corner are in far fewer patches than they would be, and all is blended."""
+    random = np.random.default_rng(3)
+    points = np.vstack([random.uniform(0.0, 100.0, (60, 2)), random.uniform(0.0, 10.0, (1000, 2))])
+    surface = Surface(points, np.full(1060, 4.0))
+    axis = np.linspace(0.0, 100.0, 50)
+    assert surface.evaluate(axis, axis, np.ones((50, 50), bool)) == pytest.approx(np.full((50, 50), 4.0), abs=1e-4)
+    assert np.isfinite(surface.doubt(axis, axis, np.ones((50, 50), bool)).variance).all()
+    monkeypatch.setattr("hil.charts.gridding.MOST", 10_000)
+    free = Surface(points, np.full(1060, 4.0))
+    held, unheld = (sum(len(patch.inside) for patch in found._patches) for found in (surface, free))
+    assert held < 0.9 * unheld
 
 
 def test_points_in_one_line_and_only_two() -> None:

@@ -148,6 +148,10 @@ def test_a_world_file_has_meshes_beside_it(tmp_path: Path) -> None:
         ('[[mesh]]\nfile = "broken.stl"\nnorth = 0\neast = 0\n', r"mesh\[0\]: file: .*broken.stl: no"),
         ('[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nup = "x"\n', "'x' is not one of"),
         ('[[mesh]]\nfile = "block.stl"\nnorth = 90\neast = 0\n', r"the mesh at \(90, 0\) is outside the extent"),
+        (
+            '[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nscale = 1000.0\n',
+            r"the mesh at \(0, 0\) reaches .* m from its place, far out of the world: if its file is in millimetres",
+        ),
         ('[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\ndepth = 90\n', r"the mesh at \(0, 0\) has its top in the"),
         ('mesh = "block.stl"\n', r"mesh: expected tables, each under \[\[mesh\]\]"),
     ],

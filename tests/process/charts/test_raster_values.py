@@ -1,0 +1,87 @@
+"""Values of rasters: which band has the depths, in what unit, and marks for no depth that nothing names."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.charts.projection import LocalPlane
+from hil.charts.sources.points import read_points
+from hil.charts.sources.rasters import Raster, open_raster
+from hil.common.errors import ConfigError
+
+ROWS, COLUMNS = np.mgrid[0:30, 0:40]
+DEPTHS = (20.0 + 0.3 * ROWS + 0.2 * COLUMNS).astype(np.float32)
+
+
+def write(path: Path, *bands: np.ndarray, names: tuple[str, ...] = (), unit: str = "", **keys: Any) -> str:
+    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
+    where = {"crs": "EPSG:32632", "transform": rasterio.Affine(10, 0, 5e5, 0, -10, 6e6), **keys}
+    shape = {"height": 30, "width": 40, "count": len(bands), "dtype": "float32"}
+    with rasterio.open(path, "w", driver="GTiff", **shape, **where) as file:
+        file.write(np.stack(bands).astype(np.float32))
+        for number, name in enumerate(names, 1):
+            file.set_band_description(number, name)
+        if unit:
+            file.set_band_unit(1, unit)
+    return str(path)
+
+
+def depth_of(raster: Raster) -> float:
+    """Return the depth in its middle, 26.2 m if it is read as it was meant."""
+    south, west, north, east = raster.box
+    axis = np.array([-5.0, 0.0, 5.0])
+    return float(raster.depths(LocalPlane(0.5 * (south + north), 0.5 * (west + east)), axis, axis)[1, 1])
+
+
+MIDDLE = pytest.approx(20.0 + 0.3 * 14.5 + 0.2 * 19.5, abs=0.05)
+
+
+@pytest.mark.parametrize("names", [("Uncertainty", "Elevation"), ("depth uncertainty", "bedElevation")])
+def test_the_band_named_as_a_height_is_taken(names: tuple[str, str], tmp_path: Path) -> None:
+    path = write(tmp_path / "two.tif", np.full((30, 40), 0.5), -DEPTHS, names=names)
+    assert depth_of(open_raster(path)) == MIDDLE
+
+
+def test_of_three_bands_without_such_a_name_the_first_is_taken(tmp_path: Path) -> None:
+    path = write(tmp_path / "three.tif", -DEPTHS, np.full((30, 40), 0.5), np.ones((30, 40)))
+    assert depth_of(open_raster(path)) == MIDDLE
+
+
+@pytest.mark.parametrize(("name", "unit", "length"), [
+    ("depth", "ft", 0.3048), ("Depth (feet)", "", 0.3048), ("depth_fathoms", "", 1.8288), ("depth", "m below MSL", 1.0),
+])  # fmt: skip
+def test_depths_in_other_units_become_metres(name: str, unit: str, length: float, tmp_path: Path) -> None:
+    path = write(tmp_path / "units.tif", DEPTHS / length, names=(name,), unit=unit)
+    assert depth_of(open_raster(path)) == MIDDLE
+
+
+def test_a_unit_that_nobody_knows_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"units\.tif: its depths are in 'furlong', which is none of m, metre"):
+        open_raster(write(tmp_path / "units.tif", DEPTHS, names=("depth",), unit="furlong"))
+
+
+def test_columns_in_feet_become_metres(tmp_path: Path) -> None:
+    path = tmp_path / "feet.csv"
+    path.write_text("lon,lat,depth_ft\n10,54,100\n10.001,54,200\n10,54.001,300\n")
+    assert read_points(str(path)).depths == pytest.approx([30.48, 60.96, 91.44])
+
+
+@pytest.mark.parametrize("mark", [-99999.0, 1e20, np.inf])
+def test_a_mark_for_no_depth_that_the_file_does_not_name_is_refused(mark: float, tmp_path: Path) -> None:
+    marked = np.where(COLUMNS < 10, mark, -DEPTHS)
+    with pytest.raises(ConfigError, match=r"marks\.tif: has .* m, which is no depth: if that stands for none"):
+        open_raster(write(tmp_path / "marks.tif", marked, names=("elevation",)))
+    named = write(tmp_path / "named.tif", marked, names=("elevation",), nodata=mark)
+    assert depth_of(open_raster(named)) == MIDDLE
+    path = tmp_path / "marks.csv"
+    path.write_text("lon,lat,depth\n10,54,10\n10.001,54,-99999\n10,54.001,30\n")
+    with pytest.raises(ConfigError, match="which is no depth"):
+        read_points(str(path), "down")
+
+
+def test_a_coordinate_system_that_is_not_of_the_earth_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "pool.tif", DEPTHS, crs='LOCAL_CS["pool",UNIT["metre",1]]')
+    with pytest.raises(ConfigError, match=r"pool\.tif: cannot be read as a raster"):
+        open_raster(path)
