@@ -68,7 +68,7 @@ class Contacts:
         )
         session.free_links()
         if security:
-            from hil.network.admission import shorten_queues
+            from hil.network.sockets import shorten_queues
 
             shorten_queues()
         serve_last(session, node, sample_publisher.catch_up)

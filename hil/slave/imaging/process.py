@@ -24,6 +24,8 @@ from hil.common.stop import StopSignals
 from hil.network.opening import open_session
 from hil.network.session import Session
 from hil.network.settings import settings
+from hil.network.tokens import router_key
+from hil.network.unread_links import CHECK_NS, UnreadLinks
 from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.graph import Identity
@@ -134,12 +136,23 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
 def join(scenario: Scenario) -> Session:
     """Return the session: a client of the slave's, which forwards what its clients say to all.
 
-    With a router it dials that, as the slave does, and needs it to start no more than that does. Raises NetworkError.
+    With a router it dials that, as the slave does, and needs it to start no more than that does. Links that the library
+    does not read are cut, or who watches pictures would never be known here. Raises NetworkError.
     """
     network = scenario.network
     scheme, host, port = split_endpoint(scenario.slave.listen)
     where = network.router or f"{scheme}/{HERE.get(host, host)}:{port}"
-    return open_session("join", where, settings("imaging", (), (where,), network, scenario.security))
+    text = settings("imaging", (), (where,), network, scenario.security)
+    session = open_session("join", where, text, has_pairs=not network.router)
+    if network.router:
+        session.declare_token(router_key(session.zid))
+    unread = UnreadLinks(network.lease, session.has_pairs)
+
+    def mend() -> None:
+        unread.mend(session)
+
+    session.every(CHECK_NS / NS_PER_S, mend, "links")
+    return session
 
 
 def _publish(sample_publisher: SamplePublisher, delayed: list[tuple[int, Message]]) -> None:

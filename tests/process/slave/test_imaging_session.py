@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from hil.commands.keys import add_machine, init
 from hil.common.errors import NetworkError
@@ -84,6 +85,28 @@ def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
         for name in ("laptop", "stranger")
     ]
     assert arrives(stack.enter_context(join(asked)), *masters) == [{len(PICTURE)}, set()]
+
+
+def test_subscribers_are_known_although_a_link_was_not_read(stack: ExitStack) -> None:
+    """The library never reads one if its time limit for opening it ends while it tells a listener who is slow."""
+    asked = scenario(f"tcp/127.0.0.1:{free_port()}")
+    opened: list[str] = []
+
+    def be_slow(event: zenoh.LinkEvent) -> None:
+        if event.kind == zenoh.SampleKind.PUT and event.link.dst.startswith(asked.slave.listen):
+            opened.append(event.link.dst)
+            if len(opened) == 1:
+                time.sleep(0.7)  # the limit is 0.3 s
+
+    with listen(asked.slave.listen, pictures=True):
+        imaging = stack.enter_context(join(asked))
+        handler = zenoh.handlers.Callback(be_slow, indirect=False)
+        listener = imaging._session.info.declare_link_events_listener(handler)
+    stack.enter_context(listen(asked.slave.listen, pictures=True))
+    assert wait_for(lambda: len(opened) > 1), "the first was cut"
+    listener.undeclare()  # type: ignore[no-untyped-call]
+    master = stack.enter_context(open_master_session(asked.slave.listen))
+    assert arrives(imaging, master) == [{len(PICTURE)}]
 
 
 def test_without_a_slave() -> None:
