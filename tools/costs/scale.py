@@ -13,7 +13,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from math import nan
 from pathlib import Path
 from typing import NamedTuple
@@ -38,6 +40,7 @@ world = "paper_field"
 [slave]
 node = "uuv{number}"
 realtime = false
+step = "{step} ms"
 stay_awake = false
 [network]
 mode = "routed"
@@ -48,6 +51,9 @@ depth = "1 m"
 """
 TOPICS = ("odom",)
 PERIOD_NS = NS_PER_S // 20  # of odometry
+TOGETHER = 4  # slaves that start at once: all at once would take the processor from each other
+LESS_URGENT = 5  # by which a slave is nicer than a router: on boards of their own they do not share a processor
+START_WITHIN_S = 30.0
 
 
 class Received:
@@ -79,32 +85,34 @@ class Use(NamedTuple):
     resident: list[int]
 
 
-def measure(slaves: int, routers: int, seconds: float, sessions: str) -> str:
-    """Return a row of the table. Raises HilError when a slave cannot be reached."""
+def measure(slaves: int, routers: int, seconds: float, sessions: str, step: float) -> str:
+    """Return a row of the table; `step` of the slaves in ms. Raises HilError when a slave cannot be reached."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         ends = [f"tcp/127.0.0.1:{port}" for port in free_ports(routers)]
-        commands = [["router", "--listen", end, *_joined(ends, end)] for end in ends]
-        for number, port in enumerate(free_ports(slaves)):
-            path = folder / f"{number}.toml"
-            path.write_text(SCENARIO.format(number=number, router=ends[0]), encoding="utf-8")
-            commands.append(["slave", str(path), "--listen", f"tcp/127.0.0.1:{port}"])
-        processes = [start(stack, words) for words in commands]
+        processes = [start(stack, ["router", "--listen", end, *_joined(ends, end)]) for end in ends]
         network = Network(mode="routed", router=ends[-1])
         shared = stack.enter_context(open_master_session(ends[-1], network=network)) if sessions == "one" else ends[-1]
         received = [Received() for _ in range(slaves)]
-        for n, own in enumerate(received):
-            stack.enter_context(
-                VehicleClient(shared, f"uuv{n}", part="observer", network=network, topics=TOPICS, on_sample=own.add)
+        for number, port in enumerate(free_ports(slaves)):
+            own = received[number]
+            client = VehicleClient(
+                shared, f"uuv{number}", part="observer", network=network, topics=TOPICS, on_sample=own.add
             )
-        end = time.monotonic() + 20.0 + slaves
-        while time.monotonic() < end and not all(own.stamps for own in received):
-            time.sleep(0.2)
+            stack.enter_context(client)
+            path = folder / f"{number}.toml"
+            path.write_text(SCENARIO.format(number=number, router=ends[0], step=step), encoding="utf-8")
+            processes.append(start(stack, ["slave", str(path), "--listen", f"tcp/127.0.0.1:{port}"]))
+            processes[-1].nice(processes[-1].nice() + LESS_URGENT)
+            if (number + 1) % TOGETHER == 0 or number + 1 == slaves:
+                _wait_for(partial(_all_found, received[: number + 1]))
         for own in received:
             own.clear()
         first, begun = use(processes), time.monotonic()
         time.sleep(seconds)
         last, took = use(processes), time.monotonic() - begun
+        for process in processes:  # clients close at once when nobody is there: else it takes minutes
+            process.kill()
     cpu = [100.0 * (b - a) / took for a, b in zip(first.cpu, last.cpu, strict=True)]
     ages = sorted(age for own in received for age in own.ages)
     sent = sum(own.sent() for own in received)
@@ -115,6 +123,17 @@ def measure(slaves: int, routers: int, seconds: float, sessions: str) -> str:
     )  # fmt: skip
     alive = sum(bool(own.stamps) for own in received)
     return f"| {slaves} | {routers} | {sessions} | {alive} | " + " | ".join(f"{value:.1f}" for value in figures) + " |"
+
+
+def _all_found(received: list[Received]) -> bool:
+    return all(own.stamps for own in received)
+
+
+def _wait_for(condition: Callable[[], bool]) -> None:
+    """Wait for it, at most `START_WITHIN_S`."""
+    end = time.monotonic() + START_WITHIN_S
+    while time.monotonic() < end and not condition():
+        time.sleep(0.2)
 
 
 def _joined(ends: list[str], end: str) -> list[str]:
@@ -146,12 +165,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--sessions", choices=("one", "each"), default="one", help="of the observer: one, or one each vehicle"
     )
+    parser.add_argument("--step", type=float, default=2.5, help="of the slaves, in ms [%(default)s]")
     options = parser.parse_args(arguments)
     load = os.getloadavg()[0]
     print(f"{os.cpu_count()} processors, load before: {load:.1f}\n\n{HEADER}\n|{'---|' * HEADER.count(' | ')}---|")
     for routers in options.routers:
         for slaves in options.slaves:
-            print(measure(slaves, routers, options.seconds, options.sessions), flush=True)
+            print(measure(slaves, routers, options.seconds, options.sessions, options.step), flush=True)
     return 0
 
 
