@@ -189,8 +189,8 @@ class VehicleClient:
         for topic in sorted(topics, key=ALL.__ne__):  # all first, which has the others in it: none is to come twice
             with self._watching:
                 self.announce(topic)
-                if self._is_watched(topic):
-                    continue
+                if topic in self._watched or (topic not in DESCRIPTIONS and self._is_watched(topic)):
+                    continue  # of all topics a description would come only if it is made from now on
                 self._watched.add(topic)
                 self.session.subscribe(self.node, topic, self._deliver, PICTURES if is_picture(topic) else QUEUE)
             if self.contact.present and not is_picture(topic):

@@ -8,7 +8,16 @@ from hil.network.clock_offset import ClockOffset, Estimate
 from hil.network.presence import declare_presence, watch_presence
 from hil.network.session import Session
 from hil.network.stall import StallDetector, is_linked
-from hil.network.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
+from hil.network.tokens import (
+    PING,
+    PONG,
+    Part,
+    Presence,
+    clock_keys,
+    presence_keys,
+    read_clock,
+    read_presence,
+)
 from hil.network.unread_links import UnreadLinks
 
 PERIOD_S = 0.2  # of the exchange of clocks
@@ -56,6 +65,7 @@ class LivenessMonitor:
         self._arrival: threading.Thread | None = None
         self._pinger = threading.Thread(target=self._ping, name="clock", daemon=True)
         self._stall, self._unread = StallDetector(lease), UnreadLinks(lease, session.has_pairs)
+        self._openings = session.openings
         self._answers = 0
         self.samples = self._counted = 0
         self.reconnections = 0
@@ -158,21 +168,25 @@ class LivenessMonitor:
         The second is for whatever cause. Cutting the links was not always enough: one client in 5,000 had both links
         again, and the library still brought it nothing.
         """
+        openings = self._session.openings
         if self._session.is_lost:
-            self._session.reopen()
+            self._session.reopen(openings)
             return
+        if openings != self._openings:
+            self._openings = openings
+            self._stall.restart()
         if self._unread.mend(self._session):
             self._report(f"a link of {self._session.name} was open and not read, or lost; connecting again")
             self.reconnections += 1
         is_deaf = self._is_deaf()
         if not is_deaf:  # else samples prove nothing: of what a session has declared a part may be lost
             self._counted = self.samples
-        if self._stall.is_stalled(now_ns(), self._answers, self._counted, is_deaf):
-            does = "has a link, but no answer has" if is_deaf else "answers, but nothing else has"
-            text = f"come of it for {self._stall.lasted_s:.1f} s; opening the session again"
+        is_stalled = self._stall.is_stalled(now_ns(), self._answers, self._counted, is_deaf)
+        if is_stalled and (not is_deaf or self._may_be_there()) and self._session.reopen(openings):
+            does = "had a link, but no answer came" if is_deaf else "answered, but nothing else came"
+            text = f"of it for {self._stall.lasted_s:.1f} s; the session was opened again"
             self._report(f"{self._node} at {self._session.name} {does} {text}")
             self.reconnections += 1
-            self._session.reopen()
 
     def _is_deaf(self) -> bool:
         """Return whether the vehicle is not there, although each peer that we dial has a link, as a lost one has not.
@@ -182,6 +196,18 @@ class LivenessMonitor:
         if self.present or not (self.losses or self._session.has_pairs):
             return False
         return is_linked(self._session)
+
+    def _may_be_there(self) -> bool:
+        """Return whether the vehicle of which nothing comes may be there: who has ended is no fault of the session.
+
+        A router has a link whether the vehicle is there or not, and knows of each; one that knows of none may have lost
+        what they told it, or we what it told us.
+        """
+        if self._session.has_pairs:  # the link is to the vehicle itself
+            return True
+        tokens = self._session.tokens(presence_keys("*", "slave"))
+        known = {presence.node for presence in map(read_presence, tokens) if presence}
+        return not known or self._node in known
 
     def _on_pong(self, payload: bytes) -> None:
         received_ns = to_wall_ns(now_ns())

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
+RETURNS_WITHIN_S = 3.0  # of silence, after which a vehicle that is gone is not waited for by who reads
 FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
 STARTED_WITHIN_S = 30.0  # the same of pictures whose process is still starting
 MADE_WITHIN_S = 30.0  # the same of pictures and descriptions, which are made when somebody subscribes
@@ -128,6 +129,7 @@ class VehicleState:
             elif self._starts(topic, pictures):
                 within = STARTED_WITHIN_S
         with self._first:
+            self._first.wait_for(lambda: self.present, self._returns_within_s())
             self._first.wait_for(lambda: topic in self.client.latest or not self.present, within)
         self._require_presence()
         stamped = self.client.latest.get(topic)
@@ -143,7 +145,8 @@ class VehicleState:
         """
 
         def check(waited: float) -> None:
-            self._require_presence()
+            if not self._returns_within_s():
+                self._require_presence()
             if waited > timeout and (waited > STARTED_WITHIN_S or not self._starts(topic, self.pictures())):
                 raise NetworkError(self._no_sensor(topic, waited))
 
@@ -185,6 +188,10 @@ class VehicleState:
             listener(topic)
         for stream in streams:
             stream.put(samples.aged(topic, stamped))
+
+    def _returns_within_s(self) -> float:
+        """Return how long to wait for a vehicle that is gone, as a short break of the network is no end, in s."""
+        return 0.0 if self._closing.is_set() else max(0.0, RETURNS_WITHIN_S - self.client.contact.silence_s)
 
     def _require_presence(self) -> None:
         if self._closing.is_set():

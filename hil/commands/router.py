@@ -3,9 +3,11 @@
 import select
 
 from hil.commands.listening import add_settings
+from hil.common.clock import now_ns
 from hil.common.options import ENDPOINT, LOCAL_SLAVE, changes_of, new_parser
 from hil.common.stop import StopSignals
 from hil.network.roles import open_router_session
+from hil.network.router_links import RouterLinks
 from hil.network.settings import Network
 
 EXAMPLES = """\
@@ -46,7 +48,9 @@ def main(arguments: list[str]) -> int:
     with StopSignals() as stop_fd, open_router_session(options.listen, network, security, others) as session:
         print(f"forwarding between all who dial {options.listen}", flush=True)
         known: list[str] = []
+        links = RouterLinks(session, lambda line: print(line, flush=True))
         while not select.select((stop_fd,), (), (), 0.5)[0]:
+            links.check(now_ns())
             connected = session.others()
             if connected != known:
                 known = connected

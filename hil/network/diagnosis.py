@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hil.network.session import Session
 
 TIMEOUT_S = 2.0
-# A TLS listener lets one connection wait (hil.network.admission): who comes second is not answered, and tries again.
+# A TLS listener lets one connection wait (hil.network.sockets): who comes second is not answered, and tries again.
 ATTEMPTS_S = (0.25, 0.25, 0.25, 0.25, 1.0)
 
 # Of X509_verify_cert: what is wrong with the certificate that the other side shows.

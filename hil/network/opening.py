@@ -22,7 +22,12 @@ def listen(
     `pictures`: it passes on those of its imaging process. Raises NetworkError, also when the port is taken.
     """
     text = settings("slave", (endpoint,), (network.router,) if network.router else (), network, security, pictures)
-    return open_session("listen on", endpoint, text)
+    session = open_session("listen on", endpoint, text)
+    if network.router:
+        from hil.network.tokens import router_key  # without a router not loaded before the vehicle is ready
+
+        session.declare_token(router_key(session.zid))
+    return session
 
 
 class Listening:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
+from hil.common.errors import NetworkError
 from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.topics import Priority, Topic, hash_of
@@ -44,15 +45,25 @@ class _Ended:
         """Watch nobody."""
 
 
+def close_session(session: zenoh.Session) -> None:
+    """Close a session of the library, which gives up after 10 s: then it is left as it is, and its user goes on."""
+    with suppress(zenoh.ZError):
+        session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
+
+
 class Declared:
     """A declaration on the library's session, repeated on each session that replaces it.
 
-    `current` is what the library gave for it; it lives as long as this does.
+    `current` is what the library gave for it; it lives as long as this does. `name` is where the session is connected.
+    Raises NetworkError while it is lost.
     """
 
-    def __init__(self, declare: Callable[[zenoh.Session], Any], session: zenoh.Session) -> None:
+    def __init__(self, declare: Callable[[zenoh.Session], Any], session: zenoh.Session, name: str) -> None:
         self._declare = declare
-        self.current = declare(session)
+        try:
+            self.current = declare(session)
+        except zenoh.ZError:
+            raise NetworkError(f"no connection to {name} at this moment; try again when it is back") from None
 
     def renew(self, session: zenoh.Session) -> None:
         """Declare the publisher on this session."""

@@ -8,6 +8,7 @@ from hil.common.errors import NetworkError
 from hil.network.opening import open_session
 from hil.network.session import Session
 from hil.network.settings import Network, settings
+from hil.network.tokens import router_key
 
 if TYPE_CHECKING:
     from hil.network.security import Security
@@ -78,6 +79,7 @@ def open_router_session(
     `others`: endpoints of further routers; it forwards to all that is behind them, and dials them until they are there.
     """
     session = _open("listen on", endpoint, settings("router", (endpoint,), others, network, security))
+    session.declare_token(router_key(session.zid))
     if security:
         _shorten_queues()
     return session
@@ -85,7 +87,7 @@ def open_router_session(
 
 def _shorten_queues() -> None:
     """Let few connections wait where we listen with TLS."""
-    from hil.network.admission import shorten_queues
+    from hil.network.sockets import shorten_queues
 
     shorten_queues()
 

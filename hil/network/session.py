@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from hil.network.publisher import Declared, Publisher, is_matched, key_of
+from hil.network.publisher import Declared, Publisher, close_session, is_matched, key_of
 from hil.ros import dialect
 from hil.ros.topics import TOPICS, Topic
 
@@ -35,18 +35,12 @@ REFUSAL = zenoh.Encoding.TEXT_PLAIN  # of the reason why there is no answer
 Deliver = Callable[[str, bytes, bytes], None]
 
 
-def close_session(session: zenoh.Session) -> None:
-    """Close a session of the library, which gives up after 10 s: then it is left as it is, and its user goes on."""
-    with suppress(zenoh.ZError):
-        session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
-
-
 class Session:
     """The process's one session. Use as a context; leaving it ends the readers.
 
     `open_library` returns an open session of the library; it may raise zenoh.ZError. `name` is where it listens or what
     it dials, `publishers` all that were made so far. `has_pairs`: it has two links with each peer, as a master has with
-    a slave. `dialled` is how many peers it dials. `reopenings` counts how often it was opened again.
+    a slave. `dialled` is how many peers it dials. `openings` counts how often it was opened.
     """
 
     def __init__(
@@ -55,13 +49,14 @@ class Session:
         self.name = name
         self.has_pairs = has_pairs
         self.dialled = dialled
-        self.reopenings = 0
+        self.openings = 1
         self._open_library = open_library
         self._session = open_library()
         self._zid = str(self._session.info.zid())
         self._turn = threading.Condition()  # of declarations, and of opening and closing
         self._declared: list[Declared] = []
         self._is_open = True
+        self._is_opening = False
         self._readers: list[threading.Thread] = []
         self._worker: WorkerThread | None = None  # of what comes seldom
         self._sending: WorkerThread | None = None  # of what is large
@@ -97,10 +92,10 @@ class Session:
         """Call `deliver(topic name, payload, attachment)` for what a node publishes, in a thread of its own.
 
         `topic` may be "*": all topics of the node. At most `depth` messages wait; beyond it the oldest are
-        dropped. `deliver` must be quick and must not raise.
+        dropped. `deliver` must be quick and must not raise. Of a latched topic the last message comes at once.
         """
         keys = f"{dialect.domain()}/{node}/{topic}/*/*"
-        channel = self._declare(lambda session: session.declare_subscriber(keys, zenoh.handlers.RingChannel(depth)))
+        channel = self._subscribe(keys, depth, topic in TOPICS and TOPICS[topic].qos.latched)
         self._number(node, zenoh.KeyExpr(keys))
         self._read(channel, lambda sample: _deliver(sample, deliver), f"reader {topic}")
 
@@ -173,10 +168,7 @@ class Session:
 
         `latched`: also for what was said last on a latched topic.
         """
-        declare: Any = zenoh.Session.declare_subscriber
-        if latched:
-            from hil.network.latched import declare_subscriber as declare
-        channel = self._declare(lambda session: declare(session, keys, zenoh.handlers.RingChannel(depth)))
+        channel = self._subscribe(keys, depth, latched)
         self._read(channel, lambda sample: deliver(str(sample.key_expr), *_content(sample)), f"reader {keys}")
 
     def answer_queries(self, key: str, handler: Callable[[zenoh.Query], None]) -> None:
@@ -262,22 +254,37 @@ class Session:
             if reader is not threading.current_thread():
                 reader.join(1.0)
 
-    def reopen(self) -> None:
-        """Close the library's session and open another with all that was declared; harmless once it was closed.
+    def reopen(self, openings: int) -> bool:
+        """Close the library's session and open another with all that was declared; return whether this was done.
 
+        `openings` is what the caller knows of: several clients may share a session, and one opens it again for all.
         What was on its way is lost. Where it cannot be opened, as when its router is gone, each later call tries again.
         """
         with self._turn:
-            if self._closed.is_set():
-                return
-            self.reopenings += self._is_open
+            if self._closed.is_set() or self._is_opening or (self._is_open and openings != self.openings):
+                return False
             self._close_library()
-            with suppress(zenoh.ZError):
-                self._session = self._open_library()
-                for declared in self._declared:
-                    declared.renew(self._session)
-                self._is_open = True
-                self._turn.notify_all()
+            self._is_opening = True
+        opened = None
+        with suppress(zenoh.ZError):
+            opened = self._open_library()  # takes long without a router; clients may be closed meanwhile
+        with self._turn:
+            self._is_opening = False
+            if opened:
+                self._replace_library(opened)
+            self._turn.notify_all()
+        return opened is not None
+
+    def _replace_library(self, opened: zenoh.Session) -> None:
+        if self._closed.is_set():
+            close_session(opened)
+            return
+        self._session = opened
+        with suppress(zenoh.ZError):
+            for declared in self._declared:
+                declared.renew(opened)
+            self._is_open = True
+            self.openings += 1
 
     @property
     def is_lost(self) -> bool:
@@ -287,6 +294,10 @@ class Session:
     def links(self) -> list[tuple[str, str, str]]:
         """Return of each link the identity of the peer and both addresses, ours and the peer's."""
         return [(str(link.zid), link.src, link.dst) for link in self._session.info.links()]
+
+    def routers(self) -> set[str]:
+        """Return the identities of the peers that are routers to the library, as slaves are."""
+        return {str(zid) for zid in self._session.info.routers_zid()}
 
     def free_links(self) -> None:
         """Close lost links at once, so that they do not delay the next one; see `hil.network.sockets`."""
@@ -309,7 +320,8 @@ class Session:
     def _declare(self, declare: Callable[[zenoh.Session], Any]) -> Declared:
         """Declare something now, and each time that the session is opened again."""
         with self._turn:
-            declared = Declared(declare, self._session)
+            self._turn.wait_for(lambda: self._closed.is_set() or not self._is_opening)
+            declared = Declared(declare, self._session, self.name)
             self._declared.append(declared)
         return declared
 
@@ -328,6 +340,13 @@ class Session:
             declared.end_publishing()
         close_session(self._session)
 
+    def _subscribe(self, keys: str, depth: int, latched: bool) -> Declared:
+        """Declare a subscriber whose messages a thread takes."""
+        declare: Any = zenoh.Session.declare_subscriber
+        if latched:
+            from hil.network.latched import declare_subscriber as declare
+        return self._declare(lambda session: declare(session, keys, zenoh.handlers.RingChannel(depth)))
+
     def _shared_worker(self) -> "WorkerThread":
         """Return the thread for everything that is rare, started on first use."""
         if self._worker is None:
@@ -335,7 +354,6 @@ class Session:
         return self._worker
 
     def _start_worker(self, name: str) -> "WorkerThread":
-        """Start a worker thread of this name."""
         from hil.network.worker import WorkerThread
 
         worker = WorkerThread()

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hil.network.security import Security
 
 SEND_BUFFER = 16384  # bytes
+NEW_SEND_BUFFER = 1 << 20  # of a router's link as long as it is new, see hil.network.router_links
 BATCH = 8192  # bytes
 KEEP_ALIVES = 4  # a lease
 FIRST_RETRY_MS = 20
@@ -63,16 +64,16 @@ class Network(NamedTuple):
         return validate_endpoint("router", self.router) if self.router else None
 
 
-def endpoints(endpoint: str, secure: bool = False, one: bool = False) -> list[str]:
+def endpoints(endpoint: str, secure: bool = False, one: bool = False, send_buffer: int = SEND_BUFFER) -> list[str]:
     """Return the two links of "tcp/HOST:PORT": urgent traffic on PORT, the rest on PORT + 1; or `one` for all.
 
-    With `secure` they are TLS, whatever the scheme says. Raises NetworkError when the endpoint is not of this form,
-    ConfigError when it asks for TLS without certificates.
+    With `secure` they are TLS, whatever the scheme says. `send_buffer` (bytes) is the kernel's. Raises NetworkError
+    when the endpoint is not of this form, ConfigError when it asks for TLS without certificates.
     """
     if not secure and (problem := no_certificates(endpoint)):
         raise ConfigError(problem)
     _, host, port = split_endpoint(endpoint)
-    scheme, buffer = "tls" if secure else "tcp", f"#so_sndbuf={SEND_BUFFER}"
+    scheme, buffer = "tls" if secure else "tcp", f"#so_sndbuf={send_buffer}"
     if one:
         return [f"{scheme}/{host}:{port}{buffer}"]
     return [f"{scheme}/{host}:{port}?prio=1-3{buffer}", f"{scheme}/{host}:{port + 1}?prio=4-7{buffer}"]
@@ -90,7 +91,8 @@ def settings(
 
     `pictures`: a slave passes on those of its imaging process.
     """
-    how = security is not None, role == "router" or network.mode == "routed"
+    buffer = NEW_SEND_BUFFER if role == "router" else SEND_BUFFER
+    how = security is not None, role == "router" or network.mode == "routed", buffer
     table: dict[str, Any] = {
         "mode": _mode(role, network),
         "listen": {"endpoints": [link for endpoint in listen for link in endpoints(endpoint, *how)]},

@@ -1,4 +1,4 @@
-"""Handle zenoh's sockets directly: close lost links at once, and cut a link that zenoh does not read.
+"""Handle zenoh's sockets directly: close lost links at once, cut those that are not read, limit what waits at them.
 
 The library's sockets linger: closing one whose last bytes nobody has acknowledged blocks a thread of the library for up
 to ten seconds, and that may be the one which accepts or opens the next link (eclipse-zenoh/zenoh#2350,
@@ -8,13 +8,25 @@ as it is there; what is on its way when a session closes is still sent, by the k
 
 import os
 import sys
-from _socket import AF_INET, AF_INET6, SHUT_RDWR, SO_LINGER, SOL_SOCKET, socket  # the whole module costs a slave 7 ms
+from _socket import (  # the whole module costs a slave 7 ms
+    AF_INET,
+    AF_INET6,
+    SHUT_RDWR,
+    SO_ACCEPTCONN,
+    SO_LINGER,
+    SO_SNDBUF,
+    SOL_SOCKET,
+    socket,
+)
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from struct import pack
 
 import zenoh
 
+from hil.network.settings import SEND_BUFFER
+
+WAITING = 0  # connections that a listener lets wait; the kernel adds one
 DO_NOT_LINGER = pack("ii", 0, 0)  # struct linger: not switched on
 
 
@@ -36,6 +48,31 @@ def cut(pairs: Collection[tuple[int, int]]) -> None:
         if pair in pairs:
             with suppress(OSError):  # it has just ended by itself
                 end.shutdown(SHUT_RDWR)
+
+
+def limit_send_buffers(pairs: Collection[tuple[int, int]]) -> None:
+    """Give this process's connections with these ports, ours and theirs, the small send buffer of all others."""
+    if not pairs:
+        return
+    for pair, end in network_sockets():
+        if pair in pairs:
+            end.setsockopt(SOL_SOCKET, SO_SNDBUF, SEND_BUFFER)
+
+
+def shorten_queues() -> int:
+    """Let one connection wait at each network socket on which this process listens; how many sockets that are.
+
+    The library accepts all connections that wait, and then fails those without a TLS handshake one by one, with a pause
+    of 100 ms after each (eclipse-zenoh/zenoh#2685): a thousand of them, which take a client without a certificate some
+    seconds, keep everybody out for two minutes and hold a thousand descriptors. With a queue of one it gets no more of
+    them in a pause than it fails behind it. listen(2) once more, by a second descriptor, changes that of the first.
+    """
+    shortened = 0
+    for _, end in network_sockets():
+        if end.getsockopt(SOL_SOCKET, SO_ACCEPTCONN) == 1:
+            end.listen(WAITING)
+            shortened += 1
+    return shortened
 
 
 def network_sockets() -> Iterator[tuple[tuple[int, int], socket]]:

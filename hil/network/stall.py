@@ -22,9 +22,10 @@ LONGEST_PAUSE_NS = 60 * NS_PER_S  # between two attempts to mend it
 class StallDetector:
     """Compare counts of answers and samples several times a second, at times (monotonic ns) that the caller gives.
 
-    A stall is that answers came, or there was a link, and no sample for two leases (of `lease` s) and three of the
-    gaps that are usual between samples. `attempts` counts how often it was told since the last sample; each takes
-    twice as long as the one before. `lasted_s` is how long (s) no sample has come since the last was told.
+    A stall is that answers came, or there was a link, and no sample for two leases (of `lease` s) and three gaps: the
+    longest usual one between samples, or without answers, which take longer to come back, 1 s. `attempts` counts how
+    often it was told since the last sample; each takes twice as long as the one before. `lasted_s` is how long (s) no
+    sample has come since the last was told.
     """
 
     def __init__(self, lease: float) -> None:
@@ -50,13 +51,19 @@ class StallDetector:
         elif answers != self._answers or is_deaf:
             self._silent_ns += passed_ns
         self._answers, self._samples = answers, samples
-        patience_ns = min((self._least_ns + GAPS * self._gap_ns) << min(self.attempts, 10), LONGEST_PAUSE_NS)
+        gap_ns = FIRST_GAP_NS if is_deaf else self._gap_ns
+        patience_ns = min((self._least_ns + GAPS * gap_ns) << min(self.attempts, 10), LONGEST_PAUSE_NS)
         if self._silent_ns < patience_ns:
             return False
         self.lasted_s = self._silent_ns / NS_PER_S
         self._silent_ns = 0
         self.attempts += 1
         return True
+
+    def restart(self) -> None:
+        """Count the silence from now on: another client of the session has opened it again."""
+        self._silent_ns = 0
+        self.attempts += 1
 
 
 def is_linked(session: Session) -> bool:
@@ -75,10 +82,11 @@ def mend_while_nobody(session: Session, is_anybody: Callable[[], bool], lease: f
 
     def mend() -> None:
         nonlocal met
+        openings = session.openings
         is_deaf = not is_anybody() and is_linked(session)
         met += not is_deaf
         if session.is_lost or stall.is_stalled(now_ns(), 0, met, is_deaf):
-            session.reopen()
+            session.reopen(openings)
         elif is_deaf:
             unread.mend(session)
 

@@ -51,6 +51,11 @@ def read_presence(key: str) -> Presence | None:
     return Presence(_plain(node, _LONGEST_NODE), _PARTS[part], int(rank), ident, _plain(process))
 
 
+def router_key(zid: str) -> str:
+    """Return the token by which a router knows what else is a router to the library: a slave, or another router."""
+    return f"uuv_hil_router/{zid}"
+
+
 def last_key(node: str, topic: str) -> str:
     """Return where a node tells late joiners the last message of a topic ("*": of all)."""
     return f"uuv_hil/{node}/last/{topic}"

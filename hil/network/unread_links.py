@@ -59,7 +59,7 @@ class UnreadLinks:
             return False
         passed_ns, self._checked_ns = min(now - self._checked_ns, LONGEST_CHECK_NS), now
         connections = session.links()
-        links = [(peer, (_port(ours), _port(theirs))) for peer, ours, theirs in connections]
+        links = [(peer, (port_of(ours), port_of(theirs))) for peer, ours, theirs in connections]
         stuck = self.find_unread(passed_ns, read_progress({pair for _, pair in links}))
         peers = self.find_halves(passed_ns, [peer for peer, _, theirs in connections if _IS_HALF in theirs])
         peers |= {peer for peer, pair in links if pair in stuck}
@@ -116,7 +116,7 @@ def read_progress(pairs: Collection[Pair]) -> dict[Pair, int]:
     return progress
 
 
-def _port(locator: str) -> int:
+def port_of(locator: str) -> int:
     """Return the port of "tcp/HOST:PORT?..."; 0 if it has none."""
     port = locator.partition("?")[0].partition("#")[0].rpartition(":")[2]
     return int(port) if port.isdecimal() else 0

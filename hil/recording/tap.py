@@ -17,7 +17,7 @@ import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
-from hil.network.session import close_session
+from hil.network.publisher import close_session
 from hil.network.settings import Network, settings
 from hil.network.sockets import free_sockets
 from hil.network.stall import StallDetector

@@ -43,6 +43,20 @@ def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_
             assert again.process.poll() is None
 
 
+@retried_when_busy("a silence may last longer")
+def test_a_short_silence_ends_no_reading(own_slave: tuple[Program, str]) -> None:
+    program, endpoint = own_slave
+    with hil.connect(endpoint) as fleet:
+        vehicle = fleet["uuv1"]
+        stream = vehicle.samples("imu")
+        program.process.send_signal(signal.SIGSTOP)
+        assert wait_for(lambda: not vehicle.present)
+        threading.Timer(0.5, program.process.send_signal, (signal.SIGCONT,)).start()
+        assert next(stream)
+        assert vehicle.imu
+        assert vehicle.present, "both waited until it was back"
+
+
 def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
     program, endpoint = own_slave
     with hil.connect(endpoint) as first:

@@ -47,6 +47,14 @@ def test_all_comes_to_who_does_not_choose(endpoint: str) -> None:
         assert wait_for(lambda: {"imu", "pressure", "odom", "dvl", "ground_truth"} <= set(client.latest))
 
 
+@pytest.mark.parametrize("topics", [("odom",), (ALL,)])
+def test_a_map_that_is_made_already_comes_to_a_late_client(endpoint: str, topics: tuple[str, ...]) -> None:
+    for _ in range(2):
+        with VehicleClient(endpoint, "uuv1", part="observer", topics=topics) as client:
+            client.watch("map")
+            assert wait_for(lambda: client.received["map"])
+
+
 def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) -> None:
     """Once in two seconds, and listened to only now."""
     with hil.connect(endpoint) as fleet:

@@ -3,12 +3,14 @@
 import socket
 import time
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 import zenoh
 
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S
+from hil.common.errors import NetworkError
 from hil.network import stall
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
@@ -83,9 +85,9 @@ def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_aga
         relay.withholds = True
         assert wait_for(lambda: relay.withheld_from)
         relay.withholds = False
-        assert wait_for(lambda: client.session.reopenings), reports
+        assert wait_for(lambda: client.session.openings > 1), reports
         assert client.contact.reconnections
-        assert [line for line in reports if "but nothing else has come of it" in line and "again" in line]
+        assert [line for line in reports if "but nothing else came of it" in line and "again" in line]
         before = client.received["odom"]
         assert wait_for(lambda: client.received["odom"] > before + 10 and client.contact.present)
         assert command_until(lambda: surge_of(client) > 0.05, client, surge=0.3), "who commands is obeyed again"
@@ -125,8 +127,8 @@ def test_all_that_was_declared_works_again() -> None:
             assert wait_for(exchange)
             assert wait_for(lambda: ("t/stays", True) in tokens)
             tokens.clear()
-            master.reopen()
-            assert master.reopenings == number + 1
+            master.reopen(master.openings)
+            assert master.openings == number + 2
         assert wait_for(exchange)
         assert ("t/withdrawn", True) not in tokens
 
@@ -134,8 +136,8 @@ def test_all_that_was_declared_works_again() -> None:
 def test_it_is_harmless_when_it_was_closed() -> None:
     session = open_master_session("tcp/127.0.0.1:9")
     session.close()
-    session.reopen()
-    assert session.reopenings == 0
+    session.reopen(session.openings)
+    assert session.openings == 1
     assert not session.is_lost
     assert session.links() == []
 
@@ -155,12 +157,47 @@ def test_one_that_cannot_be_opened_tries_again(attempts: int) -> None:
 
         session._open_library = fail  # type: ignore[assignment]
         for _ in range(attempts):
-            session.reopen()
+            session.reopen(session.openings)
             assert session.is_lost
             command.put(b"", 1)  # nothing is sent meanwhile, and nothing raised
-        session.reopen()
+        session.reopen(session.openings)
         assert not session.is_lost
-        assert session.reopenings == 1
+        assert session.openings == 2
+
+
+def test_clients_end_while_it_is_opened_again() -> None:
+    """Opening one takes long where the router is gone."""
+    with open_master_session("tcp/127.0.0.1:9") as session:
+        withdraw, opened, begun, go_on = session.declare_token("t/x"), session._open_library, Event(), Event()
+
+        def open_slowly() -> zenoh.Session:
+            begun.set()
+            go_on.wait(60.0)
+            return opened()
+
+        session._open_library = open_slowly
+        opening = Thread(target=session.reopen, args=(session.openings,))
+        opening.start()
+        assert begun.wait(60.0)
+        ending = Thread(target=withdraw)
+        ending.start()
+        ending.join(30.0)
+        assert not ending.is_alive()
+        go_on.set()
+        opening.join()
+        assert session.openings == 2
+
+
+def test_who_declares_on_one_that_is_lost_is_told() -> None:
+    with open_master_session("tcp/127.0.0.1:9") as session:
+        session._open_library = _fail
+        session.reopen(session.openings)
+        with pytest.raises(NetworkError, match=r"no connection to tcp/127\.0\.0\.1:9 at this moment; try again"):
+            session.publisher("uuv1", TOPICS["cmd_vel"])
+
+
+def _fail() -> zenoh.Session:
+    raise zenoh.ZError("no router")
 
 
 class WithoutEnd:
@@ -178,7 +215,7 @@ def test_one_that_cannot_be_closed_is_opened_again_all_the_same() -> None:
     with open_master_session("tcp/127.0.0.1:9") as session:
         for number in range(2):
             session._session = WithoutEnd(session._session)  # type: ignore[assignment]
-            session.reopen()
-            assert session.reopenings == number + 1
+            session.reopen(session.openings)
+            assert session.openings == number + 2
             assert not session.is_lost
         session._session = WithoutEnd(session._session)  # type: ignore[assignment]

@@ -24,11 +24,11 @@ from tests.support.processes import Program
 
 
 def test_an_agent_tells_an_event_and_returns_6(tmp_path: Path) -> None:
-    """It starts deeper than asked."""
+    """It goes a little deeper than asked on its way down."""
     ports = free_ports(6)
     rows = [MEMBER.format(node=f"uuv{i}", port=ports[i], agent=ports[3 + i], north=5 - 4 * i) for i in range(3)]
     path = tmp_path / "fleet.toml"
-    head = HEAD.replace("depth = 2", "depth = 2.3", 1)
+    head = HEAD.replace("depth = 2", "depth = 1", 1)
     path.write_text(f"{head}depth_margin = 0\n{''.join(rows)}[hunting]\ntarget = [0, 7]\n", encoding="utf-8")
     with (
         Program(tmp_path, "slave", path, "--member", "uuv0") as slave,

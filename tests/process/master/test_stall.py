@@ -1,6 +1,8 @@
 """A vehicle that answers and whose samples do not come is connected to again, and they come again."""
 
+import signal
 import socket
+import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,6 +13,7 @@ import zenoh
 import hil
 from hil.client.client import VehicleClient
 from hil.client.health_watch import HealthWatch
+from hil.common.clock import NS_PER_S
 from hil.network import stall
 from hil.network.opening import listen
 from hil.network.roles import open_client_session, open_master_session
@@ -49,7 +52,7 @@ def test_it_connects_again_when_the_vehicle_never_appears() -> None:
     endpoint, reports = f"tcp/127.0.0.1:{free_port()}", list[str]()
     with listen(endpoint), VehicleClient(endpoint, "uuv1", part="observer", report=reports.append) as client:
         assert wait_for(lambda: client.contact.reconnections)
-        assert [line for line in reports if "has a link, but no answer has come of it" in line]
+        assert [line for line in reports if "had a link, but no answer came of it" in line]
         assert wait_for(lambda: len(client.session.links()) > 0)
 
 
@@ -62,10 +65,48 @@ def test_who_looks_for_any_vehicle_connects_again_too(tmp_path: Path, monkeypatc
             fleet = stack.enter_context(hil.connect(endpoint, observe=True))
             session = stack.enter_context(open_client_session(endpoint))
             watch = HealthWatch(session)
-            assert wait_for(lambda: fleet._session.reopenings and session.reopenings)
+            assert wait_for(lambda: fleet._session.openings > 1 < session.openings)
         stack.enter_context(Program(tmp_path, "slave", scenario))
         assert fleet.wait_for("uuv1", seconds=60)
         assert wait_for(watch.statuses)
+
+
+def test_a_vehicle_that_ends_behind_a_router_disturbs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is told after 1.75 s instead of 4 s
+    router = f"tcp/127.0.0.1:{free_port()}"
+    scenarios = []
+    for name in ("uuv1", "uuv2"):
+        (tmp_path / name).mkdir()
+        scenarios.append(path := write_scenario(tmp_path / name, slave=f'node = "{name}"')[0])
+        path.write_text(f'{path.read_text()}\n[network]\nmode = "routed"\nrouter = "{router}"\n')
+    with (
+        Program(tmp_path, "router", "--listen", router),
+        Program(tmp_path, "slave", scenarios[0]),
+        hil.connect(router, routed=True, observe=True, wait=60.0) as fleet,
+    ):
+        with Program(tmp_path, "slave", scenarios[1]) as second:
+            stays, goes = fleet.wait_for("uuv1", "uuv2", seconds=60.0)
+            assert second.stop(signal.SIGTERM) == 0
+        assert wait_for(lambda: not goes.present)
+        openings, ends, before = fleet._session.openings, time.monotonic() + 4.0, stays.client.received["odom"]
+        while time.monotonic() < ends:
+            time.sleep(0.1)
+            assert stays.present
+        assert goes.client.contact._stall.attempts, "by then it would have been opened again"
+        assert fleet._session.openings == openings
+        assert stays.client.received["odom"] > before
+
+
+def test_clients_of_one_session_open_it_again_once() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint), open_master_session(endpoint) as session:
+        known = session.openings
+        callers = [threading.Thread(target=session.reopen, args=(known,)) for _ in range(4)]
+        for caller in callers:
+            caller.start()
+        for caller in callers:
+            caller.join()
+        assert session.openings == known + 1
 
 
 def test_a_socket_that_cannot_be_cut_is_left() -> None:

@@ -9,6 +9,7 @@ from hil.client import liveness
 from hil.client.liveness import GRACE_S, STALL_S, LivenessMonitor
 from hil.common.clock import NS_PER_S
 from hil.network.clock_offset import ClockOffset
+from hil.network.tokens import Presence, presence_key
 
 LEASE_S = 0.8
 
@@ -47,20 +48,26 @@ class Nobody:
 
     name = "tcp/bench"
     has_pairs = False
-    dialled = 1
+    dialled = openings = 1
     is_lost = False
     reopened = failures = 0
 
     def __init__(self, *peers: str) -> None:
         self.peers = peers
+        self.told: list[str] = []  # tokens that a router knows
 
     def links(self) -> list[tuple[str, str, str]]:
         return [(peer, "", "") for peer in self.peers]
 
-    def reopen(self) -> None:
+    def tokens(self, _keys: str) -> list[str]:
+        return self.told
+
+    def reopen(self, _openings: int) -> bool:
         self.reopened += 1
         self.failures -= 1
         self.is_lost = self.failures >= 0
+        self.openings += not self.is_lost
+        return not self.is_lost
 
 
 @pytest.fixture
@@ -140,7 +147,7 @@ def test_answers_without_samples_open_the_session_again(clock: Clock) -> None:
     reported = run(clock, 90.0, lambda: True, lambda: clock.now_s < silent_s, session)
     assert 2 <= session.reopened <= 8, "each attempt waits longer than the one before"
     assert len(reported) == session.reopened
-    assert all("answers, but nothing else has come of it" in line for _, line in reported)
+    assert all("answered, but nothing else came of it" in line for _, line in reported)
     assert 30.0 + 2 * LEASE_S < reported[0][0] < 30.0 + 2 * LEASE_S + 2.0
 
 
@@ -149,9 +156,30 @@ def test_samples_without_answers_open_the_session_again(clock: Clock) -> None:
     session, silent_s = Nobody("slave"), clock.now_s + 30.0
     gone, opened, *_ = run(clock, 60.0, lambda: clock.now_s < silent_s, session=session)
     assert "is gone" in gone[1]
-    assert "has a link, but no answer has come of it" in opened[1]
+    assert "had a link, but no answer came of it" in opened[1]
     assert opened[0] - gone[0] < 2 * LEASE_S + 4.0
     assert session.reopened
+
+
+@pytest.mark.parametrize(("known", "reopens"), [("uuv1", True), ("uuv2", False), ("", True)])
+def test_a_vehicle_that_a_router_knows_of_opens_the_session_again(clock: Clock, known: str, reopens: bool) -> None:
+    """A router has a link to us whether the vehicle is there or not; one that knows of none may have lost them."""
+    session, silent_s = Nobody("router"), clock.now_s + 30.0
+    session.told = [presence_key(Presence(known, "slave", 0, "ab", "board:1"))] if known else []
+    run(clock, 90.0, lambda: clock.now_s < silent_s, lambda: clock.now_s < silent_s, session)
+    assert (session.reopened > 0) == reopens
+
+
+def test_another_client_of_the_session_may_open_it_again(clock: Clock) -> None:
+    """Silence from before that is no reason for another attempt."""
+    session, began_s = Nobody("slave"), clock.now_s
+
+    def samples() -> bool:
+        session.openings = 1 + int((clock.now_s - began_s) / 3.0)
+        return False
+
+    run(clock, 90.0, lambda: True, samples, session)
+    assert not session.reopened
 
 
 def test_a_session_that_could_not_be_opened_again_is_tried_at_each_look(clock: Clock) -> None:

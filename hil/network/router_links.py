@@ -1,0 +1,50 @@
+"""Care for the links of a router: find slaves that have a link and are not known, and limit send buffers.
+
+To zenoh a slave is a router too. zenoh 1.10.2 drops what another router declares before it has heard of it, as on a
+busy machine with many vehicles: of 40 slaves one or two had a link, and nobody ever saw them. Over a new link they
+declare everything again.
+
+All that is declared is sent to a new slave at once, and everybody waits while its send buffer is full: 20 slaves that
+started together on a busy machine held a router up for good. So a new link has a large one, and later a small one, as
+what waits in it delays commands.
+"""
+
+from collections.abc import Callable
+
+from hil.common.clock import NS_PER_S
+from hil.network.session import Session
+from hil.network.sockets import cut, limit_send_buffers
+from hil.network.tokens import router_key
+from hil.network.unread_links import Pair, port_of
+
+SETTLED_NS = 3 * NS_PER_S  # after which a slave is known, and all that was declared was sent to it
+ATTEMPTS = 5  # each after twice the time: a router of others is never known
+
+
+class RouterLinks:
+    """The links of a router's `session`; `report` gets a line for each that is cut."""
+
+    def __init__(self, session: Session, report: Callable[[str], None]) -> None:
+        self._session, self._report = session, report
+        self._since: dict[Pair, int] = {}  # when each link was seen first
+        self._settled: set[Pair] = set()
+        self._known: set[Pair] = set()
+        self._attempts: dict[str, int] = {}  # of each peer that is not known
+
+    def check(self, now: int) -> None:
+        """Look at the links at an instant (monotonic ns), a few times a second."""
+        links = {(port_of(ours), port_of(theirs)): peer for peer, ours, theirs in self._session.links()}
+        self._since = {pair: self._since.get(pair, now) for pair in links}
+        settled = {pair for pair, since in self._since.items() if now - since >= SETTLED_NS}
+        limit_send_buffers(settled - self._settled)
+        self._settled, self._known = settled, self._known & links.keys()
+        routers = self._session.routers()
+        for pair in settled - self._known:
+            peer, patience_ns = links[pair], SETTLED_NS << self._attempts.get(links[pair], 0)
+            if peer not in routers or self._session.tokens(router_key(peer)):
+                self._known.add(pair)
+                self._attempts.pop(peer, None)
+            elif now - self._since[pair] >= patience_ns and self._attempts.get(peer, 0) < ATTEMPTS:
+                self._attempts[peer] = self._attempts.get(peer, 0) + 1
+                self._report(f"nothing is known of who dials from port {pair[1]}; cutting it, to be dialled again")
+                cut({pair})

@@ -1,0 +1,99 @@
+"""A router cuts links of slaves that it does not know, and gives new links room for all that was declared."""
+
+import socket
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+import zenoh
+
+from hil.common.clock import NS_PER_S
+from hil.network.opening import listen
+from hil.network.roles import open_client_session, open_router_session
+from hil.network.router_links import ATTEMPTS, SETTLED_NS, RouterLinks
+from hil.network.session import Session
+from hil.network.settings import NEW_SEND_BUFFER, SEND_BUFFER, Network, settings
+from hil.network.sockets import network_sockets
+from hil.network.tokens import router_key
+from hil.network.unread_links import port_of
+from tests.support.processes import Program, free_port, wait_for
+
+
+def router_of_others(endpoint: str) -> zenoh.Session:
+    """A session that is a router to the library, as a slave is, and of which nothing is known."""
+    text = settings("slave", (f"tcp/127.0.0.1:{free_port()}",), (endpoint,), Network("routed", endpoint), None)
+    return zenoh.open(zenoh.Config.from_json5(text))
+
+
+def _is_gone(session: Session, link: tuple[str, str, str]) -> bool:
+    return link not in session.links()
+
+
+def test_a_router_of_which_nothing_is_known_is_cut_a_few_times() -> None:
+    endpoint, told = f"tcp/127.0.0.1:{free_port()}", list[str]()
+    with open_router_session(endpoint) as session, router_of_others(endpoint):
+        links, cut_at, now = RouterLinks(session, told.append), list[int](), 0
+        for _ in range(ATTEMPTS):
+            assert wait_for(session.links)
+            (link,) = session.links()
+            links.check(now)
+            while len(told) == len(cut_at):
+                now += NS_PER_S
+                links.check(now)
+            cut_at.append(now)
+            assert wait_for(partial(_is_gone, session, link))
+        waits = [later - sooner for sooner, later in pairwise([0, *cut_at])]
+        assert waits[0] == SETTLED_NS
+        assert all(later >= 2 * sooner for sooner, later in pairwise(waits))
+        assert wait_for(session.links)
+        for seconds in range(600):
+            links.check(now + seconds * NS_PER_S)
+        assert len(told) == ATTEMPTS
+        assert session.links(), "then it is left as it is: it may be a router of others"
+
+
+def test_slaves_clients_and_joined_routers_are_left() -> None:
+    endpoint, further = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    network, told = Network("routed", endpoint), list[str]()
+    with (
+        open_router_session(endpoint) as session,
+        listen(f"tcp/127.0.0.1:{free_port()}", network),
+        open_router_session(further, others=(endpoint,)),
+        open_client_session(endpoint, network),
+    ):
+        assert wait_for(lambda: len(session.links()) == 3)
+        assert len(session.routers()) == 2
+        assert wait_for(lambda: len(session.tokens(router_key("*"))) == 3), "its own too"
+        links = RouterLinks(session, told.append)
+        for seconds in range(600):
+            links.check(seconds * NS_PER_S)
+        assert not told
+
+
+def test_a_new_link_has_room_for_all_that_was_declared_and_later_little() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with open_router_session(endpoint) as session, open_client_session(endpoint, Network("routed", endpoint)):
+        assert wait_for(session.links)
+        ((_, ours, theirs),) = session.links()
+        pair = port_of(ours), port_of(theirs)
+
+        def send_buffer() -> int:
+            sizes = [
+                end.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) for each, end in network_sockets() if each == pair
+            ]
+            return sizes[0]
+
+        most = int(Path("/proc/sys/net/core/wmem_max").read_text())
+        assert send_buffer() == 2 * min(most, NEW_SEND_BUFFER), "the kernel takes as much again for itself"
+        links = RouterLinks(session, print)
+        links.check(0)
+        links.check(SETTLED_NS)
+        assert send_buffer() == 2 * SEND_BUFFER
+
+
+def test_the_command_does_so_and_says_it(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Program(tmp_path, "router", "--listen", endpoint) as router:
+        router.expect("forwarding between all")
+        with router_of_others(endpoint):
+            router.expect(r"nothing is known of who dials from port \d+; cutting it, to be dialled again")
