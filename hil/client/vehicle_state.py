@@ -3,7 +3,7 @@
 import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
 
 from hil.client import samples
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
 RETURNS_WITHIN_S = 3.0  # of silence, after which a vehicle that is gone is not waited for by who reads
 FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
-STARTED_WITHIN_S = 30.0  # the same of pictures whose process is still starting
-MADE_WITHIN_S = 30.0  # the same of pictures and descriptions, which are made when somebody subscribes
+MADE_WITHIN_S = 30.0  # the same of what is made when somebody subscribes, and of pictures whose process still starts
+POLL_S = 0.1  # at which a wait asks again
 
 T = TypeVar("T")
 
@@ -121,21 +121,16 @@ class VehicleState:
         ConfigError.
         """
         self._listen(topic)
-        within = FIRST_WITHIN_S
-        if topic not in self.client.latest:  # one that came already asks the network for nothing
-            pictures = self.pictures()
-            if topic in DESCRIPTIONS or topic in pictures:
-                within = MADE_WITHIN_S
-            elif self._starts(topic, pictures):
-                within = STARTED_WITHIN_S
-        with self._first:
-            self._first.wait_for(lambda: self.present, self._returns_within_s())
-            self._first.wait_for(lambda: topic in self.client.latest or not self.present, within)
-        self._require_presence()
-        stamped = self.client.latest.get(topic)
-        if stamped is None:
-            raise NetworkError(self._no_sensor(topic, within))
-        return samples.aged(topic, stamped)
+        began = time.monotonic()
+        while True:
+            with self._first:
+                has_come = self._first.wait_for(lambda: self.present and topic in self.client.latest, POLL_S)
+            self._require_presence(RETURNS_WITHIN_S)
+            if has_come:
+                return samples.aged(topic, self.client.latest[topic])
+            waited = time.monotonic() - began
+            if self.present and waited > self._patience_s(topic):
+                raise NetworkError(self._no_sensor(topic, waited))
 
     def samples(self, topic: str, timeout: float = 5.0, depth: int = 256) -> Stream:
         """Return each sample of a sensor from now on, for `for` and `async for`: vehicle.samples("imu").
@@ -145,9 +140,8 @@ class VehicleState:
         """
 
         def check(waited: float) -> None:
-            if not self._returns_within_s():
-                self._require_presence()
-            if waited > timeout and (waited > STARTED_WITHIN_S or not self._starts(topic, self.pictures())):
+            self._require_presence(RETURNS_WITHIN_S)
+            if waited > timeout and (waited > MADE_WITHIN_S or not self._starts(topic, self.pictures())):
                 raise NetworkError(self._no_sensor(topic, waited))
 
         self._listen(topic)
@@ -189,15 +183,18 @@ class VehicleState:
         for stream in streams:
             stream.put(samples.aged(topic, stamped))
 
-    def _returns_within_s(self) -> float:
-        """Return how long to wait for a vehicle that is gone, as a short break of the network is no end, in s."""
-        return 0.0 if self._closing.is_set() else max(0.0, RETURNS_WITHIN_S - self.client.contact.silence_s)
+    def _patience_s(self, topic: str) -> float:
+        """Return how long the first sample of a topic is waited for, in s."""
+        pictures = self.pictures()
+        is_made = topic in DESCRIPTIONS or topic in pictures or self._starts(topic, pictures)
+        return MADE_WITHIN_S if is_made else FIRST_WITHIN_S
 
-    def _require_presence(self) -> None:
+    def _require_presence(self, patience_s: float = 0.0) -> None:
+        """Raise NetworkError if this was closed, or the vehicle is gone and has been silent for `patience_s`."""
         if self._closing.is_set():
             raise NetworkError(f"{self.name}: the connection was closed; connect again")
-        if not self.present:
-            silence = self.client.contact.silence_s
+        silence = self.client.contact.silence_s if not self.present else 0.0
+        if silence > patience_s:
             raise NetworkError(
                 f"{self.name} at {self.client.endpoint} is gone for {silence:.1f} s: its slave has ended, or the "
                 f'network between is down; it is found again by itself, fleet.wait_for("{self.name}") waits for it'
@@ -239,11 +236,11 @@ class VehicleState:
 
         That of a sensor of pictures is waited for: the graph may show it a moment after the slave.
         """
-        end = time.monotonic() + FIRST_WITHIN_S
+        began = time.monotonic()
         while topic not in (published := self._published()):
-            if not self._may_come(topic) or time.monotonic() > end:
+            patience_s = MADE_WITHIN_S if self._starts(topic, published) else RETURNS_WITHIN_S
+            if not self._may_come(topic) or time.monotonic() - began > patience_s or self._closing.wait(POLL_S):
                 return False
-            self._closing.wait(0.1)
         return learn(topic, published[topic], published)
 
     def _may_come(self, topic: str) -> bool:
@@ -251,7 +248,8 @@ class VehicleState:
         sensors = self.diagnostics.imaging_requested
         return sensors is None or topic.partition("/")[0] in sensors
 
-    def _starts(self, topic: str, pictures: set[str]) -> bool:
-        """Return whether the topic is of a sensor of pictures whose process has published none since it started."""
-        sensors = self.diagnostics.imaging_requested or {}
-        return topic.partition("/")[0] in sensors and not any(name.partition("/")[0] in sensors for name in pictures)
+    def _starts(self, topic: str, published: Iterable[str]) -> bool:
+        """Return whether the topic is of a sensor of pictures of which none was published since its process started."""
+        sensor = topic.partition("/")[0]
+        is_there = any(name.partition("/")[0] == sensor for name in published)
+        return not is_there and sensor in (self.diagnostics.imaging_requested or {})
