@@ -33,7 +33,7 @@ class Panels:
         with tabs.add_tab("Pictures"):
             self.pictures = gui.add_checkbox("receive pictures", False, hint="they are only sent while somebody looks")
             self._images: dict[str, Any] = {}
-            gui.add_html(_text("cameras and sonars of the vehicle appear here"))
+            self._no_pictures = gui.add_html(_text("cameras and sonars of the vehicle appear here"))
             self._image_folder = gui.add_folder("cameras and sonars")
         with tabs.add_tab("Link"):
             self._histogram: Any = None
@@ -57,6 +57,7 @@ class Panels:
         """Show a picture (height x width x 3) under its title."""
         handle = self._images.get(title)
         if handle is None:
+            self._no_pictures.visible = False
             with self._image_folder:
                 self._images[title] = self._gui.add_image(picture, label=title, format="jpeg", jpeg_quality=80)
         else:
