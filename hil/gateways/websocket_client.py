@@ -98,6 +98,8 @@ class SocketClient(ABC):
                 await self._on_text(message.data)
             elif message.type is WSMsgType.BINARY:
                 await self._on_binary(message.data)
+            elif message.type is WSMsgType.PING:
+                await asyncio.wait_for(self._socket.pong(message.data), STALLED_S)
             await self._queue.wait_for_room()
 
     async def _write(self) -> None:

@@ -4,11 +4,15 @@ Programs may look without the token, web pages may not, and who commands needs i
 """
 
 import asyncio
+import sys
 from abc import abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
+from socket import SO_LINGER, SOL_SOCKET
+from struct import pack
 from typing import Any, Generic, TypeVar
 
-from aiohttp import web
+from aiohttp import WSCloseCode, web
 
 from hil.common.server_thread import ServerThread, http_log
 from hil.gateways.access import Access
@@ -71,7 +75,7 @@ class WebSocketServer(ServerThread, Generic[T]):
                 text=f"a page needs the token: open the address that `uuv-hil {self._name}` printed\n"
             )
         socket = web.WebSocketResponse(
-            protocols=self._protocols, max_msg_size=LARGEST, heartbeat=HEARTBEAT_S, compress=False
+            protocols=self._protocols, max_msg_size=LARGEST, heartbeat=HEARTBEAT_S, autoping=False, compress=False
         )
         if not socket.can_prepare(request):
             raise web.HTTPBadRequest(text=f"this is a websocket for {self._name.capitalize()}\n")
@@ -79,13 +83,25 @@ class WebSocketServer(ServerThread, Generic[T]):
         if len(self._clients) >= MOST_CLIENTS:
             await socket.close(message=f"{MOST_CLIENTS} clients are here already".encode())
             return socket
+        transport = request.transport
+        if transport is None:  # it went meanwhile
+            return socket
         client = self._make_client(socket, may_command)
         self._clients.add(client)
         try:
             await client.serve()
         except (asyncio.TimeoutError, ConnectionError):
-            if request.transport:
-                request.transport.abort()  # closing it in order would wait for a client that does not read
+            _cut(transport)
         finally:
             self._clients.discard(client)
+        if socket.close_code == WSCloseCode.ABNORMAL_CLOSURE:  # it answered no heartbeat, and is closed in order
+            _cut(transport)
         return socket
+
+
+def _cut(transport: asyncio.Transport) -> None:
+    """Close a connection at once: in order, the kernel would wait for a client that does not read."""
+    linger = pack("hh" if sys.platform == "win32" else "ii", 1, 0)  # for 0 s
+    with suppress(OSError):  # it has gone meanwhile
+        transport.get_extra_info("socket").setsockopt(SOL_SOCKET, SO_LINGER, linger)
+    transport.abort()

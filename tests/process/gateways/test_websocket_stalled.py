@@ -1,18 +1,26 @@
 """A websocket client that does not read what it is sent is gone after a while, so that its place is free again."""
 
+import asyncio
 import base64
 import os
+import select
 import socket
 from collections.abc import Iterator
+from typing import Any, cast
 
 import pytest
+from aiohttp import web
 
 from hil.gateways import websocket_client, websocket_server
 from hil.gateways.foxglove.server import FoxgloveServer
+from hil.gateways.websocket_client import SocketClient
+from hil.gateways.websocket_server import WebSocketServer
 from tests.support.processes import wait_for
 
 PATIENCE_S = 60.0
 NOT_A_MESSAGE = b"\x81\x80\0\0\0\0"  # a text frame without text, which is answered
+PING = b"\x89\xfd\0\0\0\0" + bytes(125)
+MOST_READ = 32 << 20  # bytes that a server reads of a client that reads nothing: far more than wait in the kernel
 
 
 @pytest.fixture
@@ -21,6 +29,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoxgloveServer]:
     monkeypatch.setattr(websocket_client, "MOST_BYTES", 10_000)
     monkeypatch.setattr(websocket_client, "STALLED_S", 0.5)
     monkeypatch.setattr(websocket_server, "MOST_CLIENTS", 1)
+    monkeypatch.setattr(websocket_server, "HEARTBEAT_S", 5.0)  # serves where the kernel stops what the client sends
     with FoxgloveServer("127.0.0.1", 0) as server:
         yield server
 
@@ -40,21 +49,40 @@ def open_websocket(port: int) -> socket.socket:
     return client
 
 
-def send_for_ever(client: socket.socket) -> None:
-    """Send what is answered, until the connection is closed."""
-    while True:
-        client.sendall(NOT_A_MESSAGE * 64)
-
-
-def test_who_sends_and_never_reads_loses_its_place(server: FoxgloveServer) -> None:
+@pytest.mark.parametrize("frame", [NOT_A_MESSAGE, PING], ids=["text", "ping"])
+def test_who_sends_and_never_reads_loses_its_place(server: FoxgloveServer, frame: bytes) -> None:
     def is_admitted() -> bool:
         with open_websocket(server.port) as other:
             return b"serverInfo" in other.recv(4096)
 
     with open_websocket(server.port) as client:
         with pytest.raises(ConnectionError):
-            send_for_ever(client)
+            client.sendall(frame * (MOST_READ // len(frame)))
         assert wait_for(is_admitted)
+
+
+class Idle(SocketClient):
+    _on_text = _on_binary = cast(Any, None)
+
+
+class WritingServer(WebSocketServer[Idle]):
+    """Writes more to a client than it takes."""
+
+    async def _serve(self, request: web.Request) -> web.StreamResponse:
+        assert request.transport
+        asyncio.get_running_loop().call_later(0.2, request.transport.write, bytes(1 << 25))
+        return await super()._serve(request)
+
+    def _make_client(self, socket: web.WebSocketResponse, may_command: bool) -> Idle:
+        return Idle(socket)
+
+
+def test_who_answers_no_heartbeat_and_reads_nothing_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(websocket_server, "HEARTBEAT_S", 0.5)
+    ended = select.poll()
+    with WritingServer("127.0.0.1", 0, "test") as server, open_websocket(server.port) as client:
+        ended.register(client, 0)
+        assert ended.poll(PATIENCE_S * 1e3), "the connection is still there"
 
 
 def test_who_reads_slowly_stays(server: FoxgloveServer) -> None:
