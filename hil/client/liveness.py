@@ -18,7 +18,6 @@ from hil.network.tokens import (
     read_clock,
     read_presence,
 )
-from hil.network.unread_links import UnreadLinks
 
 PERIOD_S = 0.2  # of the exchange of clocks
 GRACE_S = 0.1  # that an answer may be later than the lease
@@ -35,8 +34,8 @@ class LivenessMonitor:
     more than `lease` s. `present` says whether it is there, `losses` how often it went. `arrived` is called in a
     thread of its own, which may wait a while, when the vehicle comes; `report` gets a line when it comes and goes.
     `samples` counts messages other than answers; the code that receives them increments it. The session is opened
-    again while answers come and samples do not (`hil.network.stall`), and its links are cut where one is not read
-    (`hil.network.unread_links`); `reconnections` counts both.
+    again while answers come and samples do not (`hil.network.stall`); `reconnections` counts that, and links of it that
+    were cut as they were not read.
     `same_clock` is set by the code that finds that both are on one machine: then the offset is exactly 0, unless
     exchanges say otherwise, as when the wall clock was set between the two starts.
     """
@@ -64,7 +63,7 @@ class LivenessMonitor:
         self._withdraw: Callable[[], None] | None = None
         self._arrival: threading.Thread | None = None
         self._pinger = threading.Thread(target=self._ping, name="clock", daemon=True)
-        self._stall, self._unread = StallDetector(lease), UnreadLinks(lease, session.has_pairs)
+        self._stall = StallDetector(lease)
         self._openings = session.openings
         self._answers = 0
         self.samples = self._counted = 0
@@ -163,7 +162,7 @@ class LivenessMonitor:
         return now_ns() - self._received_ns >= self._patience_s * NS_PER_S
 
     def _reconnect_stalled(self) -> None:
-        """Connect again where a link is open and not read; open the session again where only answers come.
+        """Report that a link was not read and is opened again; open the session again where only answers come.
 
         The second is for whatever cause. Cutting the links was not always enough: one client in 5,000 had both links
         again, and the library still brought it nothing.
@@ -175,7 +174,8 @@ class LivenessMonitor:
         if openings != self._openings:
             self._openings = openings
             self._stall.restart()
-        if self._unread.mend(self._session):
+        if self._session.has_cut:
+            self._session.has_cut = False
             self._report(f"a link of {self._session.name} was open and not read, or lost; connecting again")
             self.reconnections += 1
         is_deaf = self._is_deaf()

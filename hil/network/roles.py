@@ -8,6 +8,7 @@ from hil.common.errors import NetworkError
 from hil.network.opening import open_session
 from hil.network.session import Session
 from hil.network.settings import Network, settings
+from hil.network.stall import mend_links
 from hil.network.tokens import router_key
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def open_master_session(*endpoints: str, network: Network = Network(), security:
     """
     text = settings("master", (), endpoints, network, security)
     try:
-        return _open("dial", ", ".join(endpoints), text, network.mode == "direct", len(endpoints))
+        return _open("dial", ", ".join(endpoints), text, network, network.mode == "direct", len(endpoints))
     except NetworkError as error:
         raise NetworkError(_refusal(endpoints, network, security) or str(error)) from None
 
@@ -42,7 +43,7 @@ def open_client_session(
     deadline = now_ns() + seconds_ns(seconds)
     while True:
         try:
-            return _open("dial", endpoint, text)
+            return _open("dial", endpoint, text, network)
         except NetworkError:
             if now_ns() > deadline:
                 break
@@ -65,7 +66,7 @@ def open_peer_session(
     """
     if network.mode == "routed":
         return open_master_session(network.router, network=network, security=security)
-    session = _open("listen on", endpoint, settings("planner", (endpoint,), endpoints, network, security))
+    session = _open("listen on", endpoint, settings("planner", (endpoint,), endpoints, network, security), network)
     if security:
         _shorten_queues()
     return session
@@ -78,7 +79,8 @@ def open_router_session(
 
     `others`: endpoints of further routers; it forwards to all that is behind them, and dials them until they are there.
     """
-    session = _open("listen on", endpoint, settings("router", (endpoint,), others, network, security))
+    session = open_session("listen on", endpoint, settings("router", (endpoint,), others, network, security))
+    session.free_links()
     session.declare_token(router_key(session.zid))
     if security:
         _shorten_queues()
@@ -92,9 +94,10 @@ def _shorten_queues() -> None:
     shorten_queues()
 
 
-def _open(action: str, name: str, text: str, has_pairs: bool = False, dialled: int = 1) -> Session:
+def _open(action: str, name: str, text: str, network: Network, has_pairs: bool = False, dialled: int = 1) -> Session:
     session = open_session(action, name, text, has_pairs, dialled)
     session.free_links()
+    mend_links(session, network.lease)
     return session
 
 

@@ -39,17 +39,16 @@ class Session:
     """The process's one session. Use as a context; leaving it ends the readers.
 
     `open_library` returns an open session of the library; it may raise zenoh.ZError. `name` is where it listens or what
-    it dials, `publishers` all that were made so far. `has_pairs`: it has two links with each peer, as a master has with
-    a slave. `dialled` is how many peers it dials. `openings` counts how often it was opened.
+    it dials, `dialled` how many peers that is, `publishers` all that were made so far. `has_pairs`: it has two links
+    with each peer, as a master has with a slave. `openings` counts how often it was opened. `has_cut`: a link that was
+    not read was cut (`hil.network.stall`), which nobody has reported yet.
     """
 
     def __init__(
         self, open_library: Callable[[], zenoh.Session], name: str, has_pairs: bool = False, dialled: int = 1
     ) -> None:
-        self.name = name
-        self.has_pairs = has_pairs
-        self.dialled = dialled
-        self.openings = 1
+        self.name, self.dialled, self.has_pairs = name, dialled, has_pairs
+        self.openings, self.has_cut = 1, False
         self._open_library = open_library
         self._session = open_library()
         self._zid = str(self._session.info.zid())

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.network.session import Session
-from hil.network.unread_links import UnreadLinks
+from hil.network.unread_links import CHECK_NS, UnreadLinks
 
 LONGEST_CHECK_NS = NS_PER_S // 2  # that counts between two looks: longer ones are pauses of this process
 FIRST_GAP_NS = NS_PER_S  # between two messages of a vehicle: at the least its figures of health come that often
@@ -71,14 +71,24 @@ def is_linked(session: Session) -> bool:
     return len({peer for peer, *_ in session.links()}) >= max(1, session.dialled)
 
 
+def mend_links(session: Session, lease: float) -> None:
+    """Cut links that the library does not read, so that they are opened again, until it is closed; `lease` in s."""
+    unread = UnreadLinks(lease, session.has_pairs)
+
+    def mend() -> None:
+        session.has_cut |= unread.mend(session)
+
+    session.every(CHECK_NS / NS_PER_S, mend, "links")
+
+
 def mend_while_nobody(session: Session, is_anybody: Callable[[], bool], lease: float) -> None:
     """Let a session meet its first vehicle, from a thread of its own until it is closed; `lease` in s.
 
     What zenoh sends first on a link gets lost now and then on a busy machine, and with it all that we declared: while
-    there are links and nobody is there, links that are not read are cut, and the session is opened again. A vehicle
-    that is there is watched by `hil.client.liveness`.
+    there are links and nobody is there, the session is opened again. A vehicle that is there is watched by
+    `hil.client.liveness`.
     """
-    unread, stall, met = UnreadLinks(lease, session.has_pairs), StallDetector(lease), 0
+    stall, met = StallDetector(lease), 0
 
     def mend() -> None:
         nonlocal met
@@ -87,7 +97,5 @@ def mend_while_nobody(session: Session, is_anybody: Callable[[], bool], lease: f
         met += not is_deaf
         if session.is_lost or stall.is_stalled(now_ns(), 0, met, is_deaf):
             session.reopen(openings)
-        elif is_deaf:
-            unread.mend(session)
 
     session.every(CHECK_S, mend, "first contact")

@@ -18,6 +18,7 @@ from hil.common.errors import NetworkError
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.session import Session
+from hil.network.stall import mend_while_nobody
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics, or_nan
 from hil.scenario.config import Scenario
@@ -115,6 +116,7 @@ class _Observer:
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._meters = [EnergyMeter(vehicle) for _ in scenario.member]
         self._modems = _open_modems(session, scenario)
+        mend_while_nobody(session, self._is_complete, scenario.network.lease)
         self._started_ns = now_ns()
 
     def follow(self, stop_fd: int) -> Costs:
@@ -152,12 +154,15 @@ class _Observer:
 
     def _until_complete(self, stop_fd: int) -> None:
         deadline = now_ns() + seconds_ns(READY_S)
-        while not all(seen.complete for seen in self._seen):
+        while not self._is_complete():
             _pause(stop_fd, now_ns() + self._period_ns)
             self._check()
             if now_ns() > deadline:
                 missing = ", ".join(seen.node for seen in self._seen if not seen.complete)
                 raise NetworkError(f"nothing of {missing} within {READY_S:.0f} s; see the logs of slaves and agents")
+
+    def _is_complete(self) -> bool:
+        return all(seen.complete for seen in self._seen)
 
     def _add_row(self, time: float) -> None:
         self._check()

@@ -24,8 +24,8 @@ from hil.common.stop import StopSignals
 from hil.network.opening import open_session
 from hil.network.session import Session
 from hil.network.settings import settings
+from hil.network.stall import mend_links
 from hil.network.tokens import router_key
-from hil.network.unread_links import CHECK_NS, UnreadLinks
 from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.graph import Identity
@@ -146,12 +146,7 @@ def join(scenario: Scenario) -> Session:
     session = open_session("join", where, text, has_pairs=not network.router)
     if network.router:
         session.declare_token(router_key(session.zid))
-    unread = UnreadLinks(network.lease, session.has_pairs)
-
-    def mend() -> None:
-        unread.mend(session)
-
-    session.every(CHECK_NS / NS_PER_S, mend, "links")
+    mend_links(session, network.lease)
     return session
 
 

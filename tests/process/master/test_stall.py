@@ -4,7 +4,8 @@ import signal
 import socket
 import threading
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -17,16 +18,18 @@ from hil.common.clock import NS_PER_S
 from hil.network import stall
 from hil.network.opening import listen
 from hil.network.roles import open_client_session, open_master_session
+from hil.network.session import Session
 from hil.network.sockets import cut
 from hil.network.unread_links import UnreadLinks, read_progress
 from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 
-def test_samples_come_again_when_the_library_does_not_read_a_link(tmp_path: Path) -> None:
-    """It never reads one if its time limit for opening it ends while it tells a listener who is slow."""
-    scenario, port = write_scenario(tmp_path)
-    reports: list[str] = []
-    opened: list[str] = []
+@contextmanager
+def slow_session(port: int, opened: list[str]) -> Iterator[Session]:
+    """A master's session whose first link for samples is never read.
+
+    The library never reads one if its time limit for opening it ends while it tells a listener who is slow.
+    """
 
     def be_slow(event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT and f":{port + 1}" in event.link.dst:
@@ -36,15 +39,31 @@ def test_samples_come_again_when_the_library_does_not_read_a_link(tmp_path: Path
 
     with open_master_session(f"tcp/127.0.0.1:{port}") as session:
         listener = session._session.info.declare_link_events_listener(zenoh.handlers.Callback(be_slow, indirect=False))
-        with (
-            VehicleClient(session, "uuv1", part="observer", report=reports.append) as client,
-            Program(tmp_path, "slave", scenario),
-        ):
-            assert wait_for(lambda: client.contact.reconnections)
-            assert wait_for(lambda: client.received["imu"] > 10 and client.contact.present)
+        yield session
         listener.undeclare()  # type: ignore[no-untyped-call]
+
+
+def test_samples_come_again_when_the_library_does_not_read_a_link(tmp_path: Path) -> None:
+    scenario, port = write_scenario(tmp_path)
+    reports, opened = list[str](), list[str]()
+    with (
+        slow_session(port, opened) as session,
+        VehicleClient(session, "uuv1", part="observer", report=reports.append) as client,
+        Program(tmp_path, "slave", scenario),
+    ):
+        assert wait_for(lambda: client.contact.reconnections)
+        assert wait_for(lambda: client.received["imu"] > 10 and client.contact.present)
     assert [line for line in reports if "open and not read, or lost; connecting again" in line]
     assert len(opened) > 1
+
+
+def test_samples_come_again_without_a_client_too(tmp_path: Path) -> None:
+    """As to commands that only listen, and to who watches a hunt."""
+    scenario, port = write_scenario(tmp_path)
+    received, opened = list[str](), list[str]()
+    with slow_session(port, opened) as session, Program(tmp_path, "slave", scenario):
+        session.subscribe("uuv1", "imu", lambda topic, *_: received.append(topic), 16)
+        assert wait_for(lambda: len(opened) > 1 and len(received) > 10)
 
 
 def test_it_connects_again_when_the_vehicle_never_appears() -> None:

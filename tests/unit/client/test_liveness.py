@@ -49,7 +49,7 @@ class Nobody:
     name = "tcp/bench"
     has_pairs = False
     dialled = openings = 1
-    is_lost = False
+    is_lost = has_cut = False
     reopened = failures = 0
 
     def __init__(self, *peers: str) -> None:
