@@ -25,6 +25,7 @@ from hil.client.liveness import LivenessMonitor  # noqa: E402
 from hil.common.children import module_command, package_environment, start_child  # noqa: E402 - from a bare checkout too
 from hil.common.errors import NetworkError  # noqa: E402
 from hil.common.ports import free_ports  # noqa: E402
+from hil.network import roles  # noqa: E402
 
 SHORTEST_S, LONGEST_S = 0.9, 4.0
 STUCK_S = 10.0
