@@ -13,11 +13,10 @@ PYTHON ?= python3
 VENV ?= .venv
 PACKAGES = hil sim boards firmware_stub
 SEED ?= 1
-JOBS ?= $(shell expr $$(nproc) \* 2)
 NATIVE = sim/native hil/slave/native
 BIN = $(VENV)/bin
 # Parts of the check, one after the other: a test that fails beside others runs once more, alone (tools/check.py).
-CHECK = $(BIN)/python -m tools.check --jobs $(JOBS) --seed $(SEED)
+CHECK = $(BIN)/python -m tools.check $(JOBS:%=--jobs %) --seed $(SEED)
 
 .PHONY: demo test check coverage search lint docs clean help
 .DEFAULT_GOAL = demo
@@ -35,7 +34,7 @@ check: $(VENV)/.dev
 	@$(CHECK)
 
 coverage: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(JOBS) tests/unit $(PACKAGES:%=--cov=%) --cov-report=term:skip-covered --durations=0
+	$(BIN)/python -m pytest -n $(or $(JOBS),auto) tests/unit $(PACKAGES:%=--cov=%) --cov-report=term:skip-covered --durations=0
 
 docs: $(VENV)/.docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -24,7 +24,7 @@ ROOT = Path(__file__).parent.parent
 MOST_BY_CHANCE = 20
 TESTS_FAILED = 1  # pytest's exit status; others say that tests could not be collected, or that there was none
 # The tests of a file share what is expensive to start, and run one after the other. Those of tests/process mostly
-# wait, so there are two jobs a processor; they come first, and the many short files of tests/unit fill the end.
+# wait, so several run on each processor; they come first, and the many short files of tests/unit fill the end.
 PARALLEL = ("--dist", "loadfile", "--no-loadscope-reorder")
 
 
@@ -32,16 +32,16 @@ class Part(NamedTuple):
     """A part of the check: arguments of pytest, or commands of Python modules."""
 
     tests: tuple[str, ...] = ()
-    parallel: bool = False
+    at_once: int = 0  # tests that run at a time on each processor; 0: one after the other
     modules: tuple[tuple[str, ...], ...] = ()
     again: bool = True  # what fails runs once more
 
 
 PARTS: dict[str, Part] = {
-    "test": Part(("tests/process", "tests/unit"), parallel=True),
-    "search": Part(("-m", "hypothesis", "--hypothesis-profile=search"), parallel=True),
+    "test": Part(("tests/process", "tests/unit"), at_once=3),
+    "search": Part(("-m", "hypothesis", "--hypothesis-profile=search"), at_once=2),
     "lint": Part(modules=(("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))),
-    "system": Part(("tests/system",), parallel=True),
+    "system": Part(("tests/system",), at_once=2),
     "uml": Part(("tests/system/uml",)),
     # One emulated board after the other: two at a time are starved of their processors. They boot for minutes.
     "board": Part(("-m", "board", "tests/system/boards"), again=False),
@@ -95,13 +95,13 @@ def run_tests(
         return second, sorted({*first} - {*second})
 
 
-def run_part(name: str, jobs: int, seed: int) -> Outcome:
-    """Run the part of that name."""
+def run_part(name: str, jobs: int | None, seed: int) -> Outcome:
+    """Run the part of that name; `jobs` are the tests that run at a time where not one after the other."""
     part, began = PARTS[name], time.monotonic()
     failed = [" ".join(command) for command in part.modules if run(command)]
     passed_alone: list[str] = []
     if part.tests:
-        apart = ["-n", str(jobs), *PARALLEL] if part.parallel else []
+        apart = ["-n", str(jobs or part.at_once * (os.cpu_count() or 1)), *PARALLEL] if part.at_once else []
         random = [f"--hypothesis-seed={seed}"] if name == "search" else []
         failed, passed_alone = run_tests([*part.tests, *random], apart, again=part.again)
     return Outcome(time.monotonic() - began, failed, passed_alone)
@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the parts asked for; return 1 if any failed."""
     parser = argparse.ArgumentParser(prog="tools.check", description="Run parts of the check, by default all.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
-    parser.add_argument("--jobs", type=int, default=2 * (os.cpu_count() or 1), help="tests that run at a time")
+    parser.add_argument("--jobs", type=int, help="tests that run at a time, by default two or three on each processor")
     parser.add_argument("--seed", type=int, default=1, help="of the random search")
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.parts if name not in PARTS]:
