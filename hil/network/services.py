@@ -6,6 +6,7 @@ Both are CDR, each with the attachment of its kind; the answer repeats the numbe
 
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -13,7 +14,7 @@ from typing import Any
 
 import zenoh
 
-from hil.common.clock import now_ns, to_wall_ns
+from hil.common.clock import NS_PER_S, now_ns, seconds_ns, to_wall_ns
 from hil.common.errors import NetworkError
 from hil.network.session import REFUSAL, Session
 from hil.ros import dialect
@@ -27,6 +28,7 @@ WAITING = 16  # calls that may wait; beyond it the oldest go without an answer
 # Bytes of a request, which the loop reads between two steps: 8 kB take it 1 to 7 ms. One of set_pose has 200, and one
 # that sets the longest failures of eight thrusters 2,250.
 LARGEST = 8192
+AGAIN_S = 0.1  # from a call that nobody took to the next
 
 Answer = Callable[[Message], Mapping[str, Any]]
 
@@ -134,18 +136,24 @@ class Server:
 
 
 def call(
-    session: Session, name: str, type_name: str, request: Mapping[str, Any] | None = None, seconds: float = 2.0
+    session: Session, name: str, type_name: str, request: Mapping[str, Any] | None = None, seconds: float = 5.0
 ) -> Message:
     """Call the service of that whole name ("/uuv1/arm", "std_srvs/srv/SetBool"); return its response.
 
-    Raises ConfigError for an unknown type or a request that does not fit it, NetworkError when no answer comes within
-    the time or the request is refused.
+    It is called again while nobody is known to offer it, as after a break of the network. Raises ConfigError for an
+    unknown type or a request that does not fit it, NetworkError when no answer comes within the time or the request is
+    refused.
     """
     key = ros.data_key(dialect.domain(), name, type_name, hash_of(type_name))
     payload = ros_message.encode(f"{type_name}_Request", request or {})
     attachment = ros.pack_attachment(1, to_wall_ns(now_ns()), os.urandom(16))
     reasons: list[str] = []
-    answer = next((answer for _, answer, _ in session.ask(key, seconds, payload, attachment, reasons.append)), None)
+    answer, end_ns = None, now_ns() + seconds_ns(seconds)
+    while answer is None and not reasons and (left_ns := end_ns - now_ns()) > 0:
+        answers = session.ask(key, left_ns / NS_PER_S, payload, attachment, reasons.append)
+        answer = next((answer for _, answer, _ in answers), None)
+        if answer is None and not reasons:
+            time.sleep(min(AGAIN_S, max(0, end_ns - now_ns()) / NS_PER_S))
     response = ros_message.decode(f"{type_name}_Response", answer) if answer is not None else None
     if response is None and reasons:
         raise NetworkError(f"{name} ({type_name}) refuses: {reasons[0]}")

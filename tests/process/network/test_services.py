@@ -4,6 +4,7 @@ import select
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -115,6 +116,18 @@ def test_noise_is_counted_and_ends_without_an_answer(
     assert serving.server.malformed == 1
     assert serving.asked == []
     assert call(master, "/uuv1/arm", SET_BOOL, {"data": True})["success"] is True
+
+
+def test_a_call_waits_for_who_offers_it() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with open_master_session(endpoint) as master, ThreadPoolExecutor() as pool:
+        response = pool.submit(call, master, "/uuv1/arm", SET_BOOL, {"data": True}, 60.0)
+        with listen(endpoint) as slave:
+            serving = Serving(slave)
+            try:
+                assert response.result()["success"] is True
+            finally:
+                serving.close()
 
 
 def test_a_service_that_is_not_there(both: tuple[Serving, Session]) -> None:

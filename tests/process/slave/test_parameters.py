@@ -46,7 +46,7 @@ class Asker:
         self.session = session
 
     def call(self, name: str, kind: str, **request: Any) -> Any:
-        return call(self.session, f"/uuv1/{name}", f"rcl_interfaces/srv/{kind}", request)
+        return call(self.session, f"/uuv1/{name}", f"rcl_interfaces/srv/{kind}", request, 30.0)
 
     def get(self, name: str) -> str:
         (value,) = self.call("get_parameters", "GetParameters", names=[name])["values"]
