@@ -46,6 +46,7 @@ class Server:
         self._node = node
         self._waiting: deque[tuple[str, zenoh.Query]] = deque(maxlen=WAITING)  # its append and popleft are atomic
         self._answered: deque[tuple[str, zenoh.Query, tuple[bytes, bytes] | None]] = deque()  # that are to be sent
+        self._last: dict[tuple[str, ros.Attachment], tuple[bytes, bytes]] = {}  # answers, by what asked for them
         self._is_held_up = False  # no call is answered before an answer has been sent
         self._send_soon = session.deferred(self._send)
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -113,16 +114,23 @@ class Server:
                 query.reply_err(why, encoding=REFUSAL)
 
     def _answer(self, key: str, query: zenoh.Query) -> tuple[bytes, bytes] | None:
-        """Return the response and its attachment; None for what is no request."""
+        """Return the response and its attachment; None for what is no request.
+
+        One that comes again, because its answer was lost with a link, is not done again.
+        """
         request_type, response_type, answer = self._offered[key]
         stamp = ros.unpack_attachment(query.attachment.to_bytes()) if query.attachment else None
         request = ros_message.decode(request_type, query.payload.to_bytes()) if query.payload else None
         if request is None or stamp is None:
             self.malformed += 1
             return None
-        response = ros_message.encode(response_type, answer(request))
-        self.calls += 1
-        return response, ros.pack_attachment(stamp.sequence, to_wall_ns(now_ns()), stamp.gid)
+        if (key, stamp) not in self._last:
+            response = ros_message.encode(response_type, answer(request))
+            self.calls += 1
+            self._last[key, stamp] = response, ros.pack_attachment(stamp.sequence, to_wall_ns(now_ns()), stamp.gid)
+            if len(self._last) > WAITING:
+                del self._last[next(iter(self._last))]
+        return self._last[key, stamp]
 
     def _send(self) -> None:
         """Send the oldest answer; in a thread of the session."""
@@ -140,9 +148,9 @@ def call(
 ) -> Message:
     """Call the service of that whole name ("/uuv1/arm", "std_srvs/srv/SetBool"); return its response.
 
-    It is called again while nobody is known to offer it, as after a break of the network. Raises ConfigError for an
-    unknown type or a request that does not fit it, NetworkError when no answer comes within the time or the request is
-    refused.
+    It is called again while nobody answers, as after a break of the network; no server does it twice. Raises
+    ConfigError for an unknown type or a request that does not fit it, NetworkError when no answer comes within the time
+    or the request is refused.
     """
     key = ros.data_key(dialect.domain(), name, type_name, hash_of(type_name))
     payload = ros_message.encode(f"{type_name}_Request", request or {})

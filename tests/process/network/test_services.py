@@ -118,6 +118,15 @@ def test_noise_is_counted_and_ends_without_an_answer(
     assert call(master, "/uuv1/arm", SET_BOOL, {"data": True})["success"] is True
 
 
+def test_a_call_that_comes_again_is_answered_and_not_done_again(both: tuple[Serving, Session]) -> None:
+    serving, master = both
+    requests = [ros.pack_attachment(1, 2, bytes(16))] * 2 + [ros.pack_attachment(1, 3, bytes(16))]
+    answers = [list(master.ask(key_of("/uuv1/arm"), 60.0, HEADER + b"\1", request)) for request in requests]
+    assert answers[0] == answers[1]
+    assert all(answers)
+    assert len(serving.asked) == 2
+
+
 def test_a_call_waits_for_who_offers_it() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with open_master_session(endpoint) as master, ThreadPoolExecutor() as pool:
@@ -153,7 +162,7 @@ def unattended() -> Iterator[tuple[Server, Session]]:
 
 def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
     with unattended() as (server, master):
-        payload, attachment = HEADER + b"\1", ros.pack_attachment(1, 2, bytes(16))
+        payload = HEADER + b"\1"
         pending = [
             master._session.get(
                 key_of("/uuv1/arm"),
@@ -161,16 +170,16 @@ def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
                 target=zenoh.QueryTarget.ALL_COMPLETE,
                 timeout=60.0,
                 payload=payload,
-                attachment=attachment,
+                attachment=ros.pack_attachment(number, 2, bytes(16)),
             )
-            for _ in range(3 * services.WAITING)
+            for number in range(3 * services.WAITING)
         ]
         assert wait_for(lambda: server.dropped == 2 * services.WAITING)
         for _ in range(services.WAITING):
             server.serve()
         assert sum(len(list(replies)) for replies in pending) == server.calls == services.WAITING
         server.close()
-        assert list(master.ask(key_of("/uuv1/arm"), 0.3, payload, attachment)) == []
+        assert list(master.ask(key_of("/uuv1/arm"), 0.3, payload, ros.pack_attachment(1, 3, bytes(16)))) == []
 
 
 def test_one_call_is_answered_a_turn() -> None:
