@@ -1,5 +1,6 @@
 """A process with an open session ends when it should: normally, by an exception, by sys.exit, by a signal."""
 
+import gc
 import signal
 import subprocess
 import sys
@@ -163,6 +164,7 @@ def test_it_closes_at_once_while_the_library_calls(monkeypatch: pytest.MonkeyPat
         time.sleep(0.02)  # in which another thread has the interpreter
 
     monkeypatch.setattr(BoundedQueue, "put", put)
+    gc.collect()  # sessions of other tests, which would wait for the same callback
 
     def closes_at_once() -> None:
         port = free_port()

@@ -173,7 +173,7 @@ def test_no_link_lingers() -> None:
             assert wait_for(lambda: not any(lingering(before)))
             with open_master_session(endpoint):
                 assert wait_for(lambda: len(lingering(before)) == 8 and not any(lingering(before)))
-    assert not [thread for thread in threading.enumerate() if thread.name == "worker"]
+    assert wait_for(lambda: not [thread for thread in threading.enumerate() if thread.name == "worker"])
 
 
 def test_what_was_said_last_arrives_though_links_do_not_linger() -> None:
