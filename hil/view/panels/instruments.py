@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from hil.view.scene import colours
 
-WIDTH = 320
+WIDTH, SCROLLBAR = 320, 8
 PWM_RANGE = 400.0  # us from the middle that a bar reaches
 BAR_X, BAR_WIDTH = 130, 80
 LONGEST_NAME = 20  # letters beside a bar
@@ -50,7 +50,7 @@ def draw(now: Reading) -> str:
     """Return an SVG image of the instruments."""
     height = 250 + 20 * max(len(now.pwm_us), len(now.thrusts))
     return (
-        f'<svg viewBox="0 0 {WIDTH} {height}" width="100%" style="{STYLE}" role="img" aria-label="instruments">'
+        f'<svg viewBox="0 0 {WIDTH + SCROLLBAR} {height}" width="100%" style="{STYLE}" role="img" aria-label="instruments">'
         f"{_horizon(now)}{_compass(now)}{_values(now)}{_motors(now)}</svg>"
     )
 
