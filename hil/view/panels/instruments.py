@@ -49,8 +49,9 @@ def reading(latest: Any, pwm_us: Sequence[int], names: Sequence[str]) -> Reading
 def draw(now: Reading) -> str:
     """Return an SVG image of the instruments."""
     height = 250 + 20 * max(len(now.pwm_us), len(now.thrusts))
+    size = f'viewBox="0 0 {WIDTH + SCROLLBAR} {height}" width="100%"'
     return (
-        f'<svg viewBox="0 0 {WIDTH + SCROLLBAR} {height}" width="100%" style="{STYLE}" role="img" aria-label="instruments">'
+        f'<svg {size} style="{STYLE}" role="img" aria-label="instruments">'
         f"{_horizon(now)}{_compass(now)}{_values(now)}{_motors(now)}</svg>"
     )
 

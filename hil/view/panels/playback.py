@@ -1,5 +1,6 @@
 """Controls of simulated or recorded time: pause, step, speed, and a slider where the end is known."""
 
+from math import ceil
 from typing import Any
 
 from hil.view.sources.paced_time import PacedTime
@@ -19,9 +20,8 @@ class PlaybackPanel:
             step = gui.add_button("one step")
             speed = gui.add_dropdown("times as fast", SPEEDS, initial_value="1")
             self._clock = gui.add_text("seconds", "0.0", disabled=True)
-            self._slider = (
-                gui.add_slider("at (s)", 0.0, max(playback.duration, 0.1), 0.1, 0.0) if playback.duration else None
-            )
+            end = ceil(10.0 * playback.duration) / 10.0
+            self._slider = gui.add_slider("at (s)", 0.0, end, 0.1, 0.0) if playback.duration else None
         self._pause.on_click(lambda _: self._toggle())
         step.on_click(lambda _: playback.step())
         speed.on_update(lambda _: setattr(playback, "speed", float(speed.value)))
