@@ -122,15 +122,18 @@ class VehicleState:
         """
         self._listen(topic)
         began = time.monotonic()
+        end = began + FIRST_WITHIN_S
         while True:
             with self._first:
                 has_come = self._first.wait_for(lambda: self.present and topic in self.client.latest, POLL_S)
             self._require_presence(RETURNS_WITHIN_S)
             if has_come:
                 return samples.aged(topic, self.client.latest[topic])
-            waited = time.monotonic() - began
-            if self.present and waited > self._patience_s(topic):
-                raise NetworkError(self._no_sensor(topic, waited))
+            now = time.monotonic()
+            if self.present and now > end:
+                if now > began + MADE_WITHIN_S or not self._comes_later(topic):
+                    raise NetworkError(self._no_sensor(topic, now - began))
+                end = now + RETURNS_WITHIN_S  # topics of a process that starts appear one after the other
 
     def samples(self, topic: str, timeout: float = 5.0, depth: int = 256) -> Stream:
         """Return each sample of a sensor from now on, for `for` and `async for`: vehicle.samples("imu").
@@ -183,11 +186,10 @@ class VehicleState:
         for stream in streams:
             stream.put(samples.aged(topic, stamped))
 
-    def _patience_s(self, topic: str) -> float:
-        """Return how long the first sample of a topic is waited for, in s."""
+    def _comes_later(self, topic: str) -> bool:
+        """Return whether a topic is made when somebody subscribes, or the process that makes it still starts."""
         pictures = self.pictures()
-        is_made = topic in DESCRIPTIONS or topic in pictures or self._starts(topic, pictures)
-        return MADE_WITHIN_S if is_made else FIRST_WITHIN_S
+        return topic in DESCRIPTIONS or topic in pictures or self._starts(topic, pictures)
 
     def _require_presence(self, patience_s: float = 0.0) -> None:
         """Raise NetworkError if this was closed, or the vehicle is gone and has been silent for `patience_s`."""

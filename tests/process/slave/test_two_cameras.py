@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -84,8 +85,6 @@ class _Starting(VehicleState):
     present = True
 
     def __init__(self, published: dict[str, str]) -> None:
-        import threading
-
         self.name, self.client, self.graph = "uuv1", _Client(), published  # type: ignore[assignment]
         self._first, self._closing = threading.Condition(), threading.Event()
 
@@ -102,3 +101,19 @@ def test_a_camera_whose_process_is_starting_is_said_to(monkeypatch: pytest.Monke
         _Starting({}).newest("forward_sonar/image")
     with pytest.raises(NetworkError, match=r"'camera/labels'.*other sensors are sections"):
         _Starting({"camera/image_raw": "sensor_msgs/msg/Image"}).newest("camera/labels")
+
+
+def test_topics_of_a_process_that_starts_may_appear_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.client.vehicle_state.FIRST_WITHIN_S", 0.01)
+    monkeypatch.setattr("hil.client.vehicle_state.samples.aged", lambda _, stamped: stamped)
+
+    class Appearing(_Starting):
+        """Starts at the first look; half a second later its picture comes, and until then only what goes with it."""
+
+        def _published(self) -> dict[str, str]:
+            before, self.graph = self.graph, {"camera/camera_info": "sensor_msgs/msg/CameraInfo"}
+            if not before:
+                threading.Timer(0.5, self.client.latest.__setitem__, ("camera/image_raw", "a picture")).start()
+            return before
+
+    assert Appearing({}).newest("camera/image_raw") == "a picture"
