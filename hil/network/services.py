@@ -161,7 +161,7 @@ def call(
         answers = session.ask(key, left_ns / NS_PER_S, payload, attachment, reasons.append)
         answer = next((answer for _, answer, _ in answers), None)
         if answer is None and not reasons:
-            time.sleep(min(AGAIN_S, max(0, end_ns - now_ns()) / NS_PER_S))
+            time.sleep(AGAIN_S)
     response = ros_message.decode(f"{type_name}_Response", answer) if answer is not None else None
     if response is None and reasons:
         raise NetworkError(f"{name} ({type_name}) refuses: {reasons[0]}")

@@ -114,23 +114,8 @@ def settings(
             "gossip": _gossip(role, security),
         },
         "timestamping": {"enabled": role == "router"},  # what latched topics need is a number; a slave saves the time
-        "transport": {
-            "unicast": {
-                "max_links": 1 if how[1] else 2,
-                "open_timeout": _milliseconds(network.open_timeout),
-                "accept_timeout": _milliseconds(network.open_timeout),
-            },
-            "link": {
-                "tx": {"lease": _milliseconds(network.lease), "keep_alive": KEEP_ALIVES, "batch_size": BATCH},
-                "rx": {"max_message_size": LARGEST_PICTURE if pictures else LARGEST[role]},
-            },
-            "shared_memory": {"enabled": False},
-        },
+        "transport": _transport(role, network, how[1], pictures),
     }
-    if role in ("slave", "imaging"):  # in a router what comes behind a large message would wait too
-        drop = {"wait_before_drop": SAMPLE_WAIT_US, "max_wait_before_drop_fragments": LARGE_WAIT_US}
-        block = {"wait_before_close": STUCK_WAIT_US}
-        table["transport"]["link"]["tx"]["queue"] = {"congestion_control": {"drop": drop, "block": block}}
     if table["mode"] == "client":
         wait_ms = CLIENT_WAIT_MS if role in ("client", "imaging") else ROUTER_WAIT_MS
         table["connect"] |= {"timeout_ms": wait_ms, "exit_on_failure": True}
@@ -140,6 +125,24 @@ def settings(
     if security:
         _secure(table, role, security)
     return json5(table)
+
+
+def _transport(role: Role, network: Network, one: bool, pictures: bool) -> dict[str, Any]:
+    """Return the settings of links; `one` for all priorities."""
+    tx: dict[str, Any] = {"lease": _milliseconds(network.lease), "keep_alive": KEEP_ALIVES, "batch_size": BATCH}
+    if role in ("slave", "imaging"):  # in a router what comes behind a large message would wait too
+        drop = {"wait_before_drop": SAMPLE_WAIT_US, "max_wait_before_drop_fragments": LARGE_WAIT_US}
+        block = {"wait_before_close": STUCK_WAIT_US}
+        tx["queue"] = {"congestion_control": {"drop": drop, "block": block}}
+    return {
+        "unicast": {
+            "max_links": 1 if one else 2,
+            "open_timeout": _milliseconds(network.open_timeout),
+            "accept_timeout": _milliseconds(network.open_timeout),
+        },
+        "link": {"tx": tx, "rx": {"max_message_size": LARGEST_PICTURE if pictures else LARGEST[role]}},
+        "shared_memory": {"enabled": False},
+    }
 
 
 def _secure(table: dict[str, Any], role: Role, security: "Security") -> None:
