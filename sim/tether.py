@@ -98,7 +98,7 @@ class Tether:
         self._wanted = length
 
     def restart(self) -> None:
-        """Hang the line anew in the next step: the vehicle was put elsewhere, and did not move there."""
+        """Hang the line again in the next step: the vehicle was put elsewhere, and did not move there."""
         self.nodes, self._seen, self._force = [], [], (0.0, 0.0, 0.0)
 
     def begin(self, time_ns: int) -> None:

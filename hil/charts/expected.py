@@ -1,8 +1,8 @@
 """Move the bed off its limits to the depth that is expected between them.
 
-Where nothing but its area tells that a surface is too shoal or too deep, the bed is as likely to leave the limit a
-little as much: held at it, it would be a terrace with the depth of the limit. How far it may leave is told by how
-uncertain the surface is there (hil.charts.gridding), which is nothing on contours and soundings.
+Where a surface leaves the limits of its area, the bed lies somewhere between them. Set to the limit, it would be a
+terrace with the depth of that limit. How far from the limit it is expected follows from how uncertain the surface is
+there (hil.charts.gridding): not at all on contours and soundings.
 """
 
 from typing import NamedTuple

@@ -81,19 +81,22 @@ class Surface:
 
         Only where `wanted` (of that shape) is true; nan elsewhere.
         """
-        return self._blend(north, east, wanted, lambda fit, nodes: fit.at(nodes)[:, None], report=report)[..., 0]
+        return self._blend(north, east, wanted, lambda fit, nodes: fit.at(nodes)[:, None], 1, report=report)[..., 0]
 
     def doubt(self, north: Array, east: Array, wanted: Mask) -> Doubt:
         """Return how far `evaluate` may be off there, nan where it is not wanted."""
-        found = self._blend(north, east, wanted, _Fit.doubts, least=MAIN_WEIGHT)
+        found = self._blend(north, east, wanted, _Fit.doubts, 2, least=MAIN_WEIGHT)
         return Doubt(found[..., 0], found[..., 1])
 
     def _blend(
-        self, north: Array, east: Array, wanted: Mask, find: Callable[["_Fit", Array], Array],
+        self, north: Array, east: Array, wanted: Mask, find: Callable[["_Fit", Array], Array], count: int,
         least: float = LEAST_WEIGHT, report: Progress = lambda share: None,
     ) -> Array:  # fmt: skip
-        """Return what `find` tells (n, k) of nodes (n, 2), blended over the patches: (len(north), len(east), k)."""
-        total, weights = np.zeros((*wanted.shape, 1)), np.zeros(wanted.shape)
+        """Return what `find` computes of nodes (n, 2), blended over the patches: `count` values of each.
+
+        `find` gives (n, count) values, this (len(north), len(east), count).
+        """
+        total, weights = np.zeros((*wanted.shape, count)), np.zeros(wanted.shape)
         for done, patch in enumerate(self._patches):
             report(done / len(self._patches))
             part = self._reached(north, 0, patch), self._reached(east, 1, patch)
@@ -105,10 +108,7 @@ class Surface:
             weight = self._weight(nodes, patch, least)
             heavy = weight > 0.0
             rows, columns, nodes, weight = rows[heavy], columns[heavy], nodes[heavy], weight[heavy]
-            found = find(self._fit(patch), nodes)
-            if found.shape[1] > total.shape[2]:
-                total = np.zeros((*wanted.shape, found.shape[1]))
-            total[rows, columns] += weight[:, None] * found
+            total[rows, columns] += weight[:, None] * find(self._fit(patch), nodes)
             weights[rows, columns] += weight
         report(1.0)
         weights[weights == 0.0] = np.nan

@@ -1,4 +1,4 @@
-"""Write a recording anew as one file for Foxglove, with seabed, obstacles, vehicle, and pictures of sonars."""
+"""Convert a recording to one file for Foxglove, with seabed, obstacles, vehicle, and pictures of sonars."""
 
 from base64 import b64decode
 from collections.abc import Iterator
