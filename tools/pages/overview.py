@@ -11,22 +11,35 @@ PICTURE = Path(__file__).parents[2] / "docs" / "overview.svg"
 
 # Columns: title, and boxes of (name, lines, kind); kinds: real, simulated, either.
 COLUMNS = [
-    ("Laptop", [("Planner (master)", ["A*, VFH+, tasks, or yours"], "real")]),
+    (
+        "Laptop",
+        [
+            ("Planner (master)", ["A*, VFH+, tasks,", "or your planner"], "real"),
+            ("Ground station", ["browser, QGroundControl,", "Foxglove, ROS 2"], "real"),
+        ],
+    ),
     (
         "Single-board computer",
         [
-            ("Controller", ["cascade, allocation,", "or your vehicle software"], "real"),
-            ("Simulator", ["thrusters, 6-DOF vehicle,", "seabed, water, all sensors"], "simulated"),
+            ("Controller (slave)", ["speed, heading, depth,", "or ArduSub, PX4"], "real"),
+            ("Simulator (slave)", ["thrusters, 6-DOF vehicle,", "water, seabed, all sensors"], "simulated"),
         ],
     ),
-    ("STM32", [("Firmware", ["a board, or the same", "firmware emulated"], "either")]),
+    (
+        "STM32",
+        [
+            ("Firmware", ["sets the outputs,", "stops when commands stop"], "either"),
+            ("PWM outputs", ["to the thrusters; their widths", "drive the simulation"], "either"),
+        ],
+    ),
 ]
-LINKS = ["network", "UART, CAN, pty"]
+LINKS = ["network", "UART or CAN"]
 LEGEND = {
-    "real": "the hardware and software of the vehicle",
-    "simulated": "simulated on the board",
-    "either": "one word in the scenario: real or emulated",
+    "real": "real: the software and the computers of the vehicle",
+    "simulated": "simulated: the vehicle and the sea around it",
+    "either": "real or emulated: one word in the scenario",
 }
+TAGS = {"real": "REAL", "simulated": "SIMULATED", "either": "REAL OR EMULATED"}
 COLOURS = {"real": "#dcfce7", "simulated": "#dbeafe", "either": "#fef3c7"}
 BOX_WIDTH, BOX_HEIGHT, GAP, MARGIN, TOP, LINE = 216, 92, 132, 20, 58, 18
 
@@ -57,15 +70,16 @@ def _column(left: int, title: str, boxes: list[tuple[str, list[str], str]], heig
         parts.append(
             f'<rect x="{left}" y="{top}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}" rx="6" fill="{COLOURS[kind]}"/>'
         )
-        parts.append(f'<text x="{left + 12}" y="{top + 28}" class="name">{name}</text>')
-        parts += [f'<text x="{left + 12}" y="{top + 52 + LINE * i}">{line}</text>' for i, line in enumerate(lines)]
+        parts.append(f'<text x="{left + 12}" y="{top + 18}" class="tag">{TAGS[kind]}</text>')
+        parts.append(f'<text x="{left + 12}" y="{top + 40}" class="name">{name}</text>')
+        parts += [f'<text x="{left + 12}" y="{top + 61 + LINE * i}">{line}</text>' for i, line in enumerate(lines)]
     return parts
 
 
 def _links(left: int, name: str, number: int) -> list[str]:
-    """Return the arrows of one link between two machines: commands to the right, samples or telemetry to the left."""
+    """Return the arrows of one link between two machines: commands to the right, sensor data or pulse widths to the left."""
     right, middle = left + GAP - 28, _top(0) + BOX_HEIGHT / 2
-    back = "samples" if number == 0 else "pulse widths"
+    back = "sensor data" if number == 0 else "pulse widths"
     return [
         f'<text x="{(left + right) / 2:g}" y="{middle - 36:g}" class="link">{name}</text>',
         _arrow(left, middle - 10, right, middle - 10, "command"),
@@ -76,7 +90,7 @@ def _links(left: int, name: str, number: int) -> list[str]:
 
 
 def _inner_arrows() -> list[str]:
-    """Return the arrows inside the board: pulse widths to the simulator, samples to the controller."""
+    """Return the arrows inside the board: pulse widths to the simulator, sensor data to the controller."""
     middle = MARGIN + BOX_WIDTH + GAP + BOX_WIDTH / 2
     below, above = _top(0) + BOX_HEIGHT, _top(1)
     text = (below + above) / 2 + 5
@@ -84,7 +98,7 @@ def _inner_arrows() -> list[str]:
         _arrow(middle - 20, below, middle - 20, above, "command"),
         f'<text x="{middle - 28:g}" y="{text:g}" text-anchor="end" class="command">pulse widths</text>',
         _arrow(middle + 20, above, middle + 20, below, "sample"),
-        f'<text x="{middle + 28:g}" y="{text:g}" class="sample">samples</text>',
+        f'<text x="{middle + 28:g}" y="{text:g}" class="sample">sensor data</text>',
     ]
 
 
@@ -115,6 +129,7 @@ font-family="sans-serif" font-size="13">
 <style>
 rect {{ stroke: #64748b }} .machine {{ fill: #f8fafc; stroke-dasharray: 5 4 }}
 .title {{ font-weight: bold; font-size: 15px; text-anchor: middle }} .name {{ font-weight: bold; font-size: 15px }}
+.tag {{ font-size: 10px; letter-spacing: 1px; fill: #475569 }}
 .link {{ text-anchor: middle; font-size: 12px }} line {{ stroke-width: 2 }}
 line.command {{ stroke: #c2410c }} line.sample {{ stroke: #1d4ed8 }}
 text.command {{ fill: #c2410c }} text.sample {{ fill: #1d4ed8 }}
