@@ -77,7 +77,7 @@ def _column(left: int, title: str, boxes: list[tuple[str, list[str], str]], heig
 
 
 def _links(left: int, name: str, number: int) -> list[str]:
-    """Return the arrows of one link between two machines: commands to the right, sensor data or pulse widths to the left."""
+    """Return the arrows of one link: commands to the right, sensor data or pulse widths to the left."""
     right, middle = left + GAP - 28, _top(0) + BOX_HEIGHT / 2
     back = "sensor data" if number == 0 else "pulse widths"
     return [
