@@ -5,6 +5,9 @@ listens to the state of each for some seconds. Rates and ages depend on what els
 
 "lost" is the share of the samples, from a vehicle's first to its last by their stamps, that did not arrive: those that
 the network dropped, and those that a late slave skipped. "age" is the time from publish to receipt.
+
+A run in which not all are found, or that does not end, is a row of a second table. Each run is a process of its own,
+which is killed at the limit, and all that it started with it. All of them give way to the programs of your shell.
 """
 
 import argparse
@@ -13,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from math import nan
@@ -23,8 +26,10 @@ from typing import NamedTuple
 import psutil
 
 from hil.client.client import Stamped, VehicleClient
-from hil.common.children import module_command, package_environment, start_child
+from hil.common.children import finish_child, module_command, package_environment, start_child
 from hil.common.clock import NS_PER_MS, NS_PER_S
+from hil.common.errors import HilError
+from hil.common.lifeline import die_with_parent
 from hil.common.ports import free_ports
 from hil.common.quantiles import quantile
 from hil.network.roles import open_master_session
@@ -34,6 +39,7 @@ HEADER = (
     "| slaves | routers | sessions | found | state, Hz each | lost, % | age 50 %, ms | age 99 %, ms | CPU a slave, % |"
     " CPU a router, % | RSS a slave, MiB | RSS a router, MiB |"
 )
+BROKEN = "| slaves | routers | step | result |"
 SCENARIO = """\
 vehicle = "paper_six"
 world = "paper_field"
@@ -53,7 +59,7 @@ TOPICS = ("odom",)
 PERIOD_NS = NS_PER_S // 20  # of odometry
 TOGETHER = 4  # slaves that start at once: all at once would take the processor from each other
 LESS_URGENT = 5  # by which a slave is nicer than a router: on boards of their own they do not share a processor
-START_WITHIN_S = 30.0
+START_WITHIN_S = 60.0  # for a group; when it takes longer, no more are started
 
 
 class Received:
@@ -62,10 +68,12 @@ class Received:
     def __init__(self) -> None:
         self.stamps: list[int] = []
         self.ages: list[float] = []
+        self.has_begun = False
 
     def add(self, topic: str, sample: Stamped) -> None:
         """Count a message, in the network's thread."""
         if topic in TOPICS:
+            self.has_begun = True
             self.stamps.append(sample.value.time_ns)
             self.ages.append((sample.received_ns - sample.sent_ns) / NS_PER_MS)
 
@@ -85,55 +93,94 @@ class Use(NamedTuple):
     resident: list[int]
 
 
-def measure(slaves: int, routers: int, seconds: float, sessions: str, step: float) -> str:
-    """Return a row of the table; `step` of the slaves in ms. Raises HilError when a slave cannot be reached."""
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        ends = [f"tcp/127.0.0.1:{port}" for port in free_ports(routers)]
-        processes = [start(stack, ["router", "--listen", end, *_joined(ends, end)]) for end in ends]
-        network = Network(mode="routed", router=ends[-1])
-        shared = stack.enter_context(open_master_session(ends[-1], network=network)) if sessions == "one" else ends[-1]
-        received = [Received() for _ in range(slaves)]
-        for number, port in enumerate(free_ports(slaves)):
-            own = received[number]
-            client = VehicleClient(
-                shared, f"uuv{number}", part="observer", network=network, topics=TOPICS, on_sample=own.add
-            )
-            stack.enter_context(client)
-            path = folder / f"{number}.toml"
-            path.write_text(SCENARIO.format(number=number, router=ends[0], step=step), encoding="utf-8")
-            processes.append(start(stack, ["slave", str(path), "--listen", f"tcp/127.0.0.1:{port}"]))
-            processes[-1].nice(processes[-1].nice() + LESS_URGENT)
-            if (number + 1) % TOGETHER == 0 or number + 1 == slaves:
-                _wait_for(partial(_all_found, received[: number + 1]))
+def measure(
+    stack: ExitStack, folder: Path, slaves: int, routers: int, seconds: float, sessions: str, step: float
+) -> str:
+    """Return a row of the table, or of that of `BROKEN` when not all slaves are found; `step` of the slaves in ms.
+
+    All processes have ended then; `stack` closes the rest, which may take minutes. `folder`: for scenarios.
+    """
+    received = [Received() for _ in range(slaves)]
+    processes: list[psutil.Process] = []
+    began = time.monotonic()
+    try:
+        _start_all(stack, folder, processes, received, routers, sessions, step)
         for own in received:
             own.clear()
         first, begun = use(processes), time.monotonic()
         time.sleep(seconds)
         last, took = use(processes), time.monotonic() - begun
+    except (HilError, psutil.Error) as error:
+        return _broken(received, routers, step, f"then {str(error).splitlines()[0]}")
+    finally:
         for process in processes:  # clients close at once when nobody is there: else it takes minutes
             process.kill()
+    found = [own for own in received if own.stamps]
+    ages = sorted(age for own in found for age in own.ages)
+    if len(found) < slaves:
+        rate = f"{len(found)} were found, {len(ages) / took / len(found):.1f} Hz each" if found else ""
+        none = f"none was found any more after {begun + took - began:.0f} s"
+        return _broken(received, routers, step, rate or none)
     cpu = [100.0 * (b - a) / took for a, b in zip(first.cpu, last.cpu, strict=True)]
-    ages = sorted(age for own in received for age in own.ages)
-    sent = sum(own.sent() for own in received)
+    sent = sum(own.sent() for own in found)
     figures = (
         len(ages) / took / slaves, 100.0 * (1.0 - len(ages) / sent) if sent else nan,
         quantile(ages, 0.5), quantile(ages, 0.99), sum(cpu[routers:]) / slaves, sum(cpu[:routers]) / routers,
         sum(last.resident[routers:]) / slaves / 2**20, sum(last.resident[:routers]) / routers / 2**20,
     )  # fmt: skip
-    alive = sum(bool(own.stamps) for own in received)
-    return f"| {slaves} | {routers} | {sessions} | {alive} | " + " | ".join(f"{value:.1f}" for value in figures) + " |"
+    cells = " | ".join(f"{value:.1f}" for value in figures)
+    return f"| {slaves} | {routers} | {sessions} | {len(found)} | {cells} |"
 
 
-def _all_found(received: list[Received]) -> bool:
-    return all(own.stamps for own in received)
+def _broken(received: Sequence[Received], routers: int, step: float, result: str) -> str:
+    """Return the row of a run that broke: how many slaves began, and what came then."""
+    begun = sum(own.has_begun for own in received)
+    began = "all" if begun == len(received) else str(begun)
+    return f"| {len(received)} | {routers} | {step:g} ms | {began} began, {result} |"
 
 
-def _wait_for(condition: Callable[[], bool]) -> None:
-    """Wait for it, at most `START_WITHIN_S`."""
+def _start_all(
+    stack: ExitStack,
+    folder: Path,
+    processes: list[psutil.Process],
+    received: Sequence[Received],
+    routers: int,
+    sessions: str,
+    step: float,
+) -> None:
+    """Start routers and slaves, which are appended to `processes`, and subscribe. Raises HilError, psutil.Error.
+
+    No more slaves are started when a group is not found in time.
+    """
+    ends = [f"tcp/127.0.0.1:{port}" for port in free_ports(routers)]
+    processes += [start(stack, ["router", "--listen", end, *_joined(ends, end)]) for end in ends]
+    network = Network(mode="routed", router=ends[-1])
+    shared = stack.enter_context(open_master_session(ends[-1], network=network)) if sessions == "one" else ends[-1]
+    for number, port in enumerate(free_ports(len(received))):
+        own = received[number]
+        client = VehicleClient(
+            shared, f"uuv{number}", part="observer", network=network, topics=TOPICS, on_sample=own.add
+        )
+        stack.enter_context(client)
+        path = folder / f"{number}.toml"
+        path.write_text(SCENARIO.format(number=number, router=ends[0], step=step), encoding="utf-8")
+        processes.append(start(stack, ["slave", str(path), "--listen", f"tcp/127.0.0.1:{port}"]))
+        processes[-1].nice(processes[-1].nice() + LESS_URGENT)
+        is_last = (number + 1) % TOGETHER == 0 or number + 1 == len(received)
+        if is_last and not _wait_for(partial(_all_found, received[: number + 1])):
+            return
+
+
+def _all_found(received: Sequence[Received]) -> bool:
+    return all(own.has_begun for own in received)
+
+
+def _wait_for(condition: Callable[[], bool]) -> bool:
+    """Wait for it, at most `START_WITHIN_S`; return whether it holds."""
     end = time.monotonic() + START_WITHIN_S
     while time.monotonic() < end and not condition():
         time.sleep(0.2)
+    return condition()
 
 
 def _joined(ends: list[str], end: str) -> list[str]:
@@ -158,6 +205,31 @@ def use(processes: list[psutil.Process]) -> Use:
 
 def main(arguments: list[str]) -> int:
     """Measure and print; the exit code."""
+    options = _parser().parse_args(arguments)
+    if options.folder:  # a run of its own
+        os.nice(LESS_URGENT)
+        of = options.slaves[0], options.routers[0], options.seconds, options.sessions, options.step
+        print(measure(ExitStack(), Path(options.folder), *of), flush=True)
+        os._exit(0)  # closes nothing: sessions whose router is gone take minutes
+    load = os.getloadavg()[0]
+    print(f"{os.cpu_count()} processors, load before: {load:.1f}\n\n{HEADER}\n{_rule(HEADER)}", flush=True)
+    broken = []
+    for routers in options.routers:
+        for slaves in options.slaves:
+            began = time.monotonic()
+            row = _run(slaves, routers, options)
+            took, load = time.monotonic() - began, os.getloadavg()[0]
+            print(f"{slaves} slaves, {routers} routers: took {took:.0f} s, load {load:.1f}", file=sys.stderr)
+            if row.count("|") == BROKEN.count("|"):
+                broken.append(row)
+            else:
+                print(row, flush=True)
+    if broken:
+        print("\n".join(["", BROKEN, _rule(BROKEN), *broken]))
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, prog="python -m tools.costs.scale")
     parser.add_argument("--slaves", type=int, nargs="+", default=[1, 2, 4, 8, 16, 32, 64])
     parser.add_argument("--routers", type=int, nargs="+", choices=(1, 2), default=[1, 2])
@@ -166,14 +238,33 @@ def main(arguments: list[str]) -> int:
         "--sessions", choices=("one", "each"), default="one", help="of the observer: one, or one each vehicle"
     )
     parser.add_argument("--step", type=float, default=2.5, help="of the slaves, in ms [%(default)s]")
-    options = parser.parse_args(arguments)
-    load = os.getloadavg()[0]
-    print(f"{os.cpu_count()} processors, load before: {load:.1f}\n\n{HEADER}\n|{'---|' * HEADER.count(' | ')}---|")
-    for routers in options.routers:
-        for slaves in options.slaves:
-            print(measure(slaves, routers, options.seconds, options.sessions, options.step), flush=True)
-    return 0
+    parser.add_argument("--limit", type=float, default=600.0, help="of a run, in s: it is killed then [%(default)s]")
+    parser.add_argument("--folder", help=argparse.SUPPRESS)
+    return parser
+
+
+def _run(slaves: int, routers: int, options: argparse.Namespace) -> str:
+    """Return the row of one run, in a process of its own that is killed at the limit, with all that it started."""
+    words = [f"--slaves={slaves}", f"--routers={routers}", f"--sessions={options.sessions}"]
+    words += [f"--seconds={options.seconds}", f"--step={options.step}"]
+    start = f"| {slaves} | {routers} | {options.step:g} ms |"
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            command = module_command("tools.costs.scale", *words, f"--folder={folder}")
+            done = finish_child(command, options.limit)
+    except subprocess.TimeoutExpired:
+        return f"{start} no result within {options.limit:g} s |"
+    if done.returncode:
+        last = (done.stderr.decode().strip() or f"exit code {done.returncode}").splitlines()[-1]
+        return f"{start} ended: {last} |"
+    return done.stdout.decode().strip()
+
+
+def _rule(header: str) -> str:
+    """Return the line of a table below its header."""
+    return f"|{'---|' * (header.count('|') - 1)}"
 
 
 if __name__ == "__main__":
+    die_with_parent()
     sys.exit(main(sys.argv[1:]))
