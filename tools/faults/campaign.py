@@ -9,9 +9,10 @@ from typing import NamedTuple
 from hil.common.errors import HilError
 from tools.faults import line_faults, machine_faults, network_faults, peer_faults
 from tools.faults.file_faults import BAD_FILES, BadFile, measure_file
+from tools.faults.links import LINKS, Link
 from tools.faults.measure import measure
 from tools.faults.rig import Rig
-from tools.faults.rows import LINKS, Fault, Link, Row
+from tools.faults.rows import Fault, Row
 
 QUICK_FILES = 2
 QUICK_LINKS = LINKS[:1]

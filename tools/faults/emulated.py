@@ -8,7 +8,7 @@ from hil.common.clock import NS_PER_S, now_ns, seconds_ns
 from hil.common.lifeline import die_with_parent
 from hil.common.stop import StopSignals
 from hil.links.wires.terminal import PtyWire
-from tools.faults.rows import WATCHDOG_S
+from tools.faults.links import WATCHDOG_S
 
 CHANNELS = 6
 

@@ -4,8 +4,9 @@ import signal
 import time
 from collections.abc import Callable
 
+from tools.faults.links import LINKS
 from tools.faults.rig import Rig
-from tools.faults.rows import LINKS, Fault
+from tools.faults.rows import Fault
 
 CUTTABLE = tuple(link for link in LINKS if link.wire != "can")
 TERMINALS = tuple(link for link in LINKS if link.wire == "pty")

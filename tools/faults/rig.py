@@ -20,9 +20,9 @@ from hil.links.address import open_address
 from hil.links.contract import Wire
 from hil.links.protocols import open_protocol
 from tools.faults.line import Line
+from tools.faults.links import DEADMAN_S, WATCHDOG_S, Link
 from tools.faults.pins import Pins, State
 from tools.faults.relay import Relay
-from tools.faults.rows import DEADMAN_S, WATCHDOG_S, Link
 
 THRUSTERS = 6
 START_S = 60.0

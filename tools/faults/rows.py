@@ -2,55 +2,12 @@
 
 from collections.abc import Callable
 from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from tools.faults.rig import Rig
+from tools.faults.links import USUAL, Link
+from tools.faults.rig import Rig
 
-DEADMAN_S, WATCHDOG_S = 0.5, 0.2
-REPORT_S = 0.02  # the longest between two reports of the STM32, which is how finely its outputs are seen
 RECOVERY_S = 15.0  # the longest that a vehicle may take to obey again: a slave restarts, a session is opened
-
-
-class Link(NamedTuple):
-    """One kind of thruster link: who plays the STM32, what is spoken, over which wire; `thorough`: only with --all."""
-
-    stm32: str
-    protocol: str
-    wire: str
-    thorough: bool = False
-
-    @property
-    def name(self) -> str:
-        """Name in the table, such as "python frame pty"."""
-        return f"{self.stm32} {self.protocol} {self.wire}"
-
-    @property
-    def frame_s(self) -> float:
-        """The longest that one command takes on the line, s: 200 bytes at 115,200 Bd, nothing on a network."""
-        return 200 * 10 / 115_200 if self.wire == "pty" else 0.002
-
-    @property
-    def limit_s(self) -> float:
-        """Until the outputs must be neutral: deadman, watchdog, one frame, and one report that tells it."""
-        return DEADMAN_S + WATCHDOG_S + self.frame_s + REPORT_S
-
-
-LINKS = (
-    Link("python", "frame", "pty"),
-    Link("python", "mavlink", "udp"),
-    Link("native", "frame", "pty"),
-    Link("native", "mavlink", "pty"),
-    Link("python", "mavlink", "pty"),
-    Link("python", "frame", "udp"),
-    Link("python", "frame", "tcp"),
-    Link("python", "vesc", "can"),
-    Link("python", "dronecan", "can"),
-    Link("unicorn", "frame", "pty", thorough=True),
-    Link("unicorn", "mavlink", "pty", thorough=True),
-    Link("qemu", "frame", "pty", thorough=True),
-)
-USUAL = LINKS[0]
 
 
 class Fault(NamedTuple):
@@ -66,8 +23,8 @@ class Fault(NamedTuple):
 
     room: str
     name: str
-    strike: Callable[["Rig"], None]
-    mend: Callable[["Rig"], None]
+    strike: Callable[[Rig], None]
+    mend: Callable[[Rig], None]
     cuts: bool = True
     links: tuple[Link, ...] = (USUAL,)
     extra_s: float = 0.0
@@ -75,7 +32,7 @@ class Fault(NamedTuple):
     after_mend: bool = False
     steady: bool = True
     quick: bool = False
-    unavailable: Callable[["Rig"], str] = lambda _: ""
+    unavailable: Callable[[Rig], str] = lambda _: ""
 
 
 class Row(NamedTuple):

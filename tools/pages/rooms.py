@@ -46,9 +46,9 @@ COMMAND = ["hil.master", "hil.client", "hil.network", "hil.slave", "hil.autonomy
 SAMPLE = ["sim", "hil.slave", "hil.ros", "hil.network", "hil.client", "hil.master"]
 
 
-def modules() -> Iterator[tuple[str, Path]]:
-    """Yield the dotted name and the file of every module that is installed."""
-    for package in PACKAGES:
+def modules(packages: tuple[str, ...] = PACKAGES) -> Iterator[tuple[str, Path]]:
+    """Yield the dotted name and the file of every module of these packages; those that are installed by default."""
+    for package in packages:
         for path in sorted((ROOT / package).rglob("*.py")):
             name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
             yield name.removesuffix(".__init__"), path
@@ -86,16 +86,16 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
 
 
 @cache
-def graph() -> dict[str, set[str]]:
-    """Return module -> the modules of ours that it imports."""
-    known = dict(modules())
+def graph(packages: tuple[str, ...] = PACKAGES) -> dict[str, set[str]]:
+    """Return module -> the modules among these packages that it imports."""
+    known = dict(modules(packages))
     edges: dict[str, set[str]] = {}
     for module, path in known.items():
         edges[module] = set()
         for name in imports(path):
             while name and name not in known:
                 name = name.rpartition(".")[0]
-            if name and name != module and name != "hil":
+            if name and name != module:
                 edges[module].add(name)
     return edges
 
@@ -107,8 +107,8 @@ def arrows() -> set[tuple[str, str]]:
 
 
 def circles() -> list[list[str]]:
-    """Return the sets of modules that import each other round in a circle, each sorted."""
-    edges = graph()
+    """Return the sets of modules that import each other round in a circle, each sorted. Tools and tests count too."""
+    edges = graph((*PACKAGES, "tools", "tests"))
     reached = {module: _reached(module, edges) for module in edges}
     components = {
         tuple(sorted({module} | {other for other in reached[module] if module in reached[other]})) for module in edges

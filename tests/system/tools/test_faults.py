@@ -12,8 +12,9 @@ import pytest
 from firmware_stub import build
 from tests.support.busy import retry_when_busy
 from tools.faults import campaign, decoders, report
+from tools.faults.links import LINKS, USUAL
 from tools.faults.pins import Pins, state_of
-from tools.faults.rows import LINKS, RECOVERY_S, USUAL, Row, judge
+from tools.faults.rows import RECOVERY_S, Row, judge
 
 ROOT = Path(__file__).parents[3]
 GOOD = Row("link", "unplugged", USUAL.name, 0.2, USUAL.limit_s, 0.1, 0, "told", "", ())
