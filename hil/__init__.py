@@ -1,10 +1,10 @@
 """The bridge: every byte between a single-board computer, a planner and the simulator."""
 
+from hil.common import __version__ as __version__
+
 TYPE_CHECKING = False  # as typing has it, which a lean process does not load for this
 if TYPE_CHECKING:
     from hil.client.fleet import Fleet
-
-__version__ = "0.1.0"
 
 
 def connect(

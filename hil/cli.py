@@ -158,7 +158,7 @@ def _dispatch(words: list[str]) -> int:
         print(_help())
         return 0
     if name in ("-V", "--version"):
-        from hil import __version__
+        from hil.common import __version__
 
         print(f"uuv-hil {__version__}")
         return 0

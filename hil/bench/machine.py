@@ -11,7 +11,7 @@ import psutil
 from boards import emulation
 from boards.health import governors, recognise
 from boards.tree import Tree
-from hil import __version__
+from hil.common import __version__
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pyserial", "python-can", "pymavlink", "unicorn")
 

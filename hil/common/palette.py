@@ -1,4 +1,4 @@
-"""The colours of what every picture shows: the same for plots, reports and the live view, as #rrggbb."""
+"""Colours of what every picture shows, as #rrggbb: the same in plots, in reports and in the live view."""
 
 PATH = "#2563eb"  # planned
 TRACK = "#ea580c"  # true

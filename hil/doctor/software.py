@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from importlib import import_module, metadata
 from importlib.util import cache_from_source, find_spec
 
-from hil import __version__
+from hil.common import __version__
 from hil.common.children import python_command
 from hil.common.clock import LOOP_PRIORITY
 from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError

@@ -9,7 +9,7 @@ rosbag2's own recorder has them.
 import os
 from typing import NamedTuple
 
-from hil import __version__
+from hil.common import __version__
 from hil.common.errors import ConfigError
 from hil.recording.mcap_writer import SHORTEST_END, McapWriter
 from hil.ros.topics import TOPICS, Qos, Topic

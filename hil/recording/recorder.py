@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from operator import attrgetter
 
-from hil import __version__
+from hil.common import __version__
 from hil.common.clock import NS_PER_S, boot_id, now_ns, to_wall_ns
 from hil.common.errors import ConfigError
 from hil.common.schema import find_preset

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from hil import __version__
+from hil.common import __version__
 from hil.common.errors import ConfigError
 from hil.common.plugins import loaded
 from hil.common.schema import preset_folder

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil import __version__
+from hil.common import __version__
 from hil.common.clock import NS_PER_MS
 from hil.links.mavlink.reports import MAVLINK_VERSION
 

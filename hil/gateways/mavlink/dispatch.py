@@ -5,7 +5,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil import __version__
+from hil.common import __version__
 from hil.gateways.mavlink import camera, telemetry
 from hil.gateways.mavlink.commands import ACCEPTED, DENIED, UNSUPPORTED, Commands, origin_of, read_command
 from hil.gateways.mavlink.core import Core, mission_current

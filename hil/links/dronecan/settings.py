@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, NamedTuple
 
-from hil import __version__
+from hil.common import __version__
 from hil.common.clock import NS_PER_S
 from hil.common.schema import Range
 from hil.links.dronecan.transfer import MAX_NODE_ID

@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil import __version__
+from hil.common import __version__
 from hil.links.contract import ThrusterTelemetry
 from hil.links.mavlink.settings import EscReading
 

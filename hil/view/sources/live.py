@@ -5,9 +5,8 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import hil
 from hil.client.delay import HOPS, DelayMeter
-from hil.client.fleet import Fleet
+from hil.client.fleet import Fleet, connect
 from hil.client.vehicle_handle import Vehicle
 from hil.common.clock import now_ns
 from hil.common.errors import NetworkError
@@ -24,6 +23,7 @@ DISCOVERED_EVERY_NS = 2_000_000_000  # that other pictures are looked for in the
 PLACES = ("ground_truth", "odom")
 NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
 LOG_LINES = 200
+CONNECT_S = 5.0  # that a vehicle is waited for
 
 
 class LiveSource:
@@ -163,7 +163,8 @@ class LiveSource:
         return lines
 
     def _connect(self, observe: bool) -> Fleet:
-        return hil.connect(*self._endpoints, observe=observe, routed=self._routed, keys=self._keys)
+        how = {"observe": observe, "routed": self._routed}
+        return connect(*self._endpoints, take_over=False, **how, keys=self._keys, wait=CONNECT_S)
 
     def _add(self, name: str) -> None:
         try:

@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import pytest
 
-from hil import __version__
+from hil.common import __version__
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.dronecan.host import DroneCanHost
 from hil.links.dronecan.link import open_dronecan

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil import __version__
+from hil.common import __version__
 from hil.links.contract import ThrusterCommand
 from tests.support.links.mavlink_peer import MS, Board, Peer, host_end
 
