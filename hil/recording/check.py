@@ -60,6 +60,7 @@ class _Repetition:
         self._simulation = build_simulation(run.scenario._replace(sensors=seen), run.vehicle, run.world)
         self._stamps = Stamps(int(about.facts["epoch_ns"]), 0)
         self._step_ns = int(about.facts["step_ns"])
+        self._lacks_files = about.facts.get("file", "0") != "0"  # the first are removed when there are too many
         self._prefix = run.scenario.ros.frame_prefix
         self._variances = spreads(seen, run.world)
         node = run.scenario.slave.node
@@ -103,9 +104,10 @@ class _Repetition:
         if message.sequence == last + 1:
             return
         if not last:
+            remedy = "raise [recording] total_size" if self._lacks_files else "record it again"
             raise ConfigError(
                 f"{self._path}: its beginning is missing ({message.topic} begins with message {message.sequence}), so "
-                "the run cannot be repeated; raise [recording] total_size"
+                f"the run cannot be repeated; {remedy}"
             )
         raise ConfigError(f"{self._path}: {message.sequence - last - 1} messages of {message.topic} are missing in it")
 

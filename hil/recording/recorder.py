@@ -143,8 +143,9 @@ class Recorder:
         messages = sorted([*self._held, *waiting, *self._source()], key=_log_time)
         due_ns = to_wall_ns(now) - HOLD_NS
         due = len(messages) if is_last else bisect_right(messages, due_ns, key=_log_time)
-        # What is far ahead has the time of a clock that was set: nothing to wait for.
-        ahead = bisect_left(messages, due_ns + NS_PER_S, lo=due, key=_log_time)
+        # What is far ahead has the time of a clock that was set: nothing to wait for. Ahead of this instant: on a busy
+        # machine a second may have gone by since `now`.
+        ahead = bisect_left(messages, to_wall_ns(now_ns()) + NS_PER_S, lo=due, key=_log_time)
         self._held = messages[due:ahead]
         self._write(messages[:due] + messages[ahead:])
         if now >= self._flush_due_ns and self._file:

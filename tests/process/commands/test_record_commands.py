@@ -59,8 +59,8 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
 
 
 def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str]) -> None:
+    """But for what the network dropped in a busy moment, which `record` counts."""
     _, heard, said = dive
-    assert "none lost" in said
     ours, theirs = (
         {(message.topic, message.sequence): message.data for message in read_messages(str(path))} for path in dive[:2]
     )
@@ -70,9 +70,14 @@ def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str
     assert topics["/uuv1/pulses"] > 40
     shared = set(ours) & set(theirs)
     assert all(ours[key] == theirs[key] for key in shared)
-    numbers = [number for topic, number in theirs if topic == "/uuv1/imu"]
-    assert numbers == list(range(numbers[0], numbers[-1] + 1))
-    assert len(numbers) > 150
+    numbers = defaultdict(list)
+    for topic, number in theirs:
+        numbers[topic].append(number)
+    assert all(each == sorted(each) for each in numbers.values())
+    missing = sum(each[-1] - each[0] + 1 - len(each) for each in numbers.values())
+    assert (f"{missing} did not come" if missing else "none lost") in said
+    assert missing < 0.1 * len(theirs)
+    assert len(numbers["/uuv1/imu"]) > 150
     with AnyReader([heard]) as reader:
         for connection, _, raw in reader.messages():
             reader.deserialize(raw, connection.msgtype)
@@ -152,7 +157,7 @@ def rewritten(path: Path, folder: Path, change: dict[str, str], keep: range, fli
     [
         ({"seed": "6"}, range(10**6), 0, 6, ["does something else", "recorded ", "repeated "]),
         ({}, range(10**6), 20, 6, ["does something else", "/uuv1/"]),
-        ({}, range(100, 10**6), 0, 2, ["its beginning is missing", "total_size"]),
+        ({}, range(100, 10**6), 0, 2, ["its beginning is missing", "record it again"]),
         ({}, range(10**6), 0, 0, ["the same bit for bit"]),
         ({"step_ns": "2500000"}, range(3), 0, 2, ["no samples to compare"]),
     ],

@@ -14,8 +14,9 @@ from mcap.records import Message as McapMessage
 from mcap.stream_reader import StreamReader
 
 import hil.recording.recorder as recording_module
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.common.errors import ConfigError
-from hil.recording.mcap_file import RecordingFile
+from hil.recording.mcap_file import Message, RecordingFile
 from hil.recording.reader import read_messages
 from hil.recording.recorder import Recorder, new_folder
 from tests.support.busy import retried_when_busy
@@ -150,6 +151,23 @@ def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, mon
         for number in range(1, 151):
             recorder.put(imu(number))
     assert (recorder.written, recorder.lost) == (100, 50)
+
+
+def test_a_recorder_that_comes_late_writes_messages_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine seconds may pass between its look at the clock and the one at the messages."""
+    passed_ns: list[int] = []
+    monkeypatch.setattr(recording_module, "now_ns", lambda: now_ns() + sum(passed_ns))
+
+    def come_late() -> list[Message]:
+        if passed_ns:
+            return []
+        began = to_wall_ns(now_ns())
+        passed_ns.append(3 * NS_PER_S)
+        return [imu(number)._replace(logged_ns=began + (2 * number - 1) * NS_PER_S // 2) for number in (1, 2, 3)]
+
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, source=come_late):
+        assert wait_for(lambda: passed_ns)
+    assert [message.sequence for message in read_messages(str(tmp_path / "bag"))] == [1, 2, 3]
 
 
 def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
