@@ -31,7 +31,9 @@ DRIVERS = {
     "device": ("hil.slave.drivers.external", "ExternalDriver", "open_device"),
 }
 STARTED = ("process", "native", "qemu")  # those for which a process is started
-SETTLE_NS = NS_PER_S // 10
+# At the end the STM32 is told so often to be neutral, and given so long to confirm it: on a busy machine what carries
+# bytes through a pty, or plays the STM32, waits for the processor. Who does not answer anyhow is given less.
+REPEAT_NS, CONFIRM_NS, SETTLE_NS = NS_PER_S // 20, NS_PER_S, NS_PER_S // 10
 CHECK_NS = NS_PER_S // 100  # between two looks while they settle, and while a link is opened again
 RETRY_S = 0.25  # between two attempts to open a link that went away
 # An attempt under way is waited for so long at the end: what it holds ends with us, but for a process it has started.
@@ -235,9 +237,10 @@ def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, rep
 
 
 def stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
-    """Disarm and wait up to 0.1 s until every thruster is neutral; return whether all are.
+    """Disarm and wait up to 1 s until every thruster is neutral; return whether all are.
 
-    Where the controller is ours, the STM32 has to say so: it may not be there, and a lost link counts as neutral.
+    Where the controller is ours, the STM32 has to say so: it may not be there, and a lost link counts as neutral. One
+    that is lost or silent, or obeys another program, is given 0.1 s. `sequence` is that of the first command.
     """
     try:
         return _stop_thrusters(driver, sequence)
@@ -246,16 +249,20 @@ def stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
 
 
 def _stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
-    channels = len(driver.pwm_us)
-    deadline = now_ns() + SETTLE_NS
-    if driver.host:
-        driver.send(ThrusterCommand(sequence & 0xFFFF, False, (PWM_NEUTRAL_US,) * channels))
+    neutral = ThrusterCommand(sequence & 0xFFFF, False, (PWM_NEUTRAL_US,) * len(driver.pwm_us))
+    answers = bool(driver.host) and not (driver.lost or driver.is_silent)
+    began = send_ns = now_ns()
     while True:
+        now = now_ns()
+        if driver.host and now >= send_ns:  # again and again: a command may be lost on its way
+            driver.send(neutral)
+            neutral = neutral._replace(sequence=neutral.sequence + 1 & 0xFFFF)
+            send_ns = now + REPEAT_NS
         received = driver.service(now_ns())
         shown = [telemetry.pwm_us for telemetry in received] if driver.host else [driver.pwm_us]
         if shown and all(pulse == PWM_NEUTRAL_US for pulse in shown[-1]):
             return True
-        left = deadline - now_ns()
+        left = began + (CONFIRM_NS if answers and not driver.lost else SETTLE_NS) - now_ns()
         if left <= 0:
             return False
         select.select(driver.descriptors, [], [], min(left, CHECK_NS) / NS_PER_S)

@@ -119,7 +119,9 @@ def test_a_lost_link_is_not_silence_too() -> None:
     assert bed.said[3:] == [SILENT]
 
 
-def test_the_silent_and_the_lost_confirm_nothing() -> None:
+def test_the_silent_and_the_lost_confirm_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("CONFIRM_NS", "SETTLE_NS"):
+        monkeypatch.setattr(stm32, name, NS_PER_S // 100)
     bed = Bed()
     bed.driver.descriptors = []  # a bench has none to wait on
     bed.bench.says = [ANSWER]
@@ -132,6 +134,21 @@ def test_the_silent_and_the_lost_confirm_nothing() -> None:
     assert tuple(bed.driver.pwm_us) == NEUTRAL
     assert not stop_thrusters(bed.driver, 2), "a lost link is taken for neutral, which is no answer"
     bed.driver.close()
+
+
+def test_neutral_is_sent_again_until_it_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stm32, "REPEAT_NS", NS_PER_S // 100)
+    monkeypatch.setattr(stm32, "CONFIRM_NS", 60 * NS_PER_S)
+    bed, sent = Bed(), list[ThrusterCommand]()
+    bed.driver.descriptors = []
+
+    def lose_two(command: ThrusterCommand) -> None:
+        sent.append(command)
+        bed.bench.says = [ANSWER] * (len(sent) > 2)
+
+    monkeypatch.setattr(bed.bench, "send", lose_two)
+    assert stop_thrusters(bed.driver, 0xFFFF)
+    assert [(command.sequence, command.armed) for command in sent] == [(0xFFFF, False), (0, False), (1, False)]
 
 
 class Master:
