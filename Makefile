@@ -44,7 +44,7 @@ docs: $(VENV)/.docs
 $(VENV)/.run: EXTRA = master,view
 $(VENV)/.dev: EXTRA = dev
 $(VENV)/.docs: EXTRA = docs
-$(VENV)/.run $(VENV)/.dev $(VENV)/.docs: pyproject.toml hatch_build.py $(wildcard $(NATIVE:%=%/*.[ch]) firmware_stub/src/*.c firmware_stub/include/*.h)
+$(VENV)/.run $(VENV)/.dev $(VENV)/.docs: pyproject.toml hatch_build.py c_extensions.py $(wildcard $(NATIVE:%=%/*.[ch]) firmware_stub/src/*.c firmware_stub/include/*.h)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	  || { echo "Python 3.10 or later is needed; name one with: make PYTHON=/path/to/python3.10"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \

@@ -12,7 +12,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from packaging.tags import sys_tags
 
-BUILD = "sim/native/build.py"
+BUILD = "c_extensions.py"
 
 
 class NativeBuildHook(BuildHookInterface[Any]):

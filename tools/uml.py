@@ -79,7 +79,7 @@ class Outcome(NamedTuple):
     output: str
 
 
-def obstacle() -> str:
+def unavailable_reason() -> str:
     """Return why User Mode Linux does not run here, and the remedy; "" if nothing speaks against it."""
     for program, package in (("linux.uml", "user-mode-linux"), ("busybox", "busybox-static"), ("cc", "gcc libc6-dev")):
         if not shutil.which(program):
@@ -110,7 +110,7 @@ def run(
     each line as it is printed. options: of the kernel, such as "cgroup_disable=memory".
     Raises DeviceError if it does not start, with the kernel's last words, or does not end in time.
     """
-    reason = obstacle()
+    reason = unavailable_reason()
     if reason:
         raise DeviceError(f"User Mode Linux: {reason}")
     mark = f"uml-{secrets.token_hex(8)}"

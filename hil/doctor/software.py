@@ -35,7 +35,8 @@ WANTED = {
     "mavlink": ("pymavlink", "pymavlink", "[link] protocol", "'uuv-hil[mavlink]'"),
     "unicorn": ("unicorn", "unicorn", "the scenario's stm32", "'uuv-hil[unicorn]'"),
 }
-BUILD = "python -m sim.native.build (a C compiler: sudo apt install gcc)"
+# besides that of the step
+EXTENSIONS = ("sim.native._rays", "sim.native._picture", "hil.slave.native._firmware")
 WARM_UP, STEPS = 40, 400
 
 
@@ -151,8 +152,7 @@ def _plan(scenario: Scenario) -> None:
 
 def step(case: Case) -> Iterator[Finding]:
     """Yield which step of the dynamics is taken and why; with a scenario also what it costs here."""
-    from sim.native import SWITCH, choose
-    from sim.native.build import BINARY, SOURCES, module
+    from sim.native import REMEDY, SWITCH, choose
 
     try:
         _, text = choose()
@@ -163,14 +163,13 @@ def step(case: Case) -> Iterator[Finding]:
         yield Finding("ok", "step", text)
     else:
         unwanted = os.environ.get(SWITCH) == "0"
-        yield Finding("note", "step", text, f"unset {SWITCH}" if unwanted else BUILD)
-    for binary in (path for path in SOURCES if path != BINARY):
-        name = module(binary)
+        yield Finding("note", "step", text, f"unset {SWITCH}" if unwanted else REMEDY)
+    for name in EXTENSIONS:
         try:
             import_module(name)
         except ImportError as error:
             topic = name.rpartition("._")[2]
-            yield Finding("note", topic, f"Python; the C is not there: {error}", BUILD)
+            yield Finding("note", topic, f"Python; the C is not there: {error}", REMEDY)
     if scenario := case.scenario:
         share = case.board.recommended.core_share if case.board else 0.5
         try:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sim.vehicle.failures import Failure
 
 SWITCH = "UUV_HIL_NATIVE"
-REMEDY = "make it with: python -m sim.native.build"
+REMEDY = "install gcc, then uuv-hil again; in a clone: python c_extensions.py"
 
 
 class NativeDynamics(Dynamics):

@@ -127,7 +127,9 @@ class RayScene:
             self._geometry = self._gather()
             self._caster = make_caster(self._geometry) if self._engine in ("", "C") else None
             if self._caster is None and self._engine == "C":
-                raise ConfigError("no rays in C here: python -m sim.native.build")
+                from sim.native import REMEDY
+
+                raise ConfigError(f"there are no rays in C: {REMEDY}")
         if self._moving:
             self._move(self._geometry.solids)
         return self._geometry

@@ -256,7 +256,7 @@ def test_simulated_time_repeats_to_the_bit(tmp_path: Path) -> None:
     assert first != final_state(tmp_path, scenario, 6, native=False)
 
 
-@pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C step here: python -m sim.native.build")
+@pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C step here: python c_extensions.py")
 def test_a_whole_mission_is_the_same_in_c_to_the_bit(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     assert final_state(tmp_path, scenario, 5, native=True) == final_state(tmp_path, scenario, 5, native=False)

@@ -179,7 +179,7 @@ def candidates(vehicle: Vehicle, integrator: Integrator) -> dict[str, Callable[[
         native = NativeDynamics(vehicle, DENSITY, GRAVITY, integrator)
         runs["C"] = lambda: run_ours(native)
     except ImportError:
-        print("no C here (make it with: python -m sim.native.build)", file=sys.stderr)
+        print("no C here (make it with: python c_extensions.py)", file=sys.stderr)
     runs["Python"] = lambda: run_ours(python)
     if find_spec("numpy"):
         plain = PlainNumpy(vehicle, integrator)

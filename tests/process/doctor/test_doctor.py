@@ -19,7 +19,6 @@ from hil.doctor import software as doctor_software
 from hil.doctor.findings import Case, Finding, User
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
-from sim.native import build
 from tests.support.processes import write_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -76,17 +75,17 @@ def test_the_step_in_c_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     found = next(doctor_software.step(here()))
     assert (found.level, found.topic) == ("note", "step")
     assert "Python; the step in C is not there" in found.text
-    assert "python -m sim.native.build" in found.remedy
+    assert "python c_extensions.py" in found.remedy
 
 
-@pytest.mark.parametrize("module", [build.module(path) for path in build.SOURCES if path != build.BINARY])
+@pytest.mark.parametrize("module", doctor_software.EXTENSIONS)
 def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
     (found,) = [found for found in doctor_software.step(here()) if found.topic != "step"]
     assert (found.level, found.topic) == ("note", module.rpartition("._")[2])
     assert module in found.text
-    assert "python -m sim.native.build" in found.remedy
+    assert "python c_extensions.py" in found.remedy
 
 
 def test_help_by_the_one_command(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck
 
-from sim.native import build
+import c_extensions
 from tests.support.examples import examples
 
 # For tests that compare the twins; `taken_from` holds for all examples of one.
@@ -20,17 +20,17 @@ EACH = examples(200, HealthCheck.function_scoped_fixture, HealthCheck.differing_
 
 def compiled(folder: Path) -> None:
     """Compile into `folder`; skips where there is no compiler."""
-    if reason := build.obstacle():
+    if reason := c_extensions.unavailable_reason():
         pytest.skip(f"no C here: {reason}")
-    assert build.build(str(folder)) is None
+    assert c_extensions.build(str(folder)) is None
 
 
 @contextmanager
 def taken_from(folder: Path) -> Iterator[None]:
     """`import sim.native._native` and the others find what is in `folder`, never what is left from an older source."""
     with pytest.MonkeyPatch.context() as patch:
-        for binary in build.SOURCES:
-            name = build.module(binary)
+        for binary in c_extensions.SOURCES:
+            name = c_extensions.module(binary)
             spec = spec_from_file_location(
                 name, folder / binary, loader=ExtensionFileLoader(name, str(folder / binary))
             )

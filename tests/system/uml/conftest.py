@@ -77,7 +77,7 @@ def _why_not(config: pytest.Config) -> str:
         return "takes a minute; run it with: pytest -m uml"
     if not shutil.which("tc", path="/usr/sbin:/sbin:" + os.environ.get("PATH", "")):
         return "there is no tc: sudo apt install iproute2"
-    reason = uml.obstacle()
+    reason = uml.unavailable_reason()
     return reason and f"User Mode Linux: {reason}"
 
 

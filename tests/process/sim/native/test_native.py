@@ -14,14 +14,16 @@ from typing import NamedTuple
 
 import pytest
 
+import c_extensions
 import sim.native
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_names
+from hil.doctor.software import EXTENSIONS
 from sim import rotations
 from sim.assembly import make_dynamics, make_error_bank, make_thruster_set
 from sim.dynamics import Dynamics, Integrator, State
 from sim.matrices import square
-from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, build, choose, has_native
+from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, choose, has_native
 from sim.sensors.error import ErrorBank, ErrorModel
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters.bank import ThrusterSet
@@ -163,7 +165,7 @@ def test_the_kernel_alone_is_equal_on_each_machine(
         pytest.skip(f"no {compiler}")
     program = tmp_path / "kernel"
     source = [str(Path(__file__).with_name("kernel_main.c")), f"-I{ROOT / 'sim/native'}"]
-    common = [flag for flag in build.FLAGS if not flag.startswith("-O") and flag not in ("-fPIC", "-shared")]
+    common = [flag for flag in c_extensions.FLAGS if not flag.startswith("-O") and flag not in ("-fPIC", "-shared")]
     subprocess.run([compiler, *common, *flags, *source, "-static", "-o", str(program), "-lm"], check=True)
     path = flight(9, -0.1)
     start = (*path.position, *path.quaternion, *path.nu, DT, float(len(path.inputs)))
@@ -324,14 +326,14 @@ def test_c_is_taken_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("no_native")
 def test_python_is_taken_where_c_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is Dynamics
-    assert "python -m sim.native.build" in choose()[1]
+    assert "python c_extensions.py" in choose()[1]
     monkeypatch.setenv("UUV_HIL_NATIVE", "1")
     with pytest.raises(ConfigError, match="UUV_HIL_NATIVE=1, but"):
         choose()
 
 
 @pytest.mark.usefixtures("native")
-@pytest.mark.parametrize("name", [build.module(path) for path in build.SOURCES])
+@pytest.mark.parametrize("name", [c_extensions.module(path) for path in c_extensions.SOURCES])
 def test_who_insists_on_c_gets_all_of_it_or_none(name: str) -> None:
     """A binary that is missing beside the others, as in a tree that was compiled before there was one."""
     with pytest.MonkeyPatch.context() as patch:  # undone before what `native` put in place is taken out
@@ -340,7 +342,7 @@ def test_who_insists_on_c_gets_all_of_it_or_none(name: str) -> None:
         patch.setitem(sys.modules, name, None)
         if name == BINARY:
             patch.delattr(sim.native, "_native", raising=False)
-        with pytest.raises(ConfigError, match=r"UUV_HIL_NATIVE=1, but .*python -m sim.native.build"):
+        with pytest.raises(ConfigError, match=r"UUV_HIL_NATIVE=1, but .*python c_extensions.py"):
             has_native(name)
         patch.delenv("UUV_HIL_NATIVE")
         assert not has_native(name)
@@ -354,16 +356,16 @@ def test_every_binary_is_asked_for_in_one_way() -> None:
         text = path.read_text()
         asked |= set(re.findall(r'has_native\("([\w.]+)"\)', text))
         assert text.count("except ImportError") <= 2, path
-    assert asked == {build.module(path) for path in build.SOURCES}
+    assert asked == {c_extensions.module(path) for path in c_extensions.SOURCES} == {"sim.native._native", *EXTENSIONS}
 
 
 def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    if reason := build.obstacle():
+    if reason := c_extensions.unavailable_reason():
         pytest.skip(f"no step in C: {reason}")
-    monkeypatch.setattr(build, "compiler", lambda: None)
-    assert "no C compiler" in str(build.build(str(tmp_path)))
-    monkeypatch.setattr(build, "compiler", lambda: ["cc", "-include", "no_such_header.h"])
-    assert "no_such_header.h" in str(build.build(str(tmp_path)))
+    monkeypatch.setattr(c_extensions, "compiler", lambda: None)
+    assert "no C compiler" in str(c_extensions.build(str(tmp_path)))
+    monkeypatch.setattr(c_extensions, "compiler", lambda: ["cc", "-include", "no_such_header.h"])
+    assert "no_such_header.h" in str(c_extensions.build(str(tmp_path)))
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
@@ -375,9 +377,9 @@ def test_wheel(wish: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     (path,) = tmp_path.iterdir()
     names = zipfile.ZipFile(path).namelist()
-    inside = build.BINARY in names
-    assert {binary in names for binary in build.SOURCES} == {inside}
-    assert inside == (wish == "" and build.obstacle() is None)
+    inside = c_extensions.BINARY in names
+    assert {binary in names for binary in c_extensions.SOURCES} == {inside}
+    assert inside == (wish == "" and c_extensions.unavailable_reason() is None)
     assert ("-cp310-abi3-linux_" in path.name) == inside
     assert path.name.endswith("-py3-none-any.whl") != inside
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.native import build
+import c_extensions
 
 ROOT = Path(__file__).parents[4]
 TWINS = ["sim/native/kernel.h", "sim/native/rays_seabed.h"]
@@ -23,7 +23,7 @@ def compiles(compiler: str, header: str, folder: Path, *flags: str, method: str 
         compiler,
         "-include",
         str(shim),
-        *build.FLAGS,
+        *c_extensions.FLAGS,
         "-Wno-unused-function",
         *flags,
         "-fsyntax-only",

@@ -1,6 +1,7 @@
-"""Compile the C twins of what runs in a slave's loop: `python -m sim.native.build` puts each beside its source.
+"""The extension modules in C: their names, their sources, and how they are compiled.
 
-A C compiler and the headers of this Python are all it takes. The binaries serve CPython 3.10 and later.
+`python c_extensions.py` puts each beside its source. hatch_build.py does it when a wheel or a clone is installed.
+A C compiler and the headers of this Python are needed. The binaries serve CPython 3.10 and later.
 """
 
 import os
@@ -10,8 +11,8 @@ import subprocess
 import sys
 import sysconfig
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-# The binaries, and what they are made of besides the source of the same name; all below the project's folder.
+ROOT = os.path.dirname(os.path.abspath(__file__))
+# The binaries, and what they are made of besides the source of the same name; all below this folder.
 BINARY, RAYS = "sim/native/_native.abi3.so", "sim/native/_rays.abi3.so"
 PICTURE = "sim/native/_picture.abi3.so"
 FIRMWARE = "hil/slave/native/_firmware.abi3.so"
@@ -37,8 +38,8 @@ def compiler() -> list[str] | None:
     return None
 
 
-def obstacle() -> str | None:
-    """Return why there can be no C twin here, if so."""
+def unavailable_reason() -> str | None:
+    """Return why nothing can be compiled here; None if it can be."""
     if sys.platform != "linux" or sys.implementation.name != "cpython":
         return "it is for CPython on Linux"
     if sysconfig.get_config_var("Py_GIL_DISABLED"):
@@ -48,7 +49,7 @@ def obstacle() -> str | None:
 
 def build(folder: str) -> str | None:
     """Compile into `folder`, each where it belongs; None if that worked, else the reason in one line."""
-    command, reason = compiler(), obstacle()
+    command, reason = compiler(), unavailable_reason()
     if reason or not command:
         return reason
     for binary, others in SOURCES.items():
@@ -74,5 +75,5 @@ def _compile(command: list[str], sources: list[str], target: str) -> str | None:
 
 
 if __name__ == "__main__":
-    problem = build(ROOT)
-    sys.exit(f"not built: {problem}" if problem else 0)
+    failure = build(ROOT)
+    sys.exit(f"not built: {failure}" if failure else 0)
