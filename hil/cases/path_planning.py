@@ -61,9 +61,10 @@ class PathPlanningUnknown(PathPlanning):
     name = "path_planning_unknown"
     title = "Path planning past obstacles that the map lacks"
     method = (
-        "The laser sees the piles. They are added to the map, the rest of the path is planned again, and VFH+ adjusts "
-        "heading and speed meanwhile. A pile in the middle of the path can be passed on either side; centimetres of "
-        "noise decide which. Two paths that separate at a pile and meet behind it are two such choices"
+        "The laser sees the piles and adds them to the map. The rest of the path is planned again. Meanwhile VFH+ "
+        "adjusts heading and speed.\n\n"
+        "A pile in the middle of the path can be passed on either side, and centimetres of noise decide which. So two "
+        "paths can separate at a pile and meet again behind it"
     )
     paper = (
         "No figure of its own: the paper names VFH for obstacles that are not on the map. Here five such piles stand "

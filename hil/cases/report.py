@@ -47,7 +47,7 @@ def _about(case: Case, runs: Sequence[Run]) -> list[str]:
         parts.insert(2, f"**This project.** {case.method}.")
     extra = _extra([run.result for run in runs])
     if extra:
-        parts.append(f"**Figures of this case:** {extra}.")
+        parts += ["**Figures of this case**, over all its flights:", table.markdown(extra)]
     pair = _pair(runs)
     if pair:
         parts.append("**SIL and HIL side by side**, the same files, planner and seed:")
@@ -62,15 +62,14 @@ def _pair(runs: Sequence[Run]) -> tuple[Run, Run] | None:
     return pairs[0] if pairs else None
 
 
-def _extra(results: Sequence[Result]) -> str:
-    """Return the figures that only this case has, from least to most over all its flights."""
+def _extra(results: Sequence[Result]) -> list[list[str]]:
+    """Return the rows of the figures that only this case has, the head first; none where it has none."""
     names = list(dict.fromkeys(name for result in results for name in result.extra))
-    texts = []
+    rows = [["Figure", "Least", "Greatest"]]
     for name in names:
         values = [result.extra[name] for result in results if name in result.extra]
-        low, high = f"{min(values):.3g}", f"{max(values):.3g}"
-        texts.append(f"{name} {low}" + (f" to {high}" if low != high else ""))
-    return ", ".join(texts)
+        rows.append([name, f"{min(values):.3g}", f"{max(values):.3g}"])
+    return rows if names else []
 
 
 def _failures(results: Sequence[Result]) -> list[str]:

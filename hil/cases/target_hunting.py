@@ -35,20 +35,30 @@ class TargetHunting(Case):
         "localisation noise."
     )
     method = (
-        "Every vehicle has its own planner, in HIL its own process. The planner knows three things: the plan agreed on "
-        "before the dive (the virtual structure: the position of each place at any time), its own position, and what "
-        "the planners within 5 m publish ten times a second on the topic `formation`. In the line only the next "
-        "vehicle is that near. The velocity is the sum of the fields that the paper names: attraction to the place, "
-        "repulsion from vehicles and target, a field that keeps neighbours within range, the velocity of the place. "
-        "They have their standard forms; docs/explanation/reference_platform.md says why not as printed. The plan's "
-        "clock runs slower while the vehicle or a neighbour lags. The position is that of the navigation, whose error "
-        "drifts (0.1 m), with Gaussian white noise of 5 cm an axis: the paper's eq. (10) as printed is never below "
-        "its amplitude and has no bound. An error of the target's position is not modelled"
+        "Every vehicle has a planner of its own, in HIL in a process of its own. A planner knows:\n\n"
+        "- the plan that all agreed on before the dive: each place at any time (the virtual structure)\n"
+        "- its own position\n"
+        "- what planners within 5 m publish ten times a second on the topic `formation`; in the line only the next "
+        "vehicle is that near\n\n"
+        "Its velocity is the sum of the paper's fields:\n\n"
+        "| field | effect |\n| --- | --- |\n"
+        "| attraction | towards the place |\n"
+        "| repulsion | away from vehicles and from the target |\n"
+        "| range | neighbours stay within range |\n"
+        "| structure | the velocity of the place is added |\n\n"
+        "The fields have their standard forms; docs/explanation/reference_platform.md says why not "
+        "as printed. The plan's clock runs slower while the vehicle or a neighbour lags.\n\n"
+        "The position is that of the navigation. Its error drifts (0.1 m). Gaussian white noise of 5 cm an axis is "
+        "added: the error of the paper's eq. (10), as printed, is never below its amplitude and has no bound. The "
+        "position of the target has no error"
     )
     criterion = (
-        "No two vehicles' middles come nearer than 0.5 m. On the approach no vehicle is more than 0.5 m from its "
-        "place. At the end all are within a quarter of the ring's radius (0.375 m, the length of a vehicle) of the "
-        "ring, their spacing is even to 25 %, and no gap round the target exceeds 115 degrees. All by true positions"
+        "All by true positions:\n\n"
+        "- No two vehicles' middles come nearer than 0.5 m.\n"
+        "- On the approach no vehicle is more than 0.5 m from its place.\n"
+        "- At the end all are within 0.375 m of the ring: a quarter of its radius, and the length of a vehicle.\n"
+        "- Their spacing is even to 25 %.\n"
+        "- No gap round the target exceeds 115 degrees"
     )
 
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
@@ -118,11 +128,13 @@ class TargetHuntingAcoustic(TargetHunting):
     title = "Target hunting with acoustic modems"
     paper = "Figure 13 (a, c), as above. The paper does not say how its vehicles exchange their positions."
     method = (
-        "As target_hunting, but a report is 16 bytes that a simulated acoustic modem (docs/explanation/modems.md) "
-        "sends in the vehicle's time slot. Each vehicle receives a report of every other once a second, a quarter of a "
-        "second late. Until the next report the planner extrapolates a neighbour at its reported velocity. In HIL one "
-        "process simulates the acoustic channel, and the planners receive only what it delivers"
+        "As over the network, with these differences:\n\n"
+        "- A report is 16 bytes. A simulated acoustic modem (docs/explanation/modems.md) sends it in its slot.\n"
+        "- Each vehicle receives a report of every other once a second, a quarter of a second late.\n"
+        "- Until the next report the planner extrapolates a neighbour at its reported velocity.\n"
+        "- In HIL one process simulates the acoustic channel. The planners receive only what it delivers"
     )
+    criterion = "As from the line"
 
 
 def members_on_free_ports(scenario: str) -> list[Table]:

@@ -46,12 +46,19 @@ COLOURS = 64
 HEAD = """\
 # How the simulator stands beside others' numbers and beside theory
 
-Made by `python tools/pages/validation.py`, which computes every figure again. Blue lines are this simulator, black dots
-what it is held against, and red a formula of others that does not hold. Each figure is held by the test that is named,
-with the bound that is given. The tool needs the tests and what they need: `pip install -e '.[dev]'`.
+Made by `python tools/pages/validation.py`, which computes every figure again. A test holds each figure within its
+bound. The tool needs the tests and what they need: `pip install -e '.[dev]'`.
 
-| validation | found | bound held by test |
-|---|---|---|
+| in the pictures | is |
+|---|---|
+| blue lines | this simulator |
+| black dots | published data or theory |
+| red | a formula of others that does not hold |
+
+The first figure of each section:
+
+| validation | figure | found | bound | test |
+|---|---|---|---|---|
 """
 
 
@@ -79,12 +86,14 @@ def page(found: dict[Sheet, list[Finding]]) -> str:
 
 
 def _row(sheet: Sheet, main: Finding) -> str:
-    return f"| [{sheet.title}](#{_anchor(sheet.title)}): {main.what} | {main.found} | {main.bound} ({_link(main)}) |"
+    title = f"[{sheet.title}](#{_anchor(sheet.title)})"
+    return f"| {title} | {main.what} | {main.found} | {main.bound} | {_link(main)} |"
 
 
 def _section(sheet: Sheet, findings: list[Finding]) -> str:
     text = " ".join((sheet.draw.__doc__ or "").split())
-    lines = [f"- {f.what}: **{f.found}** (bound {f.bound}, {_link(f)})" for f in findings]
+    rows = [f"| {f.what} | {f.found} | {f.bound} | {_link(f)} |" for f in findings]
+    lines = ["| figure | found | bound | test |", "|---|---|---|---|", *rows]
     picture = f"![{sheet.title}](validation/{sheet.name}.png)"
     return "\n".join(["", f"## {sheet.title}", "", text, "", *lines, "", picture, ""])
 

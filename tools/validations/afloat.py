@@ -16,9 +16,9 @@ HEIGHT, AMPLITUDE, DT = 0.234, 0.02, 0.001
 
 
 def surface(panels: Sequence[Axes]) -> list[Finding]:
-    """A box that floats half out of the water, without drag. Let go 2 cm too deep it bobs with a period of
-    2π √((m + m_a) / (ρ g A)) and keeps its energy. A much used simulator has half the lift just below the surface and
-    none at it; here lift is continuous in every attitude."""
+    """A box floats half out of the water, without drag. It is let go 2 cm too deep. Then it bobs with a period of
+    2π √((m + m_a) / (ρ g A)) and keeps its energy. In a widely used simulator the lift jumps from none to half of
+    the full lift where the middle passes the surface. Here the lift is continuous in every attitude."""
     trace, periods, lift = panels
     return [*_bobbing(trace, periods), _bobbing_energy(), *_lift(lift)]
 

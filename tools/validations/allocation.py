@@ -15,8 +15,9 @@ ASKED = 200.0  # N: more than the thrusters have
 
 
 def allocation(panels: Sequence[Axes]) -> list[Finding]:
-    """Eight thrusters with 50 N forward and 40 N in reverse, asked for 200 N all around. Where not all can be had the
-    force is scaled as a whole and keeps its direction; with each thrust clipped by itself it turns."""
+    """Eight thrusters with 50 N forward and 40 N in reverse. The demand is 200 N, in all directions. Where it
+    cannot be met, the force is scaled as a whole and keeps its direction. In red each thruster is limited by
+    itself, and the force turns."""
     rays, turn = panels
     headings = [2.0 * i for i in range(181)]
     inverse, _ = pseudo_inverse(sharing.HEAVY)

@@ -18,8 +18,8 @@ FILE = "unit/sim/vehicle/test_battery.py"
 
 
 def battery(panels: Sequence[Axes]) -> list[Finding]:
-    """Six T200 on one pack of 16.8 V and 0.05 Ω: the voltage that all thrusters' currents leave, the thrust at it, and
-    a pack of 20 Wh run empty."""
+    """Two and six T200 on one pack of 16.8 V and 0.05 Ω. First: the voltage under the currents of all thrusters.
+    Second: the thrust at that voltage. Third: two T200 run a pack of 20 Wh empty."""
     with tempfile.TemporaryDirectory() as folder:
         vehicle, _ = load_vehicle(supply.vehicle_file(Path(folder)))
     voltage, thrust, empty = panels

@@ -37,9 +37,10 @@ def apart(row: Row, like_them: bool) -> float:
 
 
 def derivatives(panels: Sequence[Axes]) -> list[Finding]:
-    """State derivatives at 300 random states, wrenches and currents. In a current the reference leaves out that the
-    water's own velocity turns in axes that turn. With that taken away ours are the same to the last digits of the
-    reference; with it they differ by what the picture shows in red, which Galileo's principle decides."""
+    """State derivatives at 300 random states, forces and currents. Without a current ours are the same as the
+    reference's, to its last digits. In a current the reference leaves out one effect: seen from axes that turn, the
+    velocity of the water turns. Without this effect ours are the same there too. The red points show its size.
+    Galileo's principle decides that it belongs there."""
     rows = list(rows_of("vonbenzon_fossen_xdot.csv"))
     still = sorted(apart(row, False) for row in rows if not any(pick(row, "vcN vcE vcD")))
     flowing = [row for row in rows if any(pick(row, "vcN vcE vcD"))]
@@ -113,8 +114,9 @@ def furthest(name: str, flown: list[tuple[float, dict[str, float]]]) -> float:
 
 
 def trajectories(panels: Sequence[Axes]) -> list[Finding]:
-    """Eight runs of 15 to 40 s from others' Runge-Kutta code (steps of 0.02 s, a dot a second), and ours with both
-    integrators. The difference is the largest in position, attitude and speeds."""
+    """Eight runs of 15 to 40 s. The dots are from the Runge-Kutta code of others, with steps of 0.02 s, one dot a
+    second. The lines are ours, with both integrators. The difference is the largest in position, attitude and
+    speeds."""
     same_steps = fine = 0.0
     for axes, (name, (title, key)) in zip(panels, SHOWN.items(), strict=True):
         flown = [(t, numbers(state)) for t, state in fly(name, "rk4", 1)]
@@ -147,8 +149,8 @@ def _panel(axes: Axes, name: str, title: str, key: str, flown: list[tuple[float,
 
 
 def published_speeds(panels: Sequence[Axes]) -> list[Finding]:
-    """Speeds under a constant force, and those of table 4 of the paper. Its own damping, (13.7 + 141 u) u = 85 N, gives
-    0.729 m/s where it prints 0.72."""
+    """Speeds under a constant force, beside those of table 4 of the paper. The paper's own damping, (13.7 + 141 u)
+    u = 85 N, gives 0.729 m/s. The table prints 0.72."""
     (axes,) = panels
     findings = []
     rows = (("surge", 85.0, 0.72, 0.015), ("sway", 85.0, 0.63, 0.01), ("heave", 120.0, 0.71, 0.01))
@@ -183,10 +185,10 @@ LINEAR = HEAVY._replace(quadratic_damping=(0.0,) * 6, linear_damping=(40.0, 40.0
 
 
 def convergence(panels: Sequence[Axes]) -> list[Finding]:
-    """The error after 2 s beside the length of the step: a vehicle thrown into a turn in a current, on a spring.
-    Halving the step divides it by two to the order of the integrator. Below 1e-6 the order of Runge-Kutta falls to
-    about three: drag goes with v|v|, whose slope has a kink where v changes its sign. With linear drag alone it is
-    four all the way."""
+    """The error after 2 s over the length of the step. A vehicle on a spring is thrown into a turn in a current.
+    Half the step divides the error by two to the order of the integrator. Below an error of 1e-6 the order of
+    Runge-Kutta falls to about three, because the slope of the drag v|v| has a kink where v changes its sign. With
+    linear drag alone the order is four everywhere."""
     (axes,) = panels
     findings, steps = [], [2e3 / count for count in COUNTS]
     orders: dict[Integrator, tuple[int, str]] = {"verlet": (2, "Verlet"), "rk4": (4, "RK4")}

@@ -47,9 +47,9 @@ class WrongSign:
 
 
 def energy(panels: Sequence[Axes]) -> list[Finding]:
-    """Left a body with an uneven mass matrix that turns without any drag: both integrators keep its energy, Verlet at
-    2.5 ms to 1e-4 in 10 s. In red the same body with the sign that gz-sim had wrong in its Coriolis matrix until April
-    2026. Right the torpedoes, thrown with their fins askew: energy falls in every step."""
+    """Left: a body with an uneven mass matrix turns without drag. Both integrators keep its energy, Verlet at 2.5
+    ms to 1e-4 in 10 s. Red: the same body with the wrong sign that the Coriolis matrix of gz-sim had until April
+    2026. Right: torpedoes with deflected fins are thrown and left alone. Their energy falls in every step."""
     free, thrown = panels
     return [*_free_body(free), _thrown(thrown)]
 
@@ -130,9 +130,9 @@ def _left_alone(name: str) -> Energies:
 
 
 def added_mass(panels: Sequence[Axes]) -> list[Finding]:
-    """10 kg with six times that in added mass, pushed with 10 N, steps of 10 ms. Taken as a force by the acceleration
-    of the last step, as some simulators do, added mass above the mass makes the acceleration grow without bounds. Here
-    the whole mass matrix is solved."""
+    """A body of 10 kg with an added mass of 60 kg is pushed with 10 N, in steps of 10 ms. Some simulators treat
+    added mass as a force, from the acceleration of the last step. Where the added mass is larger than the mass, the
+    acceleration then grows without bounds. Here the whole mass matrix is solved."""
     acceleration, speed = panels
     steps = list(range(1, 16))
     red = {added: _explicit(10.0, added, 15) for added in (14.57, 60.0)}
@@ -198,8 +198,8 @@ PLACES = {
 
 
 def blows(panels: Sequence[Axes]) -> list[Finding]:
-    """A vehicle that is 5 kg too heavy falls, without drag, on what is below, and slides off with friction.
-    A blow takes energy, whatever the step: it is made of impulses, not of a stiff spring."""
+    """A vehicle that is 5 kg too heavy falls on an obstacle without drag, and slides off it with friction. A
+    contact takes energy at every length of the step, because it is computed by impulses and not by a stiff spring."""
     depth, total = panels
     rise = -inf
     for (name, place), color in zip(PLACES.items(), SHADES, strict=True):

@@ -17,9 +17,9 @@ FILE = "unit/sim/test_known_defects.py"
 
 
 def defects(panels: Sequence[Axes]) -> list[Finding]:
-    """Position noise of the source paper, a exp(µ²/(2 c²)), which is never below a; quadratic drag with abs() of whole
-    numbers (gz-sim before April 2026), which vanishes below 1 m/s; and one mean added mass for all axes (Stonefish), by
-    which heave starts too fast."""
+    """Left: position noise of the source paper, a exp(µ²/(2 c²)), is never below a. Middle: quadratic drag with
+    abs() of whole numbers, as in gz-sim before April 2026, vanishes below 1 m/s. Right: with one mean added mass
+    for all axes, as in Stonefish, heave starts too fast."""
     noise, drag, start = panels
     return [*_noise(noise), _drag(drag), *_start(start)]
 

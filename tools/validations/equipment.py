@@ -23,8 +23,8 @@ BROADSIDE = 1.17  # Hoerner's square plate
 
 
 def fins(panels: Sequence[Axes]) -> list[Finding]:
-    """A rudder of aspect ratio 2: Helmbold's lift slope and the drag it induces until it stalls at 17°, those of a flat
-    plate from 29° on. Right the lift slope from a stub (Jones) to an endless wing."""
+    """Left: a rudder of aspect ratio 2. Below the stall at 17° it has Helmbold's lift slope and induced drag. Above
+    29° it has the lift and drag of a flat plate. Right: the lift slope from a stub (Jones) to an endless wing."""
     polar, slopes = panels
     return [*_polar(polar), *_slopes(slopes), _power()]
 
@@ -83,8 +83,9 @@ HULL = Lift(0.2, aspect_ratio=0.2, parasitic_drag=0.05, position=(-0.3, 0.0, 0.0
 
 
 def hull(panels: Sequence[Axes]) -> list[Finding]:
-    """A slender hull at 2 m/s: lift and drag by its angle to the flow, up to the stall at 34°; the Munk moment, of
-    which a flow that separates leaves a share; and the drag of strips in cross flow, whose yaw moment goes with L⁴."""
+    """A slender hull at 2 m/s. First: lift and drag over its angle to the flow, up to the stall at 34°. Second: the
+    Munk moment. A flow that separates leaves a share of it. Third: the drag of strips in cross flow. Its yaw moment
+    grows with L⁴."""
     lift, munk, cross = panels
     return [*_lift(lift), _munk(munk), *_cross_flow(cross)]
 
@@ -168,8 +169,8 @@ WATER = 1025.0 * 9.8
 
 
 def ballast_and_weights(panels: Sequence[Axes]) -> list[Finding]:
-    """Tethys drops 2 kg and rises until its drag is their weight; pumps its bladder full, then empty, and rises and
-    sinks at the speed of that lift; and bobs afloat on it with the period of its water plane."""
+    """Tethys drops 2 kg and rises until its drag equals that weight. Then it fills and empties its bladder, and
+    rises and sinks at the speed that this lift gives. Afloat it bobs with the period of its water plane."""
     drop, engine, bob = panels
     return [*_drop(drop), *_engine(engine), _bobbing(bob)]
 

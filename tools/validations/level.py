@@ -14,10 +14,10 @@ TEST = "system/sim/test_level_flight.py::{}"
 
 
 def level_flight(panels: Sequence[Axes]) -> list[Finding]:
-    """The furthest from level on the way through the field with obstacles, of vehicles with fins in open water, when
-    half, three quarters and all of the top speed are asked for. Vehicles with fins turn and dive by pitching. Where
-    the Munk moment of ideal fluid is left in (the published sets to the letter) a vehicle tips over at the speed that
-    its file gives as attitude_limit_speed."""
+    """The greatest pitch and roll during a flight, at half, three quarters and all of the top speed. Vehicles
+    without fins cross the field with obstacles. Vehicles with fins fly in open water, and pitch to dive. Published
+    sets of numbers that contain the full Munk moment of an ideal fluid tip over. Their files give the speed at
+    which this happens as attitude_limit_speed."""
     findings = []
     for name in sorted(preset_names("sim/vehicles"), key=lambda name: load_vehicle(name)[0].attitude_limit_speed or 0):
         vehicle, _ = load_vehicle(name)

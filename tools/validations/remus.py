@@ -54,10 +54,11 @@ def _with_ours() -> list[Six]:
 
 
 def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
-    """State derivatives at random states, ours over theirs. Five terms are others here, as sim/vehicles/remus100.toml
-    says; with theirs in their place all is the same to the last digits, but for one state of 300 whose water comes from
-    behind. With ours the root of the mean square is away from theirs by the shares below: cross-flow drag of sway and
-    heave together, where they take each by itself, is most of it. The black line is where both are the same."""
+    """State derivatives at random states, ours over those of MSS. On the black line both are the same. Five terms
+    differ, as sim/vehicles/remus100.toml says. With the five terms of MSS in place of ours all derivatives are the
+    same to the last digits, but for one state of 300, in which the water comes from behind. With ours the root mean
+    square differs by the shares below. Most of it is cross-flow drag: ours takes sway and heave together, MSS takes
+    each by itself."""
     slopes = _with_ours()
     test = f"{FILE}::test_how_far_our_derivatives_are_from_theirs"
     agree = f"{FILE}::test_all_but_the_five_terms_agree_with_the_derivatives"
@@ -78,8 +79,8 @@ def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def manoeuvres(panels: Sequence[Axes]) -> list[Finding]:
-    """Four manoeuvres under the same inputs, without lags. The circle is wider as the rudder feels the speed ahead and
-    not also that aside."""
+    """Four manoeuvres with the same inputs, without lags. Our circle is wider: our rudder uses the speed ahead
+    alone, the reference's uses the speed aside too."""
     surge, circle, zigzag, dive = panels
     return [*_turning_circle(circle), *_surge_step(surge), *_zigzag(zigzag), *_dive(dive)]
 

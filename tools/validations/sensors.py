@@ -37,9 +37,9 @@ ERROR, ALLAN = "unit/sim/sensors/test_sensor_error.py", "unit/sim/sensors/test_s
 
 
 def sensor_bias(panels: Sequence[Axes]) -> list[Finding]:
-    """The size of a wandering bias beside the sampling rate. hector_gazebo scales its noise with dt where it should be
-    the root, uuv_simulator not at all. Right, the white noise of a given density: averaged over a second it is the
-    same at every rate."""
+    """Left: the size of a wandering bias over the sampling rate. hector_gazebo scales its noise with dt, where the
+    root of dt is right. uuv_simulator does not scale it. Right: white noise of a given density, averaged over a
+    second, is the same at every rate."""
     size, density = panels
     return [*_bias(size), _density(density)]
 
@@ -88,7 +88,7 @@ DENSITY, SIZE, TIME = 3.394e-4, 0.0735, 10.0
 
 def allan(panels: Sequence[Axes]) -> list[Finding]:
     """The Allan deviation of 8000 s at 50 Hz, computed by allantools, beside theory (IEEE Std 952): white noise, a
-    wandering bias of 10 s, and both as in an IMU."""
+    wandering bias of 10 s, and both together as in an IMU."""
     white, bias = panels
     taus = [0.04 * 1.5**i for i in range(22)]
     deviations = _deviation(ErrorModel(noise_density=DENSITY), taus)
@@ -136,8 +136,8 @@ def _gauss_markov(tau: float) -> float:
 
 
 def dvl(panels: Sequence[Axes]) -> list[Finding]:
-    """A DVL 20 m above the seabed, tilted: its altitude is the distance to the plane through the beams' ends. The mean
-    of the slant ranges, which uuv_simulator gives, is 10 % too much at best."""
+    """A tilted DVL 20 m above the seabed. Its altitude is the distance to the plane through the ends of the beams.
+    uuv_simulator gives the mean of the slant ranges, which is at least 10 % too much."""
     (axes,) = panels
     log = _log()
     tilts = [radians(0.5 * i) for i in range(61)]

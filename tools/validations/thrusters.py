@@ -20,8 +20,8 @@ CURVES, LAGS = "unit/sim/vehicle/test_thruster_curves.py", "unit/sim/vehicle/tes
 
 
 def t200(panels: Sequence[Axes]) -> list[Finding]:
-    """The T200 by its maker's table of 10 to 20 V. The simulator holds every fifth pulse; the dots are points of the
-    table that it does not hold."""
+    """The T200 by its maker's table of 10 to 20 V. The simulator contains every fifth pulse of the table. The dots
+    are points that it does not contain."""
     thrust, current = panels
     held_out = curves.official()
     for volts, color in zip((10, 14, 16, 20), reversed(SHADES), strict=True):
@@ -58,8 +58,8 @@ def _t200_findings(held_out: dict[tuple[int, int], tuple[float, float, float, fl
 
 
 def advance(panels: Sequence[Axes]) -> list[Finding]:
-    """A propeller loses thrust with the speed of the water through it. Left that of the REMUS 100 beside MSS; right one
-    at many speeds, turning and going astern, as thrust coefficient over advance ratio."""
+    """A propeller loses thrust with the speed of the water through it. Left: the propeller of the REMUS 100 beside
+    MSS. Right: one at many speeds, ahead and astern, as thrust coefficient over advance ratio."""
     remus_panel, coefficient = panels
     return [_remus_propeller(remus_panel), _open_water(coefficient)]
 
@@ -103,9 +103,9 @@ DTS = (0.0005, 0.0025, 0.01, 0.05)
 
 
 def lags(panels: Sequence[Axes]) -> list[Finding]:
-    """A rotor's speed after full command from rest. Ours is solved exactly over a step, so one of 50 ms ends where one
-    of 0.5 ms does. uuv_simulator never updates its previous time, so each of its steps is as long as all the time since
-    the start, and Yoerger's and Bessa's models leave all bounds."""
+    """The speed of a rotor after full command from rest. Ours is solved exactly over a step, so a step of 50 ms
+    ends where steps of 0.5 ms end. uuv_simulator does not update its previous time. So each of its steps is as long
+    as all the time since the start, and the models of Yoerger and Bessa leave all bounds."""
     findings = [
         *_lag(panels[0], "Yoerger", YOERGER, (0.0, 0.05), lambda t: FULL * tanh(0.05 * FULL * t)),
         *_lag(panels[1], "Bessa", BESSA, (5.0, 0.04), _bessa),

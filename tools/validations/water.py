@@ -39,9 +39,10 @@ CURRENTS, WAVES = "unit/sim/environment/test_currents.py", "unit/sim/environment
 
 
 def currents(panels: Sequence[Axes]) -> list[Finding]:
-    """A current that wanders (Gauss-Markov) has the size and the mean asked for at any step; in the formula of
-    uuv_simulator and DAVE the size goes with one over the root of the step, and the mean dies away. A tide turns about
-    twice a day; in DAVE heading and velocity both change their sign, so its ebb flows where its flood did."""
+    """A wandering current (Gauss-Markov) has the demanded size and mean at every length of the step. In the formula
+    of uuv_simulator and DAVE the size falls with the root of the step, and the mean decays. A tide turns about
+    twice a day. In DAVE the heading and the velocity both change their sign, so its ebb flows in the direction of
+    its flood."""
     size, path, tide = panels
     return [*_sizes(size), *_means(path), *_tide(tide)]
 
@@ -120,9 +121,9 @@ CURRENT = (0.4, -0.3, 0.1)
 
 
 def carried(panels: Sequence[Axes]) -> list[Finding]:
-    """Galileo: in a steady current all happens as in still water, seen from the water. Left the same run in both, a
-    vehicle that is thrown, turns and pushes; in red without what the water's velocity does in turning axes. Right a
-    vehicle adrift: it takes the current's speed, where HoloOcean's stays."""
+    """Galileo's principle: seen from the water, everything happens in a steady current as in still water. Left: the
+    same run in both. The vehicle is thrown, turns and pushes. Red: the same without the effect of the water's
+    velocity in turning axes. Right: a vehicle adrift takes the speed of the current. In HoloOcean it stays."""
     apart, adrift = panels
     ends = {}
     runs: tuple[tuple[Integrator, bool, str, str], ...] = (
@@ -184,8 +185,8 @@ def _adrift(axes: Axes) -> Finding:
 
 
 def waves(panels: Sequence[Axes]) -> list[Finding]:
-    """An irregular sea of 1.5 m and 7 s: the spectrum of its elevation at one place beside JONSWAP, orbital speeds over
-    depth beside Airy's theory in deep water and over a seabed at 5 m, and the dispersion."""
+    """An irregular sea of 1.5 m and 7 s. First: the spectrum of its elevation at one place beside JONSWAP. Second:
+    orbital speeds over depth beside Airy's theory, in deep water and over a seabed at 5 m. Third: the dispersion."""
     spectrum, orbits, dispersion = panels
     return [*_spectrum(spectrum), *_orbits(orbits), _dispersion(dispersion)]
 
