@@ -101,7 +101,8 @@ def _key(path: str, *how: float | str | None) -> str:
 def _load(folder: str) -> Whole | None:
     """Return what is kept there, None if nothing is that can be used."""
     try:
-        if os.stat(folder).st_uid != os.getuid():  # never trust what another user left there
+        # Never trust what another user left there. On Windows it lies among the user's own files.
+        if hasattr(os, "getuid") and os.stat(folder).st_uid != os.getuid():
             return None
         with open(os.path.join(folder, "report.json"), encoding="utf-8") as file:
             report = Report(**json.load(file))

@@ -2,10 +2,11 @@
 
 Each is locked by who uses it, and the kernel takes a lock back when its process ends, however that is. So a folder that
 can be locked has no owner any more: the process that makes a new one removes it first. A process id would not show
-that.
+that. On Windows, where a folder can be neither opened nor locked, those of a killed process stay.
 """
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -13,6 +14,7 @@ from hil.common.errors import DeviceError
 from hil.common.tables import forget_parsed
 
 PREFIX = "uuv-hil-scratch-"
+CLOSED, NOT_LOCKED = -1, -2
 
 
 class ScratchFolder:
@@ -26,7 +28,8 @@ class ScratchFolder:
         import tempfile  # the slave imports this file, and needs no such folder in most scenarios
 
         base = base or tempfile.gettempdir()
-        for name in _names(base):
+        can_lock = sys.platform != "win32"
+        for name in _names(base) if can_lock else ():
             _remove_abandoned(os.path.join(base, name))
         while True:
             try:
@@ -34,6 +37,9 @@ class ScratchFolder:
             except OSError as error:
                 remedy = "free some space, or choose another folder with TMPDIR"
                 raise DeviceError(f"{base}: no folder can be made: {error.strerror}; {remedy}") from None
+            if not can_lock:
+                self._lock = NOT_LOCKED
+                return
             with suppress(FileNotFoundError):  # another process took it for abandoned before it was opened
                 self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
                 _lock(self._lock, wait=True)
@@ -53,10 +59,11 @@ class ScratchFolder:
 
     def close(self) -> None:
         """Remove it with all that is in it. Closing twice is harmless."""
-        if self._lock >= 0:
+        if self._lock != CLOSED:
             _remove(self.path)
-            os.close(self._lock)
-            self._lock = -1
+            if self._lock != NOT_LOCKED:
+                os.close(self._lock)
+            self._lock = CLOSED
 
 
 def lock_unused(path: str) -> int | None:

@@ -99,12 +99,12 @@ class Terrain:
         The kernel maps 64 KiB around each place, so looks at places all over a large world add up.
         """
         if isinstance(self.depths, memoryview):
-            from mmap import MADV_DONTNEED, mmap
+            import mmap
 
             file: object = self.depths.obj
-            if isinstance(file, mmap):
+            if isinstance(file, mmap.mmap) and hasattr(file, "madvise"):  # not on Windows
                 with suppress(OSError):  # locked in memory
-                    file.madvise(MADV_DONTNEED)
+                    file.madvise(mmap.MADV_DONTNEED)
 
     def coordinates(self, north: float, east: float) -> tuple[float, float]:
         """Return a place as row and column, not rounded."""

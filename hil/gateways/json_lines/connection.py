@@ -55,14 +55,21 @@ LOST_S = 4  # of a machine's silence, until its connection is given up
 UNREAD_S = 2  # for which a client may leave what is sent to it unread
 DEADMAN_S, MOST_DEADMAN_S = 10.0, 3600.0
 TOO_LONG: Request = {"id": None, "ok": False, "error": f"a line of more than {LONGEST_LINE} bytes; send several"}
-# The kernel asks a silent machine once a second whether it is there, and waits no longer for what it does not take.
+
+
+def tcp_options(**values: int) -> list[tuple[int, int, int]]:
+    """Return level, option and value of the TCP options with these names, without those that this system lacks."""
+    return [
+        (socket.IPPROTO_TCP, getattr(socket, name), value) for name, value in values.items() if hasattr(socket, name)
+    ]
+
+
+# The kernel asks a silent machine once a second whether it is there, and on Linux waits no longer for what it does not
+# take. TCP_KEEPALIVE is the TCP_KEEPIDLE of macOS.
 SOCKET_OPTIONS = (
-    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
     (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
-    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1),
-    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1),
-    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, LOST_S - 1),
-    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LOST_S * 1000),
+    *tcp_options(TCP_NODELAY=1, TCP_KEEPIDLE=1, TCP_KEEPALIVE=1, TCP_KEEPINTVL=1, TCP_KEEPCNT=LOST_S - 1),
+    *tcp_options(TCP_USER_TIMEOUT=LOST_S * 1000),
 )
 
 

@@ -4,11 +4,10 @@ http://wiki.ros.org/ROS/TCPROS, ROS/Connection Header. All that comes is bounded
 """
 
 import asyncio
-import socket
 from collections.abc import Mapping
 from struct import Struct, pack
 
-from hil.gateways.json_lines.connection import SOCKET_OPTIONS
+from hil.gateways.json_lines.connection import SOCKET_OPTIONS, tcp_options
 
 LARGEST_HEADER = 1 << 16  # bytes
 HEADER_S = 5.0  # within which a header must have come
@@ -90,9 +89,8 @@ def require_type(fields: Mapping[str, str], name: str, type_name: str, md5sum: s
 def set_options(writer: asyncio.StreamWriter) -> None:
     """Let a connection send at once, and end when its peer vanishes or reads nothing for long."""
     opened = writer.get_extra_info("socket")
-    for option in SOCKET_OPTIONS:
+    for option in (*SOCKET_OPTIONS, *tcp_options(TCP_USER_TIMEOUT=UNREAD_MS)):
         opened.setsockopt(*option)
-    opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNREAD_MS)
 
 
 def peer_name(writer: asyncio.StreamWriter) -> str:

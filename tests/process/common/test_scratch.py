@@ -34,6 +34,14 @@ def test_it_is_private_and_gone_at_the_end(tmp_path: Path) -> None:
     folder.close()
 
 
+def test_it_is_gone_at_the_end_where_folders_cannot_be_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "win32")
+    with ScratchFolder("test", str(tmp_path)) as folder, ScratchFolder("test", str(tmp_path)):
+        assert Path(folder.path).is_dir()
+    folder.close()
+    assert not any(tmp_path.iterdir())
+
+
 def test_what_a_killed_process_left_is_gone_with_the_next_one(tmp_path: Path) -> None:
     left = killed(tmp_path)
     assert os.path.exists(left)
