@@ -49,6 +49,29 @@ class Newest(Generic[T]):
         return self if vehicle is None else vehicle.newest(self._topic)
 
 
+class _Patience:
+    """Tells for how long a sample is waited for: `first_s`, and while `comes_later` says that it may still come.
+
+    That is MADE_WITHIN_S in all, and each time RETURNS_WITHIN_S more: topics of a process that starts appear one after
+    the other.
+    """
+
+    def __init__(self, first_s: float, comes_later: Callable[[], bool]) -> None:
+        self._first_s = self._end_s = first_s
+        self._comes_later = comes_later
+        self._waited_s = 0.0
+
+    def is_over(self, waited_s: float) -> bool:
+        """Return whether to give up after so many seconds; fewer than before begin another wait."""
+        if waited_s < self._waited_s:
+            self._end_s = self._first_s
+        self._waited_s = waited_s
+        if waited_s <= self._end_s:
+            return False
+        self._end_s = waited_s + RETURNS_WITHIN_S
+        return waited_s > MADE_WITHIN_S or not self._comes_later()
+
+
 class VehicleState:
     """The samples of a vehicle; its commands are in `hil.client.vehicle_handle.Vehicle`.
 
@@ -121,19 +144,16 @@ class VehicleState:
         ConfigError.
         """
         self._listen(topic)
-        began = time.monotonic()
-        end = began + FIRST_WITHIN_S
+        began, patience = time.monotonic(), _Patience(FIRST_WITHIN_S, lambda: self._comes_later(topic))
         while True:
             with self._first:
                 has_come = self._first.wait_for(lambda: self.present and topic in self.client.latest, POLL_S)
             self._require_presence(RETURNS_WITHIN_S)
             if has_come:
                 return samples.aged(topic, self.client.latest[topic])
-            now = time.monotonic()
-            if self.present and now > end:
-                if now > began + MADE_WITHIN_S or not self._comes_later(topic):
-                    raise NetworkError(self._no_sensor(topic, now - began))
-                end = now + RETURNS_WITHIN_S  # topics of a process that starts appear one after the other
+            waited_s = time.monotonic() - began
+            if self.present and patience.is_over(waited_s):
+                raise NetworkError(self._no_sensor(topic, waited_s))
 
     def samples(self, topic: str, timeout: float = 5.0, depth: int = 256) -> Stream:
         """Return each sample of a sensor from now on, for `for` and `async for`: vehicle.samples("imu").
@@ -142,10 +162,12 @@ class VehicleState:
         sensor silent for `timeout` s. At most `depth` samples wait to be taken; beyond it the oldest go.
         """
 
-        def check(waited: float) -> None:
+        patience = _Patience(timeout, lambda: self._starts(topic, self.pictures()))
+
+        def check(waited_s: float) -> None:
             self._require_presence(RETURNS_WITHIN_S)
-            if waited > timeout and (waited > MADE_WITHIN_S or not self._starts(topic, self.pictures())):
-                raise NetworkError(self._no_sensor(topic, waited))
+            if patience.is_over(waited_s):
+                raise NetworkError(self._no_sensor(topic, waited_s))
 
         self._listen(topic)
         stream = Stream(check, depth)

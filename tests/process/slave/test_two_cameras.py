@@ -87,6 +87,7 @@ class _Starting(VehicleState):
     def __init__(self, published: dict[str, str]) -> None:
         self.name, self.client, self.graph = "uuv1", _Client(), published  # type: ignore[assignment]
         self._first, self._closing = threading.Condition(), threading.Event()
+        self._streams, self._listeners = {}, []
 
     def _published(self) -> dict[str, str]:
         return self.graph
@@ -103,7 +104,10 @@ def test_a_camera_whose_process_is_starting_is_said_to(monkeypatch: pytest.Monke
         _Starting({"camera/image_raw": "sensor_msgs/msg/Image"}).newest("camera/labels")
 
 
-def test_topics_of_a_process_that_starts_may_appear_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("how", ["newest", "samples"])
+def test_topics_of_a_process_that_starts_may_appear_one_after_the_other(
+    how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("hil.client.vehicle_state.FIRST_WITHIN_S", 0.01)
     monkeypatch.setattr("hil.client.vehicle_state.samples.aged", lambda _, stamped: stamped)
 
@@ -113,7 +117,15 @@ def test_topics_of_a_process_that_starts_may_appear_one_after_the_other(monkeypa
         def _published(self) -> dict[str, str]:
             before, self.graph = self.graph, {"camera/camera_info": "sensor_msgs/msg/CameraInfo"}
             if not before:
-                threading.Timer(0.5, self.client.latest.__setitem__, ("camera/image_raw", "a picture")).start()
+                threading.Timer(0.5, self._send).start()
             return before
 
-    assert Appearing({}).newest("camera/image_raw") == "a picture"
+        def _send(self) -> None:
+            self.client.latest["camera/image_raw"] = "a picture"  # type: ignore[assignment]
+            self._on_message("camera/image_raw", "a picture")  # type: ignore[arg-type]
+
+    vehicle = Appearing({})
+    if how == "newest":
+        assert vehicle.newest("camera/image_raw") == "a picture"
+    else:
+        assert next(vehicle.samples("camera/image_raw", timeout=0.01)) == "a picture"
