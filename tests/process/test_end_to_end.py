@@ -126,18 +126,18 @@ def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
         client = VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1")
         with client, serial.Serial(str(device), 115_200, timeout=0.1, exclusive=True) as wire:
             assert client.wait_for_vehicle(60)
-            heard: list[ThrusterTelemetry] = []
+            received: list[ThrusterTelemetry] = []
             sequences = itertools.count(1)
 
             def moves_forward() -> bool:
                 command = ThrusterCommand(next(sequences), True, (1600, 1600, 1600, 1600, 1500, 1500))
                 wire.write(ours.encode(command))
                 time.sleep(0.03)
-                heard.extend(m for m in ours.feed(wire.read(wire.in_waiting)) if isinstance(m, ThrusterTelemetry))
-                return surge_of(client) > 0.3 and heard[-1].sequence >= 58 and heard[-1].armed
+                received.extend(m for m in ours.feed(wire.read(wire.in_waiting)) if isinstance(m, ThrusterTelemetry))
+                return surge_of(client) > 0.3 and received[-1].sequence >= 58 and received[-1].armed
 
             assert wait_for(moves_forward)
-        assert heard[-1].pwm_us[:4] == (1600,) * 4
+        assert received[-1].pwm_us[:4] == (1600,) * 4
 
 
 def test_a_device_on_a_serial_port(tmp_path: Path) -> None:

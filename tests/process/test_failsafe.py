@@ -248,16 +248,16 @@ def test_a_flood_towards_the_stm32_may_stop_it_while_it_lasts(slave: Program, be
 @by_the_clock
 def test_the_port_is_unplugged_and_comes_back(slave: Program, bench: Bench, master: Master) -> None:
 
-    def told(text: str, times: int) -> bool:
+    def reported(text: str, times: int) -> bool:
         return bool(wait_for(lambda: slave.output.count(text) == times))
 
     for turn in (1, 2):
         bench.unplug()
         assert bench.end.stm32.pwm_us == NEUTRAL
-        assert told("thruster link lost, the STM32's watchdog stops the thrusters", turn), slave.output
+        assert reported("thruster link lost, the STM32's watchdog stops the thrusters", turn), slave.output
         time.sleep(0.7)
         bench.replug()
         again(bench, slave, 1.0)
-        assert told("thruster link back after", turn), slave.output
+        assert reported("thruster link back after", turn), slave.output
     assert f"{bench.path}: went away" in slave.output
     assert wait_for(lambda: master.client.diagnostics().link_losses == 2)

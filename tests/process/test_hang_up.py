@@ -18,9 +18,9 @@ def test_a_slave_ends_cleanly_when_its_terminal_goes(tmp_path: Path) -> None:
     if pid == 0:
         os.execv(sys.executable, [sys.executable, "-m", "hil.cli", "slave", str(scenario)])
     try:
-        said = b""
-        while b"idle processors" not in said:  # the last line of its start
-            said += os.read(terminal, 4096)
+        output = b""
+        while b"idle processors" not in output:  # the last line of its start
+            output += os.read(terminal, 4096)
         assert port.is_symlink()
     finally:
         os.close(terminal)

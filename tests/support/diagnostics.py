@@ -7,7 +7,7 @@ from hil.ros.diagnostics import Diagnostics
 
 def reported(**values: Any) -> Diagnostics:
     """Return the diagnostics of a slave that reports these figures."""
-    said = Diagnostics()
+    output = Diagnostics()
     for name, value in values.items():
-        said[name] = value
-    return said
+        output[name] = value
+    return output

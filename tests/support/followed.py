@@ -100,11 +100,11 @@ class Follower:
 
     def _compare(self, block: Block, where: str) -> None:
         """A block of text is a line to be put in place of another, or what the command before it printed."""
-        said = re.search(r"In `(\w+\.toml)`, replace the line `([^`]+)`:\s*$", block.before)
-        if said:
-            path = self.cwd / said[1]
-            assert said[2] in path.read_text(), f"{where}: {said[1]} has no line {said[2]!r}"
-            path.write_text(path.read_text().replace(said[2], self._here(block.text.strip())))
+        reported = re.search(r"In `(\w+\.toml)`, replace the line `([^`]+)`:\s*$", block.before)
+        if reported:
+            path = self.cwd / reported[1]
+            assert reported[2] in path.read_text(), f"{where}: {reported[1]} has no line {reported[2]!r}"
+            path.write_text(path.read_text().replace(reported[2], self._here(block.text.strip())))
             return
         if not self.steps:
             return

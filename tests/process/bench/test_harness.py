@@ -130,12 +130,12 @@ def test_what_systemd_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scr
             place.__enter__()
         return
     with place:
-        said = place.command(["program", "-x"])
-    assert said[0] == "systemd-run"
-    assert ("--user" in said) == (os.geteuid() != 0)
-    given = [said[index + 1] for index, word in enumerate(said) if word == "-p"]
+        output = place.command(["program", "-x"])
+    assert output[0] == "systemd-run"
+    assert ("--user" in output) == (os.geteuid() != 0)
+    given = [output[index + 1] for index, word in enumerate(output) if word == "-p"]
     assert given == ["CPUQuota=12.5%", "CPUQuotaPeriodSec=20000us", "MemoryMax=67108864", "MemorySwapMax=0"]
-    assert said[-3:] == ["--", "program", "-x"]
+    assert output[-3:] == ["--", "program", "-x"]
 
 
 def test_a_pinned_process(tmp_path: Path) -> None:

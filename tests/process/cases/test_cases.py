@@ -114,9 +114,9 @@ def test_tables(tmp_path: Path) -> None:
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["path_planning", "--output", str(tmp_path / "out")]) == 0
-    said = capsys.readouterr().out
-    assert "1 of 1" in said
-    assert "path_planning.png, report.md, results.csv, results.json" in said
+    output = capsys.readouterr().out
+    assert "1 of 1" in output
+    assert "path_planning.png, report.md, results.csv, results.json" in output
     assert (tmp_path / "out" / "path_planning-sil-001" / "track.csv").stat().st_size > 10_000
     for wrong in (["path_planing"], ["path_planning", "--seeds", "0"], ["all", "--hil", "-1"]):
         with pytest.raises(ConfigError):

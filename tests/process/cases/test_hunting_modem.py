@@ -41,11 +41,11 @@ def test_a_neighbour_is_where_it_said_and_has_gone_on_since() -> None:
     """Known a quarter to one and a quarter of a second late, yet where it takes itself to be now, but for a few cm."""
     simulated, _ = hunt({"hunting.noise": 0.0}, 12.0)
     planner, neighbour = simulated.planners[:2]
-    said, report = planner._present("uuv2"), planner._reports["uuv2"].report
+    output, report = planner._present("uuv2"), planner._reports["uuv2"].report
     assert neighbour._here
-    assert 0.2 < said.clock - report.clock < 1.4
-    assert said.clock == pytest.approx(neighbour.clock, abs=0.4)
-    assert math.dist(said.position, neighbour._here.position[:2]) < 0.06
+    assert 0.2 < output.clock - report.clock < 1.4
+    assert output.clock == pytest.approx(neighbour.clock, abs=0.4)
+    assert math.dist(output.position, neighbour._here.position[:2]) < 0.06
     assert math.dist(report.position, neighbour._here.position[:2]) > 0.08
 
 

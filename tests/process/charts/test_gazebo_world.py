@@ -154,9 +154,9 @@ def test_a_vehicle_flies_after_its_import(bay: Path, tmp_path: Path, capsys: pyt
     out, flight = tmp_path / "otter.toml", tmp_path / "flight.toml"
     command = ["vehicle", "--import", str(bay), "-o", str(out), "--flight", str(flight)]
     assert main(command) == 0
-    said = capsys.readouterr().out
-    assert "swimmer, 20.5 kg, 1 thrusters, 1 fins" in said
-    assert "flies it, with imu, laser, dvl" in said
+    output = capsys.readouterr().out
+    assert "swimmer, 20.5 kg, 1 thrusters, 1 fins" in output
+    assert "flies it, with imu, laser, dvl" in output
     assert load_vehicle(str(out))[0].channels == ("propeller", "rudder")
     assert main(["scenario", "check", str(flight)]) == 0
     assert main(command[:-2]) == 0

@@ -56,7 +56,7 @@ def test_packed_text_metres_and_signs(tmp_path: Path) -> None:
     assert read_points(str(path), "up").depths.tolist() == [5.0, -2.0, 6.0]
 
 
-@pytest.mark.parametrize(("text", "said"), [
+@pytest.mark.parametrize(("text", "output"), [
     ("", "no soundings in it: a line has longitude, latitude and depth"),
     ("lon,lat,depth\n", "no soundings in it"),
     ("lon,lat,colour\n1,2,3\n", "names the columns lon, lat, colour: longitude, latitude"),
@@ -64,10 +64,10 @@ def test_packed_text_metres_and_signs(tmp_path: Path) -> None:
     ("1,2,3\n1,x,2\n", "no sounding in row 2"),
     ("400000,5900000,12\n", "these are no degrees.*east,north,depth"),
 ])  # fmt: skip
-def test_text_that_is_no_soundings(tmp_path: Path, text: str, said: str) -> None:
+def test_text_that_is_no_soundings(tmp_path: Path, text: str, output: str) -> None:
     path = tmp_path / "bad.csv"
     path.write_text(text)
-    with pytest.raises(ConfigError, match=f"bad.csv: .*{said}"):
+    with pytest.raises(ConfigError, match=f"bad.csv: .*{output}"):
         read_points(str(path))
 
 
@@ -179,12 +179,12 @@ def test_an_area_of_a_chart(tmp_path: Path) -> None:
     survey, extent = read_sources([path], Box(54.001, 10.002, 54.004, 10.008), 10.0)
     built = build(survey, extent, 10.0)
     assert built.placed.grid.extent[1] - built.placed.grid.extent[0] == pytest.approx(334.0, abs=20.0)
-    for area, said in (
+    for area, output in (
         (Box(SHORE + 0.0005, 10.002, 54.0095, 10.008), "no water"),
         (Box(60.0, 10.0, 60.01, 10.02), "no water"),
     ):
         survey, extent = read_sources([path], area, 10.0)
-        with pytest.raises(ConfigError, match=f"{said} in the area.*--area"):
+        with pytest.raises(ConfigError, match=f"{output} in the area.*--area"):
             build(survey, extent, 10.0)
 
 
@@ -192,13 +192,13 @@ def test_files_that_cannot_be_meant(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     metres = tmp_path / "m.csv"
     metres.write_text("east,north,depth\n0,0,5\n10,0,6\n0,10,7\n")
-    for paths, said in (
+    for paths, output in (
         ([str(tmp_path / "BAY.001")], r"BAY.001: is an update; name the cell itself"),
         ([str(tmp_path / "chart.pdf")], r"what is .pdf\? There are .000"),
         ([path, str(metres)], "has metres"),
         ([str(tmp_path / "none.csv")], "none.csv: no such file"),
     ):
-        with pytest.raises(ConfigError, match=said):
+        with pytest.raises(ConfigError, match=output):
             read_sources(paths, None, 20.0)
 
 

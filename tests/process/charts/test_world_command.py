@@ -26,9 +26,9 @@ def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys
         command.main(["build", chart(tmp_path), "--resolution", "20", "-o", out, "--plot", str(tmp_path / "b.png")])
         == 0
     )
-    said = " ".join(capsys.readouterr().out.split())
-    assert f"{out}.toml: gridded in" in said
-    assert "by linear interpolation between the same soundings and contours" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert f"{out}.toml: gridded in" in output
+    assert "by linear interpolation between the same soundings and contours" in output
     assert (tmp_path / "b.png").stat().st_size > 20_000
     world = load_world(f"{out}.toml")
     assert world.name == "bay"
@@ -73,7 +73,7 @@ def test_show_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert (tmp_path / "h.yaml").exists()
 
 
-@pytest.mark.parametrize(("arguments", "said"), [
+@pytest.mark.parametrize(("arguments", "output"), [
     (["export", "harbour", "h.obj"], r"h.obj: no format .obj: .pgm, .tif"),
     (["export", "harbour", "h.pgm"], "--depth M goes with a map"),
     (["export", "harbour", "h.stl", "--depth", "3"], "--depth M goes with a map"),
@@ -84,8 +84,8 @@ def test_show_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     (["build", "x.000", "-o", "w", "--area", "60,2,50,3"], "south to north growing, from west to east"),
     (["build", "x.000", "-o", "w"], "x.000: the chart cannot be read"),
 ])  # fmt: skip
-def test_what_cannot_be_meant(arguments: list[str], said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_what_cannot_be_meant(arguments: list[str], output: str) -> None:
+    with pytest.raises(ConfigError, match=output):
         command.main(arguments)
 
 
@@ -101,10 +101,10 @@ def test_list(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "own")])
     capsys.readouterr()
     assert command.main(["list", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     for name in ("pool", "slope", "ridge", "fractal", "harbour", str(tmp_path / "own.toml")):
-        assert name in said
-    assert "25 m grid" in said
+        assert name in output
+    assert "25 m grid" in output
     assert main(["world", "list", str(tmp_path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)[-1]["grid"] == 25.0
 

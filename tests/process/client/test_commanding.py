@@ -24,7 +24,7 @@ def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_
     program, endpoint = own_slave
     with hil.connect(endpoint) as fleet:
         vehicle = fleet["uuv1"]
-        told = vehicle.go_to(4.4, 4.2, 2.0)
+        reported = vehicle.go_to(4.4, 4.2, 2.0)
         stream = vehicle.samples("imu")
         program.process.kill()
         with pytest.raises(NetworkError, match=r"is gone for \d\.\d s.*fleet\.wait_for"):
@@ -39,7 +39,7 @@ def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_
         with Program(tmp_path, "slave", tmp_path / "short.toml") as again:
             assert fleet.wait_for("uuv1", seconds=60) == [vehicle]
             assert wait_for(lambda: vehicle.imu.age < 0.5)
-            assert told.wait(60).done, "what it was told is still to be done"
+            assert reported.wait(60).done, "what it was told is still to be done"
             assert again.process.poll() is None
 
 
@@ -68,10 +68,10 @@ def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
                     second["uuv1"].drive(surge=-0.3)
             assert not second["uuv1"].client.has_commanded
         with hil.connect(endpoint, take_over=True) as third:
-            told = first["uuv1"].go_to(6.0, 6.0, 2.0)
+            reported = first["uuv1"].go_to(6.0, 6.0, 2.0)
             third["uuv1"].drive(surge=0.1)
             with pytest.raises(NetworkError, match="another master"):
-                told.wait(60)
+                reported.wait(60)
         with hil.connect(endpoint, observe=True) as watching, pytest.raises(NetworkError, match="observed"):
             watching["uuv1"].stop()
 
@@ -80,12 +80,12 @@ def test_a_master_that_is_taken_over_learns_it(own_slave: tuple[Program, str]) -
     """Also of what was done: it is held no more."""
     program, endpoint = own_slave
     with hil.connect(endpoint) as first, hil.connect(endpoint, take_over=True) as other:
-        told = first["uuv1"].drive(surge=0.1).wait(60)
+        reported = first["uuv1"].drive(surge=0.1).wait(60)
         program.expect("commands arrive")
         other["uuv1"].drive(surge=-0.1)
-        assert wait_for(lambda: bool(told.error))
+        assert wait_for(lambda: bool(reported.error))
         with pytest.raises(NetworkError, match="another master"):
-            told.wait()
+            reported.wait()
 
 
 @retried_when_busy("a connection, and a command of another process")
@@ -169,8 +169,8 @@ def test_however_the_program_ends_the_vehicle_stops(endpoint: str, ending: str, 
             assert wait_for(lambda: vehicle.diagnostics.commanded_by != "")
             if code < 0:
                 program.send_signal(signal.SIGINT)
-            _, said = program.communicate("\n", timeout=60)
-        assert program.returncode == code, said
+            _, output = program.communicate("\n", timeout=60)
+        assert program.returncode == code, output
         assert wait_for(lambda: vehicle.diagnostics.commanded_by == "")
         assert wait_for(lambda: set(vehicle.diagnostics.pwm_us or ()) == {1500})
 

@@ -124,9 +124,9 @@ def test_asyncio(endpoint: str) -> None:
                 times.append(sample.time_ns)
                 if len(times) == 20:
                     break
-            told = await vehicle.hold_depth(vehicle.state.depth + 0.3)
+            reported = await vehicle.hold_depth(vehicle.state.depth + 0.3)
             other.cancel()
-            return times, told.done, ticks
+            return times, reported.done, ticks
 
     times, done, ticks = asyncio.run(fly())
     assert {after - before for before, after in pairwise(times)} == {10_000_000}
@@ -182,11 +182,11 @@ def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
         vehicle = fleet["uuv1"]
         assert next(vehicle.samples("camera/image_raw/compressed", timeout=60.0))
 
-        def is_told(ask: Callable[[], object], told: str) -> bool:
+        def is_told(ask: Callable[[], object], reported: str) -> bool:
             """True if the error names what the vehicle sends; a query that gets no answer in time leaves that out."""
             with pytest.raises(NetworkError) as caught:
                 ask()
-            return bool(re.search(told, str(caught.value)))
+            return bool(re.search(reported, str(caught.value)))
 
         named = r"imu.*its pictures are 'camera/image_raw/compressed', as \[ros\] images"
         assert wait_for(lambda: is_told(lambda: next(vehicle.samples("camera/image_raw", timeout=0.5)), named))
@@ -273,12 +273,14 @@ def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:
             ]
             publishers = vehicle.client._publishers
 
-            def told(least: int) -> bool:
+            def reported(least: int) -> bool:
                 return sum(publisher.sequence for publisher in publishers.values()) >= least
 
             for number, tell in enumerate(kinds, 1):
                 tell()
-                assert wait_for(functools.partial(told, 15 * number)), "20 commands a second, of one to three topics"
+                assert wait_for(functools.partial(reported, 15 * number)), (
+                    "20 commands a second, of one to three topics"
+                )
             vehicle.client.session.publisher("uuv1", Topic("cmd_other", "std_msgs/msg/Bool", 0, "data")).put(b"x", 0)
             time.sleep(0.1)
         assert slave.stop(signal.SIGTERM) == 0

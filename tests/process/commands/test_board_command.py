@@ -59,14 +59,14 @@ def test_power_modes_and_throttling(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 def test_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "--json", "--root", str(root)]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["board"] == "Raspberry Pi 4 Model B"
-    assert told["ports"]["/dev/serial0"] is True
-    assert told["ports"]["/dev/ttyAMA2"] is False
-    assert told["temperature"] == 51.121
-    assert told["profile"]["recommended"]["step"] == 0.0025
-    assert told["profile"]["serial"][0]["device"] == "/dev/serial0"
-    assert told["throttling"] == {"now": [], "before": [], "known": True}
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["board"] == "Raspberry Pi 4 Model B"
+    assert reported["ports"]["/dev/serial0"] is True
+    assert reported["ports"]["/dev/ttyAMA2"] is False
+    assert reported["temperature"] == 51.121
+    assert reported["profile"]["recommended"]["step"] == 0.0025
+    assert reported["profile"]["serial"][0]["device"] == "/dev/serial0"
+    assert reported["throttling"] == {"now": [], "before": [], "known": True}
 
 
 def test_this_machine_and_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,9 +82,9 @@ def test_this_machine_and_none(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 def test_all_boards_for_other_programs(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "list", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["jetson_nano"]["power"][1]["watts"] == 5
-    assert told["raspberry_pi_4b"]["serial"][0]["device"] == "/dev/serial0"
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["jetson_nano"]["power"][1]["watts"] == 5
+    assert reported["raspberry_pi_4b"]["serial"][0]["device"] == "/dev/serial0"
 
 
 @pytest.mark.parametrize(
@@ -163,9 +163,9 @@ def test_what_somebody_changed_stays(root: Path, scenario: str, capsys: pytest.C
     assert install(root, scenario, "--yes") == 0
     plant(root, RULES[1:], "# mine\n")
     assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
-    told = capsys.readouterr().out
-    assert f"{RULES}: changed since it was written; it stays" in told
-    assert re.search(rf"^uninstalled but for what stays; .* uninstall again, .* {MANIFEST}$", told, re.MULTILINE)
+    reported = capsys.readouterr().out
+    assert f"{RULES}: changed since it was written; it stays" in reported
+    assert re.search(rf"^uninstalled but for what stays; .* uninstall again, .* {MANIFEST}$", reported, re.MULTILINE)
     assert files(root).keys() == {*before, MANIFEST[1:]}
     assert (root / RULES[1:]).read_text() == "# mine\n"
     (root / RULES[1:]).unlink()

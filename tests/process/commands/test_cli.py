@@ -76,8 +76,8 @@ def test_each_package_is_in_its_extra_and_none_is_left_out() -> None:
     found = [(extra, {name.lower() for name in known[package]}) for package, extra in cli.EXTRAS.items()]
     for extra, names in found:
         assert names & extras()[extra], f"{names} is not in [{extra}]"
-    told = {name for _, names in found for name in names}
-    assert set.union(*extras().values()) <= told
+    reported = {name for _, names in found for name in names}
+    assert set.union(*extras().values()) <= reported
 
 
 @pytest.mark.parametrize("name", ["hil.commands.nowhere", "a_module_of_the_users", "numpy.nowhere", "zenoh"])
@@ -103,8 +103,8 @@ def test_a_full_disk(
         raise OSError(number, os.strerror(number), "run/table.json")
 
     assert cli.main(["master"]) == code
-    said = capsys.readouterr().err
-    assert said == (f"uuv-hil master: run/table.json: {os.strerror(number)}; free some space\n" if code == 3 else "")
+    output = capsys.readouterr().err
+    assert output == (f"uuv-hil master: run/table.json: {os.strerror(number)}; free some space\n" if code == 3 else "")
 
 
 def test_another_fault_of_a_file_is_a_bug_and_stays_one(monkeypatch: pytest.MonkeyPatch) -> None:

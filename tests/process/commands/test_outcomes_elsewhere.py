@@ -48,8 +48,8 @@ def test_a_case_tells_an_event_and_returns_6(
     monkeypatch.setattr(case, "write_report", lambda *_: [])
     monkeypatch.setattr(PathPlanning, "vary", lambda _self, _seed: ({"master.depth_margin": 0.0}, {}))
     assert main(["case", "path_planning", "--jobs", "1", "--output", str(tmp_path)]) == 6
-    said = capsys.readouterr().out
-    assert "EVENT: too deep" in said, said
+    output = capsys.readouterr().out
+    assert "EVENT: too deep" in output, output
     (row,) = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert row["success"] is False
     assert row["events"]
@@ -67,8 +67,8 @@ def test_plot_shows_an_event(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
             truth = OdometrySample(
                 time_ns, (0.5 * number, 0.3 * number, 2.0), (1.0, 0.0, 0.0, 0.0), (0.5,) + (0.0,) * 5
             )
-            said = ros.encode_diagnostics(time_ns, [("uuv1", 0, "running", figures.raw)])
-            for name, payload in (("ground_truth", ros.encode_odometry(truth)), ("diagnostics", said)):
+            output = ros.encode_diagnostics(time_ns, [("uuv1", 0, "running", figures.raw)])
+            for name, payload in (("ground_truth", ros.encode_odometry(truth)), ("diagnostics", output)):
                 recorder.put(Message(f"/uuv1/{name}", TOPICS[name].type, number, time_ns, time_ns, payload))
     drawn: list[tuple[RunEvent, ...]] = []
     monkeypatch.setattr(run_plots, "draw_events", lambda _axes, events: drawn.append(tuple(events)))

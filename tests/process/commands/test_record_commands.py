@@ -46,8 +46,8 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
     """A short dive: the slave's own recording, that of `uuv-hil record`, and what the latter said."""
     folder = tmp_path_factory.mktemp("dive")
     scenario, endpoint = recorded_slave(folder, "seed = 5")
-    heard = folder / "heard"
-    with Program(folder, "record", "--scenario", scenario, "-o", heard) as record:
+    received = folder / "heard"
+    with Program(folder, "record", "--scenario", scenario, "-o", received) as record:
         record.expect("recording tcp")
         with Program(folder, "slave", scenario) as slave:
             slave.expect("recording into .*uuv1-")
@@ -55,12 +55,12 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
             assert slave.stop(signal.SIGTERM) == 0
         time.sleep(0.3)
         assert record.stop(signal.SIGINT) == 0, record.output
-    return own_recording(folder / "recordings"), heard, record.output
+    return own_recording(folder / "recordings"), received, record.output
 
 
 def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str]) -> None:
     """But for what the network dropped in a busy moment, which `record` counts."""
-    _, heard, said = dive
+    _, received, reported = dive
     ours, theirs = (
         {(message.topic, message.sequence): message.data for message in read_messages(str(path))} for path in dive[:2]
     )
@@ -75,10 +75,10 @@ def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str
         numbers[topic].append(number)
     assert all(each == sorted(each) for each in numbers.values())
     missing = sum(each[-1] - each[0] + 1 - len(each) for each in numbers.values())
-    assert (f"{missing} did not come" if missing else "none lost") in said
+    assert (f"{missing} did not come" if missing else "none lost") in reported
     assert missing < 0.1 * len(theirs)
     assert len(numbers["/uuv1/imu"]) > 150
-    with AnyReader([heard]) as reader:
+    with AnyReader([received]) as reader:
         for connection, _, raw in reader.messages():
             reader.deserialize(raw, connection.msgtype)
         assert reader.message_count == len(theirs)
@@ -86,7 +86,7 @@ def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str
 
 def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
-    heard = tmp_path / "heard"
+    received = tmp_path / "heard"
     sent: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
 
     class Client(VehicleClient):
@@ -97,7 +97,7 @@ def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
 
     with (
         Program(tmp_path, "slave", scenario) as slave,
-        Program(tmp_path, "record", "--scenario", scenario, "-o", heard) as record,
+        Program(tmp_path, "record", "--scenario", scenario, "-o", received) as record,
     ):
         slave.expect("ready")
         record.expect("recording tcp")
@@ -110,7 +110,7 @@ def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
         time.sleep(0.3)
         assert record.stop(signal.SIGINT) == 0, record.output
     found: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
-    for message in read_messages(str(heard)):
+    for message in read_messages(str(received)):
         if message.topic.startswith("/uuv1/cmd_"):
             found[message.topic].append((message.sequence, message.data))
     assert set(found) == set(sent) == {"/uuv1/cmd_depth", "/uuv1/cmd_heading", "/uuv1/cmd_vel"}
@@ -271,8 +271,8 @@ def test_the_figures(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
 
 
 def test_what_the_figures_show(dive: tuple[Path, Path, str]) -> None:
-    (own,), (heard,) = (collect(read_messages(str(path)), str(path)).values() for path in dive[:2])
-    for data in (own, heard):
+    (own,), (received,) = (collect(read_messages(str(path)), str(path)).values() for path in dive[:2])
+    for data in (own, received):
         assert [row[1:] for row in data.commands[1:-1]] == [(0.5, 0.0, 0.1, 0.3)] * (len(data.commands) - 2)
         assert len(data.delays) == len(data.traced) > 25
         assert 0 < min(data.delays.totals_ns()) < 1e9
@@ -281,8 +281,8 @@ def test_what_the_figures_show(dive: tuple[Path, Path, str]) -> None:
         assert (north - 4) ** 2 + (east - 4) ** 2 > 0.2
         assert depth > 2.05
         assert {len(row) for row in data.pulses} == {7}
-    assert len(own.pulses) > 5 * len(heard.pulses), "the slave's own have every change"
-    assert heard.true[0][1:] in [row[1:] for row in own.true], "a recorder may come after the first"
+    assert len(own.pulses) > 5 * len(received.pulses), "the slave's own have every change"
+    assert received.true[0][1:] in [row[1:] for row in own.true], "a recorder may come after the first"
 
 
 def test_the_master_records_its_flight(tmp_path: Path) -> None:
@@ -313,19 +313,19 @@ def test_foxglove_gets_the_messages_as_they_are(tmp_path: Path) -> None:
         slave.expect("ready")
         live.expect(f"ws://127.0.0.1:{port}")
         channels: dict[int, dict[str, str]] = {}
-        heard: dict[str, bytes] = {}
+        received: dict[str, bytes] = {}
         with connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")]) as socket:
             end = time.monotonic() + 60
-            while time.monotonic() < end and not {"/uuv1/imu", "/uuv1/ground_truth"} <= set(heard):
-                told = socket.recv(60)
-                if isinstance(told, bytes) and told[0] == 1:
-                    heard[channels[struct.unpack_from("<I", told, 1)[0]]["topic"]] = told[13:]
-                elif isinstance(told, str) and json.loads(told)["op"] == "advertise":
-                    for channel in json.loads(told)["channels"]:
+            while time.monotonic() < end and not {"/uuv1/imu", "/uuv1/ground_truth"} <= set(received):
+                reported = socket.recv(60)
+                if isinstance(reported, bytes) and reported[0] == 1:
+                    received[channels[struct.unpack_from("<I", reported, 1)[0]]["topic"]] = reported[13:]
+                elif isinstance(reported, str) and json.loads(reported)["op"] == "advertise":
+                    for channel in json.loads(reported)["channels"]:
                         channels[channel["id"]] = channel
                         wanted = {"id": channel["id"], "channelId": channel["id"]}
                         socket.send(json.dumps({"op": "subscribe", "subscriptions": [wanted]}))
-        assert ros.decode_odometry(heard["/uuv1/ground_truth"])
+        assert ros.decode_odometry(received["/uuv1/ground_truth"])
         imu = next(channel for channel in channels.values() if channel["topic"] == "/uuv1/imu")
         assert (imu["encoding"], imu["schemaName"], imu["schemaEncoding"]) == ("cdr", "sensor_msgs/msg/Imu", "ros2msg")
         assert "geometry_msgs/Quaternion orientation" in imu["schema"]

@@ -173,20 +173,20 @@ def test_every_figure_of_the_table_is_reported_by_a_slave(slave: int) -> None:
     assert status.figures.link_wire == "pty"
 
 
-def told(**values: Any) -> Status:
+def printed(**values: Any) -> Status:
     return Status("uuv1", 0, "running", reported(**values), {}, now_ns(), True)
 
 
 def test_what_is_wrong_stands_out() -> None:
-    text = table([told(steps_skipped=3, throttled="the clock is capped")], ["uuv2"], colour=True)
+    text = table([printed(steps_skipped=3, throttled="the clock is capped")], ["uuv2"], colour=True)
     assert "\x1b[33msteps skipped" in text
     assert "\x1b[31mthrottled" in text
     assert "silent: uuv2" in text
-    assert "\x1b" not in table([told(steps_skipped=3)], [])
+    assert "\x1b" not in table([printed(steps_skipped=3)], [])
 
 
 def test_metrics_are_in_base_units() -> None:
-    text = exposition([told(pss_mib=2, lateness_p99_us=250, temperature_c=61.5, board='a "b"')])
+    text = exposition([printed(pss_mib=2, lateness_p99_us=250, temperature_c=61.5, board='a "b"')])
     assert 'uuv_hil_pss_bytes{node="uuv1",board="a \\"b\\""} 2097152' in text
     assert 'uuv_hil_loop_lateness_p99_seconds{node="uuv1",board="a \\"b\\""} 0.00025' in text
     assert "# TYPE uuv_hil_temperature_celsius gauge" in text
@@ -195,32 +195,32 @@ def test_metrics_are_in_base_units() -> None:
 
 def test_the_lateness_of_now_beside_that_since_the_start() -> None:
     recent = {"lateness_recent_p50_us": 20, "lateness_recent_p99_us": 90, "lateness_recent_max_us": 150}
-    slave = told(lateness_p50_us=30, lateness_p99_us=29000, lateness_max_us=71000, **recent)
+    slave = printed(lateness_p50_us=30, lateness_p99_us=29000, lateness_max_us=71000, **recent)
     assert row(table([slave], []), "late p50 / p99 / max (us)") == "20 / 90 / 150"
     assert row(table([slave], []), "the same since its start") == "30 / 29000 / 71000"
-    assert "late p50" not in table([told()], [])
+    assert "late p50" not in table([printed()], [])
     text = exposition([slave])
     assert 'uuv_hil_loop_lateness_recent_max_seconds{node="uuv1",board=""} 0.00015\n' in text
     assert 'uuv_hil_loop_lateness_max_seconds{node="uuv1",board=""} 0.071\n' in text
 
 
 def test_figures_that_are_not_a_boards_say_so() -> None:
-    assert row(table([told(labels=("emulated: a test",))], []), "its figures are of") == "emulated: a test"
-    assert "its figures are of" not in table([told()], [])
+    assert row(table([printed(labels=("emulated: a test",))], []), "its figures are of") == "emulated: a test"
+    assert "its figures are of" not in table([printed()], [])
 
 
 def test_who_cannot_tell_whether_it_is_throttled_does_not_say_no() -> None:
     for value, number in (("no", "0"), ("the clock is capped", "1")):
-        assert f'uuv_hil_throttled{{node="uuv1",board=""}} {number}\n' in exposition([told(throttled=value)])
-        assert re.search(f"^throttled +{value}$", table([told(throttled=value)], []), re.MULTILINE)
-    assert "uuv_hil_throttled{" not in exposition([told()])
-    assert "throttled" not in table([told()], [])
+        assert f'uuv_hil_throttled{{node="uuv1",board=""}} {number}\n' in exposition([printed(throttled=value)])
+        assert re.search(f"^throttled +{value}$", table([printed(throttled=value)], []), re.MULTILINE)
+    assert "uuv_hil_throttled{" not in exposition([printed()])
+    assert "throttled" not in table([printed()], [])
 
 
 def machine_figures(tree: Tree, board: Board | None) -> Diagnostics:
-    said = Diagnostics()
-    add_machine_figures(said, tree, board)
-    return said
+    output = Diagnostics()
+    add_machine_figures(output, tree, board)
+    return output
 
 
 def test_the_figures_of_a_machine(tmp_path: Path) -> None:

@@ -230,16 +230,16 @@ def test_pub_drives_the_vehicle(user: User) -> None:
 
 
 def test_any_type_is_published_by_a_node_of_its_own(tmp_path: Path) -> None:
-    endpoint, heard = f"tcp/127.0.0.1:{free_port()}", list[tuple[str, bytes]]()
+    endpoint, received = f"tcp/127.0.0.1:{free_port()}", list[tuple[str, bytes]]()
     tokens: list[str] = []
     values = "{header: {frame_id: map}, ranges: [1.5, .inf, 2.0]}"
     with listen(endpoint) as other:
-        other.subscribe_keys("0/**", lambda key, payload, _: heard.append((key, payload)), 16)
+        other.subscribe_keys("0/**", lambda key, payload, _: received.append((key, payload)), 16)
         other.watch_tokens(graph.ALL, lambda key, alive: tokens.append(key) if alive else None)
         arguments = ("pub", "scan", "sensor_msgs/msg/LaserScan", values, "--rate", 20, "-n", 3, "--connect", endpoint)
         with Program(tmp_path, "topic", *arguments) as program:
             assert program.wait() == 0, program.output
-        assert wait_for(lambda: len(heard) == 3)
+        assert wait_for(lambda: len(received) == 3)
 
         def published() -> list[tuple[str, str]]:
             entities = [entity for key in tokens if (entity := graph.read_token(key))]
@@ -248,8 +248,8 @@ def test_any_type_is_published_by_a_node_of_its_own(tmp_path: Path) -> None:
         found = wait_for(published)
     assert found == [(f"/uuv_hil_topic_{program.process.pid}", "/scan")]
     name = "sensor_msgs/msg/LaserScan"
-    assert heard[0][0] == f"0/scan/sensor_msgs::msg::dds_::LaserScan_/{types.type_hash(name)}"
-    message = ros_message.decode(name, heard[0][1])
+    assert received[0][0] == f"0/scan/sensor_msgs::msg::dds_::LaserScan_/{types.type_hash(name)}"
+    message = ros_message.decode(name, received[0][1])
     assert message is not None
     assert (message["ranges"], message["header"]["frame_id"]) == ((1.5, math.inf, 2.0), "map")
 
@@ -261,8 +261,8 @@ def test_what_the_scenario_lets_the_vehicle_say_to_ros(tmp_path: Path) -> None:
         slave.expect("ready")
         user = User(tmp_path, slave, port)
         assert re.match(r"\S+ Hz; gaps", user.run("hz", "/clock", "-n", 5).splitlines()[-1])
-        said = [read_yaml(text)["clock"] for text in user.run("echo", "/clock", "-n", 20).split("---\n") if text]
-        times = [clock["sec"] * 10**9 + clock["nanosec"] for clock in said]
+        output = [read_yaml(text)["clock"] for text in user.run("echo", "/clock", "-n", 20).split("---\n") if text]
+        times = [clock["sec"] * 10**9 + clock["nanosec"] for clock in output]
         gaps = [after - before for before, after in pairwise(times)]
         assert min(gaps) == 20_000_000, "by its own time; where steps are skipped or messages dropped, more"
         wrench = read_yaml(user.run("echo", "/uuv1/thruster_wrench", "-n", 1).removesuffix("---\n"))

@@ -172,8 +172,8 @@ def test_a_program_that_is_not_there() -> None:
 
 def test_a_program_of_others_has_the_signals_of_every_program() -> None:
     child = start_child(foreign_command("cat", "/proc/self/status"), stdout=subprocess.PIPE, text=True)
-    said = dict(line.split(":\t") for line in child.communicate()[0].splitlines())
-    assert int(said["SigIgn"], 16) & (1 << (signal.SIGPIPE - 1) | 1 << (signal.SIGXFSZ - 1)) == 0
+    output = dict(line.split(":\t") for line in child.communicate()[0].splitlines())
+    assert int(output["SigIgn"], 16) & (1 << (signal.SIGPIPE - 1) | 1 << (signal.SIGXFSZ - 1)) == 0
 
 
 def test_a_program_learns_nothing_of_the_lifeline() -> None:

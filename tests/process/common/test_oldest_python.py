@@ -41,12 +41,12 @@ def test_a_flight_under_the_oldest_python_is_the_same(tmp_path: Path) -> None:
     oldest = os.environ["UUV_HIL_OLDEST_PYTHON"]
     version = subprocess.run([oldest, "-c", "import sys; print(sys.version_info[:2])"], capture_output=True, text=True)
     assert version.stdout.strip() == "(3, 10)"
-    told = []
+    reported = []
     for python in (oldest, sys.executable):
         command = [python, "-m", "hil", "sim", "paper_field", "--fast", "--json"]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
-        told.append(
+        reported.append(
             {key: value for key, value in json.loads(done.stdout).items() if not key.endswith(("cpu_s", "took_s"))}
         )
-    assert told[0] == told[1]
+    assert reported[0] == reported[1]

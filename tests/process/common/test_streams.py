@@ -42,10 +42,10 @@ def run(command: str, **environment: str) -> tuple[int, str]:
     ],
 )
 def test_an_output_that_takes_nothing(command: str, codes: set[int], words: str, buffered: str) -> None:
-    code, said = run(command, PYTHONUNBUFFERED=buffered)
-    assert code in codes, said
-    assert said.startswith(words)
-    assert said.count("\n") == bool(words)
+    code, output = run(command, PYTHONUNBUFFERED=buffered)
+    assert code in codes, output
+    assert output.startswith(words)
+    assert output.count("\n") == bool(words)
 
 
 def test_a_closed_descriptor_is_not_given_to_a_file(tmp_path: Path) -> None:
@@ -70,10 +70,10 @@ except streams.ConfigError:
     [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}],
 )
 def test_a_terminal_of_ascii_alone(environment: dict[str, str]) -> None:
-    code, said = run("UUV vehicle paper_six | grep 'kg/m3' > /dev/null && UUV vehicle --density x", **environment)
+    code, output = run("UUV vehicle paper_six | grep 'kg/m3' > /dev/null && UUV vehicle --density x", **environment)
     assert code == 2
-    assert said.isascii()
-    assert "kg/m3" in said
+    assert output.isascii()
+    assert "kg/m3" in output
 
 
 def test_ctrl_c_while_modules_load() -> None:

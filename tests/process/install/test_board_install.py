@@ -150,11 +150,11 @@ def test_power_saving_of_the_wlan(root: Path, scenario: str, ran: list[str]) -> 
 
 
 def test_a_limit_that_the_kernel_does_not_hold(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    for controllers, told in (("cpu io memory pids", False), ("cpu io pids", True)):
+    for controllers, reported in (("cpu io memory pids", False), ("cpu io pids", True)):
         plant(root, "sys/fs/cgroup/cgroup.controllers", controllers)
         assert install(root, scenario, "--dry-run") == 0
         notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note:")]
-        assert any("MemoryMax=" in note and "cgroup_enable=memory" in note for note in notes) is told
+        assert any("MemoryMax=" in note and "cgroup_enable=memory" in note for note in notes) is reported
 
 
 @pytest.mark.parametrize(("version", "filtered"), [(237, False), (239, True), (252, True)])

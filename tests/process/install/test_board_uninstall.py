@@ -89,7 +89,7 @@ def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: 
 
 
 @pytest.mark.parametrize(
-    ("made", "told"),
+    ("made", "reported"),
     [
         (f"{RULES}/", f"{RULES}: is no file"),
         (f"{MANIFEST}/", f"{MANIFEST}: is no file"),
@@ -97,11 +97,13 @@ def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: 
         ("/etc/uuv-hil", f"/etc/uuv-hil: is no folder, where {MANIFEST} belongs"),
     ],
 )
-def test_files_for_folders(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], made: str, told: str) -> None:
+def test_files_for_folders(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], made: str, reported: str
+) -> None:
     plant(root, f"{made[1:]}mine" if made.endswith("/") else made[1:], "")
     before = sorted(root.rglob("*"))
     assert install(root, scenario, "--yes") == 2
-    assert re.fullmatch(rf"uuv-hil board: {told}.*; take it away first\n", capsys.readouterr().err)
+    assert re.fullmatch(rf"uuv-hil board: {reported}.*; take it away first\n", capsys.readouterr().err)
     assert sorted(root.rglob("*")) == before
 
 
@@ -138,8 +140,8 @@ def test_a_manifest_of_an_earlier_release(root: Path, scenario: str) -> None:
     before = files(root)
     assert install(root, scenario, "--yes") == 0
     notes = json.loads((root / MANIFEST[1:]).read_text())
-    told = {path: {key: note[key] for key in ("before", "folders", "sha256")} for path, note in notes.items()}
-    plant(root, MANIFEST[1:], json.dumps(told))
+    reported = {path: {key: note[key] for key in ("before", "folders", "sha256")} for path, note in notes.items()}
+    plant(root, MANIFEST[1:], json.dumps(reported))
     assert uninstall(root) == 0
     assert files(root) == before
 

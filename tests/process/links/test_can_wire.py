@@ -40,9 +40,9 @@ def message(frame: CanFrame) -> can.Message:
     return can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended)
 
 
-def frame_of(heard: can.Message | None) -> CanFrame:
-    assert heard is not None
-    return CanFrame(heard.arbitration_id, bytes(heard.data), heard.is_extended_id)
+def frame_of(received: can.Message | None) -> CanFrame:
+    assert received is not None
+    return CanFrame(received.arbitration_id, bytes(received.data), received.is_extended_id)
 
 
 def has_all_it_took(device: Wire, host: Wire, frames: int) -> bool:
@@ -92,16 +92,16 @@ class TestSlcan:
         assert wait_readable(wire)
         assert wire.read() == b"", "acknowledgements are no frames"
         wire.close()
-        until(lambda: len(bus.said[0]) == 4)
+        until(lambda: len(bus.output[0]) == 4)
         bus.close()
-        assert bus.said == [[b"C", b"S6", b"O", b"C"]]
+        assert bus.output == [[b"C", b"S6", b"O", b"C"]]
 
     def test_with_other_software_on_the_bus(self) -> None:
         """python-can's own slcan is the other end."""
         bus = SlcanBus(2)
         wire = SlcanWire(UartWire(bus.paths[0]))
         other = can.Bus(bus.paths[1], "slcan", bitrate=1_000_000, sleep_after_open=0.0, ignore_config=True)
-        until(lambda: bus.said[0][-1:] == [b"O"] and bus.said[1].count(b"O") == 2)
+        until(lambda: bus.output[0][-1:] == [b"O"] and bus.output[1].count(b"O") == 2)
         wire.read()
         for frame in (STANDARD, EXTENDED, EMPTY):
             wire.write(pack_frame(frame))
@@ -133,9 +133,9 @@ class TestSlcan:
     def test_noise_never_raises_and_costs_no_frame_behind_it(self, noise: list[bytes]) -> None:
         line = Canned([*noise, b"\rtF23", b"\x07T1FFFFFFF8000102030405", b"0607\r"])
         wire = SlcanWire(line)
-        heard = b"".join(wire.read() for _ in line.parts)
-        assert list(unpack_frames(heard))[-1] == EXTENDED
-        assert len(heard) % 16 == 0
+        received = b"".join(wire.read() for _ in line.parts)
+        assert list(unpack_frames(received))[-1] == EXTENDED
+        assert len(received) % 16 == 0
 
     def test_a_timestamp_is_passed_over(self) -> None:
         line = Canned([b"t7FF3010203A1B2\r"])

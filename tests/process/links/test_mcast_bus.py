@@ -80,15 +80,15 @@ def test_noise_costs_no_frame() -> None:
     for data in noise:
         other.send(data)
     other.send(datagram(good))
-    heard = b""
+    received = b""
 
     def is_there() -> bool:
-        nonlocal heard
-        heard += wire.read()
-        return bool(heard)
+        nonlocal received
+        received += wire.read()
+        return bool(received)
 
     until(is_there)
-    assert list(unpack_frames(heard)) == [good]
+    assert list(unpack_frames(received)) == [good]
     other.socket.close()
     wire.close()
 

@@ -25,11 +25,11 @@ print(*fly(sys.argv[1], 200), sep="\\n")
 
 
 def fly(folder: str, rows: int) -> list[str]:
-    said: list[str] = []
-    with TrackWriter(folder, said.append) as track:
+    output: list[str] = []
+    with TrackWriter(folder, output.append) as track:
         for number in range(rows):
             track.row(number / 20, SAMPLE, SAMPLE, VelocityCommand(surge=0.5))
-    return said
+    return output
 
 
 def test_every_row_is_there_at_once(tmp_path: Path) -> None:

@@ -83,17 +83,17 @@ def test_who_connects_to_a_planner_passes_for_no_vehicle(first: tuple[Session, s
 
 def test_a_planner_still_commands_its_vehicle_and_sees_it(keys: Path) -> None:
     agent, vehicle = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
-    heard: list[str] = []
+    arrived: list[str] = []
     got: list[str] = []
     with (
         listen(vehicle, security=security(keys, PLANNERS[0])) as slave,
         open_peer_session(agent, vehicle, security=security(keys, PLANNERS[0])) as planner,
         open_client_session(vehicle, security=security(keys, "viewer"), seconds=30.0),
     ):
-        slave.subscribe("uuv1", "cmd_vel", lambda topic, _, __: heard.append(topic), 8)
+        slave.subscribe("uuv1", "cmd_vel", lambda topic, _, __: arrived.append(topic), 8)
         planner.subscribe("uuv1", "odom", lambda topic, _, __: got.append(topic), 8)
         command, odom = planner.publisher("uuv1", TOPICS["cmd_vel"]), slave.publisher("uuv1", TOPICS["odom"])
-        assert wait_for(lambda: (command.put(b"", 0), odom.put(b"", 0)) and heard and got)
+        assert wait_for(lambda: (command.put(b"", 0), odom.put(b"", 0)) and arrived and got)
 
 
 def test_a_modem_has_no_security(keys: Path, tmp_path: Path) -> None:

@@ -30,14 +30,14 @@ def _is_gone(session: Session, link: tuple[str, str, str]) -> bool:
 
 
 def test_a_router_of_which_nothing_is_known_is_cut_a_few_times() -> None:
-    endpoint, told = f"tcp/127.0.0.1:{free_port()}", list[str]()
+    endpoint, reported = f"tcp/127.0.0.1:{free_port()}", list[str]()
     with open_router_session(endpoint) as session, router_of_others(endpoint):
-        links, cut_at, now = RouterLinks(session, told.append), list[int](), 0
+        links, cut_at, now = RouterLinks(session, reported.append), list[int](), 0
         for _ in range(ATTEMPTS):
             assert wait_for(session.links)
             (link,) = session.links()
             links.check(now)
-            while len(told) == len(cut_at):
+            while len(reported) == len(cut_at):
                 now += NS_PER_S
                 links.check(now)
             cut_at.append(now)
@@ -48,13 +48,13 @@ def test_a_router_of_which_nothing_is_known_is_cut_a_few_times() -> None:
         assert wait_for(session.links)
         for seconds in range(600):
             links.check(now + seconds * NS_PER_S)
-        assert len(told) == ATTEMPTS
+        assert len(reported) == ATTEMPTS
         assert session.links(), "then it is left as it is: it may be a router of others"
 
 
 def test_slaves_clients_and_joined_routers_are_left() -> None:
     endpoint, further = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
-    network, told = Network("routed", endpoint), list[str]()
+    network, reported = Network("routed", endpoint), list[str]()
     with (
         open_router_session(endpoint) as session,
         listen(f"tcp/127.0.0.1:{free_port()}", network),
@@ -64,10 +64,10 @@ def test_slaves_clients_and_joined_routers_are_left() -> None:
         assert wait_for(lambda: len(session.links()) == 3)
         assert len(session.routers()) == 2
         assert wait_for(lambda: len(session.tokens(router_key("*"))) == 3), "its own too"
-        links = RouterLinks(session, told.append)
+        links = RouterLinks(session, reported.append)
         for seconds in range(600):
             links.check(seconds * NS_PER_S)
-        assert not told
+        assert not reported
 
 
 def test_a_new_link_has_room_for_all_that_was_declared_and_later_little() -> None:

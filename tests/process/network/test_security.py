@@ -43,11 +43,11 @@ def security(keys: Path, master: str = "laptop", may_listen: tuple[str, ...] = (
 def slave(keys: Path) -> Iterator[tuple[Session, str, list[str]]]:
     """A slave, its endpoint, and whose commands came."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    heard: list[str] = []
+    received: list[str] = []
     with listen(endpoint, security=security(keys)) as session:
-        session.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload.decode()), 8)
+        session.subscribe("uuv1", "cmd_vel", lambda _, payload, __: received.append(payload.decode()), 8)
         declare_presence(session, "uuv1", "slave")
-        yield session, endpoint, heard
+        yield session, endpoint, received
 
 
 def meets(session: Session) -> list[Presence]:
@@ -58,7 +58,7 @@ def meets(session: Session) -> list[Presence]:
 
 
 def test_each_may_do_what_its_certificate_says(slave: tuple[Session, str, list[str]], keys: Path) -> None:
-    session, endpoint, heard = slave
+    session, endpoint, received = slave
     samples = session.publisher("uuv1", TOPICS["pressure"])
     got: dict[str, list[str]] = {name: [] for name in MACHINES[1:]}
     sessions = {name: open_master_session(endpoint, security=security(keys, name)) for name in got}
@@ -71,10 +71,10 @@ def test_each_may_do_what_its_certificate_says(slave: tuple[Session, str, list[s
         samples.put(b"sample", 0)
         for name, publisher in commands.items():
             publisher.put(name.encode(), 0)
-        return len(heard) > 20 and len(got["laptop"]) > 20 and len(got["viewer"]) > 20
+        return len(received) > 20 and len(got["laptop"]) > 20 and len(got["viewer"]) > 20
 
-    assert wait_for(everyone_speaks), (heard, got)
-    assert set(heard) == {"laptop"}
+    assert wait_for(everyone_speaks), (received, got)
+    assert set(received) == {"laptop"}
     assert set(got["laptop"]) == set(got["viewer"]) == {"pressure"}
     assert got["stranger"] == []
     assert sessions["laptop"].others() == ["uuv1"]
@@ -119,9 +119,9 @@ def test_who_may_listen_asks_for_the_time_but_pings_for_no_master(
     session, endpoint, _ = slave
     ask, _, masters = clock_keys("uuv1")
     asked: list[bytes] = []
-    told: list[bytes] = []
+    reported: list[bytes] = []
     session.receive(ask, asked.append, 64)
-    session.receive(masters, told.append, 64)
+    session.receive(masters, reported.append, 64)
     with (
         open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
         open_master_session(endpoint, security=security(keys, "laptop")) as laptop,
@@ -134,10 +134,10 @@ def test_who_may_listen_asks_for_the_time_but_pings_for_no_master(
             next(viewers)(b"viewer")  # one at a time: many at once would be dropped as a flood, whatever they may do
             for send in laptops:
                 send(b"laptop")
-            return len(told) > 20 and {b"viewer", b"laptop"} <= set(asked)
+            return len(reported) > 20 and {b"viewer", b"laptop"} <= set(asked)
 
-        assert wait_for(everyone_speaks), (asked, told)
-    assert set(told) == {b"laptop"}
+        assert wait_for(everyone_speaks), (asked, reported)
+    assert set(reported) == {b"laptop"}
 
 
 def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:
@@ -158,10 +158,10 @@ def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:
 def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
     slave: tuple[Session, str, list[str]], keys: Path, folder: str, words: list[str]
 ) -> None:
-    session, endpoint, heard = slave
+    session, endpoint, received = slave
     with open_master_session(endpoint, security=security(keys, folder) if folder else None) as refused:
         publisher, seen = refused.publisher("uuv1", TOPICS["cmd_vel"]), meets(refused)
-        assert not wait_for(lambda: publisher.put(b"refused", 0) and (heard or seen or refused.others()), 1)
+        assert not wait_for(lambda: publisher.put(b"refused", 0) and (received or seen or refused.others()), 1)
     assert session.others() == []
     fault = why_not(endpoint, str(keys / folder) if folder else "")
     assert fault is not None

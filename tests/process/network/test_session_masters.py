@@ -234,15 +234,15 @@ def test_the_refused_master_learns_why(tmp_path: Path) -> None:
     plain, port = write_scenario(tmp_path)
     text = plain.read_text()
     arguments = ("--connect", f"tcp/127.0.0.1:{port}", "--wait", 5, "--output", tmp_path / "run")
-    said = {"viewer": "may_command", "stranger": "may_listen does not name 'stranger'", "": "wants a certificate"}
+    output = {"viewer": "may_command", "stranger": "may_listen does not name 'stranger'", "": "wants a certificate"}
     scenarios = {}
-    for name in ("laptop", *said):
+    for name in ("laptop", *output):
         scenarios[name] = tmp_path / f"{name or 'none'}.toml"
         scenarios[name].write_text(text + (SECURITY.format(master=name) if name else ""))
     with Program(tmp_path, "slave", scenarios["laptop"]) as slave:
         slave.expect("ready")
-        running = {name: Program(tmp_path, "master", scenarios[name], *arguments) for name in said}
-        for name, words in said.items():
+        running = {name: Program(tmp_path, "master", scenarios[name], *arguments) for name in output}
+        for name, words in output.items():
             with running[name] as master:
                 assert master.wait() == 4, master.output
                 assert words in master.output

@@ -24,14 +24,14 @@ TEXT = 90  # bytes of each of these keys, or more
 )
 @pytest.mark.parametrize("hearing", ["slave", "master"])
 def test_a_key_on_which_messages_come_often_goes_as_a_number(pattern: str, name: str, hearing: str) -> None:
-    port, heard, payloads = free_port(), list[str](), list[bytes]()
+    port, received, payloads = free_port(), list[str](), list[bytes]()
     came = threading.Event()
     with listen(f"tcp/127.0.0.1:{port}") as slave, Relay(port) as relay, open_master_session(relay.endpoint) as master:
         hears, says = (slave, master) if hearing == "slave" else (master, slave)
         publisher = says.publisher("uuv1", TOPICS[name])  # before anybody wants it
 
         def hear(topic: str, payload: bytes, _: bytes) -> None:
-            heard.append(topic)
+            received.append(topic)
             payloads.append(payload)
             came.set()
 
@@ -51,5 +51,5 @@ def test_a_key_on_which_messages_come_often_goes_as_a_number(pattern: str, name:
             passed.append(relay.passed)
         each = statistics.median([after - before for before, after in pairwise(passed)])
         assert len(PAYLOAD) < each < len(PAYLOAD) + BESIDE + TEXT / 2, passed
-        assert set(heard) == {name}
+        assert set(received) == {name}
         assert len(payloads) == len(set(payloads)), "once"

@@ -177,14 +177,14 @@ def test_no_link_lingers() -> None:
 
 
 def test_what_was_said_last_arrives_though_links_do_not_linger() -> None:
-    endpoint, heard = f"tcp/127.0.0.1:{free_port()}", list[bytes]()
+    endpoint, received = f"tcp/127.0.0.1:{free_port()}", list[bytes]()
     with listen(endpoint) as slave:
-        slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload), 64)
+        slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: received.append(payload), 64)
         slave.free_links()
         for number in range(5):
             with open_master_session(endpoint) as master:
                 publisher = master.publisher("uuv1", TOPICS["cmd_vel"])
-                assert wait_for(lambda: publisher.put(b"first", 0) and b"first" in heard)  # noqa: B023
+                assert wait_for(lambda: publisher.put(b"first", 0) and b"first" in received)  # noqa: B023
                 publisher.put(b"last of %d" % number, 0)
-            assert wait_for(lambda: b"last of %d" % number in heard)  # noqa: B023
-            heard.clear()
+            assert wait_for(lambda: b"last of %d" % number in received)  # noqa: B023
+            received.clear()

@@ -94,13 +94,13 @@ def test_a_slave_that_is_dialled_bounds_what_others_than_masters_ask() -> None:
 def test_who_tells_whom_of_others(tmp_path: Path) -> None:
     """ROS 2 contexts find each other by it; under TLS, and by those that only look on, nobody is told of anybody."""
     here = ("tcp/10.0.0.1:7447",)
-    told = (
+    reported = (
         "'gossip':{'enabled':true,'multihop':false,'target':{'router':['router','peer']},'autoconnect':{'router':[]}}"
     )
     roles: tuple[Role, ...] = ("slave", "router", "master", "client", "imaging")
     for role in roles:
         text = settings(role, here, (), Network(), None)
-        assert (told in text) == (role in ("slave", "router")), role
+        assert (reported in text) == (role in ("slave", "router")), role
         assert "'autoconnect':{'peer':[],'router':[]}" in text, "found by multicast, nobody is dialled either"
     init(str(tmp_path / "keys"))
     for name in ("uuv1", "hub"):
@@ -152,18 +152,18 @@ def test_multicast_finds_those_that_allow_it() -> None:
 def test_a_router_forwards_and_keeps_the_links_apart() -> None:
     endpoint, own = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=endpoint)
-    heard: list[str] = []
+    received: list[str] = []
     with (
         listen(own, network) as slave,
         open_router_session(endpoint),
         open_master_session(endpoint, network=network) as master,
     ):
-        slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: heard.append(payload.decode()), 8)
+        slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: received.append(payload.decode()), 8)
         declare_presence(slave, "uuv1", "slave")
         seen: list[Presence] = []
         watch_presence(master, "uuv1", lambda presence, _: seen.append(presence))
         publisher = master.publisher("uuv1", TOPICS["cmd_vel"])
-        assert wait_for(lambda: publisher.put(b"go", 0) and heard and seen)
+        assert wait_for(lambda: publisher.put(b"go", 0) and received and seen)
 
 
 def test_a_master_says_that_there_is_no_router(monkeypatch: pytest.MonkeyPatch) -> None:

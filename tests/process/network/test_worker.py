@@ -44,8 +44,8 @@ def test_beyond_the_rate_items_are_lost_until_the_second_is_over(monkeypatch: py
 
 
 def test_what_raises_loses_its_item_and_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    worker, used, told = WorkerThread(), list[float](), list[threading.ExceptHookArgs]()
-    monkeypatch.setattr(threading, "excepthook", told.append)
+    worker, used, reported = WorkerThread(), list[float](), list[threading.ExceptHookArgs]()
+    monkeypatch.setattr(threading, "excepthook", reported.append)
     divide = worker.open_queue(lambda number: used.append(1 / number)).put
     for number in (1, 0, 2, 0, 4):
         divide(number)
@@ -53,7 +53,7 @@ def test_what_raises_loses_its_item_and_is_reported_once(monkeypatch: pytest.Mon
     worker.run()
     assert used == [1.0, 0.5, 0.25]
     assert worker.failures == 2
-    assert [args.exc_type for args in told] == [ZeroDivisionError]
+    assert [args.exc_type for args in reported] == [ZeroDivisionError]
 
 
 def wakeups(name: str) -> int:

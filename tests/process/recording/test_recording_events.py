@@ -157,8 +157,8 @@ def test_a_damaged_event_is_a_persons_error(event: dict[str, Any]) -> None:
 def test_every_topic_is_compared_or_left_out_on_purpose() -> None:
     """A new topic is a sample, which the repetition says too, or is named as none."""
     modules = [import_module(f"hil.ros.{name}") for name in ("dvl", "scans", "sensors")]
-    said = set(ros._ENCODERS).union(*[module.ENCODERS for module in modules])
-    said |= {"/tf", "dvl_twist", "altitude"}  # of odom and dvl
+    output = set(ros._ENCODERS).union(*[module.ENCODERS for module in modules])
+    output |= {"/tf", "dvl_twist", "altitude"}  # of odom and dvl
     pictures = {name for name in TOPICS if "/" in name[1:]}  # another process says them, in its own time
     ours = {name for name, topic in TOPICS.items() if not topic.from_master}
-    assert ours - pictures - said == recording_check.NOT_SAMPLES - recording_check.COMMANDS
+    assert ours - pictures - output == recording_check.NOT_SAMPLES - recording_check.COMMANDS

@@ -122,8 +122,8 @@ def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path:
         timeout=100,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
-    told, lost, failure = done.stdout.strip().split(" ", 2)
-    assert told == "True", done.stderr
+    reported, lost, failure = done.stdout.strip().split(" ", 2)
+    assert reported == "True", done.stderr
     assert int(lost) >= 1
     assert str(folder) in failure
     assert "File too large" in failure
@@ -134,14 +134,14 @@ def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path:
 
 
 def test_room_is_left_on_the_disk(tmp_path: Path) -> None:
-    told: list[str] = []
-    recorder = Recorder(str(tmp_path / "bag"), SMALL._replace(keep_free=1e7), {}, report=told.append)
-    assert wait_for(lambda: told)
+    reported: list[str] = []
+    recorder = Recorder(str(tmp_path / "bag"), SMALL._replace(keep_free=1e7), {}, report=reported.append)
+    assert wait_for(lambda: reported)
     recorder.put(imu(1))
     recorder.close()
     assert recorder.lost == 1
-    assert "keep_free" in told[0]
-    assert "free some space" in told[0]
+    assert "keep_free" in reported[0]
+    assert "free some space" in reported[0]
 
 
 def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,14 +181,14 @@ def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
 
 
 def test_whatever_ends_the_recording_is_reported(tmp_path: Path) -> None:
-    told: list[str] = []
-    with Recorder(str(tmp_path / "bag"), SMALL, {}, report=told.append) as recorder:
+    reported: list[str] = []
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, report=reported.append) as recorder:
         recorder.put(imu(1))
         assert wait_for((tmp_path / "bag" / "bag_0.mcap").exists)
         recorder.put(imu(2)._replace(logged_ns=-1))  # which no clock says
-        assert wait_for(lambda: told)
+        assert wait_for(lambda: reported)
         recorder.put(imu(3))
-    assert told == [recorder.failure]
+    assert reported == [recorder.failure]
     assert recorder.failure.startswith(f"recording into {tmp_path / 'bag'} ended: error: ")
     assert recorder.lost == 1
     assert by_mcap(tmp_path / "bag" / "bag_0.mcap") in ([], [imu(1)]), "whole up to the last flush"

@@ -51,17 +51,17 @@ def test_it_hears_the_vehicle_and_its_master() -> None:
             commands.put(b"command %d" % number, began + number)
             time.sleep(0.01)  # a command that finds two others waiting to be sent is dropped
         last = {b"imu 99", b"command 99"}
-        heard = collect(tap, lambda messages: last <= {message.data for message in messages})
-    topics = Counter(message.topic for message in heard)
+        arrived = collect(tap, lambda messages: last <= {message.data for message in messages})
+    topics = Counter(message.topic for message in arrived)
     assert topics["/uuv1/imu"] == 100
     assert topics["/uuv1/cmd_vel"] >= 95, "those before the sessions had met are nobody's"
     assert tap.missed == 0
-    first = next(message for message in heard if message.topic == "/uuv1/imu")
+    first = next(message for message in arrived if message.topic == "/uuv1/imu")
     assert first[:4] == ("/uuv1/imu", "sensor_msgs/msg/Imu", 1, began)
     assert first.data == b"imu 0"
-    assert [m.sequence for m in heard if m.topic == "/uuv1/imu"] == list(range(1, 101))
-    assert all(a.logged_ns <= b.logged_ns for a, b in pairwise(heard))
-    assert all(0 < message.logged_ns - began < 60_000_000_000 for message in heard)
+    assert [m.sequence for m in arrived if m.topic == "/uuv1/imu"] == list(range(1, 101))
+    assert all(a.logged_ns <= b.logged_ns for a, b in pairwise(arrived))
+    assert all(0 < message.logged_ns - began < 60_000_000_000 for message in arrived)
 
 
 def test_latched_topics_come_late_but_once() -> None:
@@ -71,12 +71,12 @@ def test_latched_topics_come_late_but_once() -> None:
         imu.put(b"missed", 6)
         tf.put(b"before", 7)
         with Tap([endpoint]) as tap:
-            heard = collect(tap, lambda messages: messages)
+            arrived = collect(tap, lambda messages: messages)
             tf.put(b"after", 8)
-            heard += collect(tap, lambda messages: messages)
+            arrived += collect(tap, lambda messages: messages)
             time.sleep(0.2)
-            heard += tap.receive()
-    assert [(message.topic, message.sequence, message.data) for message in heard] == [
+            arrived += tap.receive()
+    assert [(message.topic, message.sequence, message.data) for message in arrived] == [
         ("/tf_static", 1, b"before"),
         ("/tf_static", 2, b"after"),
     ]
@@ -95,9 +95,9 @@ def test_one_topic_of_two_vehicles() -> None:
             imu.put(b"imu %d" % number, 9)
             if number == 20:  # from here on the keys are known, and go by number
                 collect(tap, lambda messages: len(messages) >= 63)
-        heard = collect(tap, lambda messages: len(messages) >= 87)
+        arrived = collect(tap, lambda messages: len(messages) >= 87)
     for name, topic in ((b"one", "/tf"), (b"two", "/tf"), (b"imu", "/uuv2/imu")):
-        mine = [message for message in heard if message.data.startswith(name)]
+        mine = [message for message in arrived if message.data.startswith(name)]
         assert [(m.topic, m.sequence, m.data) for m in mine] == [
             (topic, n + 1, b"%s %d" % (name, n)) for n in range(21, 50)
         ]
@@ -123,12 +123,12 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
             assert not tap.complaint()
         with listen(endpoint) as slave:
             publisher = slave.publisher("uuv1", TOPICS["imu"])
-            heard = []
+            arrived = []
 
             def poll() -> bool:
                 publisher.put(b"imu", 7)
-                heard.extend(tap.receive())
-                return bool(tap.reconnections and heard)
+                arrived.extend(tap.receive())
+                return bool(tap.reconnections and arrived)
 
             assert wait_for(poll)
         assert tap.complaint() == "nothing came over a link that is there; connecting again"
@@ -143,18 +143,18 @@ def test_a_session_over_which_nothing_comes_any_more_is_opened_again_once(monkey
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         publisher = slave.publisher("uuv1", TOPICS["imu"])
 
-        def heard() -> bool:
+        def arrived() -> bool:
             publisher.put(b"imu", 7)
             return bool(tap.receive())
 
-        assert wait_for(heard)
+        assert wait_for(arrived)
         assert wait_for(lambda: (tap.receive(), tap.reconnections)[1])
         silent = time.monotonic() + 4.5  # without a message since it was opened there is no next time
         while time.monotonic() < silent:
             assert tap.receive() == []
             time.sleep(0.05)
         assert tap.reconnections == 1
-        assert wait_for(heard)
+        assert wait_for(arrived)
 
 
 def test_topics_of_one_publisher_are_distinguished() -> None:
@@ -170,8 +170,8 @@ def test_topics_of_one_publisher_are_distinguished() -> None:
             for topic, publisher in zip(topics, publishers, strict=True):
                 if topic != "odom" or not number % 3:
                     publisher.put(b"%s %d" % (topic.encode(), number), 7)
-        heard = collect(tap, lambda messages: len(messages) >= 70)
-    found = {topic: [(m.sequence, m.data) for m in heard if m.topic == f"/uuv1/{topic}"] for topic in topics}
+        arrived = collect(tap, lambda messages: len(messages) >= 70)
+    found = {topic: [(m.sequence, m.data) for m in arrived if m.topic == f"/uuv1/{topic}"] for topic in topics}
     for topic in ("imu", "pressure"):
         assert found[topic] == [(n, b"%s %d" % (topic.encode(), n)) for n in range(1, 31)]
     assert found["odom"] == [(n, b"odom %d" % (3 * n)) for n in range(1, 11)]
@@ -180,7 +180,7 @@ def test_topics_of_one_publisher_are_distinguished() -> None:
 
 def test_a_vehicle_that_comes_late_goes_and_comes_back() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    heard: list[Message] = []
+    arrived: list[Message] = []
     with Tap([endpoint]) as tap:
         time.sleep(0.3)
         assert not tap.connected
@@ -193,8 +193,8 @@ def test_a_vehicle_that_comes_late_goes_and_comes_back() -> None:
                     time.sleep(0.01)
                     return [message for message in messages if message.data == b"%d" % life]
 
-                heard += collect(tap, say)
-    assert {message.data for message in heard} == {b"0", b"1"}
+                arrived += collect(tap, say)
+    assert {message.data for message in arrived} == {b"0", b"1"}
 
 
 def test_gaps_are_counted() -> None:
@@ -206,8 +206,8 @@ def test_gaps_are_counted() -> None:
         imu.put(b"a", 7)
         imu.sequence += 4
         imu.put(b"b", 7)
-        heard = collect(tap, lambda messages: len(messages) >= 2)
-    assert [message.sequence for message in heard] == [1, 6]
+        arrived = collect(tap, lambda messages: len(messages) >= 2)
+    assert [message.sequence for message in arrived] == [1, 6]
     assert tap.missed == 4
 
 

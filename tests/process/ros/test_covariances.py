@@ -70,13 +70,13 @@ def test_a_velocity_log_is_as_good_as_its_beams_let_it(lost: int | None, monkeyp
     samples = [log.sample(number, at_rest()) for number in range(3000)]
     rows = [sample.velocity for sample in samples]
     found = [mean(row[i] * row[j] for row in rows) for i in range(3) for j in range(3)]
-    told: Sequence[float] = samples[0].covariance
-    assert found == pytest.approx(told, rel=0.12, abs=0.03 * told[0])
+    reported: Sequence[float] = samples[0].covariance
+    assert found == pytest.approx(reported, rel=0.12, abs=0.03 * reported[0])
     truth = mean(sample.altitude for sample in samples)
     assert mean((s.altitude - truth) ** 2 for s in samples) == pytest.approx(samples[0].altitude_variance, rel=0.12)
 
 
-def said(suite: Any) -> dict[str, dict[str, Any]]:
+def output(suite: Any) -> dict[str, dict[str, Any]]:
     """The first message of each topic of a suite, by its fields."""
     vehicle, known, found = simulation(suite), spreads(suite, WORLD), dict[str, dict[str, Any]]()
     for _ in range(480):
@@ -110,7 +110,7 @@ def test_every_message_that_has_a_place_for_it_says_so() -> None:
     def of(name: str, key: str) -> float:
         return variance(getattr(models[name], key), 1.0 / models[name].rate)
 
-    found = said(suite)
+    found = output(suite)
     imu, odometry = found["imu"], found["odom"]
     assert diagonal(imu["orientation_covariance"]) == [of("imu", "attitude")] * 3
     assert diagonal(imu["angular_velocity_covariance"]) == [of("imu", "angular_velocity")] * 3
@@ -146,9 +146,9 @@ def test_a_log_s_covariance_turns_with_its_axes() -> None:
 
 
 def test_the_slave_says_it(tmp_path: Path) -> None:
-    heard: list[bytes] = []
+    received: list[bytes] = []
     with slave_with(tmp_path, "") as endpoint, open_master_session(endpoint) as session:
-        session.subscribe("uuv1", "imu", lambda _, payload, __: heard.append(payload), 8)
-        assert wait_for(lambda: heard)
-    message: Any = ros_message.decode(TOPICS["imu"].type, heard[0])
+        session.subscribe("uuv1", "imu", lambda _, payload, __: received.append(payload), 8)
+        assert wait_for(lambda: received)
+    message: Any = ros_message.decode(TOPICS["imu"].type, received[0])
     assert diagonal(message["orientation_covariance"]) == [spreads(fit(), WORLD)["imu"][0]] * 3

@@ -99,19 +99,19 @@ def test_humble_s_range_has_no_variance() -> None:
 def test_a_slave_of_another_domain_is_received_there_and_nowhere_else(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     path.write_text(path.read_text() + '[ros]\ndistro = "humble"\n')
-    heard: dict[str, int] = {}
+    received: dict[str, int] = {}
 
     def hear(key: str, _payload: bytes, _attachment: bytes) -> None:
-        heard["/".join(key.split("/")[:3])] = key.count("TypeHashNotSupported")
+        received["/".join(key.split("/")[:3])] = key.count("TypeHashNotSupported")
 
     with Program(tmp_path, "slave", path, environment={"ROS_DOMAIN_ID": "9"}) as slave:
         slave.expect("ready")
         with open_master_session(f"tcp/127.0.0.1:{port}") as session:
             for domain in (0, 9):
                 session.subscribe_keys(f"{domain}/**", hear, 64)
-            assert wait_for(lambda: "9/uuv1/imu" in heard)
-            assert heard["9/uuv1/imu"] == 1, "and Humble has no hashes"
-            assert not [key for key in heard if key.startswith("0/")]
+            assert wait_for(lambda: "9/uuv1/imu" in received)
+            assert received["9/uuv1/imu"] == 1, "and Humble has no hashes"
+            assert not [key for key in received if key.startswith("0/")]
         with Program(tmp_path, "topic", "hz", "/uuv1/imu", "--connect", f"tcp/127.0.0.1:{port}", "--count", 5,
                      environment={"ROS_DOMAIN_ID": "9"}) as topic:  # fmt: skip
             assert topic.wait(60) == 0, topic.output

@@ -132,9 +132,9 @@ def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
     assert echo.output.count("frame_id: thermometer_link") == 3
     (recorder,) = (where / "tape").iterdir()
     file = next(recorder.glob("*.mcap"))
-    told = [message for message in read_messages(str(file)) if message.topic == "/uuv1/thermometer"]
-    assert len(told) >= 3
-    assert {message.type for message in told} == {"sensor_msgs/msg/Temperature"}
+    reported = [message for message in read_messages(str(file)) if message.topic == "/uuv1/thermometer"]
+    assert len(reported) >= 3
+    assert {message.type for message in reported} == {"sensor_msgs/msg/Temperature"}
     with Program(where, "replay", recorder, "--check", "--own-classes", environment=environment) as check:
         assert check.wait() == 0, check.output
 
@@ -153,9 +153,9 @@ def test_a_planner_gets_it_in_simulated_time_and_over_the_network(where: Path) -
     for command in (("sim", path, "--fast"), ("demo", path, "--output", where / "run")):
         with Program(where, *command, environment=environment) as program:
             assert program.wait() == 0, program.output
-        told = re.search(r"([\d.]+) degrees", program.output)
-        assert told, program.output
-        assert float(told[1]) == pytest.approx(16.95, abs=0.3)
+        reported = re.search(r"([\d.]+) degrees", program.output)
+        assert reported, program.output
+        assert float(reported[1]) == pytest.approx(16.95, abs=0.3)
 
 
 @pytest.mark.parametrize(

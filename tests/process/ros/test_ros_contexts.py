@@ -72,7 +72,7 @@ def all_said(vehicle: Vehicle, *contexts: Context) -> bool:
     topics = {"/uuv1/imu", *[f"/chat_{context.name}" for context in contexts]}
     nodes = {"/uuv1", *[f"/{context.name}" for context in contexts]}
     commanded = {len(context.name) for context in contexts} <= {round(command(each)) for each in vehicle.commands}
-    return commanded and all(topics <= context.heard and nodes <= context.there for context in contexts)
+    return commanded and all(topics <= context.received and nodes <= context.there for context in contexts)
 
 
 def command(payload: bytes) -> float:
@@ -84,15 +84,15 @@ def command(payload: bytes) -> float:
 def test_two_contexts_and_the_vehicle_hear_and_see_each_other(site: Site) -> None:
     with Context("a", site.endpoint) as first, Context("bb", site.endpoint) as second:
         assert wait_for(lambda: all_said(site.vehicle, first, second), DEADLINE_S), (
-            first.heard, first.there, second.heard, second.there, len(site.vehicle.commands),
+            first.received, first.there, second.received, second.there, len(site.vehicle.commands),
         )  # fmt: skip
 
 
 def test_a_master_of_ours_is_at_home_there_too(site: Site) -> None:
-    heard: set[str] = set()
+    received: set[str] = set()
     seen: set[Presence] = set()
     with open_master_session(site.endpoint, network=site.network) as master, Context("a", site.endpoint) as context:
-        master.subscribe("uuv1", "*", lambda name, _, __: heard.add(name), 8)
+        master.subscribe("uuv1", "*", lambda name, _, __: received.add(name), 8)
         watch_presence(master, "uuv1", lambda presence, _: seen.add(presence))
         publisher = master.publisher("uuv1", TWIST)
         payload = ros.encode_twist((9.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -100,9 +100,9 @@ def test_a_master_of_ours_is_at_home_there_too(site: Site) -> None:
         def done() -> bool:
             publisher.put(payload, 0)
             others = all_said(site.vehicle, context)
-            return others and payload in site.vehicle.commands and heard >= {"imu"} and bool(seen)
+            return others and payload in site.vehicle.commands and received >= {"imu"} and bool(seen)
 
-        assert wait_for(done, DEADLINE_S), (heard, seen, context.heard, context.there)
+        assert wait_for(done, DEADLINE_S), (received, seen, context.received, context.there)
 
 
 def test_rmw_zenohd_may_dial_the_vehicle_instead() -> None:
@@ -112,4 +112,4 @@ def test_rmw_zenohd_may_dial_the_vehicle_instead() -> None:
     config = zenoh.Config.from_json5(router_settings(hub))
     config.insert_json5("connect/endpoints", f'["{own}"]')
     with vehicle.session, zenoh.open(config), Context("a", hub) as context, Context("bb", hub) as other:
-        assert wait_for(lambda: all_said(vehicle, context, other), DEADLINE_S), (context.heard, other.heard)
+        assert wait_for(lambda: all_said(vehicle, context, other), DEADLINE_S), (context.received, other.received)

@@ -23,9 +23,9 @@ def test_samples_arrive_on_their_topics() -> None:
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         master.subscribe("uuv1", "*", lambda topic, payload, _: received.update({topic: payload}), depth=64)
         sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS)
-        said = {"gps", "leak", "usbl", "dvl", "dvl_twist", "altitude", "diagnostics"}
+        output = {"gps", "leak", "usbl", "dvl", "dvl_twist", "altitude", "diagnostics"}
         deadline = time.monotonic() + 60.0
-        while set(received) != said and time.monotonic() < deadline:  # until the sessions have met
+        while set(received) != output and time.monotonic() < deadline:  # until the sessions have met
             sample_publisher.sample("gps", FixSample(5, 57.7, 11.9, 36.0, (1.0, 2.0), True))
             sample_publisher.sample("leak", FlagSample(5, True))
             sample_publisher.sample(
@@ -34,9 +34,9 @@ def test_samples_arrive_on_their_topics() -> None:
             sample_publisher.sample("dvl", DvlSample(5, (1.0, 2.0, 3.0), 7.5, True))
             sample_publisher.diagnostics("slave", 0, "well", {"cpu": "3"})
             time.sleep(0.01)
-    assert set(received) == said == set(sample_publisher._publishers) - {"/diagnostics"}  # which is of no node
-    assert sample_publisher.sent >= len(said)
-    decoded = {topic: decoder(received[topic]) for topic in said if (decoder := ros.decoder(topic))}
+    assert set(received) == output == set(sample_publisher._publishers) - {"/diagnostics"}  # which is of no node
+    assert sample_publisher.sent >= len(output)
+    decoded = {topic: decoder(received[topic]) for topic in output if (decoder := ros.decoder(topic))}
     assert decoded["gps"] == (EPOCH_NS + 5, 57.7, 11.9, 36.0, (1.0, 2.0), True)
     assert decoded["leak"] is True
     assert decoded["usbl"].position == (1.0, 2.0, 3.0)

@@ -160,14 +160,14 @@ def test_a_step_that_is_no_number_leaves_the_state(
 
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-@pytest.mark.parametrize(("value", "said"), [(nan, "nan"), (-inf, "-inf")])
-def test_a_force_that_breaks_is_named_with_its_time(value: float, said: str, integrator: Integrator) -> None:
+@pytest.mark.parametrize(("value", "reported"), [(nan, "nan"), (-inf, "-inf")])
+def test_a_force_that_breaks_is_named_with_its_time(value: float, reported: str, integrator: Integrator) -> None:
     simulation = Simulation(
         SIX, POOL, {}, position=PLACE, forces=[Broken(0, 0.0), Broken(250_000_000, value)], integrator=integrator
     )
     words = fly(simulation)
     assert words.startswith("6: paper_six: its state is not finite any more after 0.2500 s: the force ")
-    assert f"test_divergence:Broken is {said}: mend that class" in words
+    assert f"test_divergence:Broken is {reported}: mend that class" in words
     assert simulation.time_ns == 250_000_000
     assert all(isfinite(x) for x in (*simulation.state.position, *simulation.state.nu))
 

@@ -35,11 +35,11 @@ class Slave(NamedTuple):
     other: Session
 
     @property
-    def said(self) -> Diagnostics:
+    def output(self) -> Diagnostics:
         """Return the diagnostics that the contacts add now."""
-        said = Diagnostics()
-        self.contacts.add_figures(said)
-        return said
+        output = Diagnostics()
+        self.contacts.add_figures(output)
+        return output
 
 
 @pytest.fixture
@@ -83,8 +83,8 @@ def test_only_masters_make_their_clocks_known(slave: Slave) -> None:
         assert wait_for(lambda: ident in slave.command_receiver.clocks and master.contact.reported)
         assert wait_for(lambda: ask(ping(ident, 3600 * NS_PER_S)) or len(answers) > 20)
         assert {known: clock.steps for known, clock in slave.command_receiver.clocks.items()} == {ident: 0}
-        told = [PONG.unpack(answer)[-3:-1] for answer in answers if answer.startswith(ident)]
-    assert all(abs(offset) < NS_PER_S for offset, _ in told)
+        printed = [PONG.unpack(answer)[-3:-1] for answer in answers if answer.startswith(ident)]
+    assert all(abs(offset) < NS_PER_S for offset, _ in printed)
 
 
 def test_many_pings_do_not_push_out_the_clock_of_the_one_that_is_obeyed(slave: Slave) -> None:
@@ -99,14 +99,14 @@ def test_many_pings_do_not_push_out_the_clock_of_the_one_that_is_obeyed(slave: S
 def test_an_observer_with_a_masters_ident_does_not_stand_for_it(slave: Slave) -> None:
     slave.command_receiver.master = bytes.fromhex("ab" * 16)
     declare_presence(slave.other, "uuv1", "master", "ab" * 16)
-    assert wait_for(lambda: slave.said.commander)
-    name = slave.said.commander
+    assert wait_for(lambda: slave.output.commander)
+    name = slave.output.commander
     withdraw = declare_presence(slave.other, "uuv1", "observer", "ab" * 16)
-    assert wait_for(lambda: slave.said.observers == 1)
-    assert slave.said.masters == (name,)
+    assert wait_for(lambda: slave.output.observers == 1)
+    assert slave.output.masters == (name,)
     withdraw()
-    assert wait_for(lambda: slave.said.observers == 0)
-    assert slave.said.commander == name
+    assert wait_for(lambda: slave.output.observers == 0)
+    assert slave.output.commander == name
 
 
 def test_of_very_many_masters_only_some_are_reported(slave: Slave) -> None:
@@ -115,9 +115,9 @@ def test_of_very_many_masters_only_some_are_reported(slave: Slave) -> None:
     slave.contacts._report = reported.append
     for number in range(3 * MOST_THERE):
         declare_presence(slave.other, "uuv1", "master", f"{number:032x}")
-    assert wait_for(lambda: len(slave.said.masters or ()) == MOST_THERE, 60)
+    assert wait_for(lambda: len(slave.output.masters or ()) == MOST_THERE, 60)
     slave.other.close()
-    assert wait_for(lambda: not slave.said.masters, 60)
+    assert wait_for(lambda: not slave.output.masters, 60)
     assert len(reported) == 2 * MOST_THERE
     assert len(slave.command_receiver.ranks) <= MOST_THERE
 

@@ -96,9 +96,9 @@ def test_a_loop_that_was_late_long_ago_is_well_now() -> None:
     lateness, recent = Histogram(), RecentLateness()
 
     def looked(now: int) -> tuple[float, float, float]:
-        said = Diagnostics()
-        recent.add_figures(said, lateness, now)
-        figures = said.lateness_recent_p50_us, said.lateness_recent_p99_us, said.lateness_recent_max_us
+        output = Diagnostics()
+        recent.add_figures(output, lateness, now)
+        figures = output.lateness_recent_p50_us, output.lateness_recent_p99_us, output.lateness_recent_max_us
         return or_nan(figures[0]), or_nan(figures[1]), or_nan(figures[2])
 
     for _ in range(400):
@@ -149,11 +149,11 @@ def test_a_silent_stm32_is_an_error() -> None:
                     "nothing was asked of it yet"
                 )
 
-                def told() -> bool:
+                def reported() -> bool:
                     client.command(VelocityCommand(surge=0.3))
                     return any(status.level == 2 and "does not answer" in status.message for status in watch.statuses())
 
-                assert wait_for(told)
+                assert wait_for(reported)
             (status,) = watch.statuses()
             assert status.figures.stm32_silent is True
             # The log is written before the status is published, but of an instant before.

@@ -170,16 +170,16 @@ SAMPLE = OdometrySample(5, (1.0, 2.0, 3.0), from_euler(0.0, 0.0, np.pi / 2), (0.
 
 
 def test_between_two_words_it_goes_on_and_then_it_is_gone(scenario: Scenario) -> None:
-    heard = Heard(scenario, load_vehicle(scenario.vehicle)[0])
-    assert list(heard.states) == ["two"], "not itself"
-    state = heard.states["two"]
-    heard.place(NS_PER_S)
+    received = Heard(scenario, load_vehicle(scenario.vehicle)[0])
+    assert list(received.states) == ["two"], "not itself"
+    state = received.states["two"]
+    received.place(NS_PER_S)
     assert state.position[2] > 1e5, "not heard yet"
-    heard.hear_from("two", SAMPLE, NS_PER_S)
-    heard.place(NS_PER_S + NS_PER_S // 2)
+    received.hear_from("two", SAMPLE, NS_PER_S)
+    received.place(NS_PER_S + NS_PER_S // 2)
     assert state.position == pytest.approx([1.0, 2.2, 3.05])  # its bow is in the east
     assert state.quaternion == pytest.approx(from_euler(0.0, 0.0, np.pi / 2 + 0.25), abs=1e-3)
-    heard.place(2 * NS_PER_S + 1)
+    received.place(2 * NS_PER_S + 1)
     assert state.position[2] > 1e5
 
 
@@ -191,11 +191,11 @@ def test_between_two_words_it_goes_on_and_then_it_is_gone(scenario: Scenario) ->
     ],
 )  # fmt: skip
 def test_what_no_vehicle_can_say_is_not_received(scenario: Scenario, changes: dict[str, Any]) -> None:
-    heard = Heard(scenario, load_vehicle(scenario.vehicle)[0])
-    heard.hear_from("two", SAMPLE._replace(**changes), NS_PER_S)
-    heard.place(NS_PER_S)
-    assert heard.states["two"].position[2] > 1e5
-    heard._store_samples("two")("ground_truth", b"\xff" * 9, b"")
+    received = Heard(scenario, load_vehicle(scenario.vehicle)[0])
+    received.hear_from("two", SAMPLE._replace(**changes), NS_PER_S)
+    received.place(NS_PER_S)
+    assert received.states["two"].position[2] > 1e5
+    received._store_samples("two")("ground_truth", b"\xff" * 9, b"")
 
 
 def test_a_sensor_that_sees_no_solids_is_left_alone(scenario: Scenario) -> None:

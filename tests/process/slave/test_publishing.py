@@ -123,8 +123,8 @@ def test_all_leaves_in_its_order_with_the_time_at_which_it_came(
     released = now_ns()
     session.free.set()
     assert wait_for(lambda: len(session.sent) == 3)
-    (pressure, _, came), (trace, payload, left), (clock, said, _) = session.sent
-    assert (pressure, trace, clock, said) == ("pressure", "trace", "/clock", b"clock")
+    (pressure, _, came), (trace, payload, left), (clock, output, _) = session.sent
+    assert (pressure, trace, clock, output) == ("pressure", "trace", "/clock", b"clock")
     assert ros.decode_int64_array(payload) == (7, 1, 2, 3, 4, 5, 6)
     assert left - came >= released - after, "a sample is as old as it is; a trace compares clocks when it leaves"
 

@@ -17,7 +17,7 @@ LASER, IMU = bytes(60_000), bytes(300)
 
 def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
     port = free_port()
-    heard, last, spent_s = Counter[str](), dict[str, bytes](), list[float]()
+    received, last, spent_s = Counter[str](), dict[str, bytes](), list[float]()
     with (
         listen(f"tcp/127.0.0.1:{port}") as slave,
         Relay(port, BYTES_PER_S) as relay,
@@ -25,13 +25,13 @@ def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
     ):
         sample_publisher = SamplePublisher(slave, "uuv1", 0)
         serve_last(slave, "uuv1")
-        master.subscribe("uuv1", "*", lambda topic, *_: heard.update([topic]), depth=64)
+        master.subscribe("uuv1", "*", lambda topic, *_: received.update([topic]), depth=64)
         assert wait_for(slave.watch_keys("0/uuv1/**"))
 
         def is_heard() -> bool:
             sample_publisher.put("imu", IMU)
             sample_publisher.put("laser", IMU)
-            return heard["imu"] > 0 < heard["laser"]
+            return received["imu"] > 0 < received["laser"]
 
         assert wait_for(is_heard)
         before = sample_publisher.sent
@@ -44,8 +44,8 @@ def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
             if step == 150:
                 fetch_last(master, "uuv1", lambda topic, payload, _: last.update({topic: payload}))
             time.sleep(0.01)
-        assert wait_for(lambda: heard["laser"] > 2), "as many as it carries"
-        assert wait_for(lambda: heard["imu"] > 250)
+        assert wait_for(lambda: received["laser"] > 2), "as many as it carries"
+        assert wait_for(lambda: received["imu"] > 250)
     carried_s = len(LASER) / BYTES_PER_S
     assert statistics.median(spent_s) < 0.2 * carried_s, "who waits for the network waits until it is carried"
     assert sample_publisher.sent - before == 330, "those that were left out are missing in the numbers"

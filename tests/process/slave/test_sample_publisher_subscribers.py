@@ -106,13 +106,13 @@ def vehicle(endpoint: str) -> Iterator[Vehicle]:
 def test_only_what_somebody_listens_to_is_sent(vehicle: Vehicle, endpoint: str) -> None:
     vehicle.step()
     assert vehicle.falls_silent()
-    with listening(endpoint, "pressure") as heard:
-        assert vehicle.until(lambda: "pressure" in heard)
+    with listening(endpoint, "pressure") as received:
+        assert vehicle.until(lambda: "pressure" in received)
         before = vehicle.sent("imu"), vehicle.sent("pressure")
         vehicle.run(50)
         assert vehicle.sent("imu") == before[0]
         assert vehicle.sent("pressure") == before[1] + 50
-        assert heard.all_of("pressure", vehicle.sent("pressure"))
+        assert received.all_of("pressure", vehicle.sent("pressure"))
     assert vehicle.falls_silent()
 
 
@@ -131,12 +131,12 @@ def test_one_listener_to_one_of_its_messages_is_enough(endpoint: str) -> None:
     with listen(endpoint) as session:
         sample_publisher = SamplePublisher(session, "uuv1", 0)
 
-        def said() -> set[str]:
+        def output() -> set[str]:
             sample_publisher.sample("dvl", DvlSample(1, (1.0, 0.0, 0.0), 7.5, True))
-            return set(heard)
+            return set(received)
 
-        with listening(endpoint, "altitude") as heard:
-            assert wait_for(lambda: said() == {"altitude"})
+        with listening(endpoint, "altitude") as received:
+            assert wait_for(lambda: output() == {"altitude"})
 
 
 def test_what_is_silent_is_no_outlet(endpoint: str) -> None:
@@ -184,8 +184,8 @@ def test_a_late_joiner_gets_the_newest_though_it_was_never_sent(vehicle: Vehicle
 def test_what_was_kept_does_not_come_after_what_was_sent(vehicle: Vehicle, endpoint: str) -> None:
     vehicle.step()
     assert vehicle.falls_silent()
-    with listening(endpoint, "*") as heard:
-        assert vehicle.until(lambda: "imu" in heard)
+    with listening(endpoint, "*") as received:
+        assert vehicle.until(lambda: "imu" in received)
         sent = vehicle.sample_publisher._publishers["imu"].last
         vehicle.sample_publisher.catch_up()
         assert vehicle.sample_publisher._publishers["imu"].last is sent
@@ -215,8 +215,8 @@ def test_a_listener_behind_a_router_counts(tmp_path: Path, endpoint: str) -> Non
             vehicle.step()
             assert vehicle.falls_silent()
             with open_master_session(router, network=network) as master:
-                heard = Heard(master, "imu")
-                assert vehicle.until(lambda: "imu" in heard)
+                received = Heard(master, "imu")
+                assert vehicle.until(lambda: "imu" in received)
                 before = vehicle.sent("pressure")
                 vehicle.run(20)
                 assert vehicle.sent("pressure") == before

@@ -31,7 +31,7 @@ class Bed:
         vehicle = SimpleNamespace(capsize_tilt=1.0, dimensions=(1.0, 1.0, 1.0))
         self.simulation = SimpleNamespace(time_ns=0, step=self._step, vehicle=vehicle, events=None)
         self.stamps = Stamps(0, WALL_OFFSET_NS)
-        self.said: list[int] = []  # stamps
+        self.output: list[int] = []  # stamps
         sample_publisher = SimpleNamespace(stamps=self.stamps, sample=self._sample, wake_publisher=lambda: None)
         driver: Any = SimpleNamespace(pwm_us=(), descriptors=list)
         ends = cast(Any, None), cast(Any, sample_publisher)
@@ -44,7 +44,7 @@ class Bed:
         return [("imu", self.simulation.time_ns)]
 
     def _sample(self, _topic: str, time_ns: int) -> bool:
-        self.said.append(self.stamps.stamp(time_ns))
+        self.output.append(self.stamps.stamp(time_ns))
         return True
 
 
@@ -66,10 +66,10 @@ def test_stamps_are_right_for_hours_through_skips_and_a_clock_that_is_set() -> N
                 "that is how clocks are read"
             )
         now = bed.loop.schedule.deadline_ns + late_ns
-        bed.said.clear()
+        bed.output.clear()
         bed.loop.advance_to(now)
-        late_by_ns = now + offset_ns - bed.said[-1]
-        assert bed.said == [bed.said[-1] - bed.step_ns * back for back in reversed(range(len(bed.said)))]
+        late_by_ns = now + offset_ns - bed.output[-1]
+        assert bed.output == [bed.output[-1] - bed.step_ns * back for back in reversed(range(len(bed.output)))]
         most_ns = max(most_ns, late_by_ns - late_ns % bed.step_ns, -late_by_ns)
     assert skips > 50 < sets
     assert most_ns < NS_PER_MS
@@ -89,10 +89,10 @@ def test_what_was_measured_before_a_skip_is_stamped_so_though_it_comes_later() -
 
 
 def test_the_clock_topic_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    said: dict[str, bytes] = {}
+    output: dict[str, bytes] = {}
     bed = Bed(2_500_000)
     bed.stamps.begin(0, 7 * NS_PER_S)
-    sample_publisher = SimpleNamespace(stamps=bed.stamps, put=said.__setitem__)
+    sample_publisher = SimpleNamespace(stamps=bed.stamps, put=output.__setitem__)
     node: Any = SimpleNamespace(
         _loop=SimpleNamespace(sample_publisher=sample_publisher),
         _clock=SimpleNamespace(passes=lambda _: True, due_ns=1),
@@ -100,7 +100,7 @@ def test_the_clock_topic_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
         _joints=SimpleNamespace(passes=lambda _: False, due_ns=1),
     )
     RosNode.tick(node, 5)
-    assert decode_clock(said["/clock"]) == 7 * NS_PER_S + 5 == bed.stamps.stamp(5)
+    assert decode_clock(output["/clock"]) == 7 * NS_PER_S + 5 == bed.stamps.stamp(5)
 
 
 def test_the_wall_clock_is_read_as_it_is() -> None:

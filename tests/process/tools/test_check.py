@@ -42,8 +42,10 @@ def test_a_test_that_fails_once_passes_and_is_reported(tmp_path: Path, capfd: py
     failed, passed_alone = outcome(tmp_path, BY_CHANCE, FINE, jobs="1")
     assert (failed, passed_alone) == ([], ["test_0.py::test_by_chance"])
     assert "1 failed beside others; once more, alone:\n  test_0.py::test_by_chance" in capfd.readouterr().out
-    told = check.summary({"test": check.Outcome(3.0, failed, passed_alone), "lint": check.Outcome(1.0, ["mypy"], [])})
-    assert told.splitlines() == [
+    reported = check.summary(
+        {"test": check.Outcome(3.0, failed, passed_alone), "lint": check.Outcome(1.0, ["mypy"], [])}
+    )
+    assert reported.splitlines() == [
         "test     passed in 3 s",
         "  failed beside others, passed alone (to be mended): test_0.py::test_by_chance",
         "lint     FAILED in 1 s",
@@ -78,10 +80,10 @@ def test_what_is_no_failure_of_a_test_fails(tmp_path: Path, text: str) -> None:
 def test_every_part_runs_whatever_fails(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(check, "run", lambda command, folder=None: int(command[0] in ("ruff", "pytest")))
     assert check.main([]) == 1
-    told = capfd.readouterr().out
-    assert [line.split()[0] for line in told.splitlines() if " in " in line] == list(check.PARTS)
-    assert "  failed: ruff format --check ." in told
-    assert "failed: mypy" not in told
+    reported = capfd.readouterr().out
+    assert [line.split()[0] for line in reported.splitlines() if " in " in line] == list(check.PARTS)
+    assert "  failed: ruff format --check ." in reported
+    assert "failed: mypy" not in reported
     monkeypatch.setattr(check, "run", lambda command, folder=None: 0)
     assert check.main(["lint", "test"]) == 0
     with pytest.raises(SystemExit):

@@ -26,12 +26,12 @@ def test_a_recording_of_the_view_holds_what_the_vehicle_said(tmp_path: Path, mon
         folder = recorder.start().removeprefix("recording into ")
         assert recorder.start() == f"recording into {folder}", "one at a time"
         assert wait_for(lambda: int(recorder.state.split()[0]) > 50), recorder.state
-        told = recorder.stop()
-        assert re.search(rf"messages recorded, (none|\d+) lost: {folder}$", told), told
+        reported = recorder.stop()
+        assert re.search(rf"messages recorded, (none|\d+) lost: {folder}$", reported), reported
         assert not recorder.state
         assert os.listdir(folder)
         messages = list(read_messages(folder))
-        assert len(messages) == int(told.split()[0])
+        assert len(messages) == int(reported.split()[0])
         assert "/uuv1/odom" in {message.topic for message in messages}
         again = recorder.start().removeprefix("recording into ")
         assert again != folder

@@ -81,7 +81,7 @@ class Dive:
 
     def dive(self, depth: float) -> Mission:
         """Arm, go down by the sticks, and hold depth."""
-        yield lambda: self.station.said("ArduPilot Ready")
+        yield lambda: self.station.output("ArduPilot Ready")
         yield from self.command(ARM, 1)
         self.station.sticks = (0, 0, 300, 0)
         yield lambda: self.position[2] > depth

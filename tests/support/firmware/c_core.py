@@ -74,11 +74,11 @@ def _results(output: bytes, channels: int) -> Iterator[Done]:
 
     while file.tell() < len(output):
         sent = file.read(*take("<H"))
-        said = [take("<IB8s") for _ in range(*take("<H"))]
+        reported = [take("<IB8s") for _ in range(*take("<H"))]
         *pulses, kicks, deadline_us = take("<16HIQ")
         steps += 1
         assert kicks <= steps, "the watchdog is kicked once in each service"
-        can = tuple(CanFrame(number, data[:size]) for number, size, data in said)
+        can = tuple(CanFrame(number, data[:size]) for number, size, data in reported)
         yield Done(sent, tuple(pulses[:channels]), deadline_us, can)
 
 

@@ -67,10 +67,10 @@ class Stm32Contract:
             worked_ns = time.thread_time_ns()
             select.select(driver.descriptors, (), (), wait_ns / NS_PER_S)
             slept_ns = min(now_ns() - now, wait_ns)
-            heard = driver.service(now_ns())
+            received = driver.service(now_ns())
             worked_ns = time.thread_time_ns() - worked_ns
             self.stall_ns = max(self.stall_ns, now_ns() - now - slept_ns - worked_ns)
-            yield from heard
+            yield from received
 
     def test_it_follows_commands(self, driver: ThrusterDriver) -> None:
         for pulses in ((1600, 1400, 1500, 1555, 1445, 1501), (1100, 1900, 1500, 1500, 1500, 1500)):

@@ -27,8 +27,8 @@ class BenchLink:
             raise DeviceError("gone")
 
     def receive(self) -> list[ThrusterTelemetry]:
-        said, self.says = self.says, []
-        return said
+        output, self.says = self.says, []
+        return output
 
     def send(self, command: ThrusterCommand) -> None:
         pass

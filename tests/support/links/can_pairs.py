@@ -44,7 +44,7 @@ def slcan_pair() -> tuple[Wire, Wire]:
     """Two adapters on one bus, which ends when both are closed."""
     bus = SlcanBus(2)
     device, host = (_AdapterWire(UartWire(path)) for path in bus.paths)
-    until(lambda: all(said[-1:] == [b"O"] for said in bus.said))
+    until(lambda: all(output[-1:] == [b"O"] for output in bus.output))
     for wire in (device, host):
         wire.bus = bus
         read_bytes(wire, 1, 0.01)  # their acknowledgements

@@ -19,7 +19,7 @@ class SlcanBus:
     def __init__(self, adapters: int = 2) -> None:
         self._ports = [PtyWire() for _ in range(adapters)]
         self.paths = [port.path for port in self._ports]
-        self.said: list[list[bytes]] = [[] for _ in self._ports]
+        self.output: list[list[bytes]] = [[] for _ in self._ports]
         self._rests = [b""] * adapters
         self._open = [False] * adapters
         self._users = adapters
@@ -52,7 +52,7 @@ class SlcanBus:
     def _read_line(self, number: int, port: Wire) -> None:
         *lines, self._rests[number] = (self._rests[number] + port.read()).split(b"\r")
         for line in filter(None, lines):
-            self.said[number].append(line)
+            self.output[number].append(line)
             kind = line[:1]
             if kind in (b"O", b"C"):
                 self._open[number] = kind == b"O"

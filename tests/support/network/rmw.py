@@ -67,7 +67,7 @@ class Context:
 
     def __init__(self, name: str, endpoint: str, release: Release = "now") -> None:
         self.name = name
-        self.heard: set[str] = set()  # names of topics
+        self.received: set[str] = set()  # names of topics
         self.there: set[str] = set()  # names of nodes
         self._session = zenoh.open(zenoh.Config.from_json5(session_settings(endpoint, release)))
         zid = str(self._session.info.zid())
@@ -95,7 +95,7 @@ class Context:
         )
 
     def _hear(self, sample: zenoh.Sample) -> None:
-        self.heard.add("/" + "/".join(str(sample.key_expr).split("/")[1:-2]))
+        self.received.add("/" + "/".join(str(sample.key_expr).split("/")[1:-2]))
 
     def _meet(self, sample: zenoh.Sample) -> None:
         entity = graph.read_token(str(sample.key_expr))

@@ -72,7 +72,7 @@ def test_it_takes_all_installed_parameters_and_the_places_of_sensors(tmp_path: P
     found: dict[str, float] = {}
 
     def mission() -> Mission:
-        yield lambda: dive.station.said("ArduPilot Ready")
+        yield lambda: dive.station.output("ArduPilot Ready")
         for name in given:
             dive.station.send(dialect.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
             yield 0.3
@@ -94,7 +94,7 @@ def test_it_drives_a_square_in_guided(dive: Dive) -> None:
 
     def mission() -> Mission:
         yield from dive.dive(3.0)
-        yield lambda: dive.station.said("is using GPS")
+        yield lambda: dive.station.output("is using GPS")
         yield from dive.command(SET_MODE, 1, GUIDED)
         yield 10.0
         first, origin = dive.position, dive.station.latest["LOCAL_POSITION_NED"]
@@ -168,7 +168,7 @@ def test_a_given_gps_has_a_position_at_the_surface_alone(tmp_path: Path) -> None
     fixes: list[int] = []
 
     def mission() -> Mission:
-        yield lambda: dive.station.said("is using GPS")
+        yield lambda: dive.station.output("is using GPS")
         fixes.append(dive.station.latest["GPS_RAW_INT"].fix_type)
         yield from dive.dive(3.0)
         fixes.append(dive.station.latest["GPS_RAW_INT"].fix_type)

@@ -82,10 +82,10 @@ def of_folder(folder: Path) -> list[int]:
 
 def shown(terminal: int, words: str) -> bool:
     """True if the terminal shows those words in time."""
-    said, deadline = "", time.monotonic() + PATIENCE_S
-    while words not in said and select.select((terminal,), (), (), deadline - time.monotonic())[0]:
-        said += os.read(terminal, 4096).decode()
-    return words in said
+    output, deadline = "", time.monotonic() + PATIENCE_S
+    while words not in output and select.select((terminal,), (), (), deadline - time.monotonic())[0]:
+        output += os.read(terminal, 4096).decode()
+    return words in output
 
 
 def is_ready(folder: Path) -> bool:
@@ -135,14 +135,14 @@ def test_what_was_measured_before_ctrl_c_is_kept(case: Case, tmp_path: Path) -> 
         number = next(attempts)
         file, png = tmp_path / f"found-{number}.json", tmp_path / f"found-{number}.png"
         picture = ["--plot", str(png)] if case.pictured else []
-        code, said = interrupt(tmp_path, [*case.words, "--output", str(file), *picture], case.second)
+        code, output = interrupt(tmp_path, [*case.words, "--output", str(file), *picture], case.second)
         assert code == STOPPED
-        assert case.printed in said
-        assert f"label: STOPPED: {case.place}\n" in said
+        assert case.printed in output
+        assert f"label: STOPPED: {case.place}\n" in output
         record = load(str(file))
         assert record.labels[-1] == f"STOPPED: {case.place}"
         assert all(0 < len(record.figures[name].values) <= most for name, most in case.most.items())
-        for names in (record.figures, said.splitlines()):
+        for names in (record.figures, output.splitlines()):
             assert not any(name.startswith(case.missing) for name in names)
         assert png.exists() == case.pictured
 
@@ -164,19 +164,19 @@ def test_with_nothing_measured_ctrl_c_leaves_nothing(case: Case, tmp_path: Path)
 def test_runs_before_one_that_fails_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    heard = [Listening([Stream("imu", 100.0, 100.0, 0.0, 0.0, 1.0, 2.0, 9.0)], [])]
+    received = [Listening([Stream("imu", 100.0, 100.0, 0.0, 0.0, 1.0, 2.0, 9.0)], [])]
 
     def listen(*_: object) -> tuple[Listening, tuple[str, ...]]:
-        if not heard:
+        if not received:
             raise NetworkError("the slave is gone")
-        return heard.pop(), ("limited: for the test",)
+        return received.pop(), ("limited: for the test",)
 
     monkeypatch.setattr(bench_stream, "_listen", listen)
     file = str(tmp_path / "stream.json")
     assert main(["bench", "stream", "--repeat", "3", "--output", file]) == NetworkError.exit_code
-    said = capsys.readouterr()
-    assert "label: RUN FAILED: run 2 of 3: the slave is gone" in said.out
-    assert "the slave is gone" in said.err
+    output = capsys.readouterr()
+    assert "label: RUN FAILED: run 2 of 3: the slave is gone" in output.out
+    assert "the slave is gone" in output.err
     assert load(file).figures["imu rate"].values == [100.0]
     assert "limited: for the test" in load(file).labels
     assert main(["bench", "stream", "--repeat", "3"]) == NetworkError.exit_code

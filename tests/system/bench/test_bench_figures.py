@@ -146,8 +146,8 @@ def test_a_topic_is_not_dead_that_only_one_message_was_due_on(
 ) -> None:
     """But it is where one was due in each of several runs."""
     silent = Stream("diagnostics", 0.0, 1.0, nan, 0.0, nan, nan, 0.0)
-    heard = Listening([silent, silent._replace(topic="imu", nominal=100.0)], [])
-    monkeypatch.setattr(bench_stream, "_listen", lambda *_: (heard, ()))
+    received = Listening([silent, silent._replace(topic="imu", nominal=100.0)], [])
+    monkeypatch.setattr(bench_stream, "_listen", lambda *_: (received, ()))
     for repeat, dead in (("1", "imu"), ("3", "diagnostics, imu")):
         assert main(["bench", "stream", "--seconds", "1", "--repeat", repeat]) == 0
         assert f"nothing came on {dead}, though a slave of this scenario should" in capsys.readouterr().out

@@ -83,10 +83,10 @@ def test_jitter_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[st
     file = str(tmp_path / "jitter.json")
     words = ["--rates", "200", "--seconds", "1", "--repeat", "2", "--set", "sensors.imu.rate=50"]
     assert main(["bench", "jitter", *words, "--output", file]) == 0
-    said = capsys.readouterr().out
-    assert "200 Hz, slave" in said
-    assert "medians of 2 runs" in said
-    assert "cyclictest is what the kernel does for a program that sleeps" in said
+    output = capsys.readouterr().out
+    assert "200 Hz, slave" in output
+    assert "medians of 2 runs" in output
+    assert "cyclictest is what the kernel does for a program that sleeps" in output
     record = load(file)
     assert len(record.figures["200 Hz slave p50"].values) == 2
     assert 0.0 < record.figures["200 Hz slave p50"].median < 10_000.0
@@ -146,9 +146,9 @@ def test_load_of_real_slaves(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert len(slave["cpu"]) == len(slave["memory_mib"]) == 2
     assert len(slave["threads"]) > 3
     assert sum(values[0] for values in slave["threads"].values()) == pytest.approx(slave["cpu"][0])
-    said = capsys.readouterr().out
-    assert re.search(r"^2 vehicles +uuv2 STM32 ", said, re.M)
-    assert re.search(r"^as it is, again ", said, re.M)
+    output = capsys.readouterr().out
+    assert re.search(r"^2 vehicles +uuv2 STM32 ", output, re.M)
+    assert re.search(r"^as it is, again ", output, re.M)
 
 
 def test_load_leaves_out_what_cannot_be(
@@ -162,11 +162,11 @@ def test_load_leaves_out_what_cannot_be(
     monkeypatch.setattr(load_run, "run", run)
     file = tmp_path / "load.json"
     assert main(["bench", "load", "--each-sensor", "--output", str(file)]) == 1
-    said = capsys.readouterr().out
-    assert "left out: with battery: sensor 'battery': paper_six has no battery" in said
-    assert "left out: with gps: " in said
-    assert "FAILED: with laser: it fell over" in said
-    assert re.search("^with laser +failed$", said, re.M)
+    output = capsys.readouterr().out
+    assert "left out: with battery: sensor 'battery': paper_six has no battery" in output
+    assert "left out: with gps: " in output
+    assert "FAILED: with laser: it fell over" in output
+    assert re.search("^with laser +failed$", output, re.M)
     assert "with profiler cpu" in load(str(file)).figures
     assert load(str(file)).details["with laser"] == {"failure": "it fell over"}
 

@@ -128,9 +128,9 @@ def test_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, long: bool) ->
         ]
         assert len(numbers) >= 2
         assert all(text.get_window_extent().x0 >= frame.x0 for text in panel.get_yticklabels() if text.get_visible())
-    said = [text.get_text() for panel in figure.axes for text in panel.texts]
-    assert "not measured" in said
-    assert "-4.361" in said
+    output = [text.get_text() for panel in figure.axes for text in panel.texts]
+    assert "not measured" in output
+    assert "-4.361" in output
     if long:
         below = figure.get_supxlabel()
         assert "limited: processor 0 only" in below
@@ -189,10 +189,10 @@ def test_runs_before_one_that_fails_are_kept(
     path = tmp_path / "kept.json"
     slaves = ["--connect", "tcp/127.0.0.1:1", "--connect", "tcp/127.0.0.1:2"]
     assert main(["bench", "table", *slaves, "--output", str(path)]) == NetworkError.exit_code
-    said = capsys.readouterr().out
-    assert "RUN FAILED: tcp/127.0.0.1:1: run 3 of 5: the slave is gone" in said
-    assert "medians of up to 5 runs" in said
-    assert "RUN FAILED: tcp/127.0.0.1:2: run 1 of 5: the slave is gone" in said
+    output = capsys.readouterr().out
+    assert "RUN FAILED: tcp/127.0.0.1:1: run 3 of 5: the slave is gone" in output
+    assert "medians of up to 5 runs" in output
+    assert "RUN FAILED: tcp/127.0.0.1:2: run 1 of 5: the slave is gone" in output
     assert {len(figure.values) for figure in load(str(path)).figures.values()} == {2}
     assert main(["bench", "table", *slaves[2:]]) == NetworkError.exit_code
     assert "the slave is gone" in capsys.readouterr().err
@@ -206,9 +206,9 @@ def test_budgets_of_a_slave_elsewhere(monkeypatch: pytest.MonkeyPatch, capsys: p
     assert main(words) == 0
     slave["board"] = "this machine"
     assert main(words) == 2
-    said = capsys.readouterr().err
-    assert "no budgets for tcp/127.0.0.1:1, which says that its board is 'this machine'" in said
-    assert "--board NAME: beaglebone_black, " in said
+    output = capsys.readouterr().err
+    assert "no budgets for tcp/127.0.0.1:1, which says that its board is 'this machine'" in output
+    assert "--board NAME: beaglebone_black, " in output
     assert main([*words, "--board", "raspberry_pi_4b"]) == 0
 
 
@@ -222,11 +222,11 @@ def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     save(new_record("table", {}, GOOD), str(old))
     options = ["--repeat", "1", "--seconds", "1", "--against", str(old), "--output", str(new), "--cpus", str(ONE)]
     code = main(["bench", "table", *options, "--check", "--board", "beaglebone_black"])
-    said = capsys.readouterr().out
-    assert code == 0, said  # 0.9 of a core, 3.2 s, 25 ms: only a broken slave takes that here
-    assert "every budget is kept" in said
-    assert said.count(f"label: limited: processor {ONE} only") == 1
-    assert "old" in said.splitlines()[0]
+    output = capsys.readouterr().out
+    assert code == 0, output  # 0.9 of a core, 3.2 s, 25 ms: only a broken slave takes that here
+    assert "every budget is kept" in output
+    assert output.count(f"label: limited: processor {ONE} only") == 1
+    assert "old" in output.splitlines()[0]
     figures = json.loads(new.read_text())["figures"]
     assert 0.01 < figures["startup"]["median"] < 3.2
     assert 0.0 < figures["ready"]["median"] < figures["startup"]["median"]
@@ -263,9 +263,9 @@ def test_a_missed_budget_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureF
 )
 def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "table", *options]) == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert len(said.strip().splitlines()) == 1
+    output = capsys.readouterr().err
+    assert words in output
+    assert len(output.strip().splitlines()) == 1
 
 
 def test_a_benchmark_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:

@@ -102,9 +102,9 @@ def test_a_slave_elsewhere_tells_its_line_itself() -> None:
     here = load_scenario("paper_field")
 
     def there(port: str) -> Diagnostics:
-        said = on(port)
-        said.link_protocol, said.link_baud, said.pwm_us = "mavlink", 57_600, (1500,) * 6
-        return said
+        output = on(port)
+        output.link_protocol, output.link_baud, output.pwm_us = "mavlink", 57_600, (1500,) * 6
+        return output
 
     assert wire_ms(here, there("/dev/ttyAMA0"), elsewhere=True) == pytest.approx(2 * 28 * 10 / 57.6)
     assert wire_ms(here, there("rs485:/dev/serial0"), elsewhere=True) > 0.0
@@ -149,11 +149,11 @@ def test_a_line_that_is_quicker_than_its_bits_is_said_unless_it_is_ours() -> Non
 
 def test_the_wire_has_its_bits_also_those_that_left_during_the_write() -> None:
     """Here the write ends 50 us after the encoder began, and the pulses are there after 10 more."""
-    heard = meter(0, same_clock=True)
-    spans = [(sample.published_ns, sample.published_ns + 1000) for sample in heard.samples]
-    whole = delay_run._result(heard, spans, [], None, 0.0)
+    arrived = meter(0, same_clock=True)
+    spans = [(sample.published_ns, sample.published_ns + 1000) for sample in arrived.samples]
+    whole = delay_run._result(arrived, spans, [], None, 0.0)
     assert (whole.hops["link encode"][0], whole.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
     for wire, expected in ((0.005, (0.05, 0.005, 0.005)), (0.04, (0.02, 0.04, 0.0)), (0.2, (0.0, 0.06, 0.0))):
-        found = delay_run._result(heard, spans, [], None, wire)
+        found = delay_run._result(arrived, spans, [], None, wire)
         assert [found.hops[hop][0] for hop in ("link encode", "wire", "STM32")] == pytest.approx(expected)
         assert found.delay == whole.delay

@@ -44,12 +44,12 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code = main(
         ["bench", "delay", *options, "--most-p50", "500", "--most-over-floor", "0.0001", "--plot", str(picture)]
     )
-    said = capsys.readouterr().out
-    assert code == 1, said
-    assert said.count("LIMIT BROKEN") == 2
-    assert "p50 above the floor" in said
-    assert "clock" not in said  # wrong ones would be warned of
-    assert "its baud is not" not in said
+    output = capsys.readouterr().out
+    assert code == 1, output
+    assert output.count("LIMIT BROKEN") == 2
+    assert "p50 above the floor" in output
+    assert "clock" not in output  # wrong ones would be warned of
+    assert "its baud is not" not in output
     figures = json.loads(path.read_text())["figures"]
     for case in ("baud 0", "baud 115200"):
         delays = figures[f"delay [{case}]"]["values"]
@@ -136,11 +136,11 @@ def test_the_last_command_has_its_time_like_all_others(monkeypatch: pytest.Monke
 
 def test_what_comes_before_the_pulses_shows_no_motion() -> None:
     """But how the motion before went on. A command that has no trace counts from when it was sent."""
-    heard = meter(0, same_clock=True)
-    sent = from_wall_ns(heard.samples[-1].published_ns)
-    applied = delay_run._applied_ns(heard, sent - 1000)
-    assert applied - sent == heard.totals_ns()[-1] == 660_000
-    assert delay_run._applied_ns(heard, sent + 1) == sent + 1
+    received = meter(0, same_clock=True)
+    sent = from_wall_ns(received.samples[-1].published_ns)
+    applied = delay_run._applied_ns(received, sent - 1000)
+    assert applied - sent == received.totals_ns()[-1] == 660_000
+    assert delay_run._applied_ns(received, sent + 1) == sent + 1
     assert delay_run._applied_ns(DelayMeter(), sent) == sent
     bent = [(sent + at, value) for at, value in ((-20 * MS, 0.0), (-10 * MS, 0.0), (300_000, 0.06), (10 * MS, 0.3))]
     assert first_motion(bent, sent, 1.0) == sent + 300_000
@@ -215,10 +215,10 @@ def test_what_is_there_is_kept_when_the_rest_fails(
     monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20, motion=[])]))
     path = tmp_path / "kept.json"
     assert main(["bench", "delay", "--load", "0,1,2", "--output", str(path)]) == 4
-    said = capsys.readouterr()
-    assert "load 0" in said.out
-    assert "label: limited: for the test" in said.out
-    assert "the slave ended" in said.err
+    output = capsys.readouterr()
+    assert "load 0" in output.out
+    assert "label: limited: for the test" in output.out
+    assert "the slave ended" in output.err
     figures = json.loads(path.read_text())["figures"]
     assert figures["delay [load 0]"]["count"] == 20
     assert "motion [load 0]" not in figures

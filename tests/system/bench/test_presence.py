@@ -77,9 +77,9 @@ def test_a_stream_tells_what_an_interruption_cost(victim: Victim) -> None:
             victim.hit(signal.SIGSTOP)
             Timer(1.4, os.kill, (victim.slave.pid, signal.SIGCONT)).start()
 
-    heard = stream(3.0, watch)
-    assert "the vehicle was out of reach meanwhile (times: 1)" in heard.warnings
-    imu = next(each for each in heard.streams if each.topic == "imu")
+    received = stream(3.0, watch)
+    assert "the vehicle was out of reach meanwhile (times: 1)" in received.warnings
+    imu = next(each for each in received.streams if each.topic == "imu")
     assert imu.missing > 0.2
 
 
@@ -147,8 +147,8 @@ def test_a_soak_whose_slave_hangs_can_be_ended(leave_every: float, victim: Victi
 def test_a_stream_measures_a_clock_that_was_set(off_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between the start of the slave and ours: same boot, another time."""
     monkeypatch.setattr(clock, "_WALL_OFFSET_NS", clock._WALL_OFFSET_NS + off_s * NS_PER_S)
-    heard = stream(1.0)
-    imu = next(each for each in heard.streams if each.topic == "imu")
+    received = stream(1.0)
+    imu = next(each for each in received.streams if each.topic == "imu")
     assert abs(imu.age_p50) < 50.0, f"ms, by clocks that are {off_s} s apart"
 
 

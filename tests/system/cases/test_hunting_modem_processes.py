@@ -32,10 +32,10 @@ def test_in_processes_with_the_water_between_them(tmp_path: Path, monkeypatch: p
     counts = costs.messages
     assert counts["sent"] >= 3 * outcome.duration
     assert counts["delivered"] >= 0.8 * 3 * (counts["sent"] - 4)
-    heard = 0
+    received = 0
     for member in scenario.member:
-        said = (tmp_path / f"agent_{member.node}.log").read_text()
-        found = re.search(r"reports: (\d+) heard, \d+ from out of range, 0 malformed", said)
-        assert found, said
-        heard += int(found[1])
-    assert heard == pytest.approx(counts["delivered"], abs=12)
+        output = (tmp_path / f"agent_{member.node}.log").read_text()
+        found = re.search(r"reports: (\d+) heard, \d+ from out of range, 0 malformed", output)
+        assert found, output
+        received += int(found[1])
+    assert received == pytest.approx(counts["delivered"], abs=12)

@@ -57,23 +57,23 @@ def test_a_link_that_loses_and_wavers(tmp_path: Path) -> None:
     scenario.write_text(text)
     ending.write_text("")
     with Network("slave", "master") as network, ExitStack() as stack:
-        said = {
+        reported = {
             name: stack.enter_context(closing(Lines(tmp_path / f"{name}.txt"))) for name in ("wire", "slave", "master")
         }
         spaces = [network.space(machine) for machine in ("slave", "master")]
-        network.start("", "tests/system/netns/bad_wire.py", *spaces, 0.05, 0.05, output=said["wire"].file)
-        said["wire"].first("carrying", time.monotonic(), 60)
-        network.start("slave", "-m", "hil.cli", "slave", scenario, output=said["slave"].file)
+        network.start("", "tests/system/netns/bad_wire.py", *spaces, 0.05, 0.05, output=reported["wire"].file)
+        reported["wire"].first("carrying", time.monotonic(), 60)
+        network.start("slave", "-m", "hil.cli", "slave", scenario, output=reported["slave"].file)
         script = "tests/system/netns/commander.py"
         arguments = (script, scenario, ENDPOINT.format("10.79.0.1"), ending)
-        master = network.start("master", *arguments, output=said["master"].file)
-        said["master"].first("commanding", time.monotonic(), 60)
+        master = network.start("master", *arguments, output=reported["master"].file)
+        reported["master"].first("commanding", time.monotonic(), 60)
         time.sleep(8)
         ending.write_text("end")
         master.wait(60)
-        said["master"].first("delays_ms", 0.0, time.monotonic() + 60)
-        figures: dict[str, Any] = json.loads(said["master"].seen[-1][1])
-        losses = sum("is gone" in line for _, line in said["master"].seen)
+        reported["master"].first("delays_ms", 0.0, time.monotonic() + 60)
+        figures: dict[str, Any] = json.loads(reported["master"].seen[-1][1])
+        losses = sum("is gone" in line for _, line in reported["master"].seen)
     delay, counts = quantiles([round(ms * 1e6) for ms in figures["delays_ms"]]), Diagnostics(figures["diagnostics"])
     print(
         delay,

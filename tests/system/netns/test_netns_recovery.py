@@ -68,8 +68,8 @@ class Run:
         return self.output[-1]
 
     def close(self) -> None:
-        for said in self.output:
-            said.close()
+        for reported in self.output:
+            reported.close()
 
     def start_slave(self) -> None:
         self.slave_said = self.listen("slave")

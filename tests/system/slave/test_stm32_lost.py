@@ -124,15 +124,15 @@ def test_what_has_come_and_was_not_taken_up_is_closed() -> None:
 def test_a_machine_that_does_not_answer_any_more_keeps_nobody_waiting() -> None:
     """The machine has left the network: attempts to connect are neither accepted nor refused."""
     device = TcpWire()
-    said: list[str] = []
-    driver = open_driver("device", Link(port=device.name), 6, True, 1, said.append)
+    output: list[str] = []
+    driver = open_driver("device", Link(port=device.name), 6, True, 1, output.append)
     device.close()
     deaf = socket.create_server(("127.0.0.1", device.port), backlog=0)
     callers = [socket.socket() for _ in range(4)]
     for caller in callers:
         caller.setblocking(False)
         caller.connect_ex(deaf.getsockname())
-    assert wait_for(lambda: driver.service(now_ns()) or said)
+    assert wait_for(lambda: driver.service(now_ns()) or output)
 
     def go_on() -> None:
         for _ in range(20):
@@ -145,7 +145,9 @@ def test_a_machine_that_does_not_answer_any_more_keeps_nobody_waiting() -> None:
     assert seconds_of(driver.close) < stm32.WIRE_END_S + AT_ONCE_S
     for opened in (deaf, *callers):
         opened.close()
-    assert [line.partition(":")[0] for line in said] == ["thruster link lost, the STM32's watchdog stops the thrusters"]
+    assert [line.partition(":")[0] for line in output] == [
+        "thruster link lost, the STM32's watchdog stops the thrusters"
+    ]
     for thread in threading.enumerate():  # which would end with the slave
         if thread.name == "thruster link":
             thread.join(5.0)
@@ -189,16 +191,16 @@ def test_a_process_that_is_stopped_is_killed(kind: str, monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("kind", PROCESSES)
 def test_a_process_that_died_is_started_again(kind: str) -> None:
-    said: list[str] = []
-    driver = open_driver(kind, Link(), 6, True, 1, said.append)
+    output: list[str] = []
+    driver = open_driver(kind, Link(), 6, True, 1, output.append)
     os.kill(driver.children[0], signal.SIGKILL)
 
     def goes_on() -> bool:
         driver.send(COMMAND)
-        return bool(driver.service(now_ns())) and len(said) == 2
+        return bool(driver.service(now_ns())) and len(output) == 2
 
-    assert wait_for(goes_on), said
-    assert [line[:19] for line in said] == ["thruster link lost,", "thruster link back "]
+    assert wait_for(goes_on), output
+    assert [line[:19] for line in output] == ["thruster link lost,", "thruster link back "]
     driver.close()
 
 

@@ -44,15 +44,15 @@ LEGACY_SIZE = 576  # of XSAVE's fixed part: every processor that has AVX has mor
 def test_a_command_and_what_stays_of_it(tmp_path: Path) -> None:
     share, lost = tmp_path / "a share", tmp_path / "lost"
     share.mkdir()
-    told: list[str] = []
+    reported: list[str] = []
     script = SCRIPT.format(share=share, lost=lost)
     ended = uml.run(
-        ["sh", "-c", script], ["vcan"], str(share), {"WHO": "it's me"}, cwd=str(tmp_path), report=told.append
+        ["sh", "-c", script], ["vcan"], str(share), {"WHO": "it's me"}, cwd=str(tmp_path), report=reported.append
     )
     assert ended.status == 7
     release = next(uml.MODULES.iterdir()).name
     assert ended.output.splitlines() == [f"it's me in {tmp_path}", "lo", release, "two", "", "last without end"]
-    assert told == ended.output.splitlines()
+    assert reported == ended.output.splitlines()
     assert (share / "kept").read_text() == "kept\n"
     assert not lost.exists()
     assert processes() == 0
@@ -100,12 +100,12 @@ def test_what_is_missing_is_named(missing: str, monkeypatch: pytest.MonkeyPatch)
 def test_registers_that_outgrew_it() -> None:
     """The processor's registers are set from a buffer that is too short, with the shim and only with it."""
     code = SET_REGISTERS.format(size=LEGACY_SIZE)
-    said = []
+    output = []
     for preload in ("", uml._shim()):
         environment = {**os.environ, "LD_PRELOAD": preload}
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-        said.append(done.stdout.split())
-    assert said == [["0", "-1"], ["0", "0"]], "a processor without AVX would not need the shim"
+        output.append(done.stdout.split())
+    assert output == [["0", "-1"], ["0", "0"]], "a processor without AVX would not need the shim"
 
 
 def processes() -> int:

@@ -38,7 +38,7 @@ class Bench(NamedTuple):
 
     host: ThrusterLink
     end: Stm32End
-    heard: list[tuple[float, ThrusterTelemetry]]
+    received: list[tuple[float, ThrusterTelemetry]]
 
     def run(self, seconds: float, first: int = 1) -> dict[int, float]:
         """Send a command every period, numbered from `first`; when each was sent."""
@@ -59,7 +59,7 @@ class Bench(NamedTuple):
             self.end.service(now_ns())
             for report in self.host.receive():
                 assert isinstance(report, ThrusterTelemetry)
-                self.heard.append((time.monotonic(), report))
+                self.received.append((time.monotonic(), report))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -116,9 +116,9 @@ def test_delay_loss_and_overtaking(bench: Bench) -> None:
     assert 0 < lost < 0.15 * len(sent)
     assert 0 < stm32.refused < 0.4 * len(sent)
     assert stm32.watchdog_trips == 0
-    assert bench.heard[-1][1].errors == stm32.refused, "the host is told how many were refused"
-    shown = [report.sequence for _, report in bench.heard]
-    first_shown = {number: at for (at, _), number in reversed(list(zip(bench.heard, shown, strict=True)))}
+    assert bench.received[-1][1].errors == stm32.refused, "the host is told how many were refused"
+    shown = [report.sequence for _, report in bench.received]
+    first_shown = {number: at for (at, _), number in reversed(list(zip(bench.received, shown, strict=True)))}
     took = [first_shown[number] - at for number, at in sent.items() if number in first_shown]
     assert len(took) > 0.6 * len(sent)
     assert min(took) > 2 * 0.012 - 0.001, "no answer is quicker than the network"
@@ -135,15 +135,15 @@ def test_a_black_hole_downward(bench: Bench) -> None:
         vanished = bench.run(AWAY_S, first=len(arrived) + 1)
     assert stm32.pwm_us == [1500, 1500]
     assert stm32.watchdog_trips == 1
-    tripped = min(at for at, report in bench.heard if report.timed_out)
+    tripped = min(at for at, report in bench.received if report.timed_out)
     assert tripped == pytest.approx(max(max(arrived.values()) + 0.2, attended), abs=0.05), "the watchdog's time"
-    assert all(report.pwm_us == (1500, 1500) for at, report in bench.heard if at > tripped)
-    assert bench.heard[-1][0] > max(vanished.values()) - 0.1, "reports keep coming"
+    assert all(report.pwm_us == (1500, 1500) for at, report in bench.received if at > tripped)
+    assert bench.received[-1][0] > max(vanished.values()) - 0.1, "reports keep coming"
     assert stm32.frames == len(arrived)
     back = bench.run(0.3, first=max(vanished) + 1)
     assert stm32.frames - len(arrived) >= len(back) - 1
     assert stm32.pwm_us == list(PULSES)
-    assert (stm32.watchdog_trips, bench.heard[-1][1].timed_out) == (1, False)
+    assert (stm32.watchdog_trips, bench.received[-1][1].timed_out) == (1, False)
 
 
 @retried_when_busy(LATE)
@@ -170,7 +170,7 @@ def test_a_stream_whose_peer_vanishes_ends_and_can_be_opened_again() -> None:
             again_bench = Bench(again, made.end, [])
             again_bench.run(0.5, first=500)
             assert stm32.pwm_us == list(PULSES)
-            assert again_bench.heard[-1][1].sequence >= 500
+            assert again_bench.received[-1][1].sequence >= 500
 
 
 @retried_when_busy(LATE)

@@ -87,8 +87,8 @@ def test_frames_go_out_as_lines_and_lines_come_in_as_frames(line: tuple[Wire, Li
     sent = b"C\rS8\rO\rt7FF3010203\rT1FFFFFFF80001020304050607\r"
     assert read_bytes(adapter, len(sent)) == sent
     adapter.write(b"z\rt0000\rnoise\rT0000000F1AA\r")
-    heard = list(unpack_frames(read_bytes(wire, 2 * RECORD_SIZE)))
-    assert heard == [CanFrame(0, b"", extended=False), CanFrame(0xF, b"\xaa")]
+    received = list(unpack_frames(read_bytes(wire, 2 * RECORD_SIZE)))
+    assert received == [CanFrame(0, b"", extended=False), CanFrame(0xF, b"\xaa")]
     wire.close()
     assert read_bytes(adapter, 2)[:2] == b"C\r"
 

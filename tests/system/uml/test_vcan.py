@@ -88,9 +88,9 @@ def test_other_software_on_the_bus() -> None:
     with can.Bus("vcan0", "socketcan", ignore_config=True) as other:
         for frame in (FRAME, CanFrame(0x7FF, b"", extended=False)):
             wire.write(pack_frame(frame))
-            heard = other.recv(2.0)
-            assert heard is not None
-            assert CanFrame(heard.arbitration_id, bytes(heard.data), heard.is_extended_id) == frame
+            received = other.recv(2.0)
+            assert received is not None
+            assert CanFrame(received.arbitration_id, bytes(received.data), received.is_extended_id) == frame
             other.send(can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended))
             assert list(unpack_frames(read_bytes(wire, RECORD_SIZE))) == [frame]
         other.send(can.Message(arbitration_id=1, is_remote_frame=True, dlc=2))
@@ -180,9 +180,9 @@ def bare_package() -> tuple[float, float]:
         for _ in range(ROUNDS):
             began = time.perf_counter()
             host.send(message)
-            heard = device.recv(2.0)
-            assert heard is not None
-            device.send(heard)
+            received = device.recv(2.0)
+            assert received is not None
+            device.send(received)
             assert host.recv(2.0) is not None
             took.append(time.perf_counter() - began)
     return _microseconds(took)

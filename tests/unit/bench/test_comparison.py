@@ -261,17 +261,17 @@ def test_few_starts_are_marked_and_fail_nothing(tmp_path: Path, capsys: pytest.C
     before = write(tmp_path / "a.json", "delay", delay=Figure(values(0.5, 1), "ms", runs=(30,)))
     after = write(tmp_path / "b.json", "delay", delay=Figure(values(0.8, 2), "ms", runs=(30,)))
     assert main(["bench", "compare", before, after, "--fail-on-regression"]) == 0
-    said = capsys.readouterr().out
-    assert "between two starts rather than two programs; measure with --repeat 5" in said
-    assert "0 worse, 0 better, 1 not to be told, of 1" in said
+    output = capsys.readouterr().out
+    assert "between two starts rather than two programs; measure with --repeat 5" in output
+    assert "0 worse, 0 better, 1 not to be told, of 1" in output
 
 
 def test_results_of_different_benchmarks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = write(tmp_path / "a.json", "table", a=Figure([1.0], "s"))
     other = write(tmp_path / "b.json", "delay", b=Figure([1.0], "s"))
     assert main(["bench", "compare", one, other]) == 2
-    assert "a.json is of `bench table`, " in (said := capsys.readouterr().err)
-    assert "b.json of `bench delay`: they have no figure in common; give two results of one benchmark" in said
+    assert "a.json is of `bench table`, " in (output := capsys.readouterr().err)
+    assert "b.json of `bench delay`: they have no figure in common; give two results of one benchmark" in output
 
 
 def test_what_cannot_be_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -279,8 +279,8 @@ def test_what_cannot_be_compared(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["bench", "compare", one, other]) == 2
     assert main(["bench", "compare", one, str(tmp_path / "none.json")]) == 2
     assert main(["bench", "compare", one, one, "--least", "much"]) == 2
-    said = capsys.readouterr().err
+    output = capsys.readouterr().err
     assert all(
-        word in said
+        word in output
         for word in ("no figure in common", "none.json: no such file", "--least: expected a share from 0% to 99%")
     )

@@ -101,15 +101,15 @@ def test_no_place_that_is_too_shallow_is_nearer_than_that(
     Where the seabed of a cell is too shallow anywhere, it is at a corner: no further from there than the diagonal.
     """
     terrain = Terrain(Grid(0.0, 0.0, 2.0, 5, 6), array("f", depths), outside)
-    told = distance_to_shallows(terrain, north, east, depth, 6.0)
+    reported = distance_to_shallows(terrain, north, east, depth, 6.0)
     around = [
         (n, e) for n in np.arange(north - 6.0, north + 6.1, 0.25) for e in np.arange(east - 6.0, east + 6.1, 0.25)
     ] + [(2.0 * row, 2.0 * column) for row in range(5) for column in range(6)]
     found = min((hypot(n - north, e - east) for n, e in around if terrain.depth(n, e) <= depth), default=inf)
     if terrain.depth(north, east) <= depth:
-        assert told == terrain.depth(north, east) - depth
+        assert reported == terrain.depth(north, east) - depth
     elif found <= 4.0:  # beyond, the other may be out of reach
-        assert found - 2.0 * sqrt(2.0) - 1e-6 < told <= found + 2.0  # a cell
+        assert found - 2.0 * sqrt(2.0) - 1e-6 < reported <= found + 2.0  # a cell
 
 
 def test_a_hill_is_gone_round(tmp_path: Path) -> None:

@@ -79,14 +79,14 @@ def planners() -> list[Planner]:
 
 @examples(40)
 @given(piles, st.lists(st.tuples(places, st.floats(-4.0, 4.0), st.lists(ranges, min_size=2, max_size=40)), max_size=6))
-def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], told: list[Any]) -> None:
+def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], reported: list[Any]) -> None:
     """Any place, heading and scan, in any order, echoes that are no numbers among them."""
     for planner in planners():
         try:
             planner.begin(request(pool(cylinders)))
         except MissionError:
             continue  # the piles close every way: said so, before the dive
-        for number, (place, heading, echoes) in enumerate(told):
+        for number, (place, heading, echoes) in enumerate(reported):
             scan = LaserSample(number * NS // 10, -1.5, 3.0 / (len(echoes) - 1), tuple(echoes), (0.1, 30.0))
             samples = {"odom": odometry(place, heading, number * NS // 10), "laser": scan}
             answer = planner.command(0.1 * number, samples)
@@ -108,10 +108,10 @@ def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], t
 def test_no_way_leads_through_an_obstacle_or_nearer_than_it_may(cylinders: list[Cylinder], search: str) -> None:
     """By the world's own measure, all along, to half the diagonal of a cell at either end of the distance."""
     world = pool(cylinders)
-    told = request(world)
+    reported = request(world)
     planner = Avoid(search=search)
     try:
-        planner.begin(told)
+        planner.begin(reported)
     except MissionError:
         return
     path = planner.path
@@ -120,7 +120,7 @@ def test_no_way_leads_through_an_obstacle_or_nearer_than_it_may(cylinders: list[
     for a, b in pairwise(path):
         for share in (i / 60 for i in range(61)):
             at = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-            assert world.clearance(*at) > told.clearance - CELL * math.sqrt(2.0)
+            assert world.clearance(*at) > reported.clearance - CELL * math.sqrt(2.0)
 
 
 @settings(examples(6), phases=(Phase.generate,))  # a flight is too long to shrink

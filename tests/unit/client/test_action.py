@@ -41,14 +41,14 @@ def client() -> Iterator[Spoken]:
     bench.command_receiver.close()
 
 
-def fly(client: Spoken, told: Action, seconds: float) -> list[State]:
+def fly(client: Spoken, reported: Action, seconds: float) -> list[State]:
     """Until it is done; where the vehicle was on the way."""
     track: list[State] = []
 
     def say(state: State) -> bool:
         track.append(state)
-        told.step(client, state)
-        return told.done
+        reported.step(client, state)
+        return reported.done
 
     client.bench.lead(seconds, say)
     return track
@@ -60,9 +60,9 @@ def farthest(track: list[State], way: list[Position]) -> float:
 
 
 def test_depth_and_heading_are_done_when_they_are_there(client: Spoken) -> None:
-    told = maneuver.drive(VelocityCommand(depth=3.0, heading=2.0), 0.1)
-    track = fly(client, told, 20.0)
-    assert told.done
+    reported = maneuver.drive(VelocityCommand(depth=3.0, heading=2.0), 0.1)
+    track = fly(client, reported, 20.0)
+    assert reported.done
     assert abs(track[-1].depth - 3.0) <= 0.1
     assert abs(wrap(track[-1].heading - 2.0)) <= 0.1
     assert not any(abs(s.depth - 3.0) <= 0.1 and abs(wrap(s.heading - 2.0)) <= 0.1 for s in track[:-1])
@@ -70,9 +70,9 @@ def test_depth_and_heading_are_done_when_they_are_there(client: Spoken) -> None:
 
 
 def test_a_pose_is_done_within_its_tolerance(client: Spoken) -> None:
-    told = maneuver.hold_pose(PoseCommand((6.0, 6.0, 2.5), pi / 2), 0.2)
-    track = fly(client, told, 30.0)
-    assert told.done
+    reported = maneuver.hold_pose(PoseCommand((6.0, 6.0, 2.5), pi / 2), 0.2)
+    track = fly(client, reported, 30.0)
+    assert reported.done
     assert dist(track[-1].position, (6.0, 6.0, 2.5)) <= 0.2
     assert dist(track[-2].position, (6.0, 6.0, 2.5)) > 0.2 or abs(track[-2].heading - pi / 2) > 0.2
 
@@ -81,9 +81,9 @@ def test_a_pose_is_done_within_its_tolerance(client: Spoken) -> None:
 def test_a_way_is_followed_within_a_hand(client: Spoken, smooth: bool) -> None:
     points = [(4.0, 4.0, 2.0), (7.0, 4.0, 2.5), (7.0, 7.0, 3.0), (5.0, 7.0, 2.5)]
     curve = Spline(points) if smooth else polyline(points)
-    told = maneuver.run_trajectory(Trajectory(curve, 0.4, LIMITS), LIMITS, 0.3)
-    track = fly(client, told, 80.0)
-    assert told.done
+    reported = maneuver.run_trajectory(Trajectory(curve, 0.4, LIMITS), LIMITS, 0.3)
+    track = fly(client, reported, 80.0)
+    assert reported.done
     assert dist(track[-1].position, points[-1]) <= 0.3
     way = [curve.at(curve.length * share / 400).position for share in range(401)]
     assert farthest(track, way) < 0.35
@@ -92,8 +92,8 @@ def test_a_way_is_followed_within_a_hand(client: Spoken, smooth: bool) -> None:
 
 def test_a_trajectory_takes_its_time(client: Spoken) -> None:
     trajectory = Trajectory(circle((6.0, 4.0, 2.0), 2.0, turns=0.5, bearing=pi), 0.4, LIMITS)
-    told = maneuver.run_trajectory(trajectory, LIMITS, 0.3)
-    track = fly(client, told, 80.0)
+    reported = maneuver.run_trajectory(trajectory, LIMITS, 0.3)
+    track = fly(client, reported, 80.0)
     took = (track[-1].time_ns - track[0].time_ns) / 1e9
     assert took == pytest.approx(trajectory.duration, abs=2.5)
     assert client.topics == {"cmd_vel", "cmd_pose"}, "at the end it stays"
@@ -101,9 +101,9 @@ def test_a_trajectory_takes_its_time(client: Spoken) -> None:
 
 def test_a_pursuit_turns_and_sails_ahead(client: Spoken) -> None:
     points = [(4.0, 4.0, 2.0), (7.0, 5.0, 3.0), (8.0, 8.0, 3.0)]
-    told = maneuver.pursue(points, 0.4, 0.8, 0.4)
-    track = fly(client, told, 60.0)
-    assert told.done
+    reported = maneuver.pursue(points, 0.4, 0.8, 0.4)
+    track = fly(client, reported, 60.0)
+    assert reported.done
     assert dist(track[-1].position, points[-1]) < 0.6
     half = min(track, key=lambda state: abs(state.position[0] - 5.5))
     assert half.depth == pytest.approx(2.5, abs=0.3), "it dives evenly on its way"
@@ -111,8 +111,8 @@ def test_a_pursuit_turns_and_sails_ahead(client: Spoken) -> None:
 
 
 def test_thrusts_are_done_at_once(client: Spoken) -> None:
-    told = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
-    assert len(fly(client, told, 5.0)) == 1
+    reported = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
+    assert len(fly(client, reported, 5.0)) == 1
 
 
 def endless() -> Action:
@@ -120,43 +120,43 @@ def endless() -> Action:
 
 
 def test_waiting_tells_why_it_is_over() -> None:
-    told = endless()
+    reported = endless()
     with pytest.raises(MissionError, match=r"within 0\.01 s; give it more time"):
-        told.wait(0.01)
-    told.end()
+        reported.wait(0.01)
+    reported.end()
     with pytest.raises(MissionError, match="something else"):
-        told.wait()
-    told = endless()
-    told.end(NetworkError("gone"))
-    told.end(NetworkError("gone again"))
+        reported.wait()
+    reported = endless()
+    reported.end(NetworkError("gone"))
+    reported.end(NetworkError("gone again"))
     with pytest.raises(NetworkError, match=r"gone$"):
-        told.wait()
+        reported.wait()
 
 
 def test_what_is_done_may_come_to_grief(client: Spoken) -> None:
     """Another master has taken over: nobody holds the vehicle there any more."""
-    told = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
-    told.step(client, client.bench.state)
-    assert told.wait(0.0).done
-    told.end()
-    assert told.error is None
-    told.end(NetworkError("taken over"))
+    reported = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
+    reported.step(client, client.bench.state)
+    assert reported.wait(0.0).done
+    reported.end()
+    assert reported.error is None
+    reported.end(NetworkError("taken over"))
     with pytest.raises(NetworkError, match="taken over"):
-        told.wait()
+        reported.wait()
 
 
 def test_it_can_be_awaited(client: Spoken) -> None:
     async def both() -> Action:
-        told = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
-        asyncio.get_running_loop().call_later(0.05, told.step, client, client.bench.state)
-        return await told
+        reported = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
+        asyncio.get_running_loop().call_later(0.05, reported.step, client, client.bench.state)
+        return await reported
 
     assert asyncio.run(both()).done
 
     async def fail() -> None:
-        told = endless()
-        told.end(NetworkError("gone"))
-        await told
+        reported = endless()
+        reported.end(NetworkError("gone"))
+        await reported
 
     with pytest.raises(NetworkError, match="gone"):
         asyncio.run(fail())

@@ -54,13 +54,13 @@ class Nobody:
 
     def __init__(self, *peers: str) -> None:
         self.peers = peers
-        self.told: list[str] = []  # tokens that a router knows
+        self.reported: list[str] = []  # tokens that a router knows
 
     def links(self) -> list[tuple[str, str, str]]:
         return [(peer, "", "") for peer in self.peers]
 
     def tokens(self, _keys: str) -> list[str]:
-        return self.told
+        return self.reported
 
     def reopen(self, _openings: int) -> bool:
         self.reopened += 1
@@ -165,7 +165,7 @@ def test_samples_without_answers_open_the_session_again(clock: Clock) -> None:
 def test_a_vehicle_that_a_router_knows_of_opens_the_session_again(clock: Clock, known: str, reopens: bool) -> None:
     """A router has a link to us whether the vehicle is there or not; one that knows of none may have lost them."""
     session, silent_s = Nobody("router"), clock.now_s + 30.0
-    session.told = [presence_key(Presence(known, "slave", 0, "ab", "board:1"))] if known else []
+    session.reported = [presence_key(Presence(known, "slave", 0, "ab", "board:1"))] if known else []
     run(clock, 90.0, lambda: clock.now_s < silent_s, lambda: clock.now_s < silent_s, session)
     assert (session.reopened > 0) == reopens
 

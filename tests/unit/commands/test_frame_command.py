@@ -20,7 +20,7 @@ def opened(name: str) -> FrameProtocol:
     return FrameProtocol(find_preset("firmware_stub/frames", name))
 
 
-def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
     code = frame.main(list(arguments))
     return code, capsys.readouterr().out
 
@@ -33,7 +33,7 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_list(capsys: pytest.CaptureFixture[str]) -> None:
-    code, text = said(capsys, "list")
+    code, text = output(capsys, "list")
     assert code == 0
     rows = {line.split()[0]: line.split() for line in text.splitlines()[1:]}
     assert list(rows) == NAMES
@@ -42,7 +42,7 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_byte_tables_and_wire_times(capsys: pytest.CaptureFixture[str]) -> None:
-    code, text = said(capsys, "check", "aa55", "--thrusters", "2", "--rate", "100")
+    code, text = output(capsys, "check", "aa55", "--thrusters", "2", "--rate", "100")
     assert code == 0
     assert "sum8 from byte 2 up to itself" in text
     for words in (
@@ -61,12 +61,12 @@ def test_every_table_is_as_long_as_its_frame(name: str, capsys: pytest.CaptureFi
     stuffing = 2 if name == "cobs_thrust" else 0  # the code byte and the delimiter
     for thrusters in (1, 7, 16):
         size = len(protocol.encode(ThrusterCommand(1, True, (1600,) * thrusters))) - stuffing
-        assert f"command, {size} bytes" in said(capsys, "check", name, "--thrusters", str(thrusters))[1]
+        assert f"command, {size} bytes" in output(capsys, "check", name, "--thrusters", str(thrusters))[1]
 
 
 def test_a_sound_message(capsys: pytest.CaptureFixture[str]) -> None:
     for words in ([SOUND], SOUND.split(), ["0xAA,0x55 0x5", "0x1007", "01:f4:01", r"\x12"]):
-        code, text = said(capsys, "check", "aa55", *words)
+        code, text = output(capsys, "check", "aa55", *words)
         assert code == 0
         assert " ".join(text.split()).startswith("0 command sequence 7 armed True pwm_us 1700")
         assert text.endswith("9 bytes, 1 messages, 0 bytes wrong\n")
@@ -74,13 +74,13 @@ def test_a_sound_message(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_from_standard_input(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("aa5505100701\nf40112\n"))
-    assert said(capsys, "check", "aa55", "-")[0] == 0
+    assert output(capsys, "check", "aa55", "-")[0] == 0
 
 
 def test_the_one_wrong_byte_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     data = bytearray(opened("uuv_hil").encode(ThrusterCommand(9, True, (1500, 1600))))
     data[6] = 0x03
-    code, text = said(capsys, "check", "uuv_hil", data.hex())
+    code, text = output(capsys, "check", "uuv_hil", data.hex())
     assert code == 1
     assert "damaged: command: checksum 0x" in text
     assert "right if byte 6 (flags) were 0x01, not 0x03" in text
@@ -90,7 +90,7 @@ def test_noise_cuts_and_unknown_senders(capsys: pytest.CaptureFixture[str]) -> N
     protocol = opened("uuv_hil")
     good = protocol.encode(ThrusterCommand(9, True, (1500,)))
     unknown = bytes.fromhex("a5 5a 03 7f 01 02 03 74 08")
-    code, text = said(capsys, "check", "uuv_hil", (b"\x00\x01" + good + good[:5] + unknown + good + good[:3]).hex())
+    code, text = output(capsys, "check", "uuv_hil", (b"\x00\x01" + good + good[:5] + unknown + good + good[:3]).hex())
     assert code == 1
     kinds = [line.strip() for line in text.splitlines() if line[:6].strip()]
     assert kinds == [
@@ -112,9 +112,9 @@ def test_every_byte_is_in_one_part(name: str) -> None:
     parts = split_bytes(opened(name), data)
     assert b"".join(part.data for part in parts) == data
     assert [part.start for part in parts] == [sum(len(p.data) for p in parts[:i]) for i in range(len(parts))]
-    heard = [part.message for part in parts if part.message]
-    assert heard == opened(name).feed(data)
-    assert len(heard) == 3
+    received = [part.message for part in parts if part.message]
+    assert received == opened(name).feed(data)
+    assert len(received) == 3
     assert "damaged" in {part.kind for part in parts}
 
 

@@ -134,12 +134,12 @@ def check_numbers(option: Option, capsys: pytest.CaptureFixture[str]) -> None:
                 assert isinstance(number, Number), f"{value!r} went through"
                 assert number.low <= one <= number.high or one in number.also, f"{value!r} went through"
             continue
-        said = capsys.readouterr().err
-        assert code == 2, (value, said)
-        assert said.count("\n") == 1, said
-        assert option.name in said
-        assert "expected" in said
-        assert repr(value[:10])[:-1] in said, "what was typed"
+        output = capsys.readouterr().err
+        assert code == 2, (value, output)
+        assert output.count("\n") == 1, output
+        assert option.name in output
+        assert "expected" in output
+        assert repr(value[:10])[:-1] in output, "what was typed"
 
 
 @pytest.mark.parametrize(

@@ -40,11 +40,11 @@ def test_what_does_not_follow_the_contract_is_never_called(tmp_path: Path, name:
 
 def test_where_it_is_refused_nothing_is_imported() -> None:
     here = f"{__name__}:Good"
-    told = re.escape(f"mine.toml: force: class {here!r} is not loaded: because")
+    reported = re.escape(f"mine.toml: force: class {here!r} is not loaded: because")
     with refusing("because"):
         with refusing("of another reason"):
             pass
-        with pytest.raises(ConfigError, match=told):
+        with pytest.raises(ConfigError, match=reported):
             load(here)
         with pytest.raises(ConfigError, match="is not loaded: because"):
             load("no_such_module:Good")

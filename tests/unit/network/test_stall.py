@@ -17,14 +17,14 @@ class Bed:
 
     def run(self, seconds: float, samples: int = 0, answers: int = 1, is_deaf: bool = False) -> list[float]:
         """Add so many of each before each check; return when (s from now on) the detector reports a stall."""
-        began, told = self.now_ms, []
+        began, reported = self.now_ms, []
         while self.now_ms < began + 1000 * seconds:
             self.now_ms += LOOK_MS
             self.answers += answers
             self.samples += samples
             if self.detector.is_stalled(self.now_ms * NS_PER_MS, self.answers, self.samples, is_deaf):
-                told.append((self.now_ms - began) / 1000)
-        return told
+                reported.append((self.now_ms - began) / 1000)
+        return reported
 
 
 def test_answers_without_samples_for_two_leases_are_a_stall() -> None:
@@ -39,11 +39,11 @@ def test_answers_without_samples_for_two_leases_are_a_stall() -> None:
 def test_each_attempt_waits_longer_until_a_sample_comes() -> None:
     bed = Bed()
     bed.run(60.0, samples=4)
-    told = bed.run(600.0)
-    waits = [later - sooner for sooner, later in zip([0.0, *told], told, strict=False)]
+    reported = bed.run(600.0)
+    waits = [later - sooner for sooner, later in zip([0.0, *reported], reported, strict=False)]
     assert waits[1] > 1.8 * waits[0]
     assert waits[-1] > 55.0
-    assert len(told) < 20
+    assert len(reported) < 20
     bed.run(60.0, samples=4)
     assert bed.detector.attempts == 0
     assert bed.run(3.0)[0] < 2 * LEASE_S + 0.5

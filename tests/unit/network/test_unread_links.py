@@ -48,12 +48,12 @@ def test_one_link_of_two_for_two_leases_is_half_a_session() -> None:
 
 def test_a_master_has_two_links_or_half_a_session() -> None:
     """From the beginning; and as the other port may be out of reach for good, each time it waits twice as long."""
-    links, told = UnreadLinks(LEASE_S, has_pairs=True), []
+    links, reported = UnreadLinks(LEASE_S, has_pairs=True), []
     for tick in range(1200):
         if links.find_halves(LOOK_NS, ["half"]) == {"half"}:
-            told.append(tick / 2)
+            reported.append(tick / 2)
             links.find_halves(LOOK_NS, [])  # cut off
-    waits = [later - sooner for sooner, later in itertools.pairwise(told)]
-    assert told[0] <= 2 * LEASE_S + 0.5
+    waits = [later - sooner for sooner, later in itertools.pairwise(reported)]
+    assert reported[0] <= 2 * LEASE_S + 0.5
     assert waits[1] > 1.5 * waits[0]
     assert 55.0 < waits[-1] < 62.0

@@ -26,8 +26,8 @@ SAMPLES: dict[str, Any] = {
 
 
 def test_every_figure_comes_back_over_the_network_in_its_type() -> None:
-    said = reported(**{name: SAMPLES[figure.kind] for name, figure in Diagnostics.FIGURES.items()})
-    statuses = ros.decode_diagnostics(ros.encode_diagnostics(0, [("slave", 0, "running", said.raw)]))
+    output = reported(**{name: SAMPLES[figure.kind] for name, figure in Diagnostics.FIGURES.items()})
+    statuses = ros.decode_diagnostics(ros.encode_diagnostics(0, [("slave", 0, "running", output.raw)]))
     back = Diagnostics(statuses[0][3] if statuses else {})
     for name, figure in Diagnostics.FIGURES.items():
         assert getattr(back, name) == back[name] == SAMPLES[figure.kind], name
@@ -36,26 +36,26 @@ def test_every_figure_comes_back_over_the_network_in_its_type() -> None:
 
 
 def test_a_name_that_is_not_in_the_table_fails() -> None:
-    said = Diagnostics({"link_wires": "pty"})
+    output = Diagnostics({"link_wires": "pty"})
     with pytest.raises(KeyError, match="link_wires"):
-        said["link_wires"]
+        output["link_wires"]
     with pytest.raises(KeyError, match="link_wires"):
-        said["link_wires"] = "pty"
+        output["link_wires"] = "pty"
     with pytest.raises(AttributeError):
-        print(said.link_wires)  # type: ignore[attr-defined]  # the type checker says so too
+        print(output.link_wires)  # type: ignore[attr-defined]  # the type checker says so too
     with pytest.raises(AttributeError):
-        said.link_wires = "pty"  # type: ignore[attr-defined]  # and here
-    assert said.as_dict() == {}
+        output.link_wires = "pty"  # type: ignore[attr-defined]  # and here
+    assert output.as_dict() == {}
 
 
 def test_what_was_not_reported_or_is_none_of_its_type_is_none() -> None:
     assert Diagnostics().cpu_s is None
     assert not Diagnostics()
     wrong = {"cpu_s": "nan", "cores": "many", "armed": "yes", "pwm_us": "1500 x", "imaging_took_ms": "camera=inf"}
-    said = Diagnostics(wrong)
-    assert set(said.as_dict().values()) == {None}
-    assert str(or_nan(said.cpu_s)) == "nan"
-    assert (shown(said.cpu_s), shown(2.5, ".2f"), shown("x")) == ("-", "2.50", "x")
+    output = Diagnostics(wrong)
+    assert set(output.as_dict().values()) == {None}
+    assert str(or_nan(output.cpu_s)) == "nan"
+    assert (shown(output.cpu_s), shown(2.5, ".2f"), shown("x")) == ("-", "2.50", "x")
 
 
 def test_each_counter_of_a_link_has_its_figure() -> None:

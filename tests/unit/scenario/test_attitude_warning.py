@@ -41,8 +41,8 @@ def test_the_warning_names_file_key_vehicle_and_both_speeds(
     path = scenario_file(tmp_path, vehicle, speed)
     warning = attitude_warning(load_scenario(path))
     assert (warning is not None) == warns
-    told = (path, "master: speed", "0.71 m/s", TIPPING, "0.7 m/s", "attitude_limit_speed")
-    assert warning is None or all(words in warning for words in told)
+    reported = (path, "master: speed", "0.71 m/s", TIPPING, "0.7 m/s", "attitude_limit_speed")
+    assert warning is None or all(words in warning for words in reported)
 
 
 def test_a_hunt_is_asked_by_its_fields(tmp_path: Path) -> None:

@@ -93,15 +93,15 @@ def test_a_wrong_value_of_any_key(folder: str, name: str, monkeypatch: pytest.Mo
         value = BAD[number % len(BAD)]
         bad[:] = [changed(whole, place, value)]
         compiled.clear()
-        said = path
+        output = path
         try:
             READERS[folder](name)
         except ConfigError as error:
-            said = str(error)
+            output = str(error)
         except Exception as error:
             raise AssertionError(f"{place} = {value!r:.60}: {type(error).__name__}: {error}") from error
-        assert path in said, f"{place} = {value!r:.60}"
-        assert "\n" not in said
+        assert path in output, f"{place} = {value!r:.60}"
+        assert "\n" not in output
 
 
 def written(folder: Path, data: bytes) -> str:
@@ -151,10 +151,10 @@ def test_a_hostile_scenario_is_one_line(
     path.write_text(f'vehicle = "paper_six"\nworld = "pool"\n{line}\n[master]\ngoal = [1, 1]\n', encoding="utf-8")
     for command in (["sim", "--fast"], ["slave"], ["campaign"]):
         assert main([command[0], str(path), *command[1:]]) == 2
-        (said,) = capsys.readouterr().err.splitlines()
-        assert f"{path}: " in said
-        assert words in said
-        assert len(said) < len(str(path)) + 250
+        (output,) = capsys.readouterr().err.splitlines()
+        assert f"{path}: " in output
+        assert words in output
+        assert len(output) < len(str(path)) + 250
 
 
 def test_a_kind_of_seabed_that_is_none(tmp_path: Path) -> None:

@@ -122,11 +122,11 @@ def test_of_two_that_collide_the_first_is_received_and_disturbed() -> None:
     alone = AcousticChannel(EXACT, 50.0, seed=1)
     alone.send(0, "near", b"x" * 16, places | {"far": (150.0, 0.0, 5.0)})
     alone.send(1, "far", b"y" * 16, places | {"far": (150.0, 0.0, 5.0)})  # at 0.08 s, over near's
-    heard = [p for p in run(alone) if p.receiver == "ear"]
-    assert [p.sender for p in heard] == ["near"]
+    received = [p for p in run(alone) if p.receiver == "ear"]
+    assert [p.sender for p in received] == ["near"]
     assert alone.counts["collided"] == 1
     # 120 m against 30 m: 15 log10(4) = 9 dB less, plus absorption; all but 0.06 s of the 0.23 s
-    assert 8.0 < heard[0].snr < 12.0
+    assert 8.0 < received[0].snr < 12.0
 
 
 def test_a_longer_message_that_came_first_keeps_the_receiver() -> None:
@@ -192,15 +192,15 @@ def test_every_message_has_one_fate(calls: list[tuple[int, int, int]], bounces: 
     names = "abcd"
     places = {name: (120.0 * i, 40.0 * i * i, 3.0 + i) for i, name in enumerate(names)}
     channel = AcousticChannel(EXACT._replace(bounces=bounces), 20.0, seed=5)
-    time_ns, heard = 0, 0
+    time_ns, received = 0, 0
     for sender, wait, size in calls:
         time_ns += wait
         channel.send(time_ns, names[sender], bytes(size), places)
-        heard += len(channel.receive(time_ns))
-    heard += len(channel.receive(time_ns + 100 * NS))
+        received += len(channel.receive(time_ns))
+    received += len(channel.receive(time_ns + 100 * NS))
     counts = channel.counts
     assert sum(counts[fate] for fate in ("delivered", "damaged", "collided", "deaf", "unheard")) == 3 * counts["sent"]
-    assert heard == counts["delivered"]
+    assert received == counts["delivered"]
     assert counts["sent"] + counts["busy"] + counts["too_long"] == len(calls)
     assert not channel._arrivals, "what is over is forgotten"
 

@@ -36,7 +36,7 @@ class Line(Wire):
     def __init__(self) -> None:
         self.name = "line"
         self.coming = b""
-        self.said: list[bytes] = []
+        self.output: list[bytes] = []
         self.closed = False
 
     def fileno(self) -> int:
@@ -47,7 +47,7 @@ class Line(Wire):
         return data
 
     def write(self, data: bytes) -> int:
-        self.said.append(data)
+        self.output.append(data)
         return len(data)
 
     def close(self) -> None:
@@ -83,7 +83,7 @@ def test_the_same_of_any_hour(hour: list[tuple[int, bytes]]) -> None:
         quick.coming = plain.coming = data
         end.service(now)
         stub.service(now)
-        assert quick.said == plain.said
+        assert quick.output == plain.output
         assert list(end.pwm_us) == stub.pwm_us
         assert end.deadline_ns == stub.deadline_ns
         assert (end.command_ns > 0) == (stub.command_ns > 0)

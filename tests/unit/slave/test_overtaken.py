@@ -56,8 +56,8 @@ def test_one_that_reports_before_its_first_command(counted: int, ahead: int) -> 
     assert not has_restarted(report(counted + ahead + 1, 1), STARTED)
 
 
-def make_driver(heard: list[ThrusterTelemetry]) -> ExternalDriver:
-    return ExternalDriver(says_in_turn(heard), 6, NS_PER_S, print)
+def make_driver(received: list[ThrusterTelemetry]) -> ExternalDriver:
+    return ExternalDriver(says_in_turn(received), 6, NS_PER_S, print)
 
 
 def test_the_thrusters_have_what_the_newest_report_says() -> None:

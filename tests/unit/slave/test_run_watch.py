@@ -27,8 +27,8 @@ class Watched(Bench):
 
     def __init__(self) -> None:
         super().__init__()
-        self.driver, self.said = Driver(), list[str]()
-        self.watch = RunWatch(self.simulation, self.driver, self.pilot, self.said.append)  # type: ignore[arg-type]
+        self.driver, self.output = Driver(), list[str]()
+        self.watch = RunWatch(self.simulation, self.driver, self.pilot, self.output.append)  # type: ignore[arg-type]
 
     def run(self, seconds: float, pulses: tuple[int, ...] = STILL) -> list[str]:
         """The kinds of events so far."""
@@ -46,7 +46,7 @@ def watched() -> Watched:
 
 def test_nothing_is_said_of_a_vehicle_that_lies_still(watched: Watched) -> None:
     assert watched.run(2.0) == []
-    assert watched.said == []
+    assert watched.output == []
 
 
 def test_a_link_that_is_lost_is_one_event_as_long_as_it_lasts(watched: Watched) -> None:
@@ -56,7 +56,7 @@ def test_a_link_that_is_lost_is_one_event_as_long_as_it_lasts(watched: Watched) 
     assert watched.run(3.0) == ["link_lost"]
     (event,) = watched.simulation.events.events()
     assert event.duration_ns == pytest.approx(3e9, abs=2 * PERIOD_NS)
-    assert watched.said == ["link lost: the thruster link, at N 4.0 E 4.0 depth 2.0 m"]
+    assert watched.output == ["link lost: the thruster link, at N 4.0 E 4.0 depth 2.0 m"]
 
 
 def test_a_loss_between_two_looks_is_not_missed(watched: Watched) -> None:
@@ -81,7 +81,7 @@ def test_a_touch_between_two_looks_is_reported(watched: Watched) -> None:
     watched.simulation.state.position = [4.0, 4.0, WORLD.depth - 0.5 * VEHICLE.dimensions[2] - 1e-4]
     watched.simulation.state.nu = [0.0, 0.0, 0.3, 0.0, 0.0, 0.0]
     assert watched.run(0.5) == ["collision"]
-    assert watched.said[0].startswith("collision with the seabed, at N 4.0 E 4.0 depth ")
+    assert watched.output[0].startswith("collision with the seabed, at N 4.0 E 4.0 depth ")
 
 
 def test_depth_is_judged_only_where_one_was_asked_for(watched: Watched) -> None:

@@ -48,8 +48,8 @@ class Bed:
     """A driver of a bench, looked at some seconds after its first command."""
 
     def __init__(self) -> None:
-        self.bench, self.said = BenchLink(), list[str]()
-        self.driver = ExternalDriver(self.bench.ends, 6, WATCHDOG_NS, self.said.append)
+        self.bench, self.output = BenchLink(), list[str]()
+        self.driver = ExternalDriver(self.bench.ends, 6, WATCHDOG_NS, self.output.append)
 
     def look(self, seconds: float) -> None:
         self.driver.service(now_ns() + round(seconds * NS_PER_S))
@@ -57,11 +57,11 @@ class Bed:
     def look_until(self, seconds: float, lines: int) -> None:
         """Look again and again until so many lines have been said."""
 
-        def said() -> bool:
+        def output() -> bool:
             self.look(seconds)
-            return len(self.said) == lines
+            return len(self.output) == lines
 
-        assert wait_for(said), self.said
+        assert wait_for(output), self.output
 
     def hear(self, seconds: float) -> None:
         self.bench.says = [ANSWER]
@@ -75,15 +75,15 @@ def test_silence_is_reported_once_and_its_end_too() -> None:
         bed.driver.send(COMMAND)
         bed.look(0.4)
         assert not bed.driver.is_silent
-        bed.said.clear()
+        bed.output.clear()
         for later in (0.6, 0.8, 5.0):
             bed.driver.send(COMMAND)
             bed.look(later)
-        assert bed.said == [SILENT], began
+        assert bed.output == [SILENT], began
         assert bed.driver.is_silent
         bed.hear(6.0)
         bed.hear(6.1)
-        assert bed.said == [SILENT, "/dev/bench: the STM32 answers, after 6.0 s"]
+        assert bed.output == [SILENT, "/dev/bench: the STM32 answers, after 6.0 s"]
         assert not bed.driver.is_silent
 
 
@@ -95,7 +95,7 @@ def test_who_was_asked_nothing_need_not_answer() -> None:
     bed.driver.send(COMMAND)
     bed.hear(0.1)
     bed.look(5.0)
-    assert bed.said == []
+    assert bed.output == []
 
 
 @pytest.mark.usefixtures("still")
@@ -111,12 +111,12 @@ def test_a_lost_link_is_not_silence_too() -> None:
     bed.driver.send(COMMAND)
     bed.look_until(4.0, lines=3)
     assert not bed.driver.lost
-    assert [line.partition(":")[0][:24] for line in bed.said] == [
+    assert [line.partition(":")[0][:24] for line in bed.output] == [
         "/dev/bench", "thruster link lost, the ", "thruster link back after"
     ]  # fmt: skip
     bed.driver.send(COMMAND)
     bed.look(6.0)
-    assert bed.said[3:] == [SILENT]
+    assert bed.output[3:] == [SILENT]
 
 
 def test_the_silent_and_the_lost_confirm_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,16 +40,16 @@ class SamplePublisher:
     """Notes what goes out; `wanted` are the topics somebody listens to."""
 
     def __init__(self) -> None:
-        self.said: list[str | Trace] = []
+        self.output: list[str | Trace] = []
         self.wanted: tuple[str, ...] = ()
 
     def sample(self, topic: str, sample: Any) -> bool:
         if topic in self.wanted:
-            self.said.append(topic)
+            self.output.append(topic)
         return topic in self.wanted
 
     def trace(self, trace: Trace) -> None:
-        self.said.append(trace)
+        self.output.append(trace)
 
     def wake_publisher(self) -> None:
         """Do nothing: all samples have gone out already."""
@@ -81,8 +81,8 @@ class Bed:
             assert select.select(self.loop.driver.descriptors, (), (), PATIENCE_S)[0], "it does not answer"
             self.loop._service_link(now_ns())
 
-    def told(self) -> list[int]:
-        return [said.sequence for said in self.sample_publisher.said if isinstance(said, Trace)]
+    def reported(self) -> list[int]:
+        return [output.sequence for output in self.sample_publisher.output if isinstance(output, Trace)]
 
 
 @pytest.fixture
@@ -97,9 +97,9 @@ def test_they_go_with_the_next_sample_that_goes_out(bed: Bed) -> None:
     bed.sample_publisher.wanted = ("odom",)
     bed.obey(1)
     bed.obey(2)
-    assert bed.told() == []
+    assert bed.reported() == []
     bed.run(40)  # 0.1 s: odometry twice
-    assert [said if isinstance(said, str) else said.sequence for said in bed.sample_publisher.said] == [
+    assert [output if isinstance(output, str) else output.sequence for output in bed.sample_publisher.output] == [
         "odom",
         1,
         2,
@@ -107,16 +107,16 @@ def test_they_go_with_the_next_sample_that_goes_out(bed: Bed) -> None:
     ]
     bed.obey(3)
     bed.run(40)
-    assert bed.told() == [1, 2, 3]
+    assert bed.reported() == [1, 2, 3]
 
 
 def test_they_go_soon_where_nobody_listens_to_samples(bed: Bed) -> None:
     bed.run(3)
     bed.obey(1)
     bed.run(19)
-    assert bed.told() == []
+    assert bed.reported() == []
     bed.run(1)  # 50 ms after the answer
-    assert bed.told() == [1]
+    assert bed.reported() == [1]
 
 
 def test_the_last_is_reported_at_the_end(bed: Bed) -> None:
@@ -124,4 +124,4 @@ def test_the_last_is_reported_at_the_end(bed: Bed) -> None:
     stop = os.eventfd(1)
     bed.loop.run(stop)
     os.close(stop)
-    assert bed.told() == [1]
+    assert bed.reported() == [1]

@@ -86,9 +86,9 @@ class Vehicle:
         self.loop = Loop(
             self.simulation, driver, pilot, self.command_receiver, sample_publisher, STEP_NS, 20_000_000, print
         )
-        self.server, self.said = RecordedServer(), list[str]()
+        self.server, self.output = RecordedServer(), list[str]()
         offered: Any = self.server
-        services.offer_services(offered, "uuv1", self.loop, self.start, self.said.append)
+        services.offer_services(offered, "uuv1", self.loop, self.start, self.output.append)
 
     def command(self, surge: float) -> None:
         assert self.loop.pilot
@@ -198,7 +198,7 @@ def test_a_thruster_fails_and_is_repaired(vehicle: Vehicle) -> None:
     vehicle.server.call(f"/uuv1/thrusters/{name}/fail", {"data": False})
     vehicle.run(400)
     assert abs(vehicle.simulation.thrusts[0]) > 0.5
-    assert vehicle.said == [f"thruster: {name} is off", f"thruster: {name} is repaired"]
+    assert vehicle.output == [f"thruster: {name} is off", f"thruster: {name} is repaired"]
 
 
 def test_a_parameter_lets_a_thruster_fail(vehicle: Vehicle) -> None:
@@ -220,7 +220,7 @@ def test_a_parameter_lets_a_thruster_fail(vehicle: Vehicle) -> None:
     assert thrust_with("kind = efficiency, efficiency = 0.5") == pytest.approx(0.5 * whole)
     assert thrust_with("kind = off") == pytest.approx(0.0, abs=1e-6)
     assert thrust_with("") == pytest.approx(whole)
-    assert vehicle.said[-2:] == [
+    assert vehicle.output[-2:] == [
         f'parameter: failures.{name}: kind = "off"', f"parameter: failures.{name}: nothing is wrong"
     ]  # fmt: skip
 
@@ -285,4 +285,4 @@ def test_what_cannot_be_is_refused_with_a_reason(vehicle: Vehicle, request_: Any
     assert result["result"] == code
     assert words in result["error_message"]
     assert list(vehicle.simulation.state.position) == before
-    assert vehicle.said == []
+    assert vehicle.output == []

@@ -71,8 +71,8 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_it_starts_says_where_and_ends() -> None:
-    server, recorder, told = Server(), Recording(), list[str]()
-    panel = RecordingPanel(server, nullcontext(), recorder, told.append)
+    server, recorder, reported = Server(), Recording(), list[str]()
+    panel = RecordingPanel(server, nullcontext(), recorder, reported.append)
     button, text = server.controls
     assert (button.label, button.disabled) == (START, False)
     button.click(None)
@@ -85,7 +85,7 @@ def test_it_starts_says_where_and_ends() -> None:
     assert text.content == "7 messages recorded: there"
     recorder.fails = True
     button.click(None)
-    assert told == ["recording into there", "7 messages recorded: there", "disk full"]
+    assert reported == ["recording into there", "7 messages recorded: there", "disk full"]
 
 
 def test_where_nothing_can_be_recorded_it_is_grey_and_says_why() -> None:

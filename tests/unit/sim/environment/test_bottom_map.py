@@ -82,14 +82,14 @@ def test_a_camera_sees_its_colours(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("codes", "text", "said"),
+    ("codes", "text", "output"),
     [
         ([1] * 8, "", "w.bottom: 8 bytes, but 3 x 3 are 9"),
         ([1] * 9, "bottom_map = 3\n", "not valid TOML"),
     ],
 )
-def test_files_that_do_not_fit(tmp_path: Path, codes: list[int], text: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_files_that_do_not_fit(tmp_path: Path, codes: list[int], text: str, output: str) -> None:
+    with pytest.raises(ConfigError, match=output):
         world_of(tmp_path, codes, text)
     (tmp_path / "x.toml").write_text(HEAD + "bottom_map = 3\n")
     with pytest.raises(ConfigError, match="bottom_map: expected a table"):

@@ -142,7 +142,7 @@ def test_a_world_file_has_meshes_beside_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "output"),
     [
         ('[[mesh]]\nfile = "none.stl"\nnorth = 0\neast = 0\n', "none.stl: no such file"),
         ('[[mesh]]\nfile = "broken.stl"\nnorth = 0\neast = 0\n', r"mesh\[0\]: file: .*broken.stl: no"),
@@ -156,9 +156,9 @@ def test_a_world_file_has_meshes_beside_it(tmp_path: Path) -> None:
         ('mesh = "block.stl"\n', r"mesh: expected tables, each under \[\[mesh\]\]"),
     ],
 )
-def test_meshes_that_cannot_be_meant(tmp_path: Path, text: str, said: str) -> None:
+def test_meshes_that_cannot_be_meant(tmp_path: Path, text: str, output: str) -> None:
     block(tmp_path)
     (tmp_path / "broken.stl").write_bytes(b"solid nothing\n" + bytes(range(256)))
     (tmp_path / "w.toml").write_text(HEAD + text)
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=output):
         load_world(str(tmp_path / "w.toml"))

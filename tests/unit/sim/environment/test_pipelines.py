@@ -148,13 +148,13 @@ def test_a_world_file_has_pipelines(tmp_path: Path) -> None:
     (pipe,) = load_world(str(tmp_path / "w.toml")).pipeline
     assert (pipe.kind, pipe.points, pipe.label) == ("cable", ((0.0, 0.0), (10.0, 5.0)), "the cable from (0, 0)")
     assert load_world(str(tmp_path / "w.toml")).obstacles() == (pipe,)
-    for text, said in (
+    for text, output in (
         ("[[pipeline]]\npoints = [[0, 0]]\n", "points: give two or more"),
         ("[[pipeline]]\npoints = [[0, 0], [1]]\n", r"pipeline\[0\]: points"),
         ("pipeline = 3\n", r"pipeline: expected tables, each under \[\[pipeline\]\]"),
     ):
         (tmp_path / "w.toml").write_text(head + text)
-        with pytest.raises(ConfigError, match=said):
+        with pytest.raises(ConfigError, match=output):
             load_world(str(tmp_path / "w.toml"))
 
 

@@ -125,7 +125,7 @@ def test_a_wreck_lies_as_it_is_turned_and_has_an_open_hold(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "output"),
     [
         ('kind = "net_pan"\n', "no shape 'net_pan'.*net_pen"),
         ('kind = "pile"\nlength = 3\n', "pile: .*length"),
@@ -134,8 +134,8 @@ def test_a_wreck_lies_as_it_is_turned_and_has_an_open_hold(tmp_path: Path) -> No
         ('kind = "pile"\nheight = -3\n', "height"),
     ],
 )
-def test_shapes_that_cannot_be_meant(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_shapes_that_cannot_be_meant(tmp_path: Path, text: str, output: str) -> None:
+    with pytest.raises(ConfigError, match=output):
         world_of(tmp_path, f"[[shape]]\n{text}north = 0\neast = 0\n")
     with pytest.raises(ConfigError, match=r"shape: expected tables, each under \[\[shape\]\]"):
         world_of(tmp_path, 'shape = "pile"\n')
