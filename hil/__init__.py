@@ -15,12 +15,12 @@ def connect(
     keys: str = "",
     wait: float = 5.0,
 ) -> "Fleet":
-    """Return the vehicles that answer at `endpoints`, as objects to look at and to command; see docs/how-to/python.md.
+    """Return the vehicles at `endpoints`, as objects that give samples and take commands; see docs/how-to/python.md.
 
-    An endpoint is that of a slave, "tcp/192.168.3.116:7447" or "tls/...", or "lan": the one that answers by multicast;
-    with `routed` it is that of a router, which all vehicles behind it are reached through. With `take_over` a vehicle
-    is commanded even if another master does already; with `observe` never. `keys` is this machine's folder of
-    certificates (`uuv-hil keys add`). A vehicle that is asked for is waited for, up to `wait` s. Raises NetworkError.
+    An endpoint is that of a slave, "tcp/192.168.3.116:7447" or "tls/...", or "lan": the one that answers by multicast.
+    With `routed` it is that of a router, and all vehicles behind it are reached. With `take_over` a vehicle is
+    commanded even if another master commands it; with `observe` it is never commanded. `keys` is this machine's folder
+    of certificates (`uuv-hil keys add`). The first use of a vehicle waits for it, up to `wait` s. Raises NetworkError.
     """
     from hil.client.fleet import connect as connect_fleet
 

@@ -52,8 +52,8 @@ def _find_vehicles(seconds: float) -> list[str]:
 class Fleet:
     """The vehicles of one session, by name: fleet["uuv1"]. Use as a context, with `with` or `async with`.
 
-    `endpoints`, `network` and `security` say how it is connected. Leaving it, or the end of the program, brings those
-    to a standstill that were told anything.
+    `endpoints`, `network` and `security` say how it is connected. Leaving it, or the end of the program, stops the
+    vehicles that were commanded.
     """
 
     def __init__(

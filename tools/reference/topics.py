@@ -1,6 +1,6 @@
 """The page of the topics: name, message type, rate and quality of service, out of the table of topics."""
 
-from hil.ros.topics import COMMANDS, TOPICS, Topic
+from hil.ros.topics import COMMANDS, FAN, TOPICS, Topic
 
 HEAD = """\
 # Topics
@@ -11,7 +11,69 @@ sensor is fitted, at the rate of its section; the table has the usual rate. Fram
 This page is made by `python -m tools.reference` from `hil/ros/topics.py`.
 
 """
-TABLE = "| topic | type | rate (Hz) | quality of service |\n|---|---|---|---|\n"
+TABLE = "| topic | type | rate (Hz) | quality of service | content |\n|---|---|---|---|---|\n"
+# The content of a topic, by its name.
+CONTENT = {
+    "cmd_vel": "speeds (m/s) along the body, and its turn rate (rad/s)",
+    "cmd_vel_stamped": "the same, with a time and a frame; the frame of the world is refused",
+    "cmd_depth": "depth (m), positive down; replaces the vertical speed of `cmd_vel` while that is 0",
+    "cmd_heading": "heading (rad), clockwise from north; replaces the turn rate of `cmd_vel` while that is 0",
+    "cmd_pose": "place (m) and heading to go to, in `map` or `odom`",
+    "cmd_wrench": "force (N) and moment (N m) about the body's origin",
+    "cmd_thrusters": "thrust (N) of each thruster, in the order of the vehicle's file",
+    "formation": "own estimate of the position and attitude in `map`, and the reading of the plan's clock",
+    "plan": "planned path, in `map`",
+    "modem_tx": "bytes for the modem; the label of the dimension names the sender",
+    "modem_rx": "bytes that the modem received; the label names the sender",
+    "modem_range": "distance (m) by the travel time; the frame names the sender",
+    "trace": "sequence number of a command, and its time (ns) at each hop, for the command delay",
+    "imu": "angular rates (rad/s) and specific force (m/s²)",
+    "dvl": "velocity (m/s) over the seabed, and each beam",
+    "dvl_twist": "the same velocity, with its covariance, for filters",
+    "altitude": "distance (m) to the seabed by the DVL; inf without bottom lock",
+    "pressure": "absolute pressure (Pa)",
+    "odom": "the navigation's estimate: position and attitude in `odom`, velocity of the body",
+    "ground_truth": "true position, attitude and velocity",
+    "ahrs": "attitude by a filter of its own, with rates and specific force",
+    "altimeter": "distance (m) along a narrow sonar beam",
+    "battery": "voltage (V), current (A, negative while it discharges), charge",
+    "contact": "whether the hull touches something",
+    "current_meter": "velocity (m/s) of the water at the sensor, along the body",
+    "dvl_water": "velocity (m/s) through a layer of water, and each beam",
+    "gps": "latitude, longitude (deg), altitude (m); no fix under water",
+    "laser": "distances (m) of a fan about z",
+    "profiler": "distances (m) of a fan about x, down to the seabed",
+    "profiler/points": "the same as points (m), with strengths (dB)",
+    "scanning_sonar": "distance (m) of the first echo of a ping, with the angle of the head",
+    "echosounder": "distance (m) to the first echo below",
+    "leak": "whether water is in the hull",
+    "magnetometer": "magnetic field (T) along the body",
+    "usbl": "position (m) by the acoustic station, with its covariance",
+    "camera/image_raw": "picture, `rgb8`",
+    "camera/image_raw/compressed": "picture, JPEG",
+    "camera/camera_info": "focal lengths, middle and distortion of the lens",
+    "camera/depth/image_raw": "distance (m) along the optical axis of each pixel",
+    "camera/depth/camera_info": "the same for the depth picture",
+    "camera/depth/points": "the depth picture as points (m)",
+    "camera/labels": "number of the object in each pixel; with `ground_truth`",
+    "forward_sonar/image": "a row for each range bin, a column for each beam",
+    f"forward_sonar/{FAN}": "the same as a fan, ahead upwards",
+    "scanning_sonar/image": "intensities of a ping by range; with `bins`",
+    "side_scan/image": "intensities of a ping by range, to port and to starboard",
+    "thruster_wrench": "force (N) and moment (N m) of all thrusters about the body's origin",
+    "joint_states": "thrusts (N) as efforts, deflections of fins (rad) as positions",
+    "motors": "a row for each channel: pulse width (µs), speed (rad/s), current (A)",
+    "tether": "path from the anchor to the vehicle, in `map`",
+    "diagnostics": "[figures of health](diagnostics.md) of the slave",
+    "robot_description": "URDF of the vehicle",
+    "map": "map of a planner, 0 free and 100 occupied",
+    "obstacles": "markers of what stands in the world, in `map`",
+    "/diagnostics": "the same figures of health, where ROS tools expect them",
+    "/parameter_events": "changes of parameters",
+    "/tf": "`odom` to `base_link`, by the navigation",
+    "/tf_static": "`base_link` to each sensor",
+    "/clock": "time of the samples",
+}
 
 
 def page() -> str:
@@ -30,4 +92,5 @@ def _row(topic: Topic) -> str:
     rate = f"{topic.rate_hz:g}" if topic.rate_hz else "on events"
     qos = ["reliable" if topic.qos.reliable else "best effort", f"depth {topic.qos.depth}"]
     qos += ["latched"] if topic.qos.latched else []
-    return f"| `{topic.full_name('NODE')}` | `{topic.type}` | {rate} | {', '.join(qos)} |\n"
+    columns = f"`{topic.full_name('NODE')}`", f"`{topic.type}`", rate, ", ".join(qos), CONTENT[topic.name]
+    return f"| {' | '.join(columns)} |\n"
