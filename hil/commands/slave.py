@@ -3,6 +3,7 @@
 import gc
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hil.common import streams
 from hil.common.clock import LOOP_PRIORITY, now_ns, process_start_ns, schedule_fifo
 
 if TYPE_CHECKING:
@@ -93,7 +94,9 @@ def _run(options: Options, startup: dict[str, int]) -> None:
         board = _load_board(options.board) if options.board else None
         daemon.run(scenario, board, network, startup, notes)
     finally:
-        network.cancel()
+        network.close()
+    if network.is_stuck:  # all that is ours is closed and written, and the thrusters are neutral
+        streams.leave(0)
 
 
 def _changes(options: Options) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import sys
 import time
 from codecs import register_error
 from collections.abc import Callable
+from contextlib import suppress
 from io import TextIOWrapper
 from types import FrameType
 from typing import NoReturn, TextIO
@@ -62,6 +63,14 @@ def drop_output() -> None:
         pass
     finally:
         os.close(null)
+
+
+def leave(code: int) -> NoReturn:
+    """End the process now, whatever its other threads do, once all that was printed is out."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # nobody reads it, or it is closed
+            stream.flush()
+    os._exit(code)
 
 
 def _leave(_number: int, _frame: FrameType | None) -> NoReturn:

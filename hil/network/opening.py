@@ -30,8 +30,16 @@ def listen(
     return session
 
 
+CLOSE_WITHIN_S = 5.0  # a session closes in 0.1 s; now and then the library takes 10 s for each of several steps
+
+
 class Listening:
-    """A session that is being opened in a thread while the caller does other work."""
+    """A session that is being opened in a thread while the caller does other work.
+
+    `is_stuck`: the library did not close it in time. The process then ends only by `os._exit`.
+    """
+
+    is_stuck = False
 
     def __init__(
         self, endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
@@ -59,11 +67,14 @@ class Listening:
         assert self._session
         return self._session
 
-    def cancel(self) -> None:
-        """Close it, if it came to be open: for the case that something else failed meanwhile."""
+    def close(self) -> None:
+        """Close it, if it came to be open, in a thread that is waited for some seconds. Closing twice is harmless."""
         self._thread.join()
-        if self._session:
-            self._session.close()
+        if self._session and not self.is_stuck:
+            closing = threading.Thread(target=self._session.close, name="close session", daemon=True)
+            closing.start()
+            closing.join(CLOSE_WITHIN_S)
+            self.is_stuck = closing.is_alive()
 
 
 def open_session(action: str, name: str, text: str, has_pairs: bool = False, dialled: int = 1) -> Session:

@@ -149,7 +149,8 @@ def _assemble(
     limits = seconds_ns(slave.command_age_limit), seconds_ns(slave.deadman), scenario.network.command_rate
     command_receiver = CommandReceiver(*limits, len(vehicle.thrusters), log.wakeup)
     stack.callback(command_receiver.close)
-    session = stack.enter_context(network.session())
+    session = network.session()
+    stack.callback(network.close)
     startup["session"] = now_ns()
     epoch_ns = to_wall_ns(now_ns()) - simulation.time_ns
     recorder = None

@@ -8,9 +8,11 @@ import ctypes
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 
+END_WITHIN_S, LOOK_S = 5.0, 0.01  # of a program that is to end, and between two looks whether it has
 _SETSID = 0x80  # POSIX_SPAWN_SETSID
 _ROOM = 1024  # bytes; glibc's and musl's structures have up to 336
 
@@ -45,7 +47,7 @@ def _texts(words: Sequence[str]) -> "ctypes.Array[ctypes.c_char_p]":
 def start_program(*arguments: str) -> Callable[[], None]:
     """Start `uuv-hil ARGUMENTS` beside the slave, with its output; return what ends it.
 
-    It ends with this process too, whatever ends that. Raises OSError.
+    It ends with this process too, whatever ends that; one that does not end when asked is killed. Raises OSError.
     """
     from hil.common import lifeline
     from hil.common.children import module_command, open_lifeline  # few slaves start anything
@@ -60,9 +62,12 @@ def start_program(*arguments: str) -> Callable[[], None]:
         os.close(ends[-1])
 
     def end() -> None:
-        with suppress(ProcessLookupError):
+        with suppress(ProcessLookupError, ChildProcessError):
             os.kill(pid, signal.SIGTERM)
-        with suppress(ChildProcessError):
-            os.waitpid(pid, 0)
+            deadline = time.monotonic() + END_WITHIN_S
+            while not os.waitpid(pid, os.WNOHANG)[0]:
+                if time.monotonic() > deadline:
+                    os.kill(pid, signal.SIGKILL)
+                time.sleep(LOOK_S)
 
     return end

@@ -17,7 +17,7 @@ from hil.network.roles import open_master_session
 from hil.network.worker import BoundedQueue
 from hil.ros.topics import TOPICS
 from tests.support.busy import retry_when_busy
-from tests.support.processes import PATIENCE_S, ROOT, Program, free_port, wait_for
+from tests.support.processes import PATIENCE_S, ROOT, Program, free_port, wait_for, write_scenario
 
 OPEN = """
 import sys, time, threading
@@ -84,6 +84,30 @@ def test_the_router_ends_cleanly(tmp_path: Path, number: int) -> None:
         assert router.stop(number) == 0
     assert "Traceback" not in router.output
     assert wait_for(lambda: not psutil.pid_exists(router.process.pid))
+
+
+STUCK = """
+import sys, time
+from hil.cli import main
+from hil.network.session import Session
+Session._close_library = lambda _: time.sleep(600)
+sys.exit(main(["slave", sys.argv[1]]))
+"""
+
+
+def test_a_slave_ends_although_the_library_does_not_close_its_session(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    command = [sys.executable, "-c", STUCK, str(scenario)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as slave:
+        try:
+            assert slave.stdout is not None
+            lines = iter(slave.stdout.readline, "")
+            assert any("ready" in line for line in lines)
+            slave.send_signal(signal.SIGTERM)
+            assert any("thrusters neutral" in line for line in lines)
+            assert slave.wait(PATIENCE_S) == 0
+        finally:
+            slave.kill()
 
 
 def test_sessions_that_published_leave_no_memory_behind() -> None:
