@@ -19,6 +19,7 @@ from hil.network.unread_links import Pair, port_of
 
 SETTLED_NS = 3 * NS_PER_S  # after which a slave is known, and all that was declared was sent to it
 ATTEMPTS = 5  # each after twice the time: a router of others is never known
+MOST_PEERS = 1024  # whose attempts are remembered; the oldest is forgotten, as it may never come back
 
 
 class RouterLinks:
@@ -46,5 +47,7 @@ class RouterLinks:
                 self._attempts.pop(peer, None)
             elif now - self._since[pair] >= patience_ns and self._attempts.get(peer, 0) < ATTEMPTS:
                 self._attempts[peer] = self._attempts.get(peer, 0) + 1
+                while len(self._attempts) > MOST_PEERS:
+                    del self._attempts[next(iter(self._attempts))]
                 self._report(f"nothing is known of who dials from port {pair[1]}; cutting it, to be dialled again")
                 cut({pair})

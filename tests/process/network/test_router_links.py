@@ -4,7 +4,9 @@ import socket
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from unittest.mock import Mock
 
+import pytest
 import zenoh
 
 from hil.common.clock import NS_PER_S
@@ -50,6 +52,20 @@ def test_a_router_of_which_nothing_is_known_is_cut_a_few_times() -> None:
             links.check(now + seconds * NS_PER_S)
         assert len(reported) == ATTEMPTS
         assert session.links(), "then it is left as it is: it may be a router of others"
+
+
+def test_those_that_never_come_back_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.network.router_links.MOST_PEERS", 10)
+    session, reported = Mock(), list[str]()
+    session.tokens.return_value = []
+    links = RouterLinks(session, reported.append)
+    for number in range(100):
+        session.links.return_value = [(f"{number:x}", "tcp/127.0.0.1:1", f"tcp/127.0.0.1:{number + 2}")]
+        session.routers.return_value = {f"{number:x}"}
+        for seconds in (0, 10):
+            links.check((number * 20 + seconds) * NS_PER_S)
+    assert len(reported) == 100
+    assert len(links._attempts) == 10
 
 
 def test_slaves_clients_and_joined_routers_are_left() -> None:
