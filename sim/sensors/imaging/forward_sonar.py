@@ -24,8 +24,10 @@ class ForwardSonarModel(NamedTuple):
     height of one. `range_step` m is a bin, which is the length of the pulse, compressed. `frequency` Hz gives the
     absorption (Francois & Garrison) in water of `temperature` (deg C) and `salinity` (PSU), and
     `sound_speed` m/s is what the device takes it for. `source_level` is in dB re 1 uPa at 1 m, `noise_level` in dB re
-    1 uPa behind the beam former, in the band. `seabed_strength` and `object_strength` are 10 lg mu in dB. `looks`:
-    see sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam hears
+    1 uPa behind the beam former, in the band. `seabed_strength`, `object_strength` and `surface_strength` (the water's
+    surface from below) are 10 lg mu in dB; `volume_strength` is that of what drifts in the water, in dB re 1/m: about
+    -80 where it is clear, -60 among bubbles or silt. With -200 a strength is none at all. `looks`: see
+    sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam hears
     those of its first side lobe; the others fall as those of a line array. With `multipath` sound comes by way of the
     surface and the seabed, which take `surface_loss` and `bottom_loss` dB of it. `error` is that of all ranges.
 
@@ -37,8 +39,8 @@ class ForwardSonarModel(NamedTuple):
 
     Defaults: Blueprint Subsea Oculus M750d at 750 kHz (130 x 20 deg, 512 beams of 1 deg, 0.1 to 120 m, 40 Hz at most;
     sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, side lobes, losses
-    and the picture are our choice. Seabed: Mackenzie 1961; objects 7 dB more, our choice. Scale: a speed of sound 7 m/s
-    off.
+    and the picture are our choice. Seabed: Mackenzie 1961; objects 7 dB more and the surface 3 dB less, our choice.
+    Scale: a speed of sound 7 m/s off.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
@@ -58,6 +60,8 @@ class ForwardSonarModel(NamedTuple):
     noise_level: Annotated[float, Range(0.0, 200.0)] = 68.0
     seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
     object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
+    surface_strength: Annotated[float, Range(-200.0, 10.0)] = -30.0
+    volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 1.0
     side_lobes: Annotated[float, Range(0.0, 100.0)] = 25.0
     multipath: bool = False
@@ -105,7 +109,7 @@ class ForwardSonar:
         count = bins_of(model.min_range, model.max_range, model.range_step)
         self._bins = Bins(model.min_range, model.range_step, count, absorption)
         self._pinger = Pinger(
-            scene, mounting, aperture, model.max_range, absorption, model.seabed_strength, model.object_strength,
+            scene, mounting, aperture, model.max_range, absorption, model,
             Mirrors(model.surface_loss, model.bottom_loss) if model.multipath else None,
         )  # fmt: skip
         self._texture = make_texture(scene.world)
@@ -145,7 +149,8 @@ class ForwardSonar:
         scaled = self._scale.measure(self._pinger.ping(time_ns, state), state)
         if scaled is None:
             return np.zeros((m.beams, self._bins.count), np.float32)
-        echoes = shares_of(scaled, self._bins, m.beams, self._texture, self._stride).astype(np.float32)
+        echoes = shares_of(scaled, self._bins, m.beams, self._texture, self._stride)
+        echoes = self._pinger.with_water(echoes, scaled, self._bins, m.volume_strength).astype(np.float32)
         received: Floats = self._received @ echoes
         return received
 

@@ -42,7 +42,7 @@ def second_echoes(
     hits = scene.hits(origins.ravel(), np.ascontiguousarray(onwards), view.reach)
     objects, further = np.frombuffer(hits.objects, np.int32), np.frombuffer(hits.distances)
     length = rays.ranges[chosen] + further
-    back = (strengths[objects] > 0.0) & (length < view.reach)
+    back = (strengths[objects] > 0.0) & (length < view.reach) & (objects != surface)
     # The seabed by way of itself is what its rough side sends back anyway.
     back &= (objects != SEABED) | on_surface[chosen]
     if not back.any():

@@ -3,7 +3,7 @@
 sim/sensors/imaging/echoes.py has the equations.
 """
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,37 +16,70 @@ from sim.rays.scene import SEABED, RayScene
 from sim.rays.solids import Solid, half_space
 from sim.rays.splitting import Cells, Lattice, split
 from sim.rotations import matrix, multiply
-from sim.sensors.imaging.echoes import MARGIN, STRETCH, Aperture, Echoes, Floats, Ground, Mirrors, Rays, View, pattern
+from sim.sensors.imaging.echoes import (
+    MARGIN,
+    STRETCH,
+    Aperture,
+    Bins,
+    Echoes,
+    Floats,
+    Ground,
+    Mirrors,
+    Rays,
+    View,
+    pattern,
+)
 from sim.sensors.imaging.multipath import second_echoes
+from sim.sensors.imaging.reverberation import volume_echoes
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
 
 _STEEP = 0.3  # of a unit normal's z: what is steeper is a cliff of the grid
+_NONE = -200.0  # dB: of a strength
+
+
+class Strengths(Protocol):
+    """The keys of a sonar's model that say how strongly things echo: 10 lg mu in dB."""
+
+    @property
+    def seabed_strength(self) -> float:
+        """The seabed."""
+
+    @property
+    def object_strength(self) -> float:
+        """Obstacles, meshes and vehicles."""
+
+    @property
+    def surface_strength(self) -> float:
+        """The water's surface from below."""
 
 
 class Pinger:
     """Sends pings through an aperture into the world of `scene`.
 
-    `reach` m is the farthest range of interest, `absorption` dB/m, `seabed` and `objects` are 10 lg mu in dB.
+    `reach` m is the farthest range of interest, `absorption` dB/m, `strengths` are 10 lg mu in dB. `surface` is the
+    number of the water's surface among the objects.
     """
 
     def __init__(
         self, scene: Scene, mounting: Mounting, aperture: Aperture, reach: float,
-        absorption: float, seabed: float, objects: float, mirrors: Mirrors | None = None,
+        absorption: float, strengths: Strengths, mirrors: Mirrors | None = None,
     ) -> None:  # fmt: skip
         self._scene, self._mounting, self._aperture = scene, mounting, aperture
         self._reach, self.absorption, self._mirrors = MARGIN * reach, absorption, mirrors
         self._rays = RayScene(scene.world)
-        surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
-        self._object_strength = 10.0 ** (objects / 10.0)
+        self.surface = surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
+        self._object_strength = 10.0 ** (strengths.object_strength / 10.0)
         self._strengths = np.full(surface + 2, self._object_strength)  # by object; NOTHING is the last one
         bottom = scene.world.bottom
-        self._strengths[0] = 10.0 ** ((seabed + (PROPERTIES[bottom.kind].echo if bottom else 0.0)) / 10.0)
+        kind = PROPERTIES[bottom.kind].echo if bottom else 0.0
+        self._strengths[0] = 10.0 ** ((strengths.seabed_strength + kind) / 10.0)
         for number, _, echo in scene.world.looks():
             self._strengths[number] *= 10.0 ** (echo / 10.0)
-        self._strengths[surface:] = 0.0
-        self._surface = surface
+        from_below = strengths.surface_strength
+        self._strengths[surface] = 10.0 ** (from_below / 10.0) if from_below > _NONE else 0.0
+        self._strengths[-1] = 0.0
         beams, rays = aperture.weights.shape
         self._flat = np.ascontiguousarray(aperture.directions.reshape(-1, 3), dtype=float)
         edges = aperture.edges[:, :-1], aperture.edges[:, 1:], *aperture.sides
@@ -84,6 +117,12 @@ class Pinger:
             np.concatenate(part) for part in zip(*[part[:-1] for part in several], strict=True)
         )
         return Echoes(ranges, _not_before(near, ranges, energy, objects), far, energy, beam, objects, ground)
+
+    def with_water(self, shares: Floats, echoes: Echoes, bins: Bins, strength: float) -> Floats:
+        """Return `shares` of `echoes` (beams x bins) and what the water adds, whose 10 lg s_v is `strength`."""
+        if strength <= _NONE:
+            return shares
+        return shares + volume_echoes(echoes, bins, self._aperture.weights, strength, self.absorption)
 
     def _cast(
         self, place: Any, turn: Floats, directions: Floats, edges: tuple[Floats, ...], weights: Floats,
@@ -142,7 +181,7 @@ class Pinger:
 
     def _second(self, mirrors: Mirrors, place: Any, turn: Floats, rays: Rays) -> list[Echoes]:
         view = View(np.asarray(place), turn, self._aperture.lattice, self._aperture.height, self._reach)
-        return second_echoes(mirrors, self._rays, view, rays, self._strengths, self._surface, self.absorption)
+        return second_echoes(mirrors, self._rays, view, rays, self._strengths, self.surface, self.absorption)
 
 
 def _facing(normals: Floats, directions: Floats) -> Floats:

@@ -55,6 +55,8 @@ class ScanningSonarModel(NamedTuple):
     noise_level: Annotated[float, Range(0.0, 200.0)] = 70.0
     seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
     object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
+    surface_strength: Annotated[float, Range(-200.0, 10.0)] = -30.0
+    volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 2.0
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0)] = 12.0
@@ -138,9 +140,7 @@ class Intensities:
         self._model, self._step = model, (model.max_range - model.min_range) / model.bins
         absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         aperture = _aperture(model)
-        self.pinger = Pinger(
-            scene, mounting, aperture, model.max_range, absorption, model.seabed_strength, model.object_strength
-        )
+        self.pinger = Pinger(scene, mounting, aperture, model.max_range, absorption, model)
         self._bins = Bins(model.min_range, self._step, model.bins, absorption)
         ranges = model.min_range + (np.arange(model.bins) + 0.5) * self._step
         self._picture = Picture(model, ranges, absorption, float(aperture.weights.sum()), seed, topic)
@@ -159,7 +159,8 @@ class Intensities:
         echoes = self._scale.measure(self.pinger.ping(time_ns, state, from_euler(0.0, 0.0, angle)), state)
         mean = np.zeros(m.bins)
         if echoes is not None:
-            mean = shares_of(echoes, self._bins, m.slices, self._texture).sum(axis=0)
+            shares = shares_of(echoes, self._bins, m.slices, self._texture)
+            mean = self.pinger.with_water(shares, echoes, self._bins, m.volume_strength).sum(axis=0)
         return SonarImageSample(
             time_ns, (angle,), m.bins, m.min_range, self._step, m.frequency, m.sound_speed, m.beam_width,
             m.beam_height, encoding(m), self._picture.make(mean[:, None]),

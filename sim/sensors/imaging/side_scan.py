@@ -45,6 +45,8 @@ class SideScanModel(NamedTuple):
     noise_level: Annotated[float, Range(0.0, 200.0)] = 75.0
     seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
     object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
+    surface_strength: Annotated[float, Range(-200.0, 10.0)] = -30.0
+    volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 2.0
     error: ErrorModel = ErrorModel(scale=0.005)
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
@@ -81,9 +83,7 @@ class SideScan:
         absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         count = bins_of(0.0, model.max_range, model.range_step)
         self._bins = Bins(0.0, model.range_step, count, absorption)
-        self._pinger = Pinger(
-            scene, mounting, aperture, model.max_range, absorption, model.seabed_strength, model.object_strength
-        )
+        self._pinger = Pinger(scene, mounting, aperture, model.max_range, absorption, model)
         self._texture = make_texture(scene.world)
         solid_angle = float(aperture.weights.sum()) / 2.0
         ranges = (np.arange(count) + 0.5) * model.range_step
@@ -106,8 +106,10 @@ class SideScan:
         sides, altitude = np.zeros((2, self._bins.count)), inf
         if echoes is not None:
             intensities = shares_of(echoes, self._bins, 2 * m.slices, self._texture)
+            intensities = self._pinger.with_water(intensities, echoes, self._bins, m.volume_strength)
             sides = intensities.reshape(2, m.slices, -1).sum(axis=1)
-            nearest = float(echoes.near[echoes.energy > 0.0].min(initial=inf))
+            below = (echoes.energy > 0.0) & (echoes.object != self._pinger.surface)
+            nearest = float(echoes.near[below].min(initial=inf))
             altitude = nearest if nearest <= m.max_range else inf
         port, starboard = (self._picture.make(side[:, None]) for side in sides)
         return SideScanSample(

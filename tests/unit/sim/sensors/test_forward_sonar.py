@@ -29,7 +29,9 @@ EXTENT = (-60.0, 60.0, -60.0, 60.0)
 VEHICLE, _ = load_vehicle("bluerov2_heavy")
 FLAT = World("flat", "test", EXTENT, 20.0)
 DEEP = World("deep", "test", EXTENT, 500.0)
-TRUE = ForwardSonarModel(ground_truth=True, beams=65, sector=radians(65.0), rays=60, min_range=0.0, side_lobes=0.0)
+TRUE = ForwardSonarModel(
+    ground_truth=True, beams=65, sector=radians(65.0), rays=60, min_range=0.0, side_lobes=0.0, surface_strength=-200.0
+)
 AHEAD = State((0.0, 0.0, 10.0))
 NEVER = ErrorModel()
 
@@ -377,3 +379,19 @@ def test_what_stands_out_of_the_water_is_not_received() -> None:
     shallow = forward(facing_wall(20.0), model).sample(0, State((0.0, 0.0, 1.0)))
     deep = forward(facing_wall(20.0), model).sample(0, State((0.0, 0.0, 30.0)))
     assert 0.5 < image(shallow).sum() / image(deep).sum() < 0.75
+
+
+def test_water_echoes_all_along_a_beam_but_not_behind_things() -> None:
+    """In open water s_v b² dO dr / r² and absorption; behind a wall across the whole beam none."""
+    model = TRUE._replace(volume_strength=-60.0)
+    sonar = forward(DEEP, model)
+    picture = image(sonar.sample(0, AHEAD))
+    weights = sonar._pinger._aperture.weights[32].sum() * sonar._received[32].sum()
+    ranges = (np.arange(len(picture)) + 0.5) * 0.1
+    absorbed = 10.0 ** (-0.2 * sonar._pinger.absorption * ranges)
+    # up to 25 m no ray has met the surface
+    assert picture[1:250, 32] == pytest.approx((1e-6 * weights * 0.1 / ranges**2 * absorbed)[1:250], rel=1e-4)
+    assert not image(forward(DEEP).sample(0, AHEAD))[:250].any()
+    walled = image(forward(facing_wall(17.0), model).sample(0, AHEAD))
+    assert walled[100, 32] == pytest.approx(picture[100, 32])
+    assert walled[250, 32] < 1e-3 * picture[250, 32]

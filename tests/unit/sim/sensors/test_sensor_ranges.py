@@ -240,7 +240,7 @@ def test_scanning_sonar_sweeps_a_sector() -> None:
 def test_intensities_of_a_scanning_sonar() -> None:
     """A pile to starboard is in the ping that looks there, at its range; the distance beside it is as without them."""
     world = FLAT._replace(cylinder=(Cylinder(0.0, 12.0, 0.5),), depth=500.0)
-    model = ScanningSonarModel(bins=1000, max_range=30.0, min_range=0.5, ground_truth=True)
+    model = ScanningSonarModel(bins=1000, max_range=30.0, min_range=0.5, ground_truth=True, surface_strength=-200.0)
     sonar, plain = (ScanningSonar(m, Mounting(), 1, scene(world)) for m in (model, model._replace(bins=0)))
     state, sums = State((0.0, 0.0, 10.0)), {}
     for ping in range(400):

@@ -1,6 +1,6 @@
 """Side-scan sonar against what planes and blocks must give; devices; and all that makes images with either engine."""
 
-from math import isinf, pi, radians, sqrt
+from math import isinf, pi, radians, sin, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ def side(sample: SideScanSample, which: str) -> Any:
     return np.frombuffer(getattr(sample, which), sample.encoding)
 
 
-SCAN = SideScanModel(ground_truth=True, max_range=60.0, rays=3000)
+SCAN = SideScanModel(ground_truth=True, max_range=60.0, rays=3000, surface_strength=-200.0)
 
 
 def test_first_bottom_return_is_the_altitude() -> None:
@@ -131,3 +131,17 @@ def test_numpys_rays_give_the_same_pictures(binaries: Path) -> None:
             return [make().sample(0, State((0.0, 0.0, 8.0), from_euler(0.1, -0.2, 0.3))) for make in makers]
 
     assert samples("C") == samples("python")
+
+
+def test_the_surface_echoes_from_below() -> None:
+    """8 m below it, 12 m above the seabed: the lobe reaches up to 60 deg. The altitude is not that of the surface."""
+    state = State((0.0, 0.0, 8.0))
+    model = SCAN._replace(beam_height=radians(170.0), surface_strength=-30.0)
+    wide = SideScan(model, Mounting(), 1, scene()).sample(0, state)
+    without = SideScan(model._replace(surface_strength=-200.0), Mounting(), 1, scene()).sample(0, state)
+    port, dry = side(wide, "port"), side(without, "port")
+    first = int(port.nonzero()[0][0])
+    assert first == pytest.approx(80.0 / sin(radians(60.0)), abs=1)
+    assert (port[first:119] > 0.0).all()
+    assert not dry[:119].any()
+    assert wide.altitude == without.altitude == pytest.approx(12.0, abs=0.01)
