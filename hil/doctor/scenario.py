@@ -2,11 +2,16 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import NamedTuple
+from itertools import pairwise
+from math import ceil, dist, hypot
 
 from hil.autonomy.control.allocation import pseudo_inverse
+from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, MissionError
-from hil.master.flight import prepare
+from hil.doctor.scenario_findings import ScenarioFinding
+from hil.master.flight import Plan, prepare
+from hil.master.planner import Planner
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
 from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.scenario.fleet import as_member
@@ -16,12 +21,10 @@ from sim.vehicle.terminal_speed import reaches
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
+SCANS = ("laser", "scanning_sonar")  # topics without which a planner that needs one stands still
 
-class ScenarioFinding(NamedTuple):
-    """One thing about a scenario: `level` is "problem" (no flight succeeds) or "warning", `text` names file and key."""
-
-    level: str
-    text: str
+# how a planner's error begins -> the key that it is about
+KEYS = {"the goal ": "master: goal: ", "the start ": "start: ", "no path ": "master: margin: "}
 
 
 def check_scenario(scenario: Scenario) -> Iterator[ScenarioFinding]:
@@ -29,36 +32,128 @@ def check_scenario(scenario: Scenario) -> Iterator[ScenarioFinding]:
 
     Raises ConfigError when the vehicle's or the world's file is wrong.
     """
+    for level, text in _check(scenario):
+        yield ScenarioFinding(level, text if scenario.path in text else f"{scenario.path}: {text}")
+
+
+def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
     vehicle, _ = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
+    surge = reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
+    top_speed = surge.speed[0] if surge.driven else 0.0
     attitude = attitude_warning(scenario, vehicle)
     if attitude:
         yield ScenarioFinding("warning", attitude)
     else:
-        yield from _check_speed(scenario, vehicle, world)
+        yield from _check_speed(scenario, vehicle, top_speed)
+    yield from _check_current(world, vehicle, top_speed)
+    yield from _check_periods(scenario)
+    yield from _check_late(scenario)
+    yield from _check_mavlink(scenario)
     if scenario.controller == "builtin":
         yield from _check_line(scenario, vehicle)
+    elif scenario.controller == "px4":
+        yield from _check_autopilot_line(scenario)
     if scenario.member:
+        from hil.doctor.scenario_fleet import check_fleet
+
         for number, member in enumerate(scenario.member):
             yield from _check_start(as_member(scenario, member.node), vehicle, world, f"member[{number}]")
+        yield from check_fleet(scenario, vehicle, world)
         return
     yield from _check_start(scenario, vehicle, world, "start")
+    if scenario.modem:
+        yield ScenarioFinding("warning", "modem: only the vehicles of a fleet have modems, and there is no [[member]]")
     if scenario.controller in AUTOPILOTS:  # it flies its own mission
         return
     try:
-        prepare(scenario, world)
+        plan = prepare(scenario, world)
     except (ConfigError, MissionError) as error:
         text = str(error)
-        yield ScenarioFinding("problem", text if scenario.path in text else f"{scenario.path}: {text}")
+        key = next((key for words, key in KEYS.items() if text.startswith(words)), "")
+        yield ScenarioFinding("problem", f"{key}{text}")
+        return
+    yield from _check_plan(scenario, plan, min(scenario.master.speed, top_speed or scenario.master.speed))
 
 
-def _check_speed(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[ScenarioFinding]:
+def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iterator[ScenarioFinding]:
     """Compare the speed that is requested with what the thrusters can keep up against the drag."""
-    surge = reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
     key, speed = requested_speed(scenario)
-    if surge.driven and speed > surge.speed[0]:
+    if top_speed and speed > top_speed:
         yield ScenarioFinding(
-            "warning", f"{scenario.path}: {key}: {speed:g} m/s, but {vehicle.name} reaches {surge.speed[0]:.2f} m/s"
+            "warning",
+            f"{key}: {speed:g} m/s, but {vehicle.name} reaches {top_speed:.2f} m/s: ask for less, or take another "
+            "vehicle",
+        )
+
+
+def _check_current(world: World, vehicle: Vehicle, top_speed: float) -> Iterator[ScenarioFinding]:
+    """Compare the steady current with the speed that the vehicle reaches."""
+    current = hypot(*world.current[:2])
+    if top_speed and current >= top_speed:
+        yield ScenarioFinding(
+            "warning",
+            f"world: {world.name}: current: {current:.2f} m/s carry {vehicle.name} away, which reaches "
+            f"{top_speed:.2f} m/s: lessen current in the world's file",
+        )
+
+
+def _check_periods(scenario: Scenario) -> Iterator[ScenarioFinding]:
+    """Compare the period of the commands with how long the slave waits for one, and how many it takes."""
+    period, slave = scenario.master.command_period, scenario.slave
+    if slave.deadman < 2.0 * period:
+        level, what = ("problem", "go") if slave.deadman <= period else ("warning", "go after one lost command")
+        yield ScenarioFinding(
+            level,
+            f"slave: deadman: {slave.deadman:g} s, and a command comes every {period:g} s: thrusters {what} to "
+            f"neutral in between: use at least {2.0 * period:g} s, or a shorter command_period in [master]",
+        )
+    if scenario.network.command_rate * period < 1.0 - 1e-9:
+        yield ScenarioFinding(
+            "warning",
+            f"network: command_rate: the slave takes {scenario.network.command_rate:g} commands a second of the "
+            f"{1.0 / period:g} that [master] command_period sends: use at least {1.0 / period:g} Hz",
+        )
+    if slave.control_period < slave.step:
+        yield ScenarioFinding(
+            "warning",
+            f"slave: control_period: {slave.control_period:g} s is shorter than step, {slave.step:g} s, at which the "
+            "vehicle moves: shorten step, or use the same",
+        )
+
+
+def _check_late(scenario: Scenario) -> Iterator[ScenarioFinding]:
+    """Find what is to happen only after the end of the run."""
+    times = [(f"failure[{number}]", one.time) for number, one in enumerate(scenario.failure)]
+    times += [(f"release[{number}]", one.time) for number, one in enumerate(scenario.release)]
+    for key, time in times:
+        if time > scenario.master.time_limit:
+            yield ScenarioFinding(
+                "warning",
+                f"{key}: time: {time:g} s never comes: the run ends at time_limit of [master], "
+                f"{scenario.master.time_limit:g} s",
+            )
+
+
+def _check_mavlink(scenario: Scenario) -> Iterator[ScenarioFinding]:
+    """Find endpoints that are given twice, and a picture without a camera."""
+    mavlink = scenario.mavlink
+    if mavlink is None:
+        return
+    twice = {one for one in mavlink.endpoints if mavlink.endpoints.count(one) > 1}
+    for endpoint in sorted(twice):
+        yield ScenarioFinding("problem", f"mavlink: endpoints: {endpoint!r} is there twice: take one away")
+    _, _, port = split_endpoint(scenario.slave.listen)
+    for endpoint in mavlink.endpoints:
+        if endpoint.startswith("tcpin:") and endpoint.rpartition(":")[2] in (str(port), str(port + 1)):
+            yield ScenarioFinding(
+                "problem",
+                f"mavlink: endpoints: {endpoint!r}: [slave] listen takes ports {port} and {port + 1}: choose another",
+            )
+    key = "video_port" if mavlink.video_port else "rtp" if mavlink.rtp else ""
+    if key and mavlink.camera not in scenario.sensors:
+        yield ScenarioFinding(
+            "warning", f"mavlink: {key}: there is no camera {mavlink.camera!r}: add [sensors.{mavlink.camera}]"
         )
 
 
@@ -69,12 +164,85 @@ def _check_line(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFindin
             end_protocol(scenario.link, "host", len(vehicle.channels))
         check_line_rate(scenario.link, len(vehicle.channels), 1.0 / scenario.slave.control_period)
     except ConfigError as error:
-        yield ScenarioFinding("problem", f"{scenario.path}: {error}")
+        yield ScenarioFinding("problem", str(error))
+
+
+def _check_autopilot_line(scenario: Scenario) -> Iterator[ScenarioFinding]:
+    """Find out whether a serial line to PX4 carries the samples."""
+    from hil.autopilots.link_test import line_rate
+    from hil.autopilots.opening import settings_of
+
+    carried, settings = line_rate(scenario), settings_of(scenario)
+    if 0.0 < carried < settings.rate:
+        least = ceil(settings.baud * settings.rate / carried)
+        yield ScenarioFinding(
+            "problem",
+            f"autopilot: baud: {settings.baud} bit/s carry {carried:.0f} HIL_SENSOR a second, and rate is "
+            f"{settings.rate:g} Hz: use at least {least} bit/s, or a lower rate",
+        )
 
 
 def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -> Iterator[ScenarioFinding]:
-    """Find out whether the vehicle has room where it starts."""
+    """Find out whether the vehicle has room where it starts, and what is made at its start."""
+    start, tether = scenario.start, scenario.tether
+    far = dist(tether.anchor, (start.north, start.east, start.depth)) if tether else 0.0
+    if tether and far > tether.length:
+        yield ScenarioFinding(
+            "problem",
+            f"tether: length: {tether.length:g} m, and the anchor is {far:.1f} m away from {key}: use at least "
+            f"{ceil(far)} m, or move the anchor",
+        )
+        return
     try:
         build_simulation(scenario, vehicle, world)
     except ConfigError as error:
-        yield ScenarioFinding("problem", f"{scenario.path}: {key}: {error}")
+        text = str(error)
+        yield ScenarioFinding("problem", f"{key}: {text}" if "cannot start" in text else text)
+
+
+def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[ScenarioFinding]:
+    """Check a planner that has a way: whether there is time for it, whether it sees, and where else it goes."""
+    planner, grid, master = plan.planner, plan.request.map, scenario.master
+    length = sum(dist(a, b) for a, b in pairwise(planner.path))
+    if length / speed > master.time_limit:
+        yield ScenarioFinding(
+            "problem",
+            f"master: time_limit: the path of {length:.0f} m takes {length / speed:.0f} s and more at {speed:.2f} m/s, "
+            f"and the run ends after {master.time_limit:g} s: lengthen time_limit",
+        )
+    published = {spec.topic for spec in scenario.sensors.values()}
+    for topic in planner.subscriptions:
+        if topic in SCANS and topic not in published:
+            yield ScenarioFinding(
+                "problem",
+                f"planner: {type(planner).__name__} needs the topic {topic!r}, and no sensor publishes it: add "
+                f"[sensors.{topic}] with a rate above 0",
+            )
+    yield from _check_places(planner, grid, plan.request.clearance, master.time_limit)
+
+
+def _check_places(
+    planner: Planner, grid: OccupancyGrid, clearance: float, time_limit: float
+) -> Iterator[ScenarioFinding]:
+    """Check where a planner goes besides the goal, and how long its tasks take at least."""
+    from hil.master.tasks import Tasks
+
+    is_ours = isinstance(planner, Tasks)  # one of the user's may know another way there
+    room = grid.inflate(clearance)
+    for north, east in planner.places:
+        if not room.is_free((north, east)):
+            where = "inside an obstacle" if grid.contains((north, east)) else "outside the map"
+            near = room.nearest_free((north, east))
+            remedy = f"; the nearest free point is ({near[0]:.2f} m north, {near[1]:.2f} m east)" if near else ""
+            yield ScenarioFinding(
+                "problem" if is_ours else "warning",
+                f"planner: the place ({north:g} m north, {east:g} m east) is {where}{remedy}",
+            )
+    if isinstance(planner, Tasks):
+        least = sum(task.duration for task in planner.mission.task if not task.when)
+        if least > time_limit:
+            yield ScenarioFinding(
+                "problem",
+                f"master: time_limit: the tasks take {least:g} s without the ways between them, and the run ends after "
+                f"{time_limit:g} s: lengthen time_limit",
+            )

@@ -24,6 +24,7 @@ from sim.modems.optical_channel import OpticalChannel, Pose
 from sim.sensors.error import sensor_random
 
 _REPORT = Struct("<iiHbbI")  # cm, cm, dm; 2 cm/s, 2 cm/s; ms
+REPORT_BYTES = _REPORT.size
 
 
 def modem_of(scenario: Scenario) -> Modem:
@@ -31,10 +32,10 @@ def modem_of(scenario: Scenario) -> Modem:
     modem, hunting = scenario.modem, hunting_of(scenario)
     if modem is None:
         raise ConfigError(f"{scenario.path}: there is no [modem]: its vehicles talk over the network")
-    airtime = modem.model.airtime_ns(_REPORT.size) / NS_PER_S
+    airtime = modem.model.airtime_ns(REPORT_BYTES) / NS_PER_S
     if 0.0 < modem.slot < airtime:
         raise ConfigError(
-            f"{scenario.path}: modem: slot: a report of {_REPORT.size} bytes takes {airtime:.3g} s, more than a slot; "
+            f"{scenario.path}: modem: slot: a report of {REPORT_BYTES} bytes takes {airtime:.3g} s, more than a slot; "
             "lengthen slot"
         )
     frame = modem.slot * len(scenario.member)

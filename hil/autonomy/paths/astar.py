@@ -89,7 +89,9 @@ def check_ends(grid: OccupancyGrid, start: Point, goal: Point) -> None:
 
 def no_path_error(start: Point, goal: Point) -> NoPathError:
     """Return the error to raise when no path from `start` to `goal` exists."""
-    return NoPathError(f"no path from {_text(start)} to {_text(goal)}: obstacles part them; try a smaller inflation")
+    return NoPathError(
+        f"no path from {_text(start)} to {_text(goal)}: obstacles part them; lessen the margin, or the map's cells"
+    )
 
 
 def without_repeats(points: list[Point]) -> list[Point]:

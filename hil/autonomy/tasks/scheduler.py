@@ -170,7 +170,9 @@ def _check(mission: Mission, where: str) -> None:
             raise ConfigError(f"{where}: the task {task.name!r} would repeat for ever; give it a when")
         for other in task.needs:
             if other not in names or other == task.name:
-                raise ConfigError(f"{where}: the task {task.name!r} needs {other!r}{nearest(other, names)}")
+                raise ConfigError(
+                    f"{where}: the task {task.name!r} needs {other!r}, which is no other task{nearest(other, names)}"
+                )
     left = list(mission.task)
     while left:
         waiting = [task for task in left if any(other.name in task.needs for other in left)]

@@ -81,6 +81,100 @@ def test_what_a_flight_would_run_into_is_found(
 
 
 @pytest.mark.parametrize(
+    ("changes", "level", "words"),
+    [
+        (["master.goal=[99, 0]"], "problem", "master: goal: the goal (99.00 m north, 0.00 m east) is outside the map"),
+        (["master.margin=20"], "problem", "start: the start (0.00 m north"),
+        (["master.time_limit=20"], "problem", "master: time_limit: the path of 74 m takes 93 s and more at 0.80 m/s"),
+        (["slave.deadman=0.1", "master.command_period=0.2"], "problem", "slave: deadman: 0.1 s, and a command comes"),
+        (["slave.deadman=0.3", "master.command_period=0.2"], "warning", "go after one lost command to neutral"),
+        (["network.command_rate=10"], "warning", "network: command_rate: the slave takes 10 commands a second"),
+        (["slave.control_period=0.001"], "warning", "slave: control_period: 0.001 s is shorter than step"),
+        (["slave.step=0.02"], "problem", "sensor 'imu': its rate is above 50 Hz"),
+        (["failure=[{thruster='t', kind='off'}]"], "problem", "failure: no thruster 't'; there are: front_right"),
+        (
+            ["failure=[{thruster='rear_left', kind='off', time=400.0}]"],
+            "warning",
+            "failure[0]: time: 400 s never comes",
+        ),
+        (
+            ["tether.length=3"],
+            "problem",
+            "tether: length: 3 m, and the anchor is 5.0 m away from start: use at least 5",
+        ),
+        (["planner.class=hil.master.avoid:Avoid"], "problem", "planner: Avoid needs the topic 'laser'"),
+        (["modem.slot=1"], "warning", "modem: only the vehicles of a fleet"),
+        (["mavlink.endpoints=['tcpin:127.0.0.1:7448']"], "problem", "listen takes ports 7447 and 7448"),
+        (["mavlink.endpoints=['udpin:127.0.0.1:9', 'udpin:127.0.0.1:9']"], "problem", "is there twice"),
+        (["mavlink.video_port=8000"], "warning", "mavlink: video_port: there is no camera 'camera'"),
+    ],
+)
+def test_what_does_not_fit_together_is_found(
+    capsys: pytest.CaptureFixture[str], changes: list[str], level: str, words: str
+) -> None:
+    assert_found(capsys, "paper_field", changes, level, words)
+
+
+def assert_found(capsys: pytest.CaptureFixture[str], name: str, changes: list[str], level: str, words: str) -> None:
+    """Assert that `check` finds one thing, or it first, and that each line names the file."""
+    code, output, error = run(capsys, "scenario", "check", name, *[w for change in changes for w in ("--set", change)])
+    assert (code, error) == (1 if level == "problem" else 0, "")
+    assert words in output.splitlines()[0]
+    assert all(f": {load_scenario(name).path}: " in line for line in output.splitlines())
+    assert output.startswith(level)
+
+
+@pytest.mark.parametrize(
+    ("tasks", "words"),
+    [
+        ("{name='a', at=[6.5, 7.5], duration=1.0}", "planner: the place (6.5 m north, 7.5 m east) is inside an obst"),
+        ("{name='a', at=[650.0, 7.5], duration=1.0}", "planner: the place (650 m north, 7.5 m east) is outside"),
+        ("{name='a', at=[5.0, 5.0], duration=601.0}", "master: time_limit: the tasks take 601 s"),
+        ("{name='a', at=[5.0, 5.0], duration=1.0, needs=['b']}", "the task 'a' needs 'b', which is no other task"),
+    ],
+)
+def test_tasks_that_cannot_be_done_are_found(capsys: pytest.CaptureFixture[str], tasks: str, words: str) -> None:
+    assert_found(capsys, "task_scheduling", [f"planner.task=[{tasks}]"], "problem", words)
+
+
+def members(*places: tuple[float, int]) -> str:
+    """The change that makes these the members: how far north, and the port of their slaves."""
+    rows = [
+        f"{{node='m{number}', listen='tcp/127.0.0.1:{port}', agent='tcp/127.0.0.1:{port + 100}', "
+        f"north={north}, east=0.0}}"
+        for number, (north, port) in enumerate(places)
+    ]
+    return f"member=[{', '.join(rows)}]"
+
+
+@pytest.mark.parametrize(
+    ("changes", "level", "words"),
+    [
+        (
+            [members((0.0, 7000), (0.3, 7002), (3.0, 7004))],
+            "problem",
+            "member[1]: m1 starts 0.30 m from m0 (member[0])",
+        ),
+        ([members((0.0, 7000), (2.0, 7001), (4.0, 7004))], "problem", "member[1]: listen: tcp/127.0.0.1:7001 takes"),
+        ([members((0.0, 7000), (2.0, 7002))], "problem", "hunting: 2 vehicles cannot surround a target"),
+        (["hunting.ring=0.2"], "problem", "hunting: ring: neighbours on it are 0.28 m apart, less than min_separation"),
+        (["hunting.ring=3.7"], "warning", "farther than communication_range"),
+        (["master.time_limit=10"], "problem", "master: time_limit: the hunt takes"),
+        (["hunting.target=[5.0, 40.0]", "master.time_limit=600"], "problem", "outside the map of paper_hunt"),
+        (["world=paper_field"], "problem", "hunting: the way of uuv3 leads to"),
+        (["modem.slot=0.1"], "problem", "modem: slot: a report of 16 bytes takes 0.23 s, more than a slot"),
+        (["modem.longest=8"], "problem", "modem: longest: a report has 16 bytes, more than 8"),
+        (["modem.slot=0", "hunting.report_timeout=9"], "warning", "hunting: report_period: 0.1 s, and the reports of"),
+    ],
+)
+def test_what_a_fleet_would_run_into_is_found(
+    capsys: pytest.CaptureFixture[str], changes: list[str], level: str, words: str
+) -> None:
+    name = "target_hunting_acoustic" if "modem" in changes[0] else "target_hunting"
+    assert_found(capsys, name, changes, level, words)
+
+
+@pytest.mark.parametrize(
     ("change", "words"),
     [
         ("master.speed=nan", "--set master.speed: nan m/s is outside 0.05 to 5 m/s"),
