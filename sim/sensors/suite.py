@@ -185,7 +185,8 @@ class Slot:
         self.period_ns = period_ns(fitted.model.rate)
         if self.period_ns < dt_ns:
             raise ConfigError(
-                f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation; lower it, or shorten its step"
+                f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation; lower it, or "
+                "shorten its step"
             )
         if fitted.offloaded:
             _require_numpy(name)

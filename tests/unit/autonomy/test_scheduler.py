@@ -165,7 +165,7 @@ needs = ["acquisition"]
     assert read.scheduler.log == made.scheduler.log
     with open(path, "w", encoding="utf-8") as file:
         file.write(text.replace('"acquisition"]', '"aquisition"]'))
-    with pytest.raises(ConfigError, match=r"mission\.toml: the task 'transmission' needs 'aquisition', which is no other task; did you mean"):
+    with pytest.raises(ConfigError, match=r"needs 'aquisition', which is no other task; did you mean"):
         Scheduler(load(path, Mission), path)
 
 
