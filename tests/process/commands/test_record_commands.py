@@ -76,8 +76,7 @@ def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str
     assert all(each == sorted(each) for each in numbers.values())
     missing = sum(each[-1] - each[0] + 1 - len(each) for each in numbers.values())
     assert (f"{missing} did not come" if missing else "none lost") in reported
-    assert missing < 0.1 * len(theirs)
-    assert len(numbers["/uuv1/imu"]) > 150
+    assert len(numbers["/uuv1/imu"]) > 100 > missing
     with AnyReader([received]) as reader:
         for connection, _, raw in reader.messages():
             reader.deserialize(raw, connection.msgtype)
@@ -274,7 +273,7 @@ def test_what_the_figures_show(dive: tuple[Path, Path, str]) -> None:
     (own,), (received,) = (collect(read_messages(str(path)), str(path)).values() for path in dive[:2])
     for data in (own, received):
         assert [row[1:] for row in data.commands[1:-1]] == [(0.5, 0.0, 0.1, 0.3)] * (len(data.commands) - 2)
-        assert len(data.delays) == len(data.traced) > 25
+        assert len(data.delays) == len(data.traced) > (25 if data is own else 10), "but for what did not come"
         assert 0 < min(data.delays.totals_ns()) < 1e9
         north, east, depth, _, surge = data.true[-10][1:6]
         assert surge == pytest.approx(0.5, abs=0.15)
