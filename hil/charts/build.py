@@ -93,7 +93,8 @@ def build(
     water = bounds.known & ~bounds.land
     known, shares = _with_beds(np.full((len(north), len(east)), np.nan), survey.beds, north, east)
     if not (water.any() or survey.fillers or np.nanmax(known, initial=0.0) > 0.0):
-        raise ConfigError(f"{survey.source}: no water in the area: move or widen it (uuv-hil world build --area)")
+        hint = "; if its values are depths, say --positive down" if (known <= 0.0).any() else ""
+        raise ConfigError(f"{survey.source}: no water in the area: move or widen it (uuv-hil world build --area){hint}")
     grid, clamped = Grid(known.astype(np.float32), float(north[0]), float(east[0]), resolution), 0.0
     data = _data(survey) if water.any() else None
     if data is not None:

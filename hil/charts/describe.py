@@ -30,13 +30,15 @@ def describe(survey: Survey, built: Built) -> Facts:
                       f"lowered for; {floating} floating"
                       + (BRIDGES if survey.bridges else "")),
         *_charted_facts(built),
+        *(("note", note) for note in survey.notes),
     )  # fmt: skip
 
 
 def _used(report: Report) -> str:
     """Return how much of the bed is that of each raster."""
     shares = [f"{percent(share)} of the nodes by {name}" for name, share in report.beds]
-    return ", ".join([*shares, f"{percent(1.0 - report.unknown - sum(share for _, share in report.beds))} by others"])
+    others = max(0.0, 1.0 - report.unknown - sum(share for _, share in report.beds))  # rounding leaves -1e-17
+    return ", ".join([*shares, f"{percent(others)} by others"])
 
 
 def _charted_facts(built: Built) -> Facts:

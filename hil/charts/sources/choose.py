@@ -21,6 +21,7 @@ from hil.common.errors import ConfigError
 Array = NDArray[np.float64]
 
 POINTS_DETAIL = 0.5  # of what soundings are apart in the mean: a grid of them
+WIDEST = 20.0  # degrees of the earth that a world may be wide: a plane of more is no map of it
 POINTS_REACH = 4.0  # the seabed is known around soundings, in what they are apart in the mean
 
 
@@ -59,12 +60,13 @@ def read_sources(
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
     boxes = [*([covered(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
     area = area or _around(boxes)
+    _require_local(area)
     plane = LocalPlane(*_origin(area.centre))
     parts = [survey_charts(cells, plane)] if cells else []
     parts += [_survey(points, _local(points, plane), resolution, reach) for points in loose]
     surface = [*([max(ranks["cells"])] if cells else []), *ranks["loose"]]
     parts = without_outranked(parts, surface)
-    parts += [Survey(r.name, None, np.empty((0, 3)), detail=r.spacing) for r in rasters]
+    parts += [Survey(r.name, None, np.empty((0, 3)), detail=r.spacing, notes=_notes(r)) for r in rasters]
     beds = [(rasters[k].label, partial(rasters[k].depths, plane)) for k in order]
     first = sum(ranks["rasters"][k] >= max(surface, default=OTHER) for k in order)
     together = _together(parts, _origin(area.centre))
@@ -117,6 +119,17 @@ def _around(boxes: list[Box]) -> Box:
     return Box(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
 
 
+def _require_local(area: Box) -> None:
+    size = area.north - area.south, (area.east - area.west) * np.cos(np.radians(area.centre[0]))
+    if max(size) > WIDEST:
+        south, west = (np.floor(10.0 * value) / 10.0 for value in _origin(area.centre))
+        raise ConfigError(
+            f"the area is {area.north - area.south:.0f} x {area.east - area.west:.0f} degrees large, too large for a "
+            f"world: name a part of at most {WIDEST:g}, as "
+            f"--area={south:.1f},{west:.1f},{south + 0.1:.1f},{west + 0.1:.1f}"
+        )
+
+
 def _local(points: Points, plane: LocalPlane) -> Array:
     return np.column_stack(plane.to_local(points.places[:, 0], points.places[:, 1]))
 
@@ -126,7 +139,11 @@ def _survey(points: Points, places: Array, resolution: float | None, reach: floa
     detail = max(0.01, POINTS_DETAIL * _apart(places))
     soundings = block_means(np.column_stack([places, points.depths]), resolution or detail)
     reach = POINTS_REACH * _apart(soundings) if reach is None else reach
-    return Survey(points.name, None, soundings, detail=detail, reach=reach)
+    return Survey(points.name, None, soundings, detail=detail, reach=reach, notes=_notes(points))
+
+
+def _notes(source: Points | Raster) -> tuple[str, ...]:
+    return (source.note,) if source.note else ()
 
 
 def _apart(places: Array) -> float:
@@ -142,6 +159,7 @@ def _together(parts: list[Survey], origin: tuple[float, float] | None) -> Survey
         soundings=np.concatenate([part.soundings for part in parts]),
         detail=min(part.detail for part in parts),
         reach=max(part.reach for part in parts),
+        notes=tuple(note for part in parts for note in part.notes),
     )
 
 

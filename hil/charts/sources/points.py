@@ -14,7 +14,7 @@ from typing import IO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.sources.sign import Positive, is_upwards, metres_in, require_possible
+from hil.charts.sources.sign import Positive, direction, is_of_depths, metres_in, require_possible
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 from hil.common.text import clean
@@ -29,6 +29,7 @@ LARGEST = 1 << 30  # bytes of a file, and characters of its text when unpacked
 MOST_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
 LONGEST_LINE = 10_000  # characters
 FARTHEST = 1e5  # m from the origin of a world
+COMMENTS = ("#", "%", ">", "!", "//")  # of GMT, MATLAB, Surfer and others
 PACKED = (".gz", ".xz", ".bz2")
 ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
 
@@ -36,13 +37,14 @@ ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
 class Points(NamedTuple):
     """Loose depths. `places`: (n, 2) latitude, longitude in degrees if `geographic`, else north, east in m.
 
-    `depths`: (n,) m, positive down.
+    `depths`: (n,) m, positive down. `note`: what was assumed of them, "" for nothing.
     """
 
     name: str
     places: Array
     depths: Array
     geographic: bool
+    note: str = ""
 
 
 def is_points(path: str) -> bool:
@@ -54,18 +56,18 @@ def is_points(path: str) -> bool:
 def read_points(path: str, positive: Positive = "auto", crs: str | None = None) -> Points:
     """Return the soundings in the text file at `path`. Raises ConfigError; MissingExtraError with `crs`.
 
-    Columns are parted by commas, semicolons, tabs or blanks. A first line names them: longitude and latitude, or
-    east and north (x and y) in m, and depth, elevation or z; without one they are longitude, latitude, depth.
-    Lines that begin with # are left out. `crs`: the coordinate system of east and north, as EPSG:32605; without it they
-    are metres from somewhere.
+    Columns are parted by semicolons, tabs, commas or blanks; where not by commas, these may part decimals. A first
+    line names them: longitude and latitude, or east and north (x and y) in m, and depth, elevation or z; without one
+    they are longitude, latitude, depth. Lines that begin as COMMENTS do are left out. `crs`: the coordinate system of
+    east and north, as EPSG:32605; without it they are metres from somewhere.
     """
     lines = _lines(path)
     head = next(lines, None)
     if head is None:
         raise ConfigError(f"{path}: no soundings in it: a line has longitude, latitude and depth")
-    separator = next((mark for mark in ",;\t" if mark in head), None)
+    separator = next((mark for mark in ";\t," if mark in head), None)
     names = _cells(head, separator)
-    has_names = not all(map(_is_number, names))
+    has_names = not all(map(_is_number, names[:3]))
     first, second, third, geographic = _columns(names, path) if has_names else (0, 1, 2, True)
     rows = _numbers(lines if has_names else chain([head], lines), separator, (first, second, third), path, has_names)
     rows = rows[np.isfinite(rows).all(axis=1)]
@@ -79,8 +81,10 @@ def read_points(path: str, positive: Positive = "auto", crs: str | None = None) 
     name = [names[third]] if has_names else []
     rows[:, 2] *= metres_in(name[0]) if name else 1.0
     require_possible(path, rows[:, 2])
-    up = is_upwards(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
-    return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic)
+    up, note = direction(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
+    if not has_names:
+        note = f"{path}: names no columns: taken as longitude, latitude and depth" + (f"; {note}" if note else "")
+    return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
 
 
 def _degrees(rows: Array, crs: str) -> Array:
@@ -109,25 +113,31 @@ def _lines(path: str) -> Iterator[str]:
                         f"{path}: more than {LARGEST >> 20} MiB of text or {MOST_LINES} lines: thin it out, or make a "
                         "GeoTIFF of it"
                     )
-                if (line := line.strip()) and not line.startswith("#"):
+                if "\0" in line:
+                    raise ConfigError(f"{path}: is no text, or none in UTF-8: save it as such")
+                if (line := line.strip()) and not line.startswith(COMMENTS):
                     yield line
-    except (OSError, EOFError, UnicodeDecodeError, zlib.error, lzma.LZMAError) as error:
+    except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
 
 
 def _open(path: str) -> IO[str]:
     ending = os.path.splitext(path)[1].lower()
     if ending == ".gz":
-        return gzip.open(path, "rt", encoding="utf-8-sig")
+        return gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
     if ending == ".xz":
-        return lzma.open(path, "rt", encoding="utf-8-sig")
+        return lzma.open(path, "rt", encoding="utf-8-sig", errors="replace")
     if ending == ".bz2":
-        return bz2.open(path, "rt", encoding="utf-8-sig")
-    return open(path, encoding="utf-8-sig")
+        return bz2.open(path, "rt", encoding="utf-8-sig", errors="replace")
+    return open(path, encoding="utf-8-sig", errors="replace")
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
-    return line.split() if separator is None else next(csv.reader([line], delimiter=separator))
+    if separator != ",":
+        line = line.replace(",", ".")  # which parts decimals
+    if separator is None or '"' not in line:
+        return line.split(separator)
+    return next(csv.reader([line], delimiter=separator))
 
 
 def _is_number(text: str) -> bool:
@@ -146,6 +156,8 @@ def _columns(names: Sequence[str], path: str) -> tuple[int, int, int, bool]:
         return next((index for index, name in enumerate(short) if name in wanted), None)
 
     depth = find(_DEPTH)
+    if depth is None:  # as water_depth
+        depth = next((index for index, name in enumerate(names) if is_of_depths(name)), None)
     for across, along, geographic in ((_LONGITUDE, _LATITUDE, True), (_EAST, _NORTH, False)):
         first, second = find(across), find(along)
         if None not in (first, second, depth):
@@ -159,7 +171,7 @@ def _columns(names: Sequence[str], path: str) -> tuple[int, int, int, bool]:
 def _numbers(lines: Iterable[str], separator: str | None, columns: tuple[int, ...], path: str, offset: int) -> Array:
     rows = array("d")
     for number, line in enumerate(lines, 1 + offset):
-        cells = _cells(line, separator) if separator is None or '"' in line else line.split(separator)
+        cells = _cells(line, separator)
         try:
             rows.extend([float(cells[column] or "nan") for column in columns])
         except (ValueError, IndexError):

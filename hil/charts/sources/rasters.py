@@ -4,6 +4,8 @@ import os
 import re
 import sys
 import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +13,8 @@ from numpy.typing import NDArray
 
 from hil.charts.chart_survey import Box
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.sign import Positive, is_of_depths, is_upwards, metres_in, metres_of, require_possible
+from hil.charts.sources.s102 import with_uncertainty
+from hil.charts.sources.sign import Positive, direction, is_of_depths, metres_in, metres_of, require_possible
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 
@@ -22,7 +25,7 @@ WGS84 = "EPSG:4326"
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".bag": "BAG", ".nc": "netCDF", ".asc": "AAIGrid", ".h5": "S102"}
 # Where a format has a survey's day: S-102's issue, BAG's and TIFF's time, NetCDF's by the CF and ACDD conventions.
 DATES = ("issuedate", "bag_datetime", "time_coverage_end", "date_issued", "date_created", "tifftag_datetime")
-NAMES = ("elevation", "depth", "z", "bathymetry")  # of the variable to take, where a file has several
+FINEST = {"MODE": "RESAMPLED_GRID"}  # of a BAG of variable resolution, whose own band is its coarse overview
 SAMPLED = 512  # pixels along a side, from which the sign of a raster without a name is seen
 COARSER = 1.5  # nodes farther apart than so many pixels get the mean of their pixels, others are interpolated
 
@@ -30,9 +33,10 @@ COARSER = 1.5  # nodes farther apart than so many pixels get the mean of their p
 class Raster(NamedTuple):
     """A raster on the earth. `file` and `driver` are GDAL's names of it and of its format, `crs` is of its positions.
 
-    `band` has the depths. `box`: where it lies, degrees, east beyond 180 where it crosses that; `spacing`: the side of
-    a pixel, m; `scale` and `offset` make depths in m of its numbers. `date`: the day of the survey or of its issue, as
-    2024-03-01, "" where the file names none.
+    `options` are GDAL's for opening it. `band` has the depths. `box`: where it lies, degrees, east beyond 180 where it
+    crosses that; `spacing`: the side of a pixel, m; `scale` and `offset` make depths in m of its numbers. `date`: the
+    day of the survey or of its issue, as 2024-03-01, "" where the file names none. `note`: what was assumed of its
+    values, "" for nothing.
     """
 
     name: str
@@ -45,6 +49,9 @@ class Raster(NamedTuple):
     offset: float
     date: str = ""
     band: int = 1
+    note: str = ""
+    options: Mapping[str, str] = {}
+    memory: Any = None  # that `file` names, where it does not name one on disk
 
     @property
     def label(self) -> str:
@@ -67,7 +74,7 @@ class Raster(NamedTuple):
         how = Resampling.average if step > COARSER * self.spacing else Resampling.bilinear
         try:
             with (
-                rasterio.open(self.file, driver=self.driver) as source,
+                rasterio.open(self.file, driver=self.driver, **self.options) as source,
                 WarpedVRT(
                     source, src_crs=self.crs, crs=local, transform=where, width=len(east), height=len(north),
                     resampling=how, src_nodata=source.nodata, nodata=np.nan, dtype="float32",
@@ -90,7 +97,7 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
     Raises ConfigError, MissingExtraError.
     """
     try:
-        import rasterio
+        import rasterio.io
         from rasterio._err import CPLE_BaseError  # of a coordinate system that is not one of the earth
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
     except ImportError:
@@ -100,20 +107,46 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)  # of a NetCDF as a whole; and see _placed
-            with rasterio.open(path, driver=driver) as source:
-                file = _depths_of(path, source.subdatasets) if source.subdatasets else path
-            with rasterio.open(file, driver=driver) as source:
-                return _placed(path, file, source, positive, crs)
+            memory = _readable_s102(path) if driver == "S102" else None
+            whole = memory.name if memory else path
+            with rasterio.open(whole, driver=driver) as source:
+                # BAG and S-102 have the depths in their own bands, and in parts how they were measured
+                parts = () if source.count else source.subdatasets
+                file = _depths_of(path, driver, parts) if parts else whole
+                options = FINEST if float(source.tags().get("MIN_RESOLUTION_X", 0.0)) > 0.0 else {}
+            with rasterio.open(file, driver=driver, **options) as source:
+                return _placed(path, file, source, positive, crs)._replace(options=options, memory=memory)
     except (RasterioError, CPLE_BaseError, OSError) as error:
         raise ConfigError(f"{path}: cannot be read as a raster: {error}") from None
 
 
-def _depths_of(path: str, parts: list[str]) -> str:
-    """Return which of a file's variables has the depths, as GDAL names it."""
-    for part in parts:
-        if part.rpartition(":")[2].strip('"/').lower() in NAMES:
+def _readable_s102(path: str) -> Any:
+    """Return a file in memory to read instead of an S-102 file that this GDAL does not know as one, else None."""
+    import rasterio
+
+    with suppress(rasterio.errors.RasterioIOError), rasterio.open(path, driver="S102"):
+        return None
+    made = with_uncertainty(path)
+    return rasterio.io.MemoryFile(made, ext=".h5") if made else None
+
+
+def _depths_of(path: str, driver: str, parts: Sequence[str]) -> str:
+    """Return which of a file's variables has the depths, as GDAL names it, by their names, else by what these mean."""
+    import rasterio
+
+    names = [part.rpartition(":")[2].strip('"/') for part in parts]
+    for part, name in zip(parts, names, strict=True):
+        if is_of_depths(name):
             return part
-    raise ConfigError(f"{path}: holds {', '.join(part.rpartition(':')[2] for part in parts)}, and none is elevation")
+    for part in parts:
+        with rasterio.open(part, driver=driver) as source:
+            tags = source.tags(1)
+        if any(is_of_depths(tags.get(key, "")) for key in ("standard_name", "long_name")):
+            return part
+    raise ConfigError(
+        f"{path}: holds {', '.join(names)}, and none is named as depth or elevation: make a GeoTIFF of the one that "
+        f"is, as gdal_translate {driver.upper()}:{path}:{names[0]} bed.tif"
+    )
 
 
 def _placed(path: str, file: str, source: Any, positive: Positive, crs: str | None) -> Raster:
@@ -140,10 +173,11 @@ def _placed(path: str, file: str, source: Any, positive: Positive, crs: str | No
     spacing = float(np.hypot(*(local[1:] - local[0]).T).max())
     band = _band(source)
     unit = _unit(path, source, band)
-    sign = -unit if _is_upwards(path, file, source, positive, band, unit) else unit
+    is_upwards, note = _direction(path, file, source, positive, band, unit)
+    sign = -unit if is_upwards else unit
     scale, offset = sign * source.scales[band - 1], sign * source.offsets[band - 1]
     date = _date({**source.tags(), **source.tags(band)})
-    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, date, band)
+    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, date, band, note)
 
 
 def _band(source: Any) -> int:
@@ -181,12 +215,14 @@ def known_crs(name: str) -> Any:
         raise ConfigError(f"--crs: {name}: no such coordinate system ({error}); name one as EPSG:32605") from None
 
 
-def _is_upwards(path: str, file: str, source: Any, positive: Positive, band: int, unit: float) -> bool:
+def _direction(path: str, file: str, source: Any, positive: Positive, band: int, unit: float) -> tuple[bool, str]:
+    """Return whether the values of a band count upwards, and what was assumed for that."""
     tags = {key.rpartition("#")[2].lower(): str(value) for key, value in source.tags(band).items()}
-    if positive == "auto" and tags.get("positive") in ("up", "down"):
-        return tags["positive"] == "up"
+    said = tags.get("positive", "").strip().lower()
+    if positive == "auto" and said in ("up", "down"):
+        return said == "up", ""
     if positive == "auto" and source.driver in ("BAG", "S102"):  # elevations by definition; GDAL gives depths of S-102
-        return bool(source.driver == "BAG")
+        return bool(source.driver == "BAG"), ""
     named = [tags.get("standard_name"), tags.get("long_name"), source.descriptions[band - 1], file.rpartition(":")[2]]
     shape = min(SAMPLED, source.height), min(SAMPLED, source.width)
     values = source.read(band, out_shape=shape, masked=True)
@@ -195,4 +231,4 @@ def _is_upwards(path: str, file: str, source: Any, positive: Positive, band: int
     if not len(known):
         raise ConfigError(f"{path}: not one pixel with a depth in it: take another file")
     require_possible(path, known)
-    return is_upwards(path, positive, [word for word in named if word], float(known.min()), float(known.max()))
+    return direction(path, positive, [word for word in named if word], float(known.min()), float(known.max()))

@@ -27,23 +27,29 @@ _OTHERS = {
 }  # fmt: skip
 _UNITS = {**_METRES, **_OTHERS}
 FARTHEST = 12_000.0  # m from the sea's level: no place of the earth is
+MARK = 9999.0  # m that stand for none in many a file that does not say so
 
 
-def is_upwards(path: str, positive: Positive, names: Iterable[str], low: float, high: float) -> bool:
+def direction(path: str, positive: Positive, names: Iterable[str], low: float, high: float) -> tuple[bool, str]:
     """Return whether values between `low` and `high` m count upwards, as `positive` or their `names` say.
 
     Without such a name all of one sign are a seabed: below zero they are heights, above it depths; so they are where
-    the name says depth and all are below zero. Raises ConfigError where nothing tells.
+    the name says depth and all are below zero. The second is a note on what was assumed so, "" where a name says it.
+    Raises ConfigError where nothing tells.
     """
     if positive != "auto":
-        return positive == "up"
+        return positive == "up", ""
     words = {word for name in names for word in _words(name)}
     if high <= 0.0 and low < 0.0:
-        return True
+        note = f"{path}: named as depths, taken as heights, as none is above zero (else --positive down)"
+        return True, note if words & _DOWN and not words & _UP else ""
     if words & _UP:
-        return True
-    if words & _DOWN or low >= 0.0:
-        return False
+        return True, ""
+    if words & _DOWN:
+        return False, ""
+    if low >= 0.0:
+        note = f"{path}: taken as depths, as none is below zero and no name says what they are (else --positive up)"
+        return False, note
     raise ConfigError(
         f"{path}: values from {low:g} to {high:g} m, and nothing says whether they are heights or depths: say "
         "--positive up or --positive down"
@@ -71,8 +77,10 @@ def metres_in(name: str) -> float:
 
 
 def require_possible(path: str, values: NDArray[np.float64]) -> None:
-    """Raise ConfigError for depths or heights (m) that are nowhere on the earth, as a mark for no depth is."""
-    if len(values) and (worst := float(np.abs(values).max())) > FARTHEST:
+    """Raise ConfigError for depths or heights (m) that are nowhere on the earth, or are twice a mark for no depth."""
+    sizes = np.abs(values)
+    worst = float(sizes.max()) if len(values) else 0.0
+    if worst > FARTHEST or (worst >= MARK and np.count_nonzero(sizes == (worst := MARK)) > 1):
         raise ConfigError(
             f"{path}: has {worst:g} m, which is no depth: if that stands for none, say so in the file, "
             "as gdal_translate -a_nodata does"

@@ -6,7 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil.charts.build import build
+from hil.charts.chart_survey import Box
 from hil.charts.projection import LocalPlane
+from hil.charts.sources.choose import read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import Raster, open_raster
 from hil.common.errors import ConfigError
@@ -85,3 +88,34 @@ def test_a_coordinate_system_that_is_not_of_the_earth_is_refused(tmp_path: Path)
     path = write(tmp_path / "pool.tif", DEPTHS, crs='LOCAL_CS["pool",UNIT["metre",1]]')
     with pytest.raises(ConfigError, match=r"pool\.tif: cannot be read as a raster"):
         open_raster(path)
+
+
+def test_a_common_mark_for_no_depth_that_nothing_names_is_refused(tmp_path: Path) -> None:
+    """-9999 lies within the depths of the earth: two of it to the last digit are no bed."""
+    holes = -DEPTHS
+    holes[:10, :10] = -9999.0
+    with pytest.raises(ConfigError, match=r"9999 m, which is no depth.*gdal_translate -a_nodata"):
+        open_raster(write(tmp_path / "holes.tif", holes))
+    holes[:10, :10] = -9998.7  # of a trench
+    open_raster(write(tmp_path / "trench.tif", holes))
+
+
+def test_what_is_assumed_of_values_is_said(tmp_path: Path) -> None:
+    named = open_raster(write(tmp_path / "named.tif", DEPTHS, names=("depth",)))
+    bare = open_raster(write(tmp_path / "bare.tif", DEPTHS))
+    odd = open_raster(write(tmp_path / "odd.tif", -DEPTHS, names=("depth",)))
+    assert named.note == ""
+    assert "bare.tif: taken as depths, as none is below zero" in bare.note
+    assert "odd.tif: named as depths, taken as heights" in odd.note
+    assert [depth_of(raster) for raster in (named, bare, odd)] == [MIDDLE] * 3
+    assert open_raster(write(tmp_path / "bare.tif", DEPTHS), "down").note == ""
+
+
+def test_the_whole_earth_is_no_world(tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
+    where = rasterio.Affine(9.0, 0.0, -180.0, 0.0, -6.0, 90.0)
+    path = write(tmp_path / "earth.tif", -DEPTHS, crs="EPSG:4326", transform=where)
+    with pytest.raises(ConfigError, match=r"180 x 360 degrees large.*--area=0\.0,0\.0,0\.1,0\.1"):
+        read_sources([path], None)
+    survey, extent = read_sources([path], Box(10.0, 20.0, 10.1, 20.1), 1000.0)
+    assert build(survey, extent, 1000.0).report.water == 1.0

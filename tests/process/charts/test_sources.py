@@ -33,6 +33,8 @@ def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:
     ("b.csv", "Latitude (deg);Depth_m;Lon\n54.25;7.5;10.5\n54.5;9;10.6\n"),
     ("c.xyz", "# soundings\n10.5 54.25 -7.5\n\n 10.6\t54.5 -9.0\n"),
     ("d.txt", "10.5\t54.25\t7.5\n10.6\t54.5\t9.0\n"),
+    ("f.csv", "Breite;Länge;Tiefe;lat;lon;water_depth\na;b;c;54,25;10,5;7,5\na;b;c;54,5;10,6;9\n"),
+    ("g.xyz", "> a track of GMT\n10.5 54.25 -7.5 S1\n10.6 54.5 -9.0 S1\n"),
     ("e.csv", '"lon","lat","note","elevation"\n10.5,54.25,"a, b",-7.5\n10.6,54.5,,-9\n10.7,54.5,nothing,\n'),
 ])  # fmt: skip
 def test_text_of_many_kinds(tmp_path: Path, name: str, text: str) -> None:

@@ -1,0 +1,40 @@
+"""S-102 without uncertainty, which edition 3.0 allows: GDAL reads it since 3.11, and older ones as it is made here."""
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+NONE = 1e6  # S-102's mark for no value
+COVERAGE = "BathymetryCoverage"
+
+
+def with_uncertainty(path: str) -> bytes | None:
+    """Return the S-102 file at `path` with an uncertainty of which nothing is known; None for any other file.
+
+    None as well without h5py.
+    """
+    with suppress(ImportError, OSError):
+        import h5py
+
+        with h5py.File(path) as source, h5py.File("copy", "w", driver="core", backing_store=False) as target:
+            if COVERAGE not in source:
+                return None
+            target.attrs.update(source.attrs)
+            target.create_group("Group_F")  # by which GDAL knows S-100
+            _copy(source[COVERAGE], target.create_group(COVERAGE))
+            target.flush()
+            return bytes(target.id.get_file_image())
+    return None
+
+
+def _copy(source: Any, target: Any) -> None:
+    """Copy a group's attributes, its groups and its values into the group `target`."""
+    target.attrs.update(source.attrs)
+    for name, part in source.items():
+        if hasattr(part, "items"):
+            _copy(part, target.create_group(name))
+        elif name == "values" and part.dtype.names and "depth" in part.dtype.names:
+            values = np.empty(part.shape, [("depth", "<f4"), ("uncertainty", "<f4")])
+            values["depth"], values["uncertainty"] = part["depth"], NONE
+            target.create_dataset(name, data=values)
