@@ -1,12 +1,13 @@
 """The page of the topics: name, message type, rate and quality of service, out of the table of topics."""
 
-from hil.ros.topics import COMMANDS, FAN, TOPICS, Topic
+from hil.ros.topics import COMMANDS, FAN, TOPICS, Qos, Topic
 
 HEAD = """\
 # Topics
 
 Every topic is a ROS 2 message. `NODE` is the name of the vehicle, `[slave] node`. A sensor's topic is there when the
 sensor is fitted, at the rate of its section; the table has the usual rate. Frames are ENU and FLU (REP 103).
+Where the table gives no quality of service, it is reliable with a depth of 10.
 
 This page is made by `python -m tools.reference` from `hil/ros/topics.py`.
 
@@ -90,7 +91,9 @@ def page() -> str:
 
 def _row(topic: Topic) -> str:
     rate = f"{topic.rate_hz:g}" if topic.rate_hz else "on events"
-    qos = ["reliable" if topic.qos.reliable else "best effort", f"depth {topic.qos.depth}"]
+    qos = (
+        [] if topic.qos == Qos() else ["reliable" if topic.qos.reliable else "best effort", f"depth {topic.qos.depth}"]
+    )
     qos += ["latched"] if topic.qos.latched else []
     columns = f"`{topic.full_name('NODE')}`", f"`{topic.type}`", rate, ", ".join(qos), CONTENT[topic.name]
     return f"| {' | '.join(columns)} |\n"
