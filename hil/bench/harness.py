@@ -107,7 +107,7 @@ class Process:
             how = f"was ended by signal {-code} ({signal_name(-code)})"
         if code == -signal.SIGKILL and self._memory_mib:
             how += f", perhaps as it needs more than the {self._memory_mib:.0f} MiB of --memory"
-        return f"{how}; it last said: {self.last_words}"
+        return f"{how}; its last output: {self.last_words}"
 
     def expect(self, word: str, seconds: float) -> str:
         """Return the first line of output with `word` in it. Raises NetworkError if none comes in time."""
@@ -120,9 +120,9 @@ class Process:
             if line:
                 return line.strip()
             if not running:
-                raise NetworkError(f"a process did not say {word!r}, but {self.ending}")
+                raise NetworkError(f"a process did not print {word!r}, but {self.ending}")
             if now_ns() > deadline:
-                raise NetworkError(f"a process did not say {word!r} within {seconds:g} s, but: {self.last_words}")
+                raise NetworkError(f"a process did not print {word!r} within {seconds:g} s, but: {self.last_words}")
             select.select((), (), (), 0.01)
 
     def wait(self, seconds: float) -> int:
@@ -130,7 +130,7 @@ class Process:
         try:
             return self._process.wait(seconds)
         except subprocess.TimeoutExpired:
-            raise NetworkError(f"a process did not end within {seconds:g} s; it last said: {self.last_words}") from None
+            raise NetworkError(f"a process runs on after {seconds:g} s; its last output: {self.last_words}") from None
 
     def join(self) -> int:
         """Return its exit code, at once when it has ended: a wait with a timeout looks now and then, which costs."""

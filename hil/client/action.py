@@ -32,7 +32,7 @@ Reached = Callable[[State], bool]
 class Action:
     """An action of the vehicle. `done` is true once it has reached its goal, which it then holds.
 
-    It is over without being done when the vehicle was told something else, or with an error when the vehicle did not
+    It ends without being done when another command reaches the vehicle, or with an error when the vehicle did not
     obey or stayed away: `wait` raises it. One that is done may get an error too: then the vehicle holds it no more.
     """
 
@@ -67,7 +67,7 @@ class Action:
         if self.error:
             raise self.error
         if not self.done:
-            raise MissionError("the vehicle was told something else before it came to what was asked")
+            raise MissionError("another command reached the vehicle before this action was done")
         return self
 
     def __await__(self) -> Generator[Any, None, "Action"]:

@@ -256,10 +256,10 @@ class VehicleClient:
     def unavailable_reason(self) -> str:
         """Return why the vehicle obeys nobody, or not us, and the remedy; "" while nothing says so."""
         values = self.diagnostics()
-        if values.controller == "external" and (lack := self._lack_of_software()):
+        if values.controller == "external" and (missing := self._missing_software()):
             return (
                 f'{self.node} is left to software of its own (controller = "external" in its scenario), and none '
-                f'{lack}: start that first, or let the slave have controller = "builtin"'
+                f'{missing}: start that first, or let the slave have controller = "builtin"'
             )
         if values.armed is False:
             return f"{self.node} is disarmed: uuv-hil topic call /{self.node}/arm '{{data: true}}'"
@@ -281,7 +281,7 @@ class VehicleClient:
         if text := reason():
             raise NetworkError(text)
 
-    def _lack_of_software(self) -> str:
+    def _missing_software(self) -> str:
         """Return why no software of a vehicle's own answers here, "" if it may.
 
         Who listens may be a recorder: what tells is whether anybody drives the thrusters while we command.

@@ -77,7 +77,7 @@ class HealthWatch:
             return sorted(name for name, there in self._present.items() if there and name not in self._statuses)
 
     def mixed(self) -> dict[str, int]:
-        """Return the names that several slaves share, and how many share each: their figures cannot be told apart."""
+        """Return the names that several slaves share, and how many share each: their figures are mixed."""
         with self._lock:
             return {name: len(there) for name, there in sorted(self._present.items()) if len(there) > 1}
 

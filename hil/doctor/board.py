@@ -81,7 +81,7 @@ def throttled(case: Case) -> Iterator[Finding]:
         if text not in slow.now:
             yield Finding("note", "throttled", f"since boot: {text}", remedy["voltage" in text])
     if not slow.known and case.board and case.board.throttling == "vcgencmd":
-        text = "whether heat slows it down cannot be told: its firmware does not answer vcgencmd"
+        text = "whether heat slows it down cannot be determined: its firmware does not answer vcgencmd"
         yield Finding("note", "throttled", text, f"sudo usermod -aG video {case.user.name}, then log in again")
     if warmth is None:
         return
@@ -102,7 +102,7 @@ def realtime_limits(case: Case) -> Iterator[Finding]:
         yield Finding(case.severity, "real time", text, "sudo sysctl kernel.sched_rt_runtime_us=950000")
     process = _process(case)
     if process is None:
-        text = f"what {case.user.name} is granted cannot be told"
+        text = f"what {case.user.name} is granted cannot be determined"
         refused = as_user(case.user)  # a session that is refused says why
         remedy = f"see: {shlex.join([*refused, 'true'])}" if refused else f"the same with sudo, --user {case.user.name}"
         yield Finding("note", "real time", text, remedy)
@@ -133,7 +133,7 @@ def clock(case: Case) -> Iterator[Finding]:
         remedy = "sudo timedatectl set-ntp true; without internet, chrony with the master's computer as its server"
         yield Finding(case.severity if case.remote else "note", "clock", text, remedy)
     else:
-        yield Finding("note", "clock", "whether it is synchronised cannot be told: no answer of timedatectl")
+        yield Finding("note", "clock", "whether it is synchronised cannot be determined: no answer of timedatectl")
 
 
 def process_limits(text: str) -> dict[str, float]:

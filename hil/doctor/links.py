@@ -103,7 +103,7 @@ def can_bus(case: Case) -> Iterator[Finding]:
     up = f"sudo ip link set {name} up type can bitrate {rate}"
     flags = hexadecimal(case.tree.text(f"/sys/class/net/{name}/flags"))
     if flags is None:
-        yield Finding("note", "CAN", f"whether {name} is up cannot be told")
+        yield Finding("note", "CAN", f"whether {name} is up cannot be determined")
         return
     if not flags & 1:  # IFF_UP, netdevice(7)
         yield Finding("problem", "CAN", f"{name} is down", f"{up} (uuv-hil board install does it at each start)")
@@ -124,7 +124,7 @@ def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]
         return
     bitrate, state = _table(data, "bittiming").get("bitrate"), data.get("state")
     if bitrate is None or state is None:
-        yield Finding("note", "CAN", f"{name} is up; bit rate and state cannot be told", "sudo apt install iproute2")
+        yield Finding("note", "CAN", f"{name} is up; bit rate and state are unknown", "sudo apt install iproute2")
     if bitrate not in (None, rate):
         remedy = f"sudo ip link set {name} down; {up}; or [link] bitrate = {bitrate}"
         yield Finding("problem", "CAN", f"{name} runs at {bitrate} bit/s, the scenario says {rate}", remedy)

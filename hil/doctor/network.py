@@ -47,7 +47,7 @@ def wlan(case: Case) -> Iterator[Finding]:
         elif answer is not None and answer.endswith("off"):
             yield Finding("ok", "wlan", f"{name} does not save power")
         else:
-            yield Finding("note", "wlan", f"{name}: power saving cannot be told", "sudo apt install iw")
+            yield Finding("note", "wlan", f"{name}: power saving cannot be determined", "sudo apt install iw")
 
 
 def listeners(tree: Tree) -> dict[int, str]:

@@ -103,7 +103,7 @@ def start(
         for shown in query_states(done, ssh):
             if shown.state != "running":
                 place = f" on {shown.host}" if shown.host else ""
-                raise DeviceError(f"{shown.member}{place} {shown.state}: {shown.last or 'it said nothing'}")
+                raise DeviceError(f"{shown.member}{place} {shown.state}: {shown.last or 'no output'}")
     except BaseException:
         stop(scenario, done, ssh)
         raise

@@ -191,7 +191,7 @@ def waits_for_network(service: Service) -> bool:
 
 
 def systemd_version(tree: Tree) -> int | None:
-    """Return the version of the machine's systemd; None if it cannot be told."""
+    """Return the version of the machine's systemd; None if it cannot be determined."""
     version = re.match(r"systemd (\d+)", tree.run("systemctl", "--version") or "")
     return int(version[1]) if version else None
 

@@ -69,7 +69,7 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
                 agent = _Agent(scenario, planner, client, session.publisher(me.node, REPORTS), began, report, modem)
                 agent.run(stop_fd)
                 faults = agent.report_events()
-    report(f"reports: {planner.received} heard, {planner.beyond} from out of range, {planner.malformed} malformed")
+    report(f"reports: {planner.received} received, {planner.beyond} from out of range, {planner.malformed} malformed")
     if faults:
         raise MissionError(f"{me.node}: {faults[0].describe()}" + (f", and {len(faults) - 1} more" * (len(faults) > 1)))
 

@@ -74,7 +74,7 @@ class Mission:
                 return
         if self._client.diagnostics().run_events is not None:
             age = self._client.latest["diagnostics"].age_s
-            self._progress.print_line(f"{self._client.node} last told of its contacts and link {age:.1f} s ago")
+            self._progress.print_line(f"{self._client.node} last reported its contacts and link {age:.1f} s ago")
 
     def _events(self, began: int, duration: float) -> list[RunEvent]:
         """Return what the vehicle says went wrong before the flight's end."""

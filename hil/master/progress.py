@@ -17,13 +17,13 @@ LINE_PERIOD_S = 5.0
 class Progress:
     """Show one line that is updated on a terminal; elsewhere a line every five seconds. Everything goes to a log too.
 
-    With `brief` nothing is printed, and that gets a few words again and again, how far it is.
+    With `report` nothing is printed, and that gets a few words again and again, how far it is.
     """
 
-    def __init__(self, log_path: str, brief: Callable[[str], None] | None = None) -> None:
+    def __init__(self, log_path: str, report: Callable[[str], None] | None = None) -> None:
         self._log = open(log_path, "w", encoding="utf-8")  # noqa: SIM115 - closed by close()
         self._logged_s = 0.0
-        self._brief = brief
+        self._report = report
         self._terminal = sys.stdout.isatty()
         self._period_s = TERMINAL_PERIOD_S if self._terminal else LINE_PERIOD_S
         self._next_s = 0.0
@@ -35,7 +35,7 @@ class Progress:
         if self._open_line:
             print()
             self._open_line = False
-        if self._brief is None:
+        if self._report is None:
             print(text, flush=True)
         self._write(text)
 
@@ -57,8 +57,8 @@ class Progress:
 
     def show(self, elapsed: float, truth: OdometrySample, share: float, client: VehicleClient) -> None:
         """Show the state of the run, when due."""
-        if self._brief:
-            self._brief(f"{elapsed:.1f} s, {share:.0%}")
+        if self._report:
+            self._report(f"{elapsed:.1f} s, {share:.0%}")
         if elapsed < self._next_s:
             return
         self._next_s = elapsed + self._period_s
@@ -66,7 +66,7 @@ class Progress:
         if elapsed >= self._logged_s:
             self._logged_s = elapsed + 1.0
             self._write(line)
-        if self._brief:
+        if self._report:
             return
         if self._terminal:
             print("\r\x1b[K" + line, end="", flush=True)

@@ -224,14 +224,14 @@ class Tap:
         try:
             publisher = self._publishers[gid, key]
         except KeyError:
-            publisher = self._meet(line, key, sequence, gid)
+            publisher = self._add_publisher(line, key, sequence, gid)
         if publisher is None or sequence <= publisher.last:  # the same, by another way
             return None
         self.missed += sequence - publisher.last - 1
         publisher.last = sequence
         return Message(publisher.topic, publisher.type, sequence, sent_ns, came_ns, sample.payload.to_bytes())
 
-    def _meet(self, line: _Line, key: str, sequence: int, gid: bytes) -> _Publisher | None:
+    def _add_publisher(self, line: _Line, key: str, sequence: int, gid: bytes) -> _Publisher | None:
         topic = self._topic(key)
         line.learn(key)
         while len(self._publishers) >= MOST_NAMES:

@@ -75,7 +75,7 @@ def fit_lag(values: Sequence[float], acceleration: float, period: float, where: 
 
 
 def _two_unknowns(a: Sequence[float], b: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
-    """Return the x1, x2 of the least squares of x1 a + x2 b = y; what cannot be told apart is put on x1."""
+    """Return the x1, x2 of the least squares of x1 a + x2 b = y; what cannot be distinguished is put on x1."""
     aa, ab, bb, ay, by = dot(a, a), dot(a, b), dot(b, b), dot(a, y), dot(b, y)
     determinant = aa * bb - ab * ab
     if determinant <= 1e-9 * aa * bb:

@@ -19,7 +19,7 @@ def control_text(gains: Gains) -> str:
 def with_gains(text: str, gains: Gains, note: str, where: str) -> str:
     """Return the vehicle file `text` with `gains` at its end, under the comment `note`, instead of those it had.
 
-    Other families' tables stay. Raises ConfigError where the old gains stand in a way that cannot be told apart.
+    Other families' tables stay. Raises ConfigError where the old gains stand in a way that cannot be distinguished.
     """
     made = f"{_without_gains(text)}\n# {note}\n{control_text(gains)}"
     try:

@@ -10,7 +10,7 @@ from tools.pages.rooms import ROOT
 
 METAPHORS = {
     "anew", "befell", "berth", "breath", "crowd", "errand", "errands", "inbox", "misfit", "outbox", "reckon",
-    "reckoned", "stranger", "strangers", "telegram", "visitor",
+    "reckoned", "outsider", "outsiders", "telegram", "visitor",
 }  # fmt: skip
 # Good in the sentence that is a test's name, but too vague for what a function does or a variable holds.
 VAGUE = {

@@ -65,7 +65,7 @@ class Rig:
         self.has_disk = False  # a small one, where the slave records
         self._network = network
         self._stack = ExitStack()
-        self._words: dict[str, int] = {}  # the descriptors over which planners get their orders
+        self._words: dict[str, int] = {}  # the descriptors over which planners get their commands
         self._starts = 0
         self._wish = "silent"  # of the planner
         self.port = free_ports(1)[0]

@@ -92,14 +92,14 @@ class Chart:
     def start(self, time: int) -> Change:
         """Enter the initial state at `time` ns."""
         self.active = ()
-        return self._go((), self._initial, time)
+        return self._enter((), self._initial, time)
 
     def step(self, time: int, signals: Mapping[str, float], events: Collection[str] = ()) -> Change:
         """Make the first transition whose event, signals and time (ns) hold; return an empty change for none."""
         for depth, name in enumerate(self.active):
             for transition, condition in self._transitions[name]:
                 if self._due(transition, time, events) and condition.holds(signals):
-                    return self._go(self._common(depth, transition.target), transition.target, time)
+                    return self._enter(self._common(depth, transition.target), transition.target, time)
         return Change()
 
     def _due(self, transition: Transition, time: int, events: Collection[str]) -> bool:
@@ -113,7 +113,7 @@ class Chart:
         staying = [a for a, b in zip(self.active[:depth], above, strict=False) if a == b]
         return tuple(staying)
 
-    def _go(self, staying: tuple[str, ...], target: str, time: int) -> Change:
+    def _enter(self, staying: tuple[str, ...], target: str, time: int) -> Change:
         left = self.active[len(staying) :][::-1]
         line = _line(self._states, target)
         while self._states[line[-1]].initial:

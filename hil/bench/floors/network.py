@@ -1,6 +1,6 @@
 """Measure bare UDP and TCP round trips between the machines of a benchmark, at the commands' rate.
 
-One way is half a round trip: which of the two ways took longer cannot be told without a common clock.
+One way is half a round trip: which of the two ways took longer cannot be determined without a common clock.
 """
 
 import select

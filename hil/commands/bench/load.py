@@ -61,7 +61,7 @@ def main(arguments: list[str]) -> int:
         raise NetworkError(f"nothing could be measured: {failed[0].failure}")
     record = _record(done, failed, left_out, options, endings)
     print("\n".join(_table(courses)))
-    print("more: than the scenario as it is; in brackets what cannot be told from noise; +-: the middle half's range\n")
+    print("more: than the scenario as it is; in brackets what is within the noise; +-: the middle half's range\n")
     print("\n".join(_processes(done)))
     for name, reason in left_out.items():
         print(f"left out: {name}: {reason}")

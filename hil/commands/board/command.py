@@ -115,7 +115,7 @@ def describe(tree: Tree, board: Board | None) -> str:
         ("governor", ", ".join(f"{name} ({count} processors)" for name, count in governors(tree).items())),
     ]
     parts = [f"{board.name}" + (f' (calls itself "{model_name}")' if model_name else "")]
-    parts += aligned([(f"  {name}", text or "not told") for name, text in rows])
+    parts += aligned([(f"  {name}", text or "unknown") for name, text in rows])
     for port in board.serial:
         parts.append(f"{port.device} {_there(tree, port.device)}: {port.at}" + _needs(port.needs))
     for bus in board.can:

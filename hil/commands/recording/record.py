@@ -75,7 +75,7 @@ def _about(scenario: Scenario | None, endpoints: list[str]) -> tuple[dict[str, s
 def _why_nothing(endpoints: list[str], tap: "Tap") -> str:
     where = ", ".join(endpoints)
     if tap.connected:
-        return f"who answers at {where} said nothing; `uuv-hil topic list --connect ENDPOINT` tells what there is"
+        return f"who answers at {where} sent no sample; `uuv-hil topic list --connect ENDPOINT` lists its topics"
     return (
         f"nobody answered at {where}; is `uuv-hil slave` running there, with --listen on an address this machine "
         "reaches?"

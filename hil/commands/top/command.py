@@ -100,7 +100,7 @@ def _wait(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], seco
         _pause(stop_fd, 0.05)
         if now_ns() > deadline:
             unanswered.check_endpoints()
-            missing = f"no slave at {', '.join(endpoints)} told of its health within {seconds:g} s"
+            missing = f"no slave at {', '.join(endpoints)} reported its health within {seconds:g} s"
             remedy = "is `uuv-hil slave` running there, with --listen on an address this machine reaches?"
             raise NetworkError("; ".join([missing, *(unanswered.lines or [remedy])]))
 
@@ -221,7 +221,7 @@ ROWS: dict[str, Callable[[Status], str]] = {
     "messages sent (1/s)": _pace(Said.messages_sent),
     "clock offset (ms)": _figure(Said.clock_offset_ms, "+.3f"),
     "machine's net in / out (kB/s)": _traffic,
-    "heard (s ago)": lambda status: f"{status.age_s:.1f}",
+    "last report (s ago)": lambda status: f"{status.age_s:.1f}",
 }
 
 

@@ -102,7 +102,7 @@ class Health:
         self._tree, self._board = Tree(), board
         self._recent, self._skipped = RecentLateness(), SkippedSteps()
         self._memory = usage.Memory()
-        self._wakeup = log.wakeup  # the inbox's too
+        self._wakeup = log.wakeup  # the command receiver's too
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 

@@ -148,7 +148,7 @@ class SimulationServices:
             yield from self._obstacles
 
     def _state_of(self, name: str) -> Result:
-        """Return an EntityState in the world ENU; acceleration is not told."""
+        """Return an EntityState in the world ENU; acceleration is left out."""
         publisher, simulation = self._loop.sample_publisher, self._loop.simulation
         head = header(publisher.stamps.stamp(simulation.time_ns), FRAME)
         if name == self._node:

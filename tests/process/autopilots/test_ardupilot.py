@@ -1,4 +1,4 @@
-"""ArduPilot's end of the interface against ours, over real sockets: lockstep, resends, restarts, strangers, stalls."""
+"""ArduPilot's end of the interface against ours, over real sockets: lockstep, resends, restarts, outsiders, stalls."""
 
 import itertools
 import socket

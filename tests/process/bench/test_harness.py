@@ -152,17 +152,19 @@ def test_what_a_process_says(tmp_path: Path) -> None:
         assert process.expect("one", 60.0) == "one"
         assert process.wait(60) == 3
         assert process.last_words == "two"
-        with pytest.raises(NetworkError, match=r"did not say 'three', but ended with exit code 3; it last said: two"):
+        with pytest.raises(
+            NetworkError, match=r"did not print 'three', but ended with exit code 3; its last output: t"
+        ):
             process.expect("three", 60.0)
 
 
 def test_what_ended_a_process(tmp_path: Path) -> None:
     with Process(["sh", "-c", "echo armed; exec sleep 9"], str(tmp_path / "log")) as process:
         process.expect("armed", 60.0)
-        assert process.ending == "is still running; it last said: armed"
+        assert process.ending == "is still running; its last output: armed"
         os.kill(process.pid, signal.SIGKILL)
         process.wait(60)
-        assert process.ending == "was ended by signal 9 (KILL); it last said: armed"
+        assert process.ending == "was ended by signal 9 (KILL); its last output: armed"
 
 
 def test_a_limit_of_memory_is_suspected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,7 +172,7 @@ def test_a_limit_of_memory_is_suspected(tmp_path: Path, monkeypatch: pytest.Monk
     with Confinement(Limits(memory_mib=16.0)) as place:
         process = Process(["sh", "-c", "kill -KILL $$"], str(tmp_path / "log"), place)
         assert process.wait(60) == -9
-    assert "signal 9 (KILL), perhaps as it needs more than the 16 MiB of --memory; it last" in process.ending
+    assert "signal 9 (KILL), perhaps as it needs more than the 16 MiB of --memory; its last" in process.ending
 
 
 @pytest.mark.parametrize(

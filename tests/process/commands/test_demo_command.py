@@ -1,4 +1,4 @@
-"""demo: it flies its own slave, never a stranger's."""
+"""demo: it flies its own slave, never an outsider's."""
 
 import os
 import signal

@@ -126,7 +126,7 @@ def test_a_recording_of_nothing_is_an_error(tmp_path: Path) -> None:
     what = ["--connect", endpoint, "-o", tmp_path / "heard", "--seconds", "2"]
     with listen(endpoint), Program(tmp_path, "record", *what) as record:
         assert record.wait() == 4, record.output
-    assert f"who answers at {endpoint} said nothing" in record.output
+    assert f"who answers at {endpoint} sent no sample" in record.output
 
 
 def test_a_recording_without_a_vehicle_cannot_be_drawn(tmp_path: Path) -> None:

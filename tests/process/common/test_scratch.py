@@ -66,13 +66,13 @@ def test_what_is_in_use_or_of_others_stays(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / f"{PREFIX}file").write_text("")
     with ScratchFolder("one", str(tmp_path)) as one, ScratchFolder("two", str(tmp_path)):
         assert os.path.exists(one.path)
-    outsider = tmp_path / f"{PREFIX}stranger"
+    outsider = tmp_path / f"{PREFIX}outsider"
     outsider.mkdir()
     with monkeypatch.context() as patch:
         patch.setattr(os, "geteuid", lambda: outsider.stat().st_uid + 1)
         ScratchFolder("three", str(tmp_path)).close()
     assert {path.name for path in tmp_path.iterdir()} == {
-        "mine", f"{PREFIX}link", f"{PREFIX}file", f"{PREFIX}stranger"
+        "mine", f"{PREFIX}link", f"{PREFIX}file", f"{PREFIX}outsider"
     }  # fmt: skip
 
 

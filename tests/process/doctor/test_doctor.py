@@ -151,7 +151,7 @@ def topics() -> Iterator[None]:
 
 
 NOWHERE = '[security]\nslave = "keys/a"\nmaster = "keys/b"\nmay_command = ["b"]'
-TAPE = "[recording]\nslave = true\nfolder = '"
+RECORDING = "[recording]\nslave = true\nfolder = '"
 WILD = """
 class Wild:
     def __init__(self):
@@ -174,8 +174,8 @@ class Sour:
         ("depth = 2", "depth = 900", "slave", "an obstacle or the seabed of pool is there"),
         ("[slave]", '[planner]\nclass = "nope:Nope"\n[slave]', "planner", "nope cannot be imported"),
         ("[slave]", '[planner]\nclass = "wild:Wild"\n[slave]', "planner", "ZeroDivisionError: division by zero"),
-        ("[slave]", f"{TAPE}/dev/null/x'\n[slave]", "recording", "/dev/null is no folder"),
-        ("[slave]", f"{TAPE}/proc/x'\n[slave]", "recording", "0 MiB free"),
+        ("[slave]", f"{RECORDING}/dev/null/x'\n[slave]", "recording", "/dev/null is no folder"),
+        ("[slave]", f"{RECORDING}/proc/x'\n[slave]", "recording", "0 MiB free"),
         ("[link]", '[sensors.mine]\nclass = "wild:Sour"\nrate = 50\n[link]', "step", "OverflowError: too sour"),
     ],
 )  # fmt: skip
@@ -215,11 +215,11 @@ def test_a_recording_of_another_user(tmp_path: Path) -> None:
     """By the folder's mode; nothing is made."""
     folder = tmp_path / "closed"
     folder.mkdir(mode=0o755)
-    outsider = User("stranger", 4711, (4711,))
+    outsider = User("outsider", 4711, (4711,))
     scenario = load_scenario("paper_field", {"recording.slave": True, "recording.folder": str(folder / "a" / "b")})
     (found,) = doctor_software.start(scenario, outsider)
     assert (found.level, found.topic) == ("problem", "recording")
-    assert f"no permission for stranger in {folder}" in found.text
+    assert f"no permission for outsider in {folder}" in found.text
     folder.chmod(0o777)
     assert [found.level for found in doctor_software.start(scenario, outsider)] == ["ok"]
     assert list(folder.iterdir()) == []

@@ -204,7 +204,7 @@ def test_a_can_bus_without_iproute2(board: Path, capsys: pytest.CaptureFixture[s
     plant(board, "sys/class/net/can0/flags", "0x40081\n")
     code, found = examine(board, capsys, CAN)
     assert code == 0
-    assert "bit rate and state cannot be told" in found[0]["text"]
+    assert "bit rate and state are unknown" in found[0]["text"]
 
 
 def disabled(root: Path) -> None:

@@ -118,14 +118,14 @@ def test_who_is_not_root_cannot_ask_for_others(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("os.geteuid", lambda: 1000)
     case = Case(Runner(None), None, scenario(), User("uuv", 4711, ()))
     (found,) = doctor_board.realtime_limits(case)
-    assert (found.level, found.text) == ("note", "what uuv is granted cannot be told")
+    assert (found.level, found.text) == ("note", "what uuv is granted cannot be determined")
     assert found.remedy == "the same with sudo, --user uuv"
     assert not list(doctor_software.granted(case))
 
 
 def test_a_session_that_cannot_be_opened(other: User) -> None:
     (found,) = doctor_board.realtime_limits(Case(Runner(None), None, scenario(), other))
-    assert (found.level, found.text) == ("note", "what uuv is granted cannot be told")
+    assert (found.level, found.text) == ("note", "what uuv is granted cannot be determined")
     assert found.remedy == "see: runuser -u uuv -- true"
 
 
@@ -219,7 +219,7 @@ def test_only_root_sees_who_has_the_port(port: str, monkeypatch: pytest.MonkeyPa
     assert found(owner, 0) == []
     assert found(owner, 1000) == [("note", "the same with sudo, --user pilot")]
     os.chmod(port, 0)
-    assert found(User("stranger", 4711, ()), 1000) == [], "the port is not theirs anyway"
+    assert found(User("outsider", 4711, ()), 1000) == [], "the port is not theirs anyway"
     monkeypatch.setattr(Tree, "openers", lambda *_: [(812, "cat")])
     assert [level for level, _ in found(owner, 1000)] == ["problem"]
 

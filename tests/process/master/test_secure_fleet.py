@@ -45,7 +45,7 @@ def test_only_reports_pass_between_planners_and_only_planners_report(
     sent = [session.publisher("uuv1", TOPICS[topic]) for topic in ("formation", "cmd_vel", "odom")]
     others = {
         name: open_master_session(endpoint, security=security(keys, name))
-        for name in (PLANNERS[1], "viewer", "stranger", "other/planner2")
+        for name in (PLANNERS[1], "viewer", "outsider", "other/planner2")
     }
     got: dict[str, set[str]] = {name: set() for name in others}
     publishers = []
@@ -64,7 +64,7 @@ def test_only_reports_pass_between_planners_and_only_planners_report(
     for _ in range(20):
         all_speak()
     assert set(received) == {(PLANNERS[1], "formation")}
-    assert got == {PLANNERS[1]: {"formation"}, "viewer": {"formation"}, "stranger": set(), "other/planner2": set()}
+    assert got == {PLANNERS[1]: {"formation"}, "viewer": {"formation"}, "outsider": set(), "other/planner2": set()}
     for other in others.values():
         other.close()
 

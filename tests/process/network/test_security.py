@@ -20,7 +20,7 @@ from hil.ros import graph
 from hil.ros.topics import TOPICS
 from tests.support.processes import free_port, wait_for
 
-MACHINES = ("uuv1", "laptop", "viewer", "stranger")
+MACHINES = ("uuv1", "laptop", "viewer", "outsider")
 
 
 @pytest.fixture(scope="module")
@@ -76,9 +76,9 @@ def test_each_may_do_what_its_certificate_says(slave: tuple[Session, str, list[s
     assert wait_for(everyone_speaks), (received, got)
     assert set(received) == {"laptop"}
     assert set(got["laptop"]) == set(got["viewer"]) == {"pressure"}
-    assert got["stranger"] == []
+    assert got["outsider"] == []
     assert sessions["laptop"].others() == ["uuv1"]
-    assert {"laptop", "viewer", "stranger"} == set(session.others())
+    assert {"laptop", "viewer", "outsider"} == set(session.others())
     for other in sessions.values():
         other.close()
 
@@ -87,7 +87,7 @@ def test_presence_is_for_those_who_may_listen(slave: tuple[Session, str, list[st
     _, endpoint, _ = slave
     with (
         open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
-        open_master_session(endpoint, security=security(keys, "stranger")) as outsider,
+        open_master_session(endpoint, security=security(keys, "outsider")) as outsider,
     ):
         seen, unseen = meets(viewer), meets(outsider)
         assert wait_for(lambda: [presence.part for presence in seen]) == ["slave"]
@@ -144,7 +144,7 @@ def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with (
         listen(endpoint, security=security(keys, may_listen=("*",))) as slave,
-        open_master_session(endpoint, security=security(keys, "stranger")) as outsider,
+        open_master_session(endpoint, security=security(keys, "outsider")) as outsider,
     ):
         declare_presence(slave, "uuv1", "slave")
         seen = meets(outsider)

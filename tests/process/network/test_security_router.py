@@ -16,7 +16,7 @@ from hil.ros import graph
 from hil.scenario.config import Scenario, load_scenario
 from tests.support.processes import Program, command_until, free_port, surge_of, wait_for, write_scenario
 
-MACHINES = ("uuv1", "laptop", "viewer", "stranger", "hub")
+MACHINES = ("uuv1", "laptop", "viewer", "outsider", "hub")
 SECTIONS = """
 [network]
 mode = "routed"
@@ -56,7 +56,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     add_machine(str(folder / "other"), "foreigner", [])
     plain, _ = write_scenario(folder)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    for master in ("keys/laptop", "keys/viewer", "keys/stranger", "other/foreigner"):
+    for master in ("keys/laptop", "keys/viewer", "keys/outsider", "other/foreigner"):
         text = plain.read_text() + SECTIONS.format(endpoint=endpoint, master=master)
         (folder / f"{Path(master).name}.toml").write_text(text)
     (folder / "none.toml").write_text(
@@ -96,7 +96,7 @@ def test_who_may_listen_only_listens(site: Site) -> None:
 
 
 def test_whom_nobody_names_gets_nothing(site: Site) -> None:
-    with site.client("keys/stranger") as outsider:
+    with site.client("keys/outsider") as outsider:
         assert not outsider.wait_for_vehicle(1.0)
         assert not outsider.contact.present
 

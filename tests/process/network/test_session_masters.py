@@ -229,12 +229,12 @@ may_listen = ["viewer"]
 
 def test_the_refused_master_learns_why(tmp_path: Path) -> None:
     init(str(tmp_path / "keys"))
-    for name in ("uuv1", "laptop", "viewer", "stranger"):
+    for name in ("uuv1", "laptop", "viewer", "outsider"):
         add_machine(str(tmp_path / "keys"), name, [])
     plain, port = write_scenario(tmp_path)
     text = plain.read_text()
     arguments = ("--connect", f"tcp/127.0.0.1:{port}", "--wait", 5, "--output", tmp_path / "run")
-    output = {"viewer": "may_command", "stranger": "may_listen does not name 'stranger'", "": "wants a certificate"}
+    output = {"viewer": "may_command", "outsider": "may_listen does not name 'outsider'", "": "wants a certificate"}
     scenarios = {}
     for name in ("laptop", *output):
         scenarios[name] = tmp_path / f"{name or 'none'}.toml"

@@ -111,7 +111,7 @@ def test_a_short_type_no_header_and_no_measurement(where: Path) -> None:
 
 
 def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
-    top = f'[recording]\nslave = true\nfolder = "{where / "tape"}"'
+    top = f'[recording]\nslave = true\nfolder = "{where / "recording"}"'
     path, port = scenario_with(where, from_tutorial("toml"), top)
     environment = {"PYTHONPATH": str(where)}
     with Program(where, "slave", path, environment=environment) as slave:
@@ -130,7 +130,7 @@ def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
     assert len(values) == 3
     assert values == pytest.approx([16.95] * 3, abs=0.1)
     assert echo.output.count("frame_id: thermometer_link") == 3
-    (recorder,) = (where / "tape").iterdir()
+    (recorder,) = (where / "recording").iterdir()
     file = next(recorder.glob("*.mcap"))
     reported = [message for message in read_messages(str(file)) if message.topic == "/uuv1/thermometer"]
     assert len(reported) >= 3

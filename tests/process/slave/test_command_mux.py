@@ -203,12 +203,12 @@ def test_a_hold_of_the_master_before_is_forgotten(bench: Bench) -> None:
 
 
 def test_the_newest_kind_counts() -> None:
-    orders = CommandMux(6, NS_PER_S)
+    mux = CommandMux(6, NS_PER_S)
     pose = PoseCommand((1.0, 2.0, 3.0), 0.5)
-    assert orders.combine("cmd_depth", 4.0, 0) == VelocityCommand(depth=4.0)
-    assert orders.combine("cmd_pose", pose, 1) == PoseSetpoint(pose)
-    assert orders.combine("cmd_vel", VelocityCommand(surge=1.0), 2) == VelocityCommand(surge=1.0, depth=4.0)
-    assert orders.combine("cmd_vel", VelocityCommand(surge=1.0), NS_PER_S + 1) == VelocityCommand(surge=1.0)
+    assert mux.combine("cmd_depth", 4.0, 0) == VelocityCommand(depth=4.0)
+    assert mux.combine("cmd_pose", pose, 1) == PoseSetpoint(pose)
+    assert mux.combine("cmd_vel", VelocityCommand(surge=1.0), 2) == VelocityCommand(surge=1.0, depth=4.0)
+    assert mux.combine("cmd_vel", VelocityCommand(surge=1.0), NS_PER_S + 1) == VelocityCommand(surge=1.0)
 
 
 def test_a_plain_start_loads_none_of_this() -> None:

@@ -110,7 +110,7 @@ def test_an_observer_with_a_masters_ident_does_not_stand_for_it(slave: Slave) ->
 
 
 def test_of_very_many_masters_only_some_are_reported(slave: Slave) -> None:
-    """A stranger announces thousands: neither the log nor the table of ranks grows with them."""
+    """An outsider announces thousands: neither the log nor the table of ranks grows with them."""
     reported: list[str] = []
     slave.contacts._report = reported.append
     for number in range(3 * MOST_THERE):

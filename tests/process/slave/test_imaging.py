@@ -217,7 +217,7 @@ def test_why_it_ended_is_reported_and_it_is_started_less_and_less_often(tmp_path
 
 def test_recordings(tmp_path: Path) -> None:
     """A recorder has the pictures; the slave's own has not, and is repeated to the bit."""
-    kept = tmp_path / "tape"
+    kept = tmp_path / "recording"
     program, endpoint = start(tmp_path, f'{SENSORS}\n[recording]\nslave = true\nfolder = "{kept}"\n')
     with program:
         program.expect("ready")

@@ -72,7 +72,7 @@ def test_with_a_router(stack: ExitStack) -> None:
 
 def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
     init(str(tmp_path))
-    for name in ("uuv1", "laptop", "stranger"):
+    for name in ("uuv1", "laptop", "outsider"):
         add_machine(str(tmp_path), name, [])
 
     def security(master: str) -> Security:
@@ -82,7 +82,7 @@ def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
     stack.enter_context(listen(asked.slave.listen, security=asked.security, pictures=True))
     masters = [
         stack.enter_context(open_master_session(asked.slave.listen, security=security(name)))
-        for name in ("laptop", "stranger")
+        for name in ("laptop", "outsider")
     ]
     assert arrives(stack.enter_context(join(asked)), *masters) == [{len(PICTURE)}, set()]
 

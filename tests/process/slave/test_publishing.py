@@ -22,7 +22,7 @@ class Publisher:
     """Publishes nothing until the network lets it."""
 
     has_subscribers = True
-    aside = False
+    background = False
 
     def __init__(self, session: "Session", topic: Topic) -> None:
         self.session, self.topic = session, topic

@@ -13,7 +13,7 @@ PLANNERS = ("planner1", "planner2", "planner3")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("keys")
     init(str(folder))
-    for name in ("uuv", *PLANNERS, "viewer", "stranger"):
+    for name in ("uuv", *PLANNERS, "viewer", "outsider"):
         add_machine(str(folder), name, [])
     init(str(folder / "other"))
     add_machine(str(folder / "other"), "planner2", [])

@@ -35,7 +35,7 @@ def test_in_processes_with_the_water_between_them(tmp_path: Path, monkeypatch: p
     received = 0
     for member in scenario.member:
         output = (tmp_path / f"agent_{member.node}.log").read_text()
-        found = re.search(r"reports: (\d+) heard, \d+ from out of range, 0 malformed", output)
+        found = re.search(r"reports: (\d+) received, \d+ from out of range, 0 malformed", output)
         assert found, output
         received += int(found[1])
     assert received == pytest.approx(counts["delivered"], abs=12)

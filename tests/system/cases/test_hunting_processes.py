@@ -62,7 +62,7 @@ def test_four_slaves_and_four_planners_surround_the_target(
     assert len(costs.delays_ns) > 4 * 0.5 * outcome.duration / scenario.master.command_period
     for member in scenario.member:
         output = (tmp_path / f"agent_{member.node}.log").read_text()
-        counts = re.search(r"reports: (\d+) heard, \d+ from out of range, (\d+) malformed", output)
+        counts = re.search(r"reports: (\d+) received, \d+ from out of range, (\d+) malformed", output)
         assert counts, output
         assert int(counts[1]) > 3 * 0.5 * outcome.duration / 0.1  # of three neighbours, ten a second
         assert int(counts[2]) == 0

@@ -33,8 +33,8 @@ def test_four_fins_make_any_small_moment(name: str) -> None:
     allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
     for speed in (0.8, 2.0, -1.0):
         wanted = (7.0, 0.0, 0.0, 0.02, -0.3, 0.4)
-        angles, lack = allocator.allocate(wanted, speed)
-        assert lack == (7.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # what the propeller lacks is not theirs
+        angles, residual = allocator.allocate(wanted, speed)
+        assert residual == (7.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # what the propeller lacks is not theirs
         pressure = copysign(speed * speed, speed)
         made = [pressure * sum(a * b for a, b in zip(row, angles, strict=True)) for row in matrix]
         assert made[3:] == pytest.approx(wanted[3:], rel=1e-4)
@@ -44,10 +44,10 @@ def test_what_cannot_be_had_is_reported() -> None:
     fins = load_vehicle("remus100")[0].fins
     matrix = fin_matrix(fins, 1025.0)
     allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
-    angles, lack = allocator.allocate((0.0, 0.0, 0.0, 0.5, 0.0, 100.0), 1.0)
+    angles, residual = allocator.allocate((0.0, 0.0, 0.0, 0.5, 0.0, 100.0), 1.0)
     assert angles[0] == pytest.approx(radians(20.0))
-    assert lack[3] == pytest.approx(0.5)  # a rudder and planes on the axis make no roll
-    assert lack[5] == pytest.approx(100.0 - matrix[5][0] * radians(20.0))
+    assert residual[3] == pytest.approx(0.5)  # a rudder and planes on the axis make no roll
+    assert residual[5] == pytest.approx(100.0 - matrix[5][0] * radians(20.0))
     slow, _ = allocator.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.1), 0.0)
     least, _ = allocator.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.1), 0.5)
     assert slow == least

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hil.autonomy.control.controller import wrap
 from hil.autonomy.paths.vfh import Scan, Vfh, VfhSettings
 
-# 36 sectors of 10 degrees; berth 0.5 m: at 1 m an obstacle fills asin(0.5) = 30 degrees to both sides
+# 36 sectors of 10 degrees; clearance 0.5 m: at 1 m an obstacle fills asin(0.5) = 30 degrees to both sides
 SETTINGS = VfhSettings(
     radius=0.3, safety=0.2, range=4.0, block_within=2.0, free_beyond=3.0, sectors=36, wide=math.radians(40.0)
 )
@@ -63,7 +63,7 @@ def test_the_free_side_nearest_the_target_is_taken_at_half_the_wide_opening() ->
 
 
 def test_a_narrow_opening_is_passed_in_its_middle() -> None:
-    """Two posts 50 degrees to port and starboard at 1 m: between them 335 + ... to 25, less the berth: 30 degrees."""
+    """Pass midway between two posts at 1 m, 50 degrees to port and to starboard: three sectors are free."""
     vfh = Vfh(SETTINGS)
     heading = vfh.steer(echoes({-50: 1.0 - 1e-9, 50: 1.0 - 1e-9}), 0.0, 8.0 * DEGREE)
     assert blocked(vfh) == [20, 30, 40, 50, 60, 70, 80, 280, 290, 300, 310, 320, 330, 340]
@@ -119,7 +119,7 @@ def test_the_last_choice_holds_where_two_are_equal() -> None:
 
 
 def test_the_speed_falls_with_the_water_ahead() -> None:
-    """Full from block_within (2 m) on, nothing at the berth (0.5 m), evenly between; what is beside does not count."""
+    """Full speed from block_within (2 m) on, none at the clearance (0.5 m), linear between. Only echoes ahead count."""
     far = SETTINGS._replace(safety=0.2)
     for distance, share in ((3.5, 1.0), (2.0, 1.0), (1.25, 0.5), (0.5, 0.0), (0.4, 0.0)):
         vfh = Vfh(far)
@@ -163,7 +163,7 @@ def test_any_scan_gives_a_free_heading_and_a_command_within_limits(
             assert all(vfh.blocked)
             continue
         assert not vfh.blocked[round(chosen / (10.0 * DEGREE)) % 36]
-        for angle, distance in scan.points():  # no straight way on leads nearer than the berth, to half a sector
+        for angle, distance in scan.points():  # no straight way on leads nearer than the clearance, to half a sector
             aside = abs(wrap(chosen - heading - angle))
             if distance < SETTINGS.block_within and aside < math.pi / 2.0:
                 assert aside >= math.asin(min(1.0, 0.5 / distance)) - 5.1 * DEGREE

@@ -124,7 +124,7 @@ def test_waiting_tells_why_it_is_over() -> None:
     with pytest.raises(MissionError, match=r"within 0\.01 s; give it more time"):
         reported.wait(0.01)
     reported.end()
-    with pytest.raises(MissionError, match="something else"):
+    with pytest.raises(MissionError, match="another command"):
         reported.wait()
     reported = endless()
     reported.end(NetworkError("gone"))

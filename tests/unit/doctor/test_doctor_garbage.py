@@ -93,9 +93,9 @@ def test_odd_files(board: Path, path: str, text: str) -> None:
 @pytest.mark.parametrize(
     ("details", "texts"),
     [
-        ({"state": "ERROR-ACTIVE", "bittiming": None}, ["bit rate and state cannot be told"]),
-        ({"state": "BUS-OFF", "bittiming": None}, ["bit rate and state cannot be told", "BUS-OFF"]),
-        ({"bittiming": {"bitrate": 250_000}}, ["bit rate and state cannot be told", "runs at 250000 bit/s"]),
+        ({"state": "ERROR-ACTIVE", "bittiming": None}, ["bit rate and state are unknown"]),
+        ({"state": "BUS-OFF", "bittiming": None}, ["bit rate and state are unknown", "BUS-OFF"]),
+        ({"bittiming": {"bitrate": 250_000}}, ["bit rate and state are unknown", "runs at 250000 bit/s"]),
     ],
 )
 def test_half_of_what_there_is_to_know_of_a_can_bus(board: Path, details: object, texts: list[str]) -> None:
@@ -109,7 +109,7 @@ def test_half_of_what_there_is_to_know_of_a_can_bus(board: Path, details: object
 def test_a_wlan_that_says_nothing_understandable(board: Path, answer: str) -> None:
     plant(board, "commands/iw_dev_wlan0_get_power_save", answer)
     (found, _) = [row for row in examine(Tree(str(board))) if row.topic == "wlan"]
-    assert (found.level, found.text) == ("note", "wlan0: power saving cannot be told")
+    assert (found.level, found.text) == ("note", "wlan0: power saving cannot be determined")
 
 
 # Parts that readers look for, and what they do not expect beside them.

@@ -163,7 +163,7 @@ def test_a_flood_lets_the_reader_rest(command_receiver: CommandReceiver, clock: 
 
 
 @pytest.mark.parametrize("rate", [300, 20_000])
-@pytest.mark.parametrize("known", [False, True], ids=["strangers", "masters"])
+@pytest.mark.parametrize("known", [False, True], ids=["outsiders", "masters"])
 def test_a_flood_of_who_is_refused_neither_hides_the_master_nor_replaces_it(
     command_receiver: CommandReceiver, clock: Clock, rate: int, known: bool
 ) -> None:
@@ -221,7 +221,7 @@ def test_who_is_refused_is_not_read(command_receiver: CommandReceiver) -> None:
     deliver(command_receiver, 1)
     command_receiver.on_message("cmd_vel", b"\xff" * 52, ros.pack_attachment(1, 0, OTHER))
     command_receiver.on_message("cmd_pose", b"\xff" * 52, ros.pack_attachment(1, 0, bytes(15) + b"x"))
-    assert (command_receiver.refused, command_receiver.malformed) == (1, 1), "a stranger may have a topic of its own"
+    assert (command_receiver.refused, command_receiver.malformed) == (1, 1), "an outsider may have a topic of its own"
 
 
 def test_a_refused_sender_makes_nobody_forgotten(command_receiver: CommandReceiver, clock: Clock) -> None:
