@@ -28,13 +28,12 @@ COLOURS = 256
 HEAD = """\
 # What the sensors give
 
-Made by `python -m tools.pages.sensor_gallery`: each picture is what the simulator's sensor gives at that place, with
-its default values but for those that are named. In pictures up is up; in plans ahead is up and starboard to the right.
+Made by `python -m tools.pages.sensor_gallery`. Each picture is what the simulator's sensor gives at that place. Values
+that are not named are the defaults. In pictures up is up. In plans ahead is up, and starboard is to the right.
 
-Every sensor is switched on by its section in a scenario, and takes `rate`, `position` and `orientation` in the vehicle,
-`latency` and `drop_out` beside the keys that are listed; with `ground_truth = true`, where it is listed, it says what
-is true. Those that make images run in a process of their own. A `device` gives the values of one that can be bought
-(`sim/sensors/devices/`):
+A section of the scenario fits a sensor. Every sensor has the keys `rate`, `position`, `orientation`, `latency` and
+`drop_out`. With `ground_truth = true`, where a sensor has it, the values are the true ones. Sensors that make images
+run in a process of their own. `device` gives the values of a product (`sim/sensors/devices/`):
 
 ```toml
 [sensors.forward_sonar]
@@ -45,7 +44,7 @@ orientation = [0.0, "-10 deg", 0.0]
 
 ## Water on other pictures
 
-What the camera's water does can be had for any picture with depths, from whichever renderer or dataset:
+The camera's model of the water also works on other pictures with depths, of any renderer or dataset:
 
 ```python
 import numpy as np
@@ -84,13 +83,12 @@ def page(entries: tuple[Entry, ...], folder: str) -> str:
 
 
 def _texts(sensor: str) -> list[str]:
-    """Return what the sensor is, its keys, and what it says of them, out of its source."""
+    """Return what the sensor is, where its keys are listed, and where its numbers come from, out of its source."""
     fitted = fit(**{sensor: fit_default(sensor)})[sensor]
-    keys = ", ".join(f"`{key} = {_toml(value)}`" for key, value in fitted.model._asdict().items())
-    model = inspect.getdoc(type(fitted.model)) or ""
-    about = inspect.getdoc(fitted.sensor) or ""
-    return [about.replace("\n\n", "\0").replace("\n", " ").replace("\0", "\n\n"), "", f"Keys: {keys}.", "",
-            model.replace("\n\n", "\0").replace("\n", " ").replace("\0", "\n\n")]  # fmt: skip
+    about = (inspect.getdoc(fitted.sensor) or "").split("\n\n")
+    source = (inspect.getdoc(type(fitted.model)) or "").split("\n\n")[-1]
+    keys = f"Keys and defaults: [`{sensor}`](sensor_keys.md#{sensor})."
+    return ["\n\n".join(" ".join(part.split()) for part in [*about, source]), "", keys]
 
 
 def fit_default(sensor: str) -> Any:
@@ -99,18 +97,6 @@ def fit_default(sensor: str) -> Any:
 
     module, _, name = SENSORS[sensor].partition(":")
     return getattr(import_module(module), name).Model()
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        usual: Any = type(value)
-        changed = {k: v for k, v in value._asdict().items() if v != usual._field_defaults.get(k)}
-        return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in changed.items()) + "}"
-    if isinstance(value, tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else f"{value:.6g}"
 
 
 def _paragraph(function: Any) -> str:
