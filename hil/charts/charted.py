@@ -25,7 +25,7 @@ Codes = NDArray[np.uint8]
 DIAMETERS = {"PIPSOL": 0.6, "CBLSUB": 0.1}  # m
 ZONES: dict[str, ZoneKind] = {
     "RESARE": "restricted", "ACHARE": "anchorage", "DMPGRD": "dumping", "MIPARE": "military", "CBLARE": "cable",
-    "PIPARE": "pipeline",
+    "PIPARE": "pipeline", "MARCUL": "farm", "FSHFAC": "farm",
 }  # fmt: skip
 # S-57, attribute 131 (RESTRN).
 RULES = {

@@ -1,4 +1,4 @@
-"""Obstructions, wrecks, rocks, piles, islets, structures and what floats, of a chart: positions and heights.
+"""Obstructions, wrecks, rocks, piles, islets, structures, marks and what floats, of a chart: positions and heights.
 
 A chart gives most of them as points, without a size. The radii and draughts here are ours, on the large side of what
 such things measure. Where no depth is given, WATLEV tells how the water's level lies to them. Of shore constructions,
@@ -25,16 +25,27 @@ Array = NDArray[np.float64]
 RADII = {
     "OBSTRN": 2.0, "WRECKS": 8.0, "UWTROC": 2.0, "PILPNT": 0.4, "PYLONS": 3.0, "MORFAC": 1.0, "LNDARE": 5.0,
     "SLCONS": 1.0, "CAUSWY": 3.0, "DAMCON": 3.0, "PONTON": 1.0, "HULKES": 4.0, "FLODOC": 4.0,
+    "OFSPLF": 5.0, "GATCON": 1.0, "DYKCON": 3.0, "FSHFAC": 0.5, "LOGPON": 1.0, "OILBAR": 0.5, "LITVES": 4.0,
+    "LITFLT": 2.0,
+    **dict.fromkeys(("BCNCAR", "BCNISD", "BCNLAT", "BCNSAW", "BCNSPP"), 0.3),
+    **dict.fromkeys(("BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP"), 1.0),
 }  # fmt: skip
-DRAUGHTS = {"PONTON": 1.0, "HULKES": 4.0, "FLODOC": 5.0}  # m
+DRAUGHTS = {
+    "PONTON": 1.0, "HULKES": 4.0, "FLODOC": 5.0, "LOGPON": 1.0, "OILBAR": 1.0, "LITVES": 3.0, "LITFLT": 2.0,
+    **{kind: 1.0 for kind in RADII if kind.startswith("BOY")},
+}  # m  # fmt: skip
 DRAUGHT = 1.0  # m, of others that float
-STRUCTURES = {"SLCONS", "CAUSWY", "DAMCON"}
+STRUCTURES = {"SLCONS", "CAUSWY", "DAMCON", "DYKCON", "GATCON"}
+MOORING_BUOY = 7.0  # S-57 appendix A, attribute 40 (CATMOR)
 OUT_OF_WATER = -100.0  # as sim.environment.obstacles has it
 STANDS_UP = {
     "PILPNT",
     "PYLONS",
     "MORFAC",
     "LNDARE",
+    "OFSPLF",
+    "FSHFAC",
+    *(kind for kind in RADII if kind.startswith("BCN")),
     *STRUCTURES,
 }  # they come out of the water unless WATLEV says otherwise
 # Always under water (WATLEV 3) says nothing of how deep. The others (S-57 appendix A, attribute 187):
@@ -58,11 +69,12 @@ class Placed(NamedTuple):
 
 
 def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
-    """Return the hazards that one object is, its `points` and `edges` on the plane; none for land."""
-    if feature.kind not in RADII or (feature.kind == "LNDARE" and feature.is_area):
+    """Return the hazards that one object is, its `points` and `edges` on the plane; none for land and fisheries."""
+    if feature.kind not in RADII or (feature.kind in {"LNDARE", "FSHFAC"} and feature.is_area):
         return []
     top, radius, bottom, is_structure = _top(feature), RADII[feature.kind], STANDING, feature.kind in STRUCTURES
-    if feature.kind in DRAUGHTS or feature.number("WATLEV") == FLOATING:
+    floats = feature.number("WATLEV") == FLOATING or feature.number("CATMOR") == MOORING_BUOY
+    if floats or feature.kind in DRAUGHTS:
         top, bottom = OUT_OF_WATER, DRAUGHTS.get(feature.kind, DRAUGHT)
     if feature.is_area:
         line = np.concatenate([np.empty((0, 2)), *edges])

@@ -19,7 +19,7 @@ LAND, UNKNOWN, SHORE, INK, OBSTACLE = "#d9c69a", "#e8e8e8", "#5b4a25", "#1f2937"
 CHARTED = "#be18a0"
 DASHES = {
     "restricted": (6, 2), "military": (6, 2, 1, 2), "anchorage": (3, 3), "dumping": (1, 2), "cable": (8, 2, 1, 2, 1, 2),
-    "pipeline": (8, 2, 2, 2),
+    "pipeline": (8, 2, 2, 2), "farm": (2, 2, 1, 2),
 }  # fmt: skip
 SUN_AZIMUTH, SUN_ALTITUDE = np.radians(315.0), np.radians(45.0)
 MEAN_SHADE_SLOPE = 0.35  # heights are stretched until the steeper slopes are about this steep: then relief is seen

@@ -14,7 +14,7 @@ STANDING = 20_000.0
 Bottom = Annotated[float, Range(-100.0, STANDING, "m")]
 Heading = Annotated[float, Range(-6.2832, 6.2832, "rad")]
 
-ZoneKind = Literal["restricted", "anchorage", "dumping", "military", "cable", "pipeline"]
+ZoneKind = Literal["restricted", "anchorage", "dumping", "military", "cable", "pipeline", "farm"]
 
 # Distance in m (negative inside) and the horizontal unit vector away from the obstacle, north and east.
 Separation = tuple[float, float, float]

@@ -21,11 +21,13 @@ CPU_SECONDS = 30
 OBJECTS = (
     "BRIDGE", "CAUSWY", "COALNE", "DAMCON", "DEPARE", "DEPCNT", "DRGARE", "FLODOC", "HULKES", "LNDARE", "MORFAC",
     "OBSTRN", "PILPNT", "PONTON", "PYLONS", "SLCONS", "SOUNDG", "UWTROC", "UNSARE", "WRECKS", "M_COVR",
-    "CBLSUB", "PIPSOL", "SBDARE", "ACHARE", "CBLARE", "DMPGRD", "MIPARE", "PIPARE", "RESARE",
+    "CBLSUB", "PIPSOL", "SBDARE", "ACHARE", "CBLARE", "DMPGRD", "MARCUL", "MIPARE", "PIPARE", "RESARE",
+    "BCNCAR", "BCNISD", "BCNLAT", "BCNSAW", "BCNSPP", "BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP",
+    "DYKCON", "FSHFAC", "GATCON", "LITFLT", "LITVES", "LOGPON", "OFSPLF", "OILBAR",
 )  # fmt: skip
 NAME = "OBJNAM"
 LISTS = ("NATSUR", "RESTRN")  # attributes of several numbers
-ATTRIBUTES = ("BURDEP", "CATCOV", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
+ATTRIBUTES = ("BURDEP", "CATCOV", "CATMOR", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
 POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's primitive
 DAMAGED, NO_LIBRARY, UNFIT_UPDATE = 1, 5, 7
 UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings where an update names a record that is not there

@@ -42,6 +42,7 @@ def test_an_area_is_a_zone_with_its_rules_and_without_its_holes() -> None:
     assert sorted(zone.outline) == [(0.0, 0.0), (0.0, 100.0), (100.0, 0.0), (100.0, 100.0)]
     kinds = [zones_of(feature(kind, True), SQUARE, 1.0)[0].kind for kind in ("ACHARE", "DMPGRD", "MIPARE", "CBLARE")]
     assert kinds == ["anchorage", "dumping", "military", "cable"]
+    assert zones_of(feature("MARCUL", True), SQUARE, 1.0)[0].kind == "farm"
     assert zones_of(feature("DEPARE", True), SQUARE, 1.0) == []
     cut = within(Charted((), (zone,)), (-50.0, 50.0, -50.0, 50.0)).zones
     assert sorted(cut[0].outline) == [(0.0, 0.0), (0.0, 50.0), (50.0, 0.0), (50.0, 50.0)]

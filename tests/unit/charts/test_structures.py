@@ -58,6 +58,23 @@ def test_a_pontoon_floats_above_the_bed() -> None:
     assert (point.top, point.bottom) == (OUT_OF_WATER, 1.0)
 
 
+def test_marks_stand_or_float_and_a_platform_stands() -> None:
+    """A beacon and a platform reach from the bed into the air; a buoy, and a mooring that is one, a metre down."""
+    for kind in ("BCNLAT", "BCNSPP", "OFSPLF", "FSHFAC"):
+        (mark,) = placed(kind).cylinders
+        assert (mark.top, mark.bottom) == (OUT_OF_WATER, STANDING)
+    for kind in ("BOYLAT", "BOYSPP", "BOYINB"):
+        (buoy,) = placed(kind).cylinders
+        assert (buoy.radius, buoy.top, buoy.bottom) == (1.0, OUT_OF_WATER, 1.0)
+    assert placed("MORFAC", CATMOR=7.0).cylinders[0].bottom == 1.0
+    assert placed("MORFAC", CATMOR=1.0, WATLEV=2.0).cylinders[0].bottom == STANDING
+    booms = placed("LOGPON", ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
+    assert booms.boxes[0].bottom == 1.0
+    fishery = placed("FSHFAC", ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
+    assert not fishery.boxes
+    assert fishery.grid.depths.max() == 8.0, "an area with stakes in it is a zone, not land"
+
+
 def test_an_area_that_is_no_rectangle_keeps_its_outline() -> None:
     """Two fingers of 2 m on a stem: between them there is water."""
     comb = ring(
