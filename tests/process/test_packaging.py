@@ -1,9 +1,11 @@
-"""The wheel holds exactly the four packages, with their data."""
+"""The wheel holds exactly the four packages, with their data, and tells an index what they are."""
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
+from email import message_from_bytes
 from pathlib import Path
 
 import pytest
@@ -12,14 +14,23 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    folder = tmp_path_factory.mktemp("wheel")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """The wheel made of what the container's image is made of, where no C can be compiled."""
+    folder, source = tmp_path_factory.mktemp("wheel"), tmp_path_factory.mktemp("source")
+    for line in (ROOT / "boards/container/Containerfile").read_text().splitlines():
+        if line.startswith("COPY ") and "/src/" in line:
+            subprocess.run(["cp", "-r", *line.split()[1:-1], source], cwd=ROOT, check=True)
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    environment = os.environ | {"UUV_HIL_NATIVE": "0"}  # what is compiled is tested in sim/native/test_native.py
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=environment)
+    environment = os.environ | {"CC": "false", "UUV_HIL_NATIVE": ""}  # compiling is tested in sim/native/test_native.py
+    done = subprocess.run(command, cwd=source, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     (path,) = folder.glob("uuv_hil-*.whl")
-    return zipfile.ZipFile(path).namelist()
+    return zipfile.ZipFile(path)
+
+
+@pytest.fixture
+def wheel(archive: zipfile.ZipFile) -> list[str]:
+    return archive.namelist()
 
 
 def test_top_level_names(wheel: list[str]) -> None:
@@ -38,3 +49,14 @@ def test_every_data_file_is_inside(wheel: list[str], folder: str) -> None:
 
 def test_types_are_announced(wheel: list[str]) -> None:
     assert {f"{package}/py.typed" for package in ("hil", "sim", "boards", "firmware_stub")} <= set(wheel)
+
+
+def test_an_index_is_shown_no_picture_of_the_repository_and_no_link_into_it(archive: zipfile.ZipFile) -> None:
+    (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+    metadata = message_from_bytes(archive.read(name))
+    assert metadata["Description-Content-Type"] == "text/markdown"
+    text = metadata.get_payload()
+    assert isinstance(text, str)
+    assert text.startswith("# uuv-hil\n")
+    assert "## Limits" in text
+    assert all(link.startswith("https://") for link in re.findall(r"\]\(([^)]*)\)", text))
