@@ -2,13 +2,21 @@
 
 import asyncio
 import logging
+import sys
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from socket import SO_LINGER, SOL_SOCKET
+from struct import pack
+from typing import Any
 
 from hil.common.errors import NetworkError
 from hil.common.stop import cancel_tasks
 
 STOP_WITHIN_S = 10.0
+STALLED_S = 10.0  # after which a client that takes nothing of what it is sent is gone
+ABNORMAL_CLOSURE = 1006  # how a websocket is closed whose other end answered no heartbeat (RFC 6455, 7.4.1)
 
 
 class ServerThread(ABC):
@@ -50,6 +58,24 @@ class ServerThread(ABC):
     async def _stop_all(self) -> None:
         await self._stop()
         await cancel_tasks()
+
+
+@contextmanager
+def cut_when_stalled(websocket: Any, transport: asyncio.Transport) -> Iterator[None]:
+    """Cut the connection of aiohttp's `websocket` if what is done with it ends by TimeoutError or ConnectionError.
+
+    Or if the other end answers no heartbeat. Closed in order, the kernel would wait for a client that does not read.
+    """
+    is_stalled = False
+    try:
+        yield
+    except (asyncio.TimeoutError, ConnectionError):
+        is_stalled = True
+    if is_stalled or websocket.close_code == ABNORMAL_CLOSURE:
+        linger = pack("hh" if sys.platform == "win32" else "ii", 1, 0)  # for 0 s
+        with suppress(OSError):  # it has gone meanwhile
+            transport.get_extra_info("socket").setsockopt(SOL_SOCKET, SO_LINGER, linger)
+        transport.abort()
 
 
 def http_log() -> logging.Logger:

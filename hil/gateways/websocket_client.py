@@ -7,8 +7,9 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
+from hil.common.server_thread import STALLED_S
+
 MOST_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
-STALLED_S = 10.0  # after which a client that takes nothing of what it is sent is gone
 
 
 class SendQueue:

@@ -3,20 +3,15 @@
 Programs may look without the token, web pages may not, and who commands needs it.
 """
 
-import asyncio
-import sys
 from abc import abstractmethod
 from collections.abc import Sequence
-from contextlib import suppress
-from socket import SO_LINGER, SOL_SOCKET
-from struct import pack
 from typing import Any, Generic, TypeVar
 
-from aiohttp import WSCloseCode, web
+from aiohttp import web
 
-from hil.common.server_thread import ServerThread, http_log
+from hil.common.server_thread import STALLED_S, ServerThread, cut_when_stalled, http_log
 from hil.gateways.access import Access
-from hil.gateways.websocket_client import STALLED_S, SocketClient
+from hil.gateways.websocket_client import SocketClient
 
 MOST_CLIENTS = 32
 LARGEST = 1 << 20  # bytes of a message of a client
@@ -89,19 +84,8 @@ class WebSocketServer(ServerThread, Generic[T]):
         client = self._make_client(socket, may_command)
         self._clients.add(client)
         try:
-            await client.serve()
-        except (asyncio.TimeoutError, ConnectionError):
-            _cut(transport)
+            with cut_when_stalled(socket, transport):
+                await client.serve()
         finally:
             self._clients.discard(client)
-        if socket.close_code == WSCloseCode.ABNORMAL_CLOSURE:  # it answered no heartbeat, and is closed in order
-            _cut(transport)
         return socket
-
-
-def _cut(transport: asyncio.Transport) -> None:
-    """Close a connection at once: in order, the kernel would wait for a client that does not read."""
-    linger = pack("hh" if sys.platform == "win32" else "ii", 1, 0)  # for 0 s
-    with suppress(OSError):  # it has gone meanwhile
-        transport.get_extra_info("socket").setsockopt(SOL_SOCKET, SO_LINGER, linger)
-    transport.abort()

@@ -9,14 +9,13 @@ import asyncio
 import json
 import secrets
 from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
 from importlib.resources import files
 from ssl import SSLContext
 from typing import Any
 
 from aiohttp import ClientSession, WSMsgType, web
 
-from hil.common.server_thread import ServerThread, http_log
+from hil.common.server_thread import STALLED_S, ServerThread, cut_when_stalled, http_log
 
 COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
@@ -24,6 +23,7 @@ MOST_STICK_BYTES = 4096  # of one message of the stick
 MOST_CLIENTS = 32
 MOST_CONNECTIONS = 256  # at once: a browser has some for the page, the stick and the scene
 TOKEN_WITHIN_S = 10.0  # a connection on which nobody has shown the token by then is closed
+HEARTBEAT_S = 10.0  # after which a browser is asked whether it is there; it is gone after half as much again
 LARGEST_MESSAGE = 256 << 20  # of the scene, towards the browser
 
 StickMessage = Mapping[str, Any]
@@ -131,21 +131,24 @@ class Front(ServerThread):
 
     async def _stick(self, request: web.Request) -> web.WebSocketResponse:
         """Exchange messages with the page: stick and buttons in, possible actions and shown values out."""
-        socket = web.WebSocketResponse(max_msg_size=MOST_STICK_BYTES, heartbeat=5.0)
+        socket = web.WebSocketResponse(max_msg_size=MOST_STICK_BYTES, heartbeat=HEARTBEAT_S)
         await socket.prepare(request)
         if self._clients >= MOST_CLIENTS:
             await socket.close(message=f"{MOST_CLIENTS} browsers are there already".encode())
             return socket
+        if request.transport is None:  # it went meanwhile
+            return socket
         self._clients += 1
         number = id(socket)
         try:
-            async for message in socket:
-                if message.type is not WSMsgType.TEXT:
-                    continue
-                values = _parse(message.data)
-                if values is not None:
-                    answer = await asyncio.to_thread(self._on_stick, number, values)
-                    await socket.send_str(json.dumps(answer))
+            with cut_when_stalled(socket, request.transport):
+                async for message in socket:
+                    if message.type is not WSMsgType.TEXT:
+                        continue
+                    values = _parse(message.data)
+                    if values is not None:
+                        answer = await asyncio.to_thread(self._on_stick, number, values)
+                        await asyncio.wait_for(socket.send_str(json.dumps(answer)), STALLED_S)
         finally:
             self._clients -= 1
             await asyncio.to_thread(self._on_stick, number, None)
@@ -164,11 +167,14 @@ class Front(ServerThread):
 
     async def _pass_socket(self, request: web.Request, client: ClientSession, url: str) -> web.WebSocketResponse:
         protocols = [word.strip() for word in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if word]
-        outside = web.WebSocketResponse(protocols=protocols, max_msg_size=1 << 20, heartbeat=10.0)
+        outside = web.WebSocketResponse(protocols=protocols, max_msg_size=1 << 20, heartbeat=HEARTBEAT_S)
         await outside.prepare(request)
+        if request.transport is None:  # it went meanwhile
+            return outside
         async with client.ws_connect(url, protocols=protocols, max_msg_size=LARGEST_MESSAGE) as inside:
-            await _first_done(_pump(outside, inside), _pump(inside, outside))
-        await outside.close()
+            with cut_when_stalled(outside, request.transport):
+                await _first_done(_pump(outside, inside), _pump(inside, outside))
+                await outside.close()
         return outside
 
 
@@ -182,21 +188,22 @@ class _Refusal(asyncio.Protocol):
 async def _pump(source: Any, sink: Any) -> None:
     async for message in source:
         if message.type is WSMsgType.BINARY:
-            await sink.send_bytes(message.data)
+            await asyncio.wait_for(sink.send_bytes(message.data), STALLED_S)
         elif message.type is WSMsgType.TEXT:
-            await sink.send_str(message.data)
+            await asyncio.wait_for(sink.send_str(message.data), STALLED_S)
 
 
 async def _first_done(*work: Any) -> None:
-    """Wait until one of them is done, and end the others."""
+    """Wait until one of them is done, and end the others. Raises what the first raises."""
     tasks = [asyncio.ensure_future(each) for each in work]
     try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
     finally:
         for task in tasks:
             task.cancel()
-            with suppress(asyncio.CancelledError, ConnectionError):
-                await task
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def _parse(text: str) -> StickMessage | None:

@@ -1,6 +1,8 @@
 """The live view's web server against who has no token."""
 
+import base64
 import http.client
+import select
 import socket
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -23,8 +25,8 @@ def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Front]:
         yield served
 
 
-def answer_stick(_: int, __: Mapping[str, Any] | None) -> Mapping[str, Any]:
-    return {}
+def answer_stick(_: int, values: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    return {"shown": "x" * (values or {}).get("bytes", 0)}
 
 
 def connect(served: Front) -> socket.socket:
@@ -74,6 +76,26 @@ def test_a_connection_with_the_token_stays(served: Front) -> None:
         admitted.settimeout(30)
         admitted.sendall(request)
         assert admitted.recv(4096).startswith(b"HTTP/1.1 302")
+
+
+def test_a_browser_that_reads_nothing_is_cut(served: Front, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Closed in order, its connection would stay for as long as the kernel tries to send the rest."""
+    monkeypatch.setattr(front, "STALLED_S", 0.5)
+    ended = select.poll()
+    with socket.socket() as browser:
+        browser.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # so that little waits in the kernel
+        browser.connect(("127.0.0.1", served.port))
+        key = base64.b64encode(bytes(16)).decode()
+        browser.sendall(
+            f"GET /stick?token={TOKEN} HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+        )
+        browser.settimeout(30)
+        assert browser.recv(256).startswith(b"HTTP/1.1 101")
+        text = b'{"bytes": 33554432}'
+        browser.sendall(bytes((0x81, 0x80 | len(text), 0, 0, 0, 0)) + text)
+        ended.register(browser, 0)
+        assert ended.poll(60_000), "the connection is still there"
 
 
 @pytest.mark.parametrize("token", ["%ff", "%ed%a0%80", "", "a-token-and-more"])
