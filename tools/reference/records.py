@@ -2,6 +2,7 @@
 
 import types
 from collections.abc import Iterator
+from math import floor, log10
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from hil.common.schema import FINITE, Range
@@ -110,14 +111,17 @@ def _array(items: tuple[Any, ...]) -> Kind:
 
 
 def _range(limit: Range) -> str:
-    return "" if limit is FINITE else f"{_end(limit.low)} to {_end(limit.high)}"
+    return "" if limit is FINITE else f"{_end(limit.low, 1)} to {_end(limit.high, -1)}"
 
 
-def _end(value: float) -> str:
-    """Return one end of a range; the largest whole numbers as powers of two."""
+def _end(value: float, inwards: int) -> str:
+    """Return one end of a range, rounded inwards; the largest whole numbers as powers of two."""
     powers = [bits for bits in (31, 32, 63, 64) if abs(value) in (2**bits, 2**bits - 1)]
     if not powers:
-        return f"{value:.9g}"
+        text = f"{value:.9g}"
+        if (float(text) - value) * inwards < 0.0:
+            text = f"{value + inwards * 10.0 ** (floor(log10(abs(value))) - 8):.9g}"
+        return text
     return f"{'-' * (value < 0)}2^{powers[0]}{' - 1' * (abs(value) == 2 ** powers[0] - 1)}"
 
 
