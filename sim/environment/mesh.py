@@ -158,21 +158,38 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
         import trimesh  # noqa: F401 - asked for here, to say which extra has it
     except ImportError:
         raise MissingExtraError(f"{where}: file: meshes need trimesh: pip install 'uuv-hil[mesh]'") from None
+    ending = os.path.splitext(file)[1]
+    _check_count(_declared(file), file, where)  # before it takes seconds and a gigabyte
     try:
         triangles = np.asarray(load_mesh(file).triangles, float) * scale
     except ConfigError:
         raise
     except Exception as error:  # noqa: BLE001 - what damaged files make of the readers
-        raise ConfigError(f"{where}: file: {file}: no mesh that can be read: {type(error).__name__}") from None
-    if not len(triangles) or not np.isfinite(triangles).all():
-        raise ConfigError(f"{where}: file: {file}: no triangles, or some without a place")
-    if len(triangles) > MOST_TRIANGLES:
         raise ConfigError(
-            f"{where}: file: {file}: {len(triangles)} triangles are more than {MOST_TRIANGLES}: simplify the mesh"
+            f"{where}: file: {file}: no mesh that can be read ({type(error).__name__}): damaged, or no {ending}"
+        ) from None
+    if not len(triangles) or not np.isfinite(triangles).all():
+        raise ConfigError(
+            f"{where}: file: {file}: no triangles, or corners that are no numbers: look whether it is a whole {ending}"
         )
+    _check_count(len(triangles), file, where)
     order, signs = ([2, 0, 1], (1.0, -1.0, -1.0)) if up == "y" else ([0, 1, 2], (1.0, -1.0, -1.0))
     own = (triangles[..., order] * np.array(signs)).tolist()
     return tuple((tuple(a), tuple(b), tuple(c)) for a, b, c in own)
+
+
+def _check_count(count: int, file: str, where: str) -> None:
+    if count > MOST_TRIANGLES:
+        raise ConfigError(f"{where}: file: {file}: {count} triangles are more than {MOST_TRIANGLES}: simplify the mesh")
+
+
+def _declared(file: str) -> int:
+    """Return how many triangles a binary STL says that it has; 0 for other files."""
+    if not file.lower().endswith(".stl"):
+        return 0
+    with open(file, "rb") as stream:
+        count = int.from_bytes(stream.read(84)[80:], "little")
+    return count if os.stat(file).st_size == 84 + 50 * count else 0
 
 
 def _to_triangle(north: float, east: float, triangle: Triangle) -> float:

@@ -16,11 +16,13 @@ def load_mesh(file: str) -> Any:
     """Return a `trimesh.Trimesh` of all that a file holds, in its own axes; COLLADA in m, others in their own unit.
 
     As Gazebo does, the up axis that a COLLADA file names is not heeded. Raises ConfigError for a file that is missing,
-    too large or declares XML entities, ImportError without trimesh, and what trimesh's readers raise of damaged ones.
+    too large, of a kind that cannot be read, or declares XML entities, ImportError without trimesh, and what trimesh's
+    readers raise of damaged ones.
     """
     import trimesh
 
     check_file(file, MOST_BYTES)
+    check_kind(file)
     ending = os.path.splitext(file)[1].lower()
     if ending == ".gltf":  # its numbers are in a file beside it
         return trimesh.load(file, force="mesh")
@@ -44,4 +46,4 @@ def load_mesh(file: str) -> Any:
 def check_kind(file: str) -> None:
     """Raise ConfigError for a file whose ending is that of no mesh."""
     if not file.lower().endswith(KINDS):
-        raise ConfigError(f"{file}: no mesh that can be read; there are: {', '.join(KINDS)}")
+        raise ConfigError(f"{file}: its ending is that of no mesh that can be read: save it as {', '.join(KINDS)}")

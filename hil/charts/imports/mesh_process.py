@@ -14,7 +14,7 @@ from hil.common.children import limit_self
 from hil.common.lifeline import die_with_parent
 from hil.common.tables import check_file
 from sim.environment.mesh import MOST_TRIANGLES
-from sim.vehicle.mesh_files import MOST_BYTES, check_kind, load_mesh
+from sim.vehicle.mesh_files import MOST_BYTES, load_mesh
 
 MEMORY_BYTES = 3 << 30  # of address space
 CPU_SECONDS = 120
@@ -47,8 +47,6 @@ def _answer(job: dict[str, Any]) -> dict[str, Any]:
     shape = job.get("shape")
     if shape and shape["kind"] == "heightmap":
         return _heightmap(file, [float(x) for x in shape["sizes"]], job["output"])
-    if not shape:
-        check_kind(file)
     mesh: Any = _primitive(shape) if shape else load_mesh(file)
     mesh.vertices = np.asarray(mesh.vertices, float) * np.asarray(job["scale"], float)
     if matrix is not None:

@@ -146,6 +146,9 @@ def test_a_world_file_has_meshes_beside_it(tmp_path: Path) -> None:
     [
         ('[[mesh]]\nfile = "none.stl"\nnorth = 0\neast = 0\n', "none.stl: no such file"),
         ('[[mesh]]\nfile = "broken.stl"\nnorth = 0\neast = 0\n', r"mesh\[0\]: file: .*broken.stl: no"),
+        ('[[mesh]]\nfile = "text.glb"\nnorth = 0\neast = 0\n', r"text.glb: no mesh that .*: damaged, or no .glb"),
+        ('[[mesh]]\nfile = "block.xyz"\nnorth = 0\neast = 0\n', r"block.xyz: its ending is that of no mesh .* .stl"),
+        ('[[mesh]]\nfile = "large.stl"\nnorth = 0\neast = 0\n', r"300000 triangles are more than 200000: simplify"),
         ('[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nup = "x"\n', "'x' is not one of"),
         ('[[mesh]]\nfile = "block.stl"\nnorth = 90\neast = 0\n', r"the mesh at \(90, 0\) is outside the extent"),
         (
@@ -159,6 +162,11 @@ def test_a_world_file_has_meshes_beside_it(tmp_path: Path) -> None:
 def test_meshes_that_cannot_be_meant(tmp_path: Path, text: str, output: str) -> None:
     block(tmp_path)
     (tmp_path / "broken.stl").write_bytes(b"solid nothing\n" + bytes(range(256)))
+    (tmp_path / "text.glb").write_text("no mesh")
+    (tmp_path / "block.xyz").write_bytes((tmp_path / "block.stl").read_bytes())
+    with (tmp_path / "large.stl").open("wb") as large:
+        large.write(bytes(80) + (300_000).to_bytes(4, "little"))
+        large.truncate(84 + 50 * 300_000)
     (tmp_path / "w.toml").write_text(HEAD + text)
     with pytest.raises(ConfigError, match=output):
         load_world(str(tmp_path / "w.toml"))
