@@ -102,7 +102,7 @@ def test_a_new_command_ends_the_one_before(vehicle: Vehicle) -> None:
     with pytest.raises(MissionError, match=r"within 0\.1 s"):
         far.wait(0.1)
     vehicle.stop()
-    with pytest.raises(MissionError, match="something else"):
+    with pytest.raises(MissionError, match="another command"):
         far.wait()
 
 
