@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "buffer.h"
-#include "rays.h"
+#include "rays_bundle.h"
 
 /* The memory a caster reads belongs to others, who must not resize it meanwhile: Python sees to that. */
 enum { DEPTHS, SOLIDS, NODES, TRIANGLES, BUFFERS };
@@ -66,11 +66,6 @@ static int fill(Caster *caster, PyObject *const objects[BUFFERS])
     geometry->count = (long)(caster->held[SOLIDS].len / (Py_ssize_t)sizeof(Solid));
     geometry->nodes = caster->held[NODES].buf;
     geometry->triangles = caster->held[TRIANGLES].buf;
-    geometry->near = malloc((size_t)(geometry->count + 1) * sizeof *geometry->near);
-    if (geometry->near == NULL) {
-        PyErr_NoMemory();
-        return 0;
-    }
     return make_blocks(ground);
 }
 
@@ -100,7 +95,6 @@ static void caster_dealloc(PyObject *self)
         PyBuffer_Release(&caster->held[i]); /* does nothing to one that was never got */
     for (int level = 0; level < LEVELS; level++)
         free(caster->geometry.ground.least[level]);
-    free(caster->geometry.near);
     PyObject_Free(self);
     Py_DECREF(type);
 }
@@ -111,22 +105,56 @@ typedef struct {
     int32_t *objects;
 } Answers;
 
-static void answer(const Geometry *geometry, const double *origin, const double *along, double reach, Py_ssize_t ray,
+static void answer(const Geometry *geometry, const double *origin, const double *along, const Hit *hit, Py_ssize_t ray,
                    const Answers *to)
 {
-    Hit hit = trace(geometry, origin, along, reach);
-    to->distances[ray] = hit.distance;
+    to->distances[ray] = hit->distance;
     if (to->points == NULL)
         return;
     double *point = to->points + 3 * ray, *out = to->normals + 3 * ray;
-    to->objects[ray] = (int32_t)owner(geometry, hit.object);
+    to->objects[ray] = (int32_t)owner(geometry, hit->object);
     set(point, NAN, NAN, NAN);
     set(out, NAN, NAN, NAN);
-    if (hit.object == NOTHING)
+    if (hit->object == NOTHING)
         return;
     for (int axis = 0; axis < 3; axis++)
-        point[axis] = origin[axis] + hit.distance * along[axis];
-    normal(geometry, &hit, along, point, out);
+        point[axis] = origin[axis] + hit->distance * along[axis];
+    normal(geometry, hit, along, point, out);
+}
+
+/* What a cast is of: one origin for all rays, or `origins` with one for each. */
+typedef struct {
+    double origin[3], rotation[9], reach;
+    const double *origins, *directions;
+    Py_ssize_t rays;
+} Order;
+
+static void cast_apart(const Geometry *geometry, const Order *order, Near *near, const Answers *to)
+{
+    for (Py_ssize_t ray = 0; ray < order->rays; ray++) {
+        const double *origin = order->origins + 3 * ray;
+        double along[3];
+        find_near(geometry, origin, order->reach, near);
+        turn(order->rotation, order->directions + 3 * ray, along);
+        Hit hit = trace(geometry, near, origin, along, order->reach, 0.0);
+        answer(geometry, origin, along, &hit, ray, to);
+    }
+}
+
+static void cast_together(const Geometry *geometry, const Order *order, Near *near, const Answers *to)
+{
+    find_near(geometry, order->origin, order->reach, near);
+    for (Py_ssize_t first = 0; first < order->rays; first += BUNDLE) {
+        Py_ssize_t left = order->rays - first;
+        Bundle bundle;
+        bundle.count = left < BUNDLE ? (int)left : BUNDLE;
+        Hit hits[BUNDLE];
+        for (int i = 0; i < bundle.count; i++)
+            turn(order->rotation, order->directions + 3 * (first + i), bundle.along[i]);
+        trace_bundle(geometry, near, order->origin, &bundle, order->reach, hits);
+        for (int i = 0; i < bundle.count; i++)
+            answer(geometry, order->origin, bundle.along[i], &hits[i], first + i, to);
+    }
 }
 
 enum { DIRECTIONS, DISTANCES, POINTS, NORMALS, OBJECTS, ORIGINS, VIEWS };
@@ -147,13 +175,13 @@ static int get_origins(PyObject *object, double *origin, Py_buffer *views)
 }
 
 /* Gets the buffers, casts, and leaves the buffers to who called. */
-static int cast_views(Geometry *geometry, PyObject *const *arguments, int count, Py_buffer *views)
+static int cast_views(const Geometry *geometry, PyObject *const *arguments, int count, Py_buffer *views)
 {
     static const Py_ssize_t sizes[ORIGINS] = {24, 8, 24, 24, 4}; /* bytes a ray */
-    double common[3], rotation[9], reach = PyFloat_AsDouble(arguments[3]);
+    Order order = {.reach = PyFloat_AsDouble(arguments[3])};
     PyObject *const objects[ORIGINS] = {arguments[2], arguments[4], count > 5 ? arguments[5] : NULL,
                                       count > 5 ? arguments[6] : NULL, count > 5 ? arguments[7] : NULL};
-    if ((reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[1], rotation, 9))
+    if ((order.reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[1], order.rotation, 9))
         return 0;
     for (int i = 0; i < ORIGINS && objects[i] != NULL; i++) {
         if (PyObject_GetBuffer(objects[i], &views[i], i == DIRECTIONS ? PyBUF_SIMPLE : PyBUF_WRITABLE) != 0)
@@ -163,20 +191,18 @@ static int cast_views(Geometry *geometry, PyObject *const *arguments, int count,
             return 0;
         }
     }
-    if (!get_origins(arguments[0], common, views))
+    if (!get_origins(arguments[0], order.origin, views))
         return 0;
-    const double *direction = views[DIRECTIONS].buf, *origins = views[ORIGINS].buf;
-    if (origins == NULL)
-        find_near(geometry, common, reach);
-    Answers to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
-    for (Py_ssize_t ray = 0, rays = views[DIRECTIONS].len / 24; ray < rays; ray++, direction += 3) {
-        const double *origin = origins == NULL ? common : origins + 3 * ray;
-        double along[3];
-        if (origins != NULL)
-            find_near(geometry, origin, reach);
-        turn(rotation, direction, along);
-        answer(geometry, origin, along, reach, ray, &to);
+    Near near;
+    if (!make_near(geometry, &near)) {
+        PyErr_NoMemory();
+        return 0;
     }
+    order.directions = views[DIRECTIONS].buf, order.origins = views[ORIGINS].buf;
+    order.rays = views[DIRECTIONS].len / 24;
+    const Answers to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
+    (order.origins == NULL ? cast_together : cast_apart)(geometry, &order, &near, &to);
+    free(near.places);
     return 1;
 }
 
@@ -194,7 +220,22 @@ static PyObject *caster_cast(PyObject *self, PyObject *const *arguments, Py_ssiz
     Py_RETURN_NONE;
 }
 
+static void let_go(PyObject *capsule)
+{
+    Py_XDECREF((PyObject *)PyCapsule_GetContext(capsule));
+}
+
+static PyObject *caster_geometry(PyObject *self, PyObject *nothing)
+{
+    (void)nothing;
+    PyObject *capsule = PyCapsule_New(&((Caster *)self)->geometry, GEOMETRY, let_go);
+    if (capsule != NULL && PyCapsule_SetContext(capsule, self) == 0)
+        Py_INCREF(self);
+    return capsule;
+}
+
 static PyMethodDef caster_methods[] = {
+    {"geometry", caster_geometry, METH_NOARGS, "geometry(): a capsule for sim.native._picture, which keeps the caster."},
     {"cast", (PyCFunction)(void (*)(void))caster_cast, METH_FASTCALL,
      "cast(origin, rotation, directions, reach, distances[, points, normals, objects]): as sim.rays.single.cast."},
     {NULL, NULL, 0, NULL},

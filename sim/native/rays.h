@@ -28,8 +28,12 @@ typedef struct {
     long count;
     const Node *nodes;
     const Triangle *triangles;
-    long *near, near_count; /* which solids the rays of one origin may come to: room for all of them */
 } Geometry;
+
+/* Which solids the rays of one origin may come to. */
+typedef struct {
+    long *places, count;
+} Near;
 
 typedef struct {
     double distance;
@@ -139,7 +143,7 @@ static double meet_mesh(const Geometry *geometry, const Solid *solid, const doub
         const Node *node = geometry->nodes + number;
         double near = 0.0, far = least_of(reach, best);
         for (int axis = 0; axis < 3; axis++)
-            slab(at[axis], along[axis], node->low[axis], node->high[axis], &near, &far);
+            slab(at[axis], along[axis], 1.0 / along[axis], node->low[axis], node->high[axis], &near, &far);
         if (near > far)
             continue;
         long first = (long)node->place, last = first + (long)node->count;
@@ -174,31 +178,33 @@ static double meet_solid(const Geometry *geometry, const Solid *solid, const dou
         meet_round(at, along, sizes[0], 3, &near, &far);
     } else if (kind == CYLINDER) {
         meet_round(at, along, sizes[0], 2, &near, &far);
-        slab(at[2], along[2], sizes[1], sizes[2], &near, &far);
+        slab(at[2], along[2], 1.0 / along[2], sizes[1], sizes[2], &near, &far);
     } else {
         for (int axis = 0; axis < 3; axis++)
-            slab(at[axis], along[axis], sizes[2 * axis], sizes[2 * axis + 1], &near, &far);
+            slab(at[axis], along[axis], 1.0 / along[axis], sizes[2 * axis], sizes[2 * axis + 1], &near, &far);
     }
     return near <= far ? near : INFINITY;
 }
 
 /* Of a world full of things most are out of reach of all rays of a sensor. */
-static void find_near(Geometry *geometry, const double *origin, double reach)
+static void find_near(const Geometry *geometry, const double *origin, double reach, Near *near)
 {
-    geometry->near_count = 0;
+    near->count = 0;
     for (long i = 0; i < geometry->count; i++)
         if (!is_beyond(geometry->solids + i, origin, reach))
-            geometry->near[geometry->near_count++] = i;
+            near->places[near->count++] = i;
 }
 
-static Hit trace(const Geometry *geometry, const double *origin, const double *direction, double reach)
+/* A ray that is known to meet no seabed before `start` m. */
+static Hit trace(const Geometry *geometry, const Near *near, const double *origin, const double *direction, double reach,
+                 double start)
 {
     Hit best = {INFINITY, NOTHING, 0};
-    best.distance = meet_seabed(&geometry->ground, origin, direction, reach, &best.detail);
+    best.distance = meet_seabed(&geometry->ground, origin, direction, reach, start, &best.detail);
     if (best.distance < INFINITY)
         best.object = SEABED;
-    for (long k = 0; k < geometry->near_count; k++) {
-        long i = geometry->near[k];
+    for (long k = 0; k < near->count; k++) {
+        long i = near->places[k];
         const Solid *solid = geometry->solids + i;
         if (passes(solid, origin, direction))
             continue;

@@ -42,14 +42,15 @@ static long limited(long value, long low, long high)
     return value < low ? low : value > high ? high : value;
 }
 
-static void slab(double at, double rate, double low, double high, double *near, double *far)
+/* `slow` is 1 / rate. */
+static void slab(double at, double rate, double slow, double low, double high, double *near, double *far)
 {
     if (fabs(rate) <= TINY) {
         if (!(low <= at && at <= high))
             *near = INFINITY, *far = -INFINITY;
         return;
     }
-    double slow = 1.0 / rate, one = (low - at) * slow, other = (high - at) * slow;
+    double one = (low - at) * slow, other = (high - at) * slow;
     *near = most_of(*near, one > other ? other : one);
     *far = least_of(*far, one > other ? one : other);
 }
@@ -121,13 +122,12 @@ static double least_in_block(const Ground *ground, int level, long block_row, lo
     return *known = least;
 }
 
-/* From `*near` on to where the ray leaves the cells of rows `cells[0]` to `cells[1]` and columns `cells[2]` to `cells[3]`,
- * or to `far`; 1 if it has met something at `*near`. */
-static int walk_cells(const Ground *ground, const Ray *ray, const long *cells, double *near, double far, long *side)
+/* From `*near` in the cell `at` on to where the ray leaves the cells of rows `cells[0]` to `cells[1]` and columns
+ * `cells[2]` to `cells[3]`, or to `far`; 1 if it has met something at `*near`. */
+static int walk_cells(const Ground *ground, const Ray *ray, const long *cells, const long *at, double *near, double far,
+                      long *side)
 {
-    long top = cells[0], last_row = cells[1], left = cells[2], last_column = cells[3];
-    long row = limited((long)(ray->at[0] + ray->rate[0] * *near), top, last_row);
-    long column = limited((long)(ray->at[1] + ray->rate[1] * *near), left, last_column);
+    long top = cells[0], last_row = cells[1], left = cells[2], last_column = cells[3], row = at[0], column = at[1];
     double next_x = crossing(ray, 0, row, 1), next_y = crossing(ray, 1, column, 1);
     for (;;) {
         double end = least_of(least_of(next_x, next_y), far);
@@ -153,24 +153,38 @@ static int walk_cells(const Ground *ground, const Ray *ray, const long *cells, d
     }
 }
 
+/* The cell, of those, in which the ray is at `near`. */
+static void find_cell(const Ray *ray, const long *cells, double near, long *cell)
+{
+    cell[0] = limited((long)(ray->at[0] + ray->rate[0] * near), cells[0], cells[1]);
+    cell[1] = limited((long)(ray->at[1] + ray->rate[1] * near), cells[2], cells[3]);
+}
+
+static void find_block(const Ground *ground, int level, long block_row, long block_column, long *cells)
+{
+    long size = 1L << SHIFT[level], top = block_row * size, left = block_column * size;
+    cells[0] = top, cells[1] = limited(top + size - 1, 0, ground->rows - 2);
+    cells[2] = left, cells[3] = limited(left + size - 1, 0, ground->columns - 2);
+}
+
 /* The same for blocks of a level, and what is in them. */
 static int walk(const Ground *ground, const Ray *ray, int level, const long *cells, double *near, double far, long *side)
 {
     int shift = SHIFT[level];
     long size = 1L << shift, first_row = cells[0] >> shift, last_row = cells[1] >> shift;
     long first_column = cells[2] >> shift, last_column = cells[3] >> shift;
-    long row = limited((long)(ray->at[0] + ray->rate[0] * *near), cells[0], cells[1]) >> shift;
-    long column = limited((long)(ray->at[1] + ray->rate[1] * *near), cells[2], cells[3]) >> shift;
+    long cell[2], within[4];
+    find_cell(ray, cells, *near, cell);
+    long row = cell[0] >> shift, column = cell[1] >> shift;
     while (row >= first_row && row <= last_row && column >= first_column && column <= last_column) {
-        long top = row << shift, left = column << shift;
-        double next_x = crossing(ray, 0, top, size), next_y = crossing(ray, 1, left, size);
+        double next_x = crossing(ray, 0, row << shift, size), next_y = crossing(ray, 1, column << shift, size);
         double end = least_of(least_of(next_x, next_y), far);
         double lowest = most_of(ray->at[2] + ray->rate[2] * *near, ray->at[2] + ray->rate[2] * end);
         if (!(lowest < least_in_block(ground, level, row, column))) {
-            const long within[4] = {top, limited(top + size - 1, 0, ground->rows - 2), left,
-                                    limited(left + size - 1, 0, ground->columns - 2)};
+            find_block(ground, level, row, column, within);
+            find_cell(ray, within, *near, cell);
             if (level + 1 < LEVELS ? walk(ground, ray, level + 1, within, near, end, side)
-                                   : walk_cells(ground, ray, within, near, end, side))
+                                   : walk_cells(ground, ray, within, cell, near, end, side))
                 return 1;
         }
         if (end >= far)
@@ -184,10 +198,38 @@ static int walk(const Ground *ground, const Ray *ray, int level, const long *cel
     return 0;
 }
 
-static double meet_seabed(const Ground *ground, const double *origin, const double *direction, double reach, long *side)
+/* Begins where the cell at `start` m does, as who comes from farther off would; then in the block of that cell. */
+static int walk_from(const Ground *ground, const Ray *ray, double start, double *near, double far, long *side)
+{
+    const long all[4] = {0, ground->rows - 2, 0, ground->columns - 2};
+    if (start >= far)
+        return 0;
+    if (start > *near) {
+        long cell[2], within[4];
+        find_cell(ray, all, start, cell);
+        for (int axis = 0; axis < 2; axis++) {
+            double into = fabs(ray->rate[axis]) > TINY ? ((double)(cell[axis] + !ray->edge[axis]) - ray->at[axis]) * ray->slow[axis]
+                                                       : -INFINITY;
+            if (into >= *near && into > 0.0)
+                *near = into, *side = axis == 0 ? STEP_NORTH : STEP_EAST;
+        }
+        find_block(ground, LEVELS - 1, cell[0] >> SHIFT[LEVELS - 1], cell[1] >> SHIFT[LEVELS - 1], within);
+        if (walk_cells(ground, ray, within, cell, near, far, side))
+            return 1;
+        if (*near >= far)
+            return 0;
+    }
+    return walk(ground, ray, 0, all, near, far, side);
+}
+
+/* A ray that is known to meet no seabed before `start` m, which is within the grid unless 0. */
+static double meet_seabed(const Ground *ground, const double *origin, const double *direction, double reach, double start,
+                          long *side)
 {
     double z = origin[2], dz = direction[2], depth = ground->outside;
     *side = SURFACE;
+    if (start >= reach)
+        return INFINITY;
     if (ground->rows == 0)
         return meet_flat(z, dz, depth, 0.0, reach);
     Ray ray = {.at = {(origin[0] - ground->north_min) * ground->scale, (origin[1] - ground->east_min) * ground->scale, z},
@@ -198,9 +240,9 @@ static double meet_seabed(const Ground *ground, const double *origin, const doub
         ray.edge[axis] = ray.rate[axis] > 0.0;
     }
     double near = 0.0, far = reach;
-    slab(ray.at[0], ray.rate[0], 0.0, (double)ground->rows - 1.0, &near, &far);
+    slab(ray.at[0], ray.rate[0], ray.slow[0], 0.0, (double)ground->rows - 1.0, &near, &far);
     double into_row = near, out_of_row = far;
-    slab(ray.at[1], ray.rate[1], 0.0, (double)ground->columns - 1.0, &near, &far);
+    slab(ray.at[1], ray.rate[1], ray.slow[1], 0.0, (double)ground->columns - 1.0, &near, &far);
     if (near > far)
         return meet_flat(z, dz, depth, 0.0, reach);
     if (near > 0.0) {
@@ -209,8 +251,7 @@ static double meet_seabed(const Ground *ground, const double *origin, const doub
             return distance;
     }
     *side = near > into_row ? STEP_EAST : near > 0.0 ? STEP_NORTH : SURFACE;
-    const long all[4] = {0, ground->rows - 2, 0, ground->columns - 2};
-    if (walk(ground, &ray, 0, all, &near, far, side))
+    if (walk_from(ground, &ray, start, &near, far, side))
         return near;
     *side = SURFACE;
     if (far >= reach)

@@ -107,6 +107,31 @@ def test_hits_are_equal(seed: int) -> None:
     assert len(seen) > 1
 
 
+def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
+    """Rays of a camera, row after row: neighbours go about the same way."""
+    rays = array("d")
+    for i in range(across * down):
+        x, y = (2.0 * (i % across) / across - 1.0) * width, (2.0 * (i // across) / down - 1.0) * width
+        length = sqrt(1.0 + x * x + y * y)
+        rays.extend((1.0 / length, x / length, y / length))
+    return rays
+
+
+@pytest.mark.parametrize("seed", range(15))
+@pytest.mark.usefixtures("native")
+def test_what_is_proved_for_neighbours_changes_nothing(seed: int) -> None:
+    """The C begins narrow bundles of rays where none of them can have met anything, wide ones not."""
+    chance = random.Random(f"{seed}/pixels")
+    native, plain = random_scene(seed, "C"), random_scene(seed, "python")
+    for shot in range(6):
+        origin = [chance.uniform(-22.0, 22.0), chance.uniform(-27.0, 30.0), chance.uniform(0.5, 11.0)]
+        rotation = matrix(attitude(chance)) if shot else UPRIGHT
+        rays, reach = rows_of_pixels((0.02, 0.8, 3.0)[shot % 3], 33, 9), chance.choice([6.0, 30.0, 500.0])
+        hits, expected = (scene.hits(origin, rays, reach, rotation) for scene in (native, plain))
+        for values, others in zip(hits, expected, strict=True):
+            np.testing.assert_array_equal(np.array(values), np.array(others))
+
+
 @pytest.mark.usefixtures("native")
 def test_rays_from_places_of_their_own() -> None:
     """They give what each gives alone, with either engine."""

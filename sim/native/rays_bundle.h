@@ -1,0 +1,145 @@
+/* Rays of one origin that go about the same way, as those of neighbouring pixels: what is proved once for all of them.
+ *
+ * Each ray still has the hit of `trace`, to the last bit: only what none of them can meet is left out. Nothing of Python
+ * is in this file.
+ */
+
+#include <stdlib.h>
+
+#include "rays.h"
+
+enum { BUNDLE = 32, FEW_RAYS = 8, MOST_STRIDES = 24, MOST_CELLS = 96, FEW_CELLS = 3, SOME_CELLS = 12 };
+#define GEOMETRY "sim.native.Geometry" /* name of the capsule that carries a Geometry */
+#define MOST_SLOPES 0.1
+#define CLEARANCE 1e-6 /* m by which rays pass what they do not meet, so that rounding cannot matter */
+
+/* Directions of `count` rays, all between `low` and `high`. */
+typedef struct {
+    double along[BUNDLE][3], low[3], high[3];
+    int count;
+} Bundle;
+
+static void bound(Bundle *bundle)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        double low = INFINITY, high = -INFINITY;
+        for (int i = 0; i < bundle->count; i++) {
+            low = least_of(low, bundle->along[i][axis]);
+            high = most_of(high, bundle->along[i][axis]);
+        }
+        bundle->low[axis] = low, bundle->high[axis] = high;
+    }
+}
+
+/* --- solids */
+
+/* Room for the solids near an origin, and for those near a bundle; 0 without memory. */
+static int make_near(const Geometry *geometry, Near *near)
+{
+    near->count = 0;
+    near->places = malloc((size_t)(2 * geometry->count + 1) * sizeof *near->places);
+    return near->places != NULL;
+}
+
+/* Out of reach of all rays of a bundle. */
+static int is_far(const double *plane, const double *origin, const Bundle *bundle, double reach)
+{
+    double height = -plane[3], rate = 0.0;
+    for (int axis = 0; axis < 3; axis++) {
+        height += plane[axis] * origin[axis];
+        rate += least_of(plane[axis] * bundle->low[axis], plane[axis] * bundle->high[axis]);
+    }
+    return height > CLEARANCE && height + rate * reach > CLEARANCE;
+}
+
+/* Leaves out those that `passes` would leave out for each of the rays. */
+static Near find_closer(const Geometry *geometry, const Near *near, const double *origin, const Bundle *bundle, double reach)
+{
+    double middle[2], widest[2], most[2];
+    for (int axis = 0; axis < 2; axis++) {
+        middle[axis] = 0.5 * (bundle->low[axis] + bundle->high[axis]);
+        widest[axis] = 0.5 * (bundle->high[axis] - bundle->low[axis]);
+        most[axis] = most_of(fabs(bundle->low[axis]), fabs(bundle->high[axis]));
+    }
+    double spread = widest[0] + widest[1], longest = most[0] + most[1];
+    Near closer = {near->places + geometry->count, 0};
+    for (long k = 0; k < near->count; k++) {
+        const Solid *solid = geometry->solids + near->places[k];
+        double x = solid->position[0] - origin[0], y = solid->position[1] - origin[1];
+        double across = fabs(middle[0] * y - middle[1] * x) - spread * (fabs(x) + fabs(y));
+        int beyond = solid->kind == HALF_SPACE ? is_far(solid->sizes, origin, bundle, reach)
+                                               : across > solid->reach * longest + CLEARANCE;
+        if (!beyond)
+            closer.places[closer.count++] = near->places[k];
+    }
+    return closer;
+}
+
+/* --- the seabed */
+
+/* The least depth of cells, -INFINITY for too many, and beyond the grid. `from` and `to` are places in cells. */
+static double least_between(const Ground *ground, const double *from, const double *to)
+{
+    const double edge[2] = {(double)(ground->rows - 1), (double)(ground->columns - 1)};
+    for (int axis = 0; axis < 2; axis++)
+        if (!(from[axis] > CLEARANCE && to[axis] < edge[axis] - CLEARANCE && to[axis] - from[axis] < MOST_CELLS))
+            return -INFINITY;
+    long top = (long)(from[0] - CLEARANCE), left = (long)(from[1] - CLEARANCE);
+    long bottom = (long)(to[0] + CLEARANCE), right = (long)(to[1] + CLEARANCE);
+    long size = bottom - top > right - left ? bottom - top : right - left;
+    double least = INFINITY;
+    if (size < FEW_CELLS) {
+        for (long row = top; row <= bottom + 1; row++)
+            for (long column = left; column <= right + 1; column++) {
+                float depth = ground->depths[row * ground->columns + column];
+                if (!(depth >= least))
+                    least = isnan(depth) ? -INFINITY : depth;
+            }
+        return least;
+    }
+    int level = size < SOME_CELLS, shift = SHIFT[level];
+    for (long row = top >> shift; row <= bottom >> shift; row++)
+        for (long column = left >> shift; column <= right >> shift; column++)
+            least = least_of(least, least_in_block(ground, level, row, column));
+    return least;
+}
+
+/* A distance (m) before which no ray of a bundle meets the seabed: in strides over boxes that hold all of them. It does
+ * not pay for rays of different slopes. */
+static double clear_way(const Ground *ground, const double *origin, const Bundle *bundle, double reach)
+{
+    if (ground->rows == 0 || bundle->high[2] - bundle->low[2] > MOST_SLOPES)
+        return 0.0;
+    double at[2] = {(origin[0] - ground->north_min) * ground->scale, (origin[1] - ground->east_min) * ground->scale};
+    double fastest = 1e-3 + ground->scale * most_of(most_of(fabs(bundle->low[0]), fabs(bundle->high[0])),
+                                                    most_of(fabs(bundle->low[1]), fabs(bundle->high[1])));
+    double near = 0.0, down = bundle->high[2], stride = least_of(reach, 0.5 * MOST_CELLS / fastest);
+    for (int i = 0; i < MOST_STRIDES && near < reach && stride * fastest > 0.25; i++) {
+        double far = least_of(near + stride, reach), from[2], to[2];
+        for (int axis = 0; axis < 2; axis++) {
+            double low = bundle->low[axis] * ground->scale, high = bundle->high[axis] * ground->scale;
+            from[axis] = at[axis] + least_of(low * near, low * far);
+            to[axis] = at[axis] + most_of(high * near, high * far);
+        }
+        double room = least_between(ground, from, to) - CLEARANCE - origin[2];
+        double clear = down > 0.0 ? least_of(room / down, far) : down * near < room ? far : near;
+        stride = clear >= far ? 2.0 * stride : clear > near + 0.5 * stride ? stride : 0.25 * stride;
+        near = most_of(near, clear);
+    }
+    return near;
+}
+
+static void trace_bundle(const Geometry *geometry, const Near *near, const double *origin, Bundle *bundle, double reach,
+                         Hit *hits)
+{
+    if (bundle->count < FEW_RAYS) {
+        for (int i = 0; i < bundle->count; i++)
+            hits[i] = trace(geometry, near, origin, bundle->along[i], reach, 0.0);
+        return;
+    }
+    bound(bundle);
+    double start = clear_way(&geometry->ground, origin, bundle, reach);
+    Near closer = find_closer(geometry, near, origin, bundle, reach);
+    for (int i = 0; i < bundle->count; i++)
+        hits[i] = trace(geometry, &closer, origin, bundle->along[i], reach, start);
+}
