@@ -16,11 +16,14 @@ from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from sim.environment.contact.impulses import Blow, Separate
     from sim.environment.water import FluidMotion
     from sim.environment.waves import WaveField
     from sim.forces import Force
     from sim.native._native import FusedStep
+    from sim.native._rays import Caster
     from sim.rays.geometry import Geometry
     from sim.sensors.samples import ImuSample
     from sim.tether import Flow, Tether, TetherKeys
@@ -145,8 +148,8 @@ def make_impulses() -> "tuple[Blow, Separate]":
     return impulses.blow, impulses.separate
 
 
-def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
-    """Return what casts rays in C as sim.rays.single.cast does, without its first argument; None where there is no C.
+def make_caster(geometry: "Geometry") -> "Caster | None":
+    """Return what has a `cast` in C as sim.rays.single.cast is, without its first argument; None where there is no C.
 
     Raises ConfigError as `choose` does.
     """
@@ -157,34 +160,22 @@ def make_caster(geometry: "Geometry") -> "Callable[..., None] | None":
     _, _, solids, nodes, triangles = geometry
     terrain, depth = geometry.terrain, geometry.depth
     if terrain is None:
-        return Caster((0, 0, 0.0, 0.0, 1.0, depth), b"", solids, nodes, triangles).cast
+        return Caster((0, 0, 0.0, 0.0, 1.0, depth), b"", solids, nodes, triangles)
     north_min, east_min, _, rows, columns = terrain.grid
     ground = rows, columns, north_min, east_min, terrain.scale, terrain.outside
-    return Caster(ground, terrain.depths, solids, nodes, triangles).cast
+    return Caster(ground, terrain.depths, solids, nodes, triangles)
 
 
-def make_shader() -> "Callable[..., None] | None":
-    """Return what computes the light of a camera's pixels in C, see sim.sensors.imaging.shading; None without C.
-
-    Raises ConfigError as `choose` does.
-    """
-    if not has_native("sim.native._picture"):
-        return None
-    from sim.native._picture import shade
-
-    return shade
-
-
-def make_developer() -> "Callable[..., None] | None":
-    """Return what a camera's sensor makes of light in C, see sim.sensors.imaging.camera.picture; None without C.
+def load_picture() -> "ModuleType | None":
+    """Return sim.native._picture, a camera's light and its sensor in C; None without C.
 
     Raises ConfigError as `choose` does.
     """
     if not has_native("sim.native._picture"):
         return None
-    from sim.native._picture import develop
+    from sim.native import _picture
 
-    return develop
+    return _picture
 
 
 def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion | None":

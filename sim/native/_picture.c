@@ -1,300 +1,218 @@
-/* The light of a camera's pixels once more: sim/sensors/imaging/scenery.py and sim/environment/optics.py in one pass.
- *
- * Those files are the specification and say how it works. Sums are in 32-bit floats as there, but exp comes out of
- * tables, so that colours are the same to a part in a thousand. Shows sim.native._picture.shade to Python.
- */
+/* Shows shading.h and developing.h to Python: sim.native._picture. */
 
 #include "numbers.h"
 
-#include <math.h>
-
 #include "buffer.h"
+#include "developing.h"
+#include "rays_bundle.h"
+#include "shading.h"
 
-enum { NOTHING = -1, SEABED = 0 };
-enum { DISTANCES, NORMALS, OBJECTS, TOWARD, COLOURS, GRAIN, FADES, DEPTHS, TEXTURE, OUT, VIEWS };
-enum { SIDE = 512, LEVELS = 6, SIZES = 24, STEPS = 1024, CHANNELS = 3 };
+enum { MOST_VIEWS = 10 };
 
-/* As the first argument of `shade` has them, in this order. */
-typedef struct {
-    double origin[3], rotation[9], pixel, surface, lamps, light[3], veil[3], per_metre, node[2], deviation[2], rock[3];
-    double rows, columns, north_min, east_min, scale, height, texture_node, finest, wave[2], ripple, ripple_length;
-} Settings;
-
-enum { SETTINGS = sizeof(Settings) / sizeof(double) };
-
-/* Of footprints (m) up to `most`: where the level of their tiles begins, how many nodes a side it has, how many a m, and
- * what is left of the ripples as the mean over such a size. */
-typedef struct {
-    size_t first;
-    long side;
-    float most, scale, ripple;
-} Size;
-
-typedef struct {
-    const Settings *set;
-    const void *views[VIEWS];
-    int wide_distances, wide_normals; /* doubles instead of floats */
-    size_t depths, texture;           /* floats of them; 0: none */
-    Size sizes[SIZES];
-} Scene;
-
-typedef struct {
-    float point[3], normal[3], distance, facing, footprint;
-    long object;
-} Pixel;
-
-static float at_most(float a, float b) { return a < b ? a : b; }
-static float at_least(float a, float b) { return a > b ? a : b; }
-
-static long whole(float x)
+/* Gets `count` buffers, the last `written` of them to be written; 0 with an exception set. */
+static int get_views(PyObject *const *objects, Py_buffer *views, int count, int written)
 {
-    long cut = (long)x;
-    return x < (float)cut ? cut - 1 : cut;
+    for (int i = 0; i < count; i++)
+        if (PyObject_GetBuffer(objects[i], &views[i], i >= count - written ? PyBUF_WRITABLE : PyBUF_SIMPLE) != 0)
+            return 0;
+    return 1;
 }
 
-/* Grain between the nodes of its tile, which has its first row and column once more at the end. */
-static float between(const float *tile, float u, float v)
+/* Returns None, or NULL where an exception is set, without the buffers. */
+static PyObject *release(Py_buffer *views, int ok)
 {
-    long row = whole(u), column = whole(v);
-    float a = u - (float)row, b = v - (float)column;
-    const float *corner = tile + (row & (SIDE - 1)) * (SIDE + 1) + (column & (SIDE - 1));
-    float one = corner[0] + (corner[1] - corner[0]) * b;
-    float other = corner[SIDE + 1] + (corner[SIDE + 2] - corner[SIDE + 1]) * b;
-    return one + (other - one) * a;
-}
-
-static float grain(const Scene *scene, const Pixel *pixel)
-{
-    const float *n = pixel->normal, *p = pixel->point;
-    float x = n[0] < 0.0f ? -n[0] : n[0], y = n[1] < 0.0f ? -n[1] : n[1], z = n[2] < 0.0f ? -n[2] : n[2];
-    int level = z >= 0.5f;
-    float u = !level && x > y ? p[1] : p[0], v = level ? p[1] : p[2], tone = 1.0f;
-    for (int i = 0; i < 2; i++) {
-        float per_metre = 1.0f / (float)scene->set->node[i], blur = pixel->footprint * 0.125f * per_metre;
-        float left = blur > 1.0f ? (float)scene->set->deviation[i] / blur : (float)scene->set->deviation[i];
-        tone += left * between(scene->views[GRAIN], u * per_metre, v * per_metre);
-    }
-    return at_least(tone, 0.1f);
-}
-
-static long clipped(long index, long count) { return index < 0 ? 0 : index >= count ? count - 1 : index; }
-
-static float bend(const Scene *scene, const Pixel *pixel)
-{
-    const Settings *s = scene->set;
-    const float *depths = scene->views[DEPTHS];
-    long rows = (long)s->rows, columns = (long)s->columns;
-    long row = clipped((long)((pixel->point[0] - s->north_min) * s->scale + 0.5), rows);
-    long column = clipped((long)((pixel->point[1] - s->east_min) * s->scale + 0.5), columns);
-    const float *here = depths + row * columns;
-    float around = 0.25f * (depths[clipped(row - 1, rows) * columns + column] + depths[clipped(row + 1, rows) * columns + column]
-                            + here[clipped(column - 1, columns)] + here[clipped(column + 1, columns)]);
-    float height = (around - here[column]) * (float)s->scale;
-    if (height != height)
-        return 1.0f;
-    return at_most(at_least(1.0f + 3.0f * height, 0.7f), 1.3f);
-}
-
-/* Tiles of slopes to the north, to the east and of brightness follow each other, of each all its levels. */
-static float textured(const Scene *scene, const Pixel *pixel)
-{
-    const Settings *s = scene->set;
-    const Size *size = scene->sizes;
-    while (pixel->footprint >= size->most && size < scene->sizes + SIZES - 1)
-        size++;
-    size_t all = scene->texture / 3;
-    const float *tiles = (const float *)scene->views[TEXTURE] + size->first;
-    long side = size->side, row = whole(pixel->point[0] * size->scale), column = whole(pixel->point[1] * size->scale);
-    size_t node = (size_t)((row & (side - 1)) * side + (column & (side - 1)));
-    size_t patch = (size_t)(((row >> 1) & (side - 1)) * side + ((column >> 1) & (side - 1)));
-    float north = (float)s->height * tiles[node], east = (float)s->height * tiles[all + node];
-    if (size->ripple != 0.0f) {
-        float rise = size->ripple * cosf((float)s->wave[0] * pixel->point[0] + (float)s->wave[1] * pixel->point[1]);
-        north += (float)s->wave[0] * rise, east += (float)s->wave[1] * rise;
-    }
-    float root = sqrtf(1.0f + north * north + east * east);
-    float lean = at_most(at_least(0.5f * (north + east), -0.5f), 0.5f);
-    return tiles[2 * all + patch] * (0.8f / root + 0.2f + lean);
-}
-
-/* exp(-coefficient distance) out of its table. */
-static float faded(const Scene *scene, int table, float distance)
-{
-    const float *row = (const float *)scene->views[FADES] + table * (STEPS + 1);
-    float place = at_most(distance * (float)scene->set->per_metre, (float)STEPS - 1e-3f);
-    int first = (int)place;
-    return row[first] + (row[first + 1] - row[first]) * (place - (float)first);
-}
-
-static void read_pixel(const Scene *scene, Py_ssize_t i, Pixel *pixel)
-{
-    const Settings *s = scene->set;
-    const float *toward = (const float *)scene->views[TOWARD] + 3 * i;
-    double along[3], distance = scene->wide_distances ? ((const double *)scene->views[DISTANCES])[i]
-                                                      : (double)((const float *)scene->views[DISTANCES])[i];
-    pixel->object = ((const int32_t *)scene->views[OBJECTS])[i];
-    pixel->distance = (float)distance;
-    pixel->footprint = (float)distance * (float)s->pixel;
-    pixel->facing = 0.0f;
-    for (int axis = 0; axis < 3; axis++) {
-        const double *row = s->rotation + 3 * axis;
-        along[axis] = row[0] * toward[0] + row[1] * toward[1] + row[2] * toward[2];
-        pixel->point[axis] = (float)(s->origin[axis] + distance * along[axis]);
-        pixel->normal[axis] = scene->wide_normals ? (float)((const double *)scene->views[NORMALS])[3 * i + axis]
-                                                  : ((const float *)scene->views[NORMALS])[3 * i + axis];
-        pixel->facing -= pixel->normal[axis] * (float)along[axis];
-    }
-}
-
-static void shade_pixel(const Scene *scene, Py_ssize_t i)
-{
-    const Settings *s = scene->set;
-    float *out = (float *)scene->views[OUT] + 3 * i;
-    Pixel pixel;
-    read_pixel(scene, i, &pixel);
-    if (pixel.object == NOTHING) {
-        for (int c = 0; c < CHANNELS; c++)
-            out[c] = (float)s->veil[c];
-        return;
-    }
-    int surface = pixel.object == (long)s->surface;
-    float tone = surface ? 1.0f : grain(scene, &pixel), rock = 0.0f;
-    if (pixel.object == SEABED) {
-        if (scene->depths)
-            tone *= bend(scene, &pixel);
-        if (scene->texture)
-            tone *= textured(scene, &pixel);
-        rock = at_most(at_least((0.93f + pixel.normal[2]) / 0.12f, 0.0f), 1.0f);
-    }
-    float day = surface ? tone : tone * (0.6f - 0.4f * pixel.normal[2]);
-    float near = at_least(pixel.distance, 0.05f);
-    float lit = surface ? 0.0f : tone * (float)s->lamps * at_least(pixel.facing, 0.0f) / (near * near);
-    const float *colour = (const float *)scene->views[COLOURS] + 3 * pixel.object;
-    for (int c = 0; c < CHANNELS; c++) {
-        float sent = day * (float)s->light[c];
-        if (lit > 0.0f)
-            sent += lit * faded(scene, c, near);
-        sent *= colour[c] + rock * (float)s->rock[c];
-        float veil = (float)s->veil[c] * (1.0f - faded(scene, CHANNELS + c, pixel.distance));
-        out[c] = sent * faded(scene, c, pixel.distance) + veil;
-    }
-}
-
-/* Sizes double from the finest on; levels change where the logarithm of their ratio rounds up. */
-static void set_sizes(Scene *scene)
-{
-    const Settings *s = scene->set;
-    size_t first = 0;
-    int level = 0;
-    for (int i = 0; i < SIZES; i++) {
-        double size = s->finest * (double)(1L << i), turn = 3.141592653589793 * size / s->ripple_length;
-        for (; level < LEVELS - 1 && size / s->texture_node >= 1.4142135623730951 * (double)(1 << level); level++)
-            first += (size_t)(SIDE >> level) * (size_t)(SIDE >> level);
-        double left = s->ripple != 0.0 && size < s->ripple_length ? s->ripple * sin(turn) / turn : 0.0;
-        float scale = (float)(1.0 / (s->texture_node * (double)(1 << level)));
-        scene->sizes[i] = (Size){first, SIDE >> level, (float)(size * 1.4142135623730951), scale, (float)left};
-    }
-}
-
-/* Checks the sizes of all views against the number of pixels; 0 with an exception set if one is wrong. */
-static int fill(Scene *scene, const Py_buffer *views, Py_ssize_t *count)
-{
-    const Settings *s = scene->set;
-    Py_ssize_t n = *count = views[OBJECTS].len / 4, tiles = 0;
-    for (int level = 0; level < LEVELS; level++)
-        tiles += (Py_ssize_t)(SIDE >> level) * (SIDE >> level);
-    for (int i = 0; i < VIEWS; i++)
-        scene->views[i] = views[i].buf;
-    set_sizes(scene);
-    scene->wide_distances = views[DISTANCES].len == 8 * n, scene->wide_normals = views[NORMALS].len == 24 * n;
-    scene->depths = (size_t)views[DEPTHS].len / 4, scene->texture = (size_t)views[TEXTURE].len / 4;
-    int right = (scene->wide_distances || views[DISTANCES].len == 4 * n) && (scene->wide_normals || views[NORMALS].len == 12 * n)
-                && views[TOWARD].len == 12 * n && views[OUT].len == 12 * n && views[FADES].len == 4 * 2 * CHANNELS * (STEPS + 1)
-                && views[GRAIN].len == 4 * (SIDE + 1) * (SIDE + 1)
-                && (scene->texture == 0 || views[TEXTURE].len == 12 * tiles)
-                && (scene->depths == 0 || (double)scene->depths == s->rows * s->columns);
-    const int32_t *objects = views[OBJECTS].buf;
-    for (Py_ssize_t i = 0; right && i < n; i++)
-        right = objects[i] >= NOTHING && objects[i] < views[COLOURS].len / 12;
-    if (!right)
-        PyErr_Format(PyExc_ValueError, "shade: a buffer has not the size of %zd pixels, or an object no colour", n);
-    return right;
-}
-
-static PyObject *shade(PyObject *self, PyObject *arguments)
-{
-    PyObject *numbers, *objects[VIEWS];
-    Py_buffer views[VIEWS] = {{0}};
-    double settings[SETTINGS];
-    Settings set;
-    (void)self;
-    if (!PyArg_ParseTuple(arguments, "OOOOOOOOOOO", &numbers, &objects[0], &objects[1], &objects[2], &objects[3], &objects[4],
-                          &objects[5], &objects[6], &objects[7], &objects[8], &objects[9])
-        || !read_numbers(numbers, settings, SETTINGS))
-        return NULL;
-    memcpy(&set, settings, sizeof set);
-    Scene scene = {.set = &set};
-    Py_ssize_t count = 0;
-    int ok = 1;
-    for (int i = 0; ok && i < VIEWS; i++)
-        ok = PyObject_GetBuffer(objects[i], &views[i], i == OUT ? PyBUF_WRITABLE : PyBUF_SIMPLE) == 0;
-    if (ok && (ok = fill(&scene, views, &count)))
-        for (Py_ssize_t i = 0; i < count; i++)
-            shade_pixel(&scene, i);
-    for (int i = 0; i < VIEWS; i++)
-        PyBuffer_Release(&views[i]);
+    for (int i = 0; i < MOST_VIEWS; i++)
+        PyBuffer_Release(&views[i]); /* does nothing to one that was never got */
     if (!ok)
         return NULL;
     Py_RETURN_NONE;
+}
+
+/* --- light */
+
+enum { COLOURS, GRAIN, FADES, DEPTHS, TEXTURE, LOOKS }; /* the first views of both functions */
+enum { DISTANCES = LOOKS, NORMALS, OBJECTS, TOWARD, OUT, SHADE_VIEWS };
+enum { DIRECTIONS = LOOKS, RADIANCE, RANGES, MET, PICTURE_VIEWS };
+
+static int set_looks(Looks *looks, Settings *settings, PyObject *numbers, const Py_buffer *views)
+{
+    double all[SETTINGS];
+    if (!read_numbers(numbers, all, SETTINGS))
+        return 0;
+    memcpy(settings, all, sizeof *settings);
+    Py_ssize_t tiles = 0, depths = views[DEPTHS].len, texture = views[TEXTURE].len;
+    for (int level = 0; level < PYRAMID; level++)
+        tiles += (Py_ssize_t)(SIDE >> level) * (SIDE >> level);
+    if (views[FADES].len != 4 * FADES_A_STEP * (STEPS + 1) || views[GRAIN].len != 4 * (SIDE + 1) * (SIDE + 1)
+        || (texture != 0 && texture != 12 * tiles) || (depths != 0 && (double)depths != 4.0 * settings->rows * settings->columns)) {
+        PyErr_SetString(PyExc_ValueError, "a buffer of looks has not its size");
+        return 0;
+    }
+    looks->set = settings, looks->colours = views[COLOURS].buf, looks->grain = views[GRAIN].buf;
+    looks->fades = views[FADES].buf, looks->depths = depths ? views[DEPTHS].buf : NULL;
+    looks->texture = texture ? views[TEXTURE].buf : NULL, looks->texture_size = (size_t)texture / 4;
+    set_numbers(looks);
+    return 1;
+}
+
+static int sizes_fail(Py_ssize_t n)
+{
+    PyErr_Format(PyExc_ValueError, "a buffer has not the size of %zd pixels, or an object no colour", n);
+    return 0;
+}
+
+/* Hits in 32-bit floats, as of a PictureScene. */
+static void shade_all(const Looks *looks, const Py_buffer *views, Py_ssize_t n)
+{
+    const float *distances = views[DISTANCES].buf, *normal = views[NORMALS].buf, *toward = views[TOWARD].buf;
+    const int32_t *objects = views[OBJECTS].buf;
+    const Settings *s = looks->set;
+    float *out = views[OUT].buf;
+    for (Py_ssize_t i = 0; i < n; i++, normal += 3, toward += 3, out += 3) {
+        Pixel pixel = {.distance = distances[i], .object = objects[i]};
+        for (int axis = 0; axis < 3; axis++) {
+            const double *row = s->rotation + 3 * axis;
+            double along = row[0] * toward[0] + row[1] * toward[1] + row[2] * toward[2];
+            pixel.point[axis] = (float)(s->origin[axis] + (double)distances[i] * along);
+            pixel.normal[axis] = normal[axis];
+            pixel.facing -= normal[axis] * (float)along;
+        }
+        shade_pixel(looks, &pixel, out);
+    }
+}
+
+static int check_hits(const Py_buffer *views, Py_ssize_t n)
+{
+    const int32_t *objects = views[OBJECTS].buf;
+    int right = views[DISTANCES].len == 4 * n && views[NORMALS].len == 12 * n && views[TOWARD].len == 12 * n
+                && views[OUT].len == 12 * n;
+    for (Py_ssize_t i = 0; right && i < n; i++)
+        right = objects[i] >= NOTHING && objects[i] < views[COLOURS].len / 12;
+    return right || sizes_fail(n);
+}
+
+static PyObject *shade(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
+{
+    Py_buffer views[MOST_VIEWS] = {{0}};
+    Settings settings;
+    Looks looks;
+    (void)self;
+    if (count != 1 + SHADE_VIEWS)
+        return PyErr_Format(PyExc_TypeError, "shade() takes %d arguments", 1 + SHADE_VIEWS);
+    int ok = get_views(arguments + 1, views, SHADE_VIEWS, 1) && set_looks(&looks, &settings, arguments[0], views);
+    Py_ssize_t n = views[OBJECTS].len / 4;
+    if (ok && (ok = check_hits(views, n))) {
+        Py_BEGIN_ALLOW_THREADS
+        shade_all(&looks, views, n);
+        Py_END_ALLOW_THREADS
+    }
+    return release(views, ok);
+}
+
+/* Rays, and the light along each, while what they met is still in the cache. */
+static void picture_all(const Looks *looks, const Geometry *geometry, Near *near, const Py_buffer *views, Py_ssize_t n)
+{
+    const Settings *s = looks->set;
+    const double *directions = views[DIRECTIONS].buf, *origin = s->origin;
+    double *ranges = views[RANGES].buf;
+    int32_t *met = views[MET].buf;
+    float *out = views[RADIANCE].buf;
+    for (Py_ssize_t first = 0; first < n; first += BUNDLE) {
+        Bundle bundle;
+        bundle.count = n - first < BUNDLE ? (int)(n - first) : BUNDLE;
+        Hit hits[BUNDLE];
+        for (int i = 0; i < bundle.count; i++)
+            turn(s->rotation, directions + 3 * (first + i), bundle.along[i]);
+        trace_bundle(geometry, near, origin, &bundle, s->reach, hits);
+        for (int i = 0; i < bundle.count; i++) {
+            const double *along = bundle.along[i];
+            double point[3], across[3] = {0.0, 0.0, -1.0};
+            Pixel pixel = {.distance = (float)hits[i].distance, .object = owner(geometry, hits[i].object)};
+            for (int axis = 0; axis < 3; axis++)
+                point[axis] = origin[axis] + hits[i].distance * along[axis];
+            if (hits[i].object != NOTHING)
+                normal(geometry, &hits[i], along, point, across);
+            for (int axis = 0; axis < 3; axis++) {
+                pixel.point[axis] = (float)point[axis], pixel.normal[axis] = (float)across[axis];
+                pixel.facing -= (float)across[axis] * (float)along[axis];
+            }
+            shade_pixel(looks, &pixel, out + 3 * (first + i));
+            ranges[first + i] = hits[i].distance, met[first + i] = (int32_t)pixel.object;
+        }
+    }
+}
+
+static int check_rays(const Geometry *geometry, const Near *near, const Py_buffer *views, Py_ssize_t n)
+{
+    int right = views[DIRECTIONS].len == 24 * n && views[RADIANCE].len == 12 * n && views[RANGES].len == 8 * n;
+    for (long i = 0; right && i < near->count; i++)
+        right = owner(geometry, near->places[i] + 1) < views[COLOURS].len / 12;
+    return right || sizes_fail(n);
+}
+
+static PyObject *picture(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
+{
+    Py_buffer views[MOST_VIEWS] = {{0}};
+    Settings settings;
+    Looks looks;
+    Near near = {NULL, 0};
+    (void)self;
+    if (count != 2 + PICTURE_VIEWS)
+        return PyErr_Format(PyExc_TypeError, "picture() takes %d arguments", 2 + PICTURE_VIEWS);
+    const Geometry *geometry = PyCapsule_GetPointer(arguments[0], GEOMETRY);
+    int ok = geometry != NULL && get_views(arguments + 2, views, PICTURE_VIEWS, 3)
+             && set_looks(&looks, &settings, arguments[1], views);
+    Py_ssize_t n = views[MET].len / 4;
+    if (ok && !make_near(geometry, &near))
+        ok = 0, PyErr_NoMemory();
+    if (ok)
+        find_near(geometry, settings.origin, settings.reach, &near);
+    if (ok && (ok = check_rays(geometry, &near, views, n))) {
+        Py_BEGIN_ALLOW_THREADS
+        picture_all(&looks, geometry, &near, views, n);
+        Py_END_ALLOW_THREADS
+    }
+    free(near.places);
+    return release(views, ok);
 }
 
 /* --- what a sensor records */
 
-enum { RADIANCE, FALLOFF, NOISE, GREY, PIXELS, PARTS };
-
-/* Light of n pixels by a lens' falloff and a gain, with noise (three rows of n), as bytes out of a table. */
-static void expose(const Py_buffer *views, Py_ssize_t n, float gain, float full_well, float dark, float steps)
-{
-    const float *radiance = views[RADIANCE].buf, *falloff = views[FALLOFF].buf, *noise = views[NOISE].buf;
-    const unsigned char *grey = views[GREY].buf;
-    unsigned char *pixels = views[PIXELS].buf;
-    for (Py_ssize_t i = 0; i < n; i++)
-        for (int c = 0; c < CHANNELS; c++) {
-            float signal = radiance[3 * i + c] * falloff[i] * gain;
-            signal += sqrtf(signal / full_well + dark) * noise[c * n + i];
-            pixels[3 * i + c] = grey[(int)(at_most(at_least(signal, 0.0f), 1.0f) * steps)];
-        }
-}
+enum { LIGHT, FALLOFF, AXIAL, DISTANCE, NOISE, GREY, PIXELS, DEPTH, DEVELOP_VIEWS };
 
 static PyObject *develop(PyObject *self, PyObject *arguments)
 {
-    PyObject *objects[PARTS];
-    Py_buffer views[PARTS] = {{0}};
-    float gain, full_well, dark;
+    PyObject *objects[DEVELOP_VIEWS];
+    Py_buffer views[MOST_VIEWS] = {{0}};
+    unsigned long long key;
+    Exposure e = {0};
     (void)self;
-    if (!PyArg_ParseTuple(arguments, "fffOOOOO", &gain, &full_well, &dark, &objects[0], &objects[1], &objects[2], &objects[3],
-                          &objects[4]))
+    if (!PyArg_ParseTuple(arguments, "K(fffff)OOOOOOOO", &key, &e.gain, &e.full_well, &e.dark, &e.depth_noise, &e.reach,
+                          &objects[0], &objects[1], &objects[2], &objects[3], &objects[4], &objects[5], &objects[6], &objects[7]))
         return NULL;
-    int ok = 1;
-    for (int i = 0; ok && i < PARTS; i++)
-        ok = PyObject_GetBuffer(objects[i], &views[i], i == PIXELS ? PyBUF_WRITABLE : PyBUF_SIMPLE) == 0;
+    int ok = get_views(objects, views, DEVELOP_VIEWS, 2);
     Py_ssize_t n = views[FALLOFF].len / 4;
-    if (ok && (views[RADIANCE].len != 12 * n || views[NOISE].len != 12 * n || views[PIXELS].len != 3 * n || views[GREY].len < 2)) {
-        PyErr_Format(PyExc_ValueError, "develop: a buffer has not the size of %zd pixels", n);
-        ok = 0;
+    if (ok && (views[LIGHT].len != 12 * n || views[AXIAL].len != 4 * n || views[DISTANCE].len != 8 * n || views[PIXELS].len != 3 * n
+               || views[DEPTH].len != 4 * n || views[NOISE].len != 4 * QUANTILES || views[GREY].len != GREYS))
+        ok = sizes_fail(n);
+    if (ok) {
+        e.key = key, e.radiance = views[LIGHT].buf, e.falloff = views[FALLOFF].buf, e.axial = views[AXIAL].buf;
+        e.ranges = views[DISTANCE].buf, e.quantiles = views[NOISE].buf, e.grey = views[GREY].buf;
+        e.pixels = views[PIXELS].buf, e.depths = views[DEPTH].buf;
+        Py_BEGIN_ALLOW_THREADS
+        develop_all(&e, (size_t)n);
+        Py_END_ALLOW_THREADS
     }
-    if (ok)
-        expose(views, n, gain, full_well, dark, (float)(views[GREY].len - 1));
-    for (int i = 0; i < PARTS; i++)
-        PyBuffer_Release(&views[i]);
-    if (!ok)
-        return NULL;
-    Py_RETURN_NONE;
+    return release(views, ok);
 }
 
 static PyMethodDef functions[] = {
-    {"develop", develop, METH_VARARGS, "develop(gain, full_well, dark, radiance, falloff, noise, grey, pixels)"},
-    {"shade", shade, METH_VARARGS, "shade(settings, distances, normals, objects, toward, colours, grain, fades, depths, texture, out)"},
+    {"develop", develop, METH_VARARGS,
+     "develop(key, (gain, full_well, dark, depth_noise, reach), light, falloff, axial, ranges, quantiles, grey, pixels, depths)"},
+    {"picture", (PyCFunction)(void (*)(void))picture, METH_FASTCALL,
+     "picture(geometry, settings, colours, grain, fades, depths, texture, directions, radiance, ranges, objects)"},
+    {"shade", (PyCFunction)(void (*)(void))shade, METH_FASTCALL,
+     "shade(settings, colours, grain, fades, depths, texture, distances, normals, objects, toward, radiance)"},
     {NULL, NULL, 0, NULL},
 };
 

@@ -1,7 +1,7 @@
 """The scene that a sensor's rays meet: the seabed, obstacles, and solids that are added."""
 
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from hil.common.errors import ConfigError
@@ -13,6 +13,7 @@ from sim.rotations import matrix
 
 if TYPE_CHECKING:
     from sim.dynamics import State
+    from sim.native._rays import Caster
     from sim.rays.boxes import Boxes
     from sim.rays.pipes import NearPipes
 
@@ -42,7 +43,7 @@ class RayScene:
             self._pipes = pipes.NearPipes(bed or world, self._standing - len(world.pipeline) + 1)
         self._moving: list[tuple[int, State]] = []
         self._geometry: Geometry | None = None
-        self._caster: Callable[..., None] | None = None
+        self._caster: Caster | None = None
         self._engine = engine
         self._trees: dict[int, Any] = {}  # see `boxes`
 
@@ -100,6 +101,11 @@ class RayScene:
 
         return boxes_within(self._present(place, reach), self._trees, place, reach)
 
+    def compiled(self, origin: Sequence[float], reach: float) -> object | None:
+        """Return the geometry for sim.native._picture, with everything where it is now; None without rays in C."""
+        self._present(origin, reach)
+        return self._caster.geometry() if self._caster else None
+
     def _cast(
         self,
         origin: Sequence[float],
@@ -113,7 +119,7 @@ class RayScene:
         if len(origin) not in (3, len(rays)):
             raise ValueError(f"origin: three numbers, or three for each of {len(rays) // 3} rays; found {len(origin)}")
         if self._caster is not None:
-            self._caster(origin, rotation, rays, reach, distances, *(hits[1:] if hits else ()))
+            self._caster.cast(origin, rotation, rays, reach, distances, *(hits[1:] if hits else ()))
             return
         from sim.rays import single
 

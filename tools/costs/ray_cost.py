@@ -214,9 +214,12 @@ def whole_sensors() -> Iterator[tuple[str, Callable[[Scene], Sensor]]]:
 
 
 class RecordedScene(RayScene):
-    """Remembers the last rays."""
+    """Remembers the last rays; a camera's, too, which makes its light in the same pass."""
 
     last: tuple[Any, float, Sequence[float]]
+
+    def compiled(self, *_: object) -> None:
+        """Return None, so that the rays are cast apart."""
 
     def hits(
         self, origin: Sequence[float], directions: Any, reach: float, rotation: Sequence[float] = ALONG_AXES

@@ -1,4 +1,4 @@
-"""Render a camera's picture: rays of its pixels, and the light that its sensor records."""
+"""Render a camera's picture: the rays of its pixels, and the light that comes along them."""
 
 from typing import Any
 
@@ -6,15 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.common.errors import ConfigError
-from sim.assembly import make_developer, make_shader
+from sim.assembly import load_picture
 from sim.dynamics import State
-from sim.environment.optics import CLEAR, GREY, Water, encode, jerlov, underwater
+from sim.environment.optics import CLEAR, Water, jerlov, underwater
 from sim.environment.world import World
 from sim.rays.geometry import Hits
 from sim.rays.scene import NOTHING, RayScene
 from sim.rays.solids import Solid, half_space
 from sim.rotations import matrix
-from sim.sensors.error import sensor_random
 from sim.sensors.imaging.camera.effects import Effects, Shot
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.samples import Distortion, Intrinsics
@@ -28,7 +27,6 @@ Floats = NDArray[np.floating[Any]]
 
 _DEPTH_STEP = 0.1  # m: how exactly the water knows its depth, so that it need not be computed for every picture
 _UNDISTORTED = 1e-6  # of the focal length: less than a thousandth of a pixel
-_BRIGHT, _NEARLY_WHITE = 98.0, 0.9  # automatic exposure: this percentile gets this far
 
 
 class Eye:
@@ -49,8 +47,8 @@ class Eye:
         self._water, self._water_depth = CLEAR, -1.0
         self._effects = Effects(model, intrinsics.fx, self._toward, seed)
         can_shade = self._scenery.bottom_map is None and not self._effects.change_light
-        call = make_shader() if can_shade else None
-        self._shading = Shading(call, self._scenery, self._toward, self._pixel, model.max_range) if call else None
+        compiled = load_picture() if can_shade else None
+        self._shading = Shading(compiled, self._scenery, self._pixel, model.max_range) if compiled else None
 
     def add(self, solid: Solid, state: State) -> None:
         """Put a solid there that goes with a vehicle's `state`."""
@@ -63,15 +61,23 @@ class Eye:
         if place[2] <= 0.0 or submersion(self._scene, time_ns, place) <= 0.0:
             return np.zeros((count, 3), np.float32), np.full(count, np.inf), np.full(count, NOTHING, np.int32)
         rotation = matrix(self._mounting.attitude(state))
-        hits = self._rays.hits(place, self._directions, self._model.max_range, rotation)
-        ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         water, effects, turned = self._around(place[2]), self._effects, np.array(rotation).reshape(3, 3)
-        if self._shading:
-            wet = self._shading.shade(hits, place, rotation, self._model.lamps, water)
-        else:
-            wet = self._lit(hits, time_ns, place, turned, water)
+        wet, ranges, objects = self._see(time_ns, place, rotation, turned, water)
         wet = effects.water(wet, ranges, place, turned, water)
         return effects.move(Shot(wet, ranges, objects), self._mounting, state.nu)
+
+    def _see(
+        self, time_ns: int, place: Any, rotation: Any, turned: Any, water: Water
+    ) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
+        """Return what `render` does, without the effects of the water and of motion."""
+        m, shading = self._model, self._shading
+        if shading and m.renderer == "rays" and (geometry := self._rays.compiled(place, m.max_range)):
+            return shading.cast(geometry, place, rotation, self._directions, m.lamps, water)
+        hits = self._rays.hits(place, self._directions, m.max_range, rotation)
+        ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
+        if shading:
+            return shading.shade(hits, place, rotation, self._toward, m.lamps, water), ranges, objects
+        return self._lit(hits, time_ns, place, turned, water), ranges, objects
 
     def _lit(self, hits: Hits, time_ns: int, place: Any, turned: Any, water: Water) -> NDArray[np.float32]:
         """Return the radiance (n x 3) at the lens of what is met, with all effects of light."""
@@ -100,45 +106,6 @@ class Eye:
         return self._water
 
 
-class Development:
-    """Conversion of radiances to bytes: vignetting, exposure, noise, sRGB; and the errors of depth."""
-
-    def __init__(self, model: CameraModel, axial: Floats, seed: int, topic: str) -> None:
-        self._model, self._axial = model, axial
-        self._falloff = (1.0 - model.vignetting * (1.0 - axial**4))[:, None].astype(np.float32)
-        self._develop = make_developer()
-        self._random = np.random.Generator(np.random.SFC64(sensor_random(seed, topic).getrandbits(64)))
-
-    def develop(self, radiance: NDArray[np.float32], ranges: Floats) -> tuple[bytes, bytes]:
-        """Return the picture and its depths; radiances n x 3, ranges n."""
-        m = self._model
-        depth = (ranges * self._axial).astype(np.float32)
-        if m.ground_truth:
-            signal = radiance * np.float32(m.exposure or automatic_exposure(radiance))
-            return encode(signal).tobytes(), depth.tobytes()
-        some = slice(None, None, max(1, len(radiance) // 4096))
-        gain = m.exposure or automatic_exposure(radiance[some] * self._falloff[some])
-        pixels = self._expose(radiance, gain)
-        if m.depth and m.depth_noise:
-            noise = self._random.standard_normal(depth.shape, np.float32) * np.float32(m.depth_noise)
-            depth = np.maximum(depth * (1.0 + noise * np.minimum(depth, np.float32(m.max_range))), 0.0)
-        return pixels, depth.astype(np.float32).tobytes()
-
-    def _expose(self, radiance: NDArray[np.float32], gain: float) -> bytes:
-        """Return the bytes of a picture with the noise of its electrons."""
-        m = self._model
-        noise = self._random.standard_normal((3, len(radiance)), np.float32)
-        dark = (m.read_noise / m.full_well) ** 2
-        if self._develop:
-            grey = np.empty(radiance.shape, np.uint8)
-            light = np.ascontiguousarray(radiance, np.float32)
-            self._develop(gain, m.full_well, dark, light, self._falloff, noise, GREY, grey)
-            return grey.tobytes()
-        signal = radiance * self._falloff * np.float32(gain)
-        shot = signal / np.float32(m.full_well) + np.float32(dark)
-        return encode(signal + np.sqrt(shot) * noise.T).tobytes()
-
-
 def _rays(model: CameraModel, focal: float, world: World, directions: NDArray[np.float64]) -> RayScene:
     """Return whatever finds what the pixels look at. Raises what PictureScene does."""
     if model.renderer == "rays":
@@ -153,12 +120,6 @@ def _rows(vectors: Floats, objects: NDArray[np.int32]) -> NDArray[np.float32]:
     rows = np.ascontiguousarray(vectors.reshape(-1, 3).T, np.float32)
     rows[:, objects == NOTHING] = 0.0
     return rows
-
-
-def automatic_exposure(light: Floats) -> float:
-    """Return the factor that brings the bright parts of a picture (n x 3) nearly to white; 1 for one without light."""
-    bright = float(np.percentile(light[:: max(1, len(light) // 4096)].max(axis=1), _BRIGHT))
-    return _NEARLY_WHITE / bright if bright > 0.0 else 1.0
 
 
 def pixel_rays(width: int, height: int, intrinsics: Intrinsics, distortion: Distortion) -> NDArray[np.float64]:

@@ -30,7 +30,8 @@ class Camera:
 
     def __init__(self, model: CameraModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         need_numpy(self.topic)
-        from sim.sensors.imaging.camera.picture import Development, Eye
+        from sim.sensors.imaging.camera.development import Development
+        from sim.sensors.imaging.camera.picture import Eye
 
         self._model = model
         focal = 0.5 * model.width / tan(0.5 * model.field_of_view)

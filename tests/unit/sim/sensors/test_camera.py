@@ -17,8 +17,9 @@ from sim.rays import solids
 from sim.rays.scene import NOTHING, SEABED
 from sim.rotations import from_euler
 from sim.sensors.imaging import scenery
+from sim.sensors.imaging.camera.development import automatic_exposure
 from sim.sensors.imaging.camera.model import CameraModel
-from sim.sensors.imaging.camera.picture import automatic_exposure, distorted, pixel_rays, undistorted
+from sim.sensors.imaging.camera.picture import distorted, pixel_rays, undistorted
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample, Intrinsics
 from sim.sensors.mounting import Mounting

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.assembly import make_developer, make_shader
+from sim.assembly import load_picture
 from sim.dynamics import State
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
@@ -14,13 +14,14 @@ from sim.environment.optics import jerlov
 from sim.environment.relief import Fractal
 from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
+from sim.rays.scene import RayScene
 from sim.rotations import from_euler
 from sim.rotations import integrate as turn
 from sim.sensors.imaging.camera import picture
+from sim.sensors.imaging.camera.development import Development, normal_noise
 from sim.sensors.imaging.camera.lamps import _BACK, Lamps
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.particles import Caustics, Snow
-from sim.sensors.imaging.camera.picture import Development
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample
 from sim.sensors.imaging.scenery import Seen
@@ -218,9 +219,14 @@ def test_the_ground_truth_has_no_effect() -> None:
 
 @pytest.mark.parametrize("kind", ["mud", "rock"])
 @pytest.mark.parametrize("keys", [{}, {"lamps": 3.0, "water": "3C"}, {"water": "clear"}, {"ground_truth": True}])
-def test_the_compiled_pass_gives_the_same_light(kind: Any, keys: dict[str, Any]) -> None:
-    """Both agree on relief with ripples, a place without data, a pile, the surface, and nothing, to a thousandth."""
-    if make_shader() is None:
+def test_the_compiled_pass_gives_the_same_light(
+    kind: Any, keys: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With rays in the same pass or before it, it agrees with Python to a thousandth.
+
+    On relief with ripples, a place without data, a pile, the surface, and nothing.
+    """
+    if load_picture() is None:
         pytest.skip("no C compiler here")
     grid = covering((-20.0, 20.0, -20.0, 20.0), 0.7)
     depths = Fractal(9.0, 1.0, 0.9, seed=3).depths(grid)
@@ -231,20 +237,24 @@ def test_the_compiled_pass_gives_the_same_light(kind: Any, keys: dict[str, Any])
     )  # fmt: skip
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
     for angles in ((0.0, -0.6, 0.2), (0.1, 0.5, 1.0), (0.0, -1.5, 2.0)):
-        light = []
-        for call in (make_shader(), None):
-            camera = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)
-            assert camera._eye._shading
-            if call is None:
-                camera._eye._shading = None
-            light.append(camera._eye.render(0, State((0.3, -0.2, 5.0)))[0])
-        assert np.isclose(light[0], light[1], rtol=2e-3, atol=1e-4).mean() > 0.999
-        assert light[0].std() > 0.01
+        eye = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)._eye
+        here = State((0.3, -0.2, 5.0))
+        assert eye._shading
+        at_once, ranges, objects = eye.render(0, here)
+        monkeypatch.setattr(eye._rays, "compiled", lambda *_: None)
+        later = eye.render(0, here)[0]
+        monkeypatch.setattr(eye, "_shading", None)
+        expected, *met = eye.render(0, here)
+        for light in (at_once, later):
+            assert np.isclose(light, expected, rtol=2e-3, atol=1e-4).mean() > 0.999
+        assert np.array_equal(ranges, met[0])
+        assert np.array_equal(objects, met[1])
+        assert expected.std() > 0.01
 
 
 def test_the_compiled_pass_is_made_only_where_it_serves(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[float] = []
-    monkeypatch.setattr(picture, "make_shader", lambda: print)
+    monkeypatch.setattr(picture, "load_picture", lambda: print)
     monkeypatch.setattr(picture, "Shading", lambda *_: made.append(1.0))
     scene = Simulation(VEHICLE, PILED, {}, position=(0.0, 0.0, 2.0))
     for caustics in (0.5, 0.0):
@@ -253,27 +263,63 @@ def test_the_compiled_pass_is_made_only_where_it_serves(monkeypatch: pytest.Monk
 
 
 def test_the_compiled_pass_refuses_what_does_not_fit() -> None:
-    if make_shader() is None:
+    compiled = load_picture()
+    if compiled is None:
         pytest.skip("no C compiler here")
-    from sim.native._picture import shade
-
-    none, settings = np.zeros(0, np.float32), [0.0] * 41
+    none = np.zeros(0, np.float32)
+    grain, fades, settings = np.zeros(513 * 513, np.float32), np.zeros(1025 * 6, np.float32), [1.0] * 42
     with pytest.raises(ValueError, match="numbers are needed"):
-        shade([0.0], none, none, none, none, none, none, none, none, none, none)
-    with pytest.raises(ValueError, match="a buffer has not the size"):
-        shade(settings, none, none, none, none, none, none, none, none, none, none)
+        compiled.shade([0.0], *[none] * 10)
+    with pytest.raises(ValueError, match="a buffer of looks has not its size"):
+        compiled.shade(settings, *[none] * 10)
+    colours, one, objects = np.zeros(3, np.float32), np.zeros(1, np.float32), np.zeros(1, np.int32)
+    looks = colours, grain, fades, none, none
+    vectors = np.zeros(3, np.float32)
+    compiled.shade(settings, *looks, one, vectors, objects, vectors, vectors.copy())
+    with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels, or an object no colour"):
+        compiled.shade(settings, *looks, one, vectors, objects + 1, vectors, vectors.copy())
+    with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels"):
+        compiled.shade(settings, *looks, none, vectors, objects, vectors, vectors.copy())
+    geometry = RayScene(PILED, "C").compiled((0.0, 0.0, 0.0), 5.0)
+    with pytest.raises(ValueError, match="or an object no colour"):
+        compiled.picture(geometry, settings, *looks, np.zeros(3), vectors, np.zeros(1), objects)
+    with pytest.raises(ValueError, match="PyCapsule"):
+        compiled.picture(print, settings, *looks, np.zeros(3), vectors, np.zeros(1), objects)
+    with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels"):
+        compiled.develop(1, (1.0,) * 5, none, one, *[none] * 6)
 
 
 def test_the_compiled_sensor_records_the_same() -> None:
-    """With noise, falloff and exposure, to a level of 256 where a number lies between two."""
-    if make_developer() is None:
+    """With noise, falloff and exposure, to a level of 256 where a number lies between two; and depths."""
+    if load_picture() is None:
         pytest.skip("no C compiler here")
-    light = np.random.default_rng(1).uniform(0.0, 1.5, (4800, 3)).astype(np.float32)
-    ranges = np.full(4800, 3.0)
-    pictures = []
-    for call in (make_developer(), None):
+    chance = np.random.default_rng(1)
+    light = chance.uniform(0.0, 1.5, (4800, 3)).astype(np.float32)
+    ranges = chance.uniform(0.1, 40.0, 4800)
+    ranges[7] = np.inf
+    pictures, depths = [], []
+    for compiled in (True, False):
         one = Development(CameraModel(width=80, height=60), np.linspace(0.7, 1.0, 4800, dtype=np.float32), 1, "camera")
-        one._develop = call
-        pictures.append(np.frombuffer(one.develop(light, ranges)[0], np.uint8).astype(int))
+        assert one._develop
+        one._develop = one._develop if compiled else None
+        rgb, depth = one.develop(light, ranges)
+        pictures.append(np.frombuffer(rgb, np.uint8).astype(int))
+        depths.append(np.frombuffer(depth, np.float32))
     assert np.abs(pictures[0] - pictures[1]).max() <= 1
     assert (pictures[0] == pictures[1]).mean() > 0.999
+    np.testing.assert_allclose(depths[0], depths[1], rtol=1e-6)
+
+
+def test_noise_is_normal_and_without_a_pattern() -> None:
+    """Of all four rows: moments, tails, none alike, none that goes with its neighbours or with another picture's."""
+    noise = normal_noise(12, 300_000)
+    for row in noise:
+        assert abs(row.mean()) < 0.01
+        assert row.std() == pytest.approx(1.0, abs=0.01)
+        assert abs((row**3).mean()) < 0.03
+        assert (row**4).mean() == pytest.approx(3.0, abs=0.06)
+        assert (np.abs(row) > 2.0).mean() == pytest.approx(0.0455, abs=0.002)
+        for shift in (1, 2, 640, 4096):
+            assert abs(np.corrcoef(row[shift:], row[:-shift])[0, 1]) < 0.01
+    both = np.vstack([noise, normal_noise(13, 300_000)])
+    assert np.abs(np.corrcoef(both) - np.eye(8)).max() < 0.01

@@ -1,0 +1,188 @@
+/* The light of a camera's pixels once more: sim/sensors/imaging/scenery.py and sim/environment/optics.py in one pass.
+ *
+ * Those files are the specification and say how it works. Sums are in 32-bit floats as there, but exp comes out of
+ * tables, so that colours are the same to a part in a thousand. Nothing of Python is in this file.
+ */
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { SIDE = 512, PYRAMID = 6, SIZES = 24, STEPS = 1024, CHANNELS = 3, FADES_A_STEP = 2 * CHANNELS };
+
+/* As the settings of `shade` and `picture` have them, in this order. */
+typedef struct {
+    double origin[3], rotation[9], reach, pixel, surface, lamps, light[3], veil[3], per_metre, node[2], deviation[2], rock[3];
+    double rows, columns, north_min, east_min, scale, height, texture_node, finest, wave[2], ripple, ripple_length;
+} Settings;
+
+enum { SETTINGS = sizeof(Settings) / sizeof(double) };
+
+/* Of footprints (m) up to `most`: where the level of their tiles begins, how many nodes a side it has, how many a m, and
+ * what is left of the ripples as the mean over such a size. */
+typedef struct {
+    size_t first;
+    long side;
+    float most, scale, ripple;
+} Size;
+
+/* What pixels look like. `nodes` is how many nodes of its grain a m has; no depths, no texture where there are none. */
+typedef struct {
+    const Settings *set;
+    const float *colours, *grain, *fades, *depths, *texture;
+    size_t texture_size;
+    float pixel, lamps, light[CHANNELS], veil[CHANNELS], rock[CHANNELS], per_metre, nodes[2], deviation[2], height, wave[2];
+    Size sizes[SIZES];
+} Looks;
+
+/* What is met, in the world's axes; `facing` is the cosine of incidence. */
+typedef struct {
+    float point[3], normal[3], distance, facing;
+    long object;
+} Pixel;
+
+static float at_most(float a, float b) { return a < b ? a : b; }
+static float at_least(float a, float b) { return a > b ? a : b; }
+static long clipped(long index, long count) { return index < 0 ? 0 : index >= count ? count - 1 : index; }
+
+static long whole(float x)
+{
+    long cut = (long)x;
+    return cut - (x < (float)cut);
+}
+
+/* Grain between the nodes of its tile, which has its first row and column once more at the end. */
+static float between(const float *tile, float u, float v)
+{
+    long row = whole(u), column = whole(v);
+    float a = u - (float)row, b = v - (float)column;
+    const float *corner = tile + (row & (SIDE - 1)) * (SIDE + 1) + (column & (SIDE - 1));
+    float one = corner[0] + (corner[1] - corner[0]) * b;
+    float other = corner[SIDE + 1] + (corner[SIDE + 2] - corner[SIDE + 1]) * b;
+    return one + (other - one) * a;
+}
+
+static float grain(const Looks *looks, const Pixel *pixel, float footprint)
+{
+    const float *p = pixel->point;
+    float x = fabsf(pixel->normal[0]), y = fabsf(pixel->normal[1]), z = fabsf(pixel->normal[2]);
+    int level = z >= 0.5f;
+    float u = !level && x > y ? p[1] : p[0], v = level ? p[1] : p[2], tone = 1.0f;
+    for (int i = 0; i < 2; i++) {
+        float blur = footprint * 0.125f * looks->nodes[i];
+        float left = blur > 1.0f ? looks->deviation[i] / blur : looks->deviation[i];
+        tone += left * between(looks->grain, u * looks->nodes[i], v * looks->nodes[i]);
+    }
+    return at_least(tone, 0.1f);
+}
+
+static float bend(const Looks *looks, const Pixel *pixel)
+{
+    const Settings *s = looks->set;
+    long rows = (long)s->rows, columns = (long)s->columns;
+    long row = clipped((long)((pixel->point[0] - s->north_min) * s->scale + 0.5), rows);
+    long column = clipped((long)((pixel->point[1] - s->east_min) * s->scale + 0.5), columns);
+    const float *here = looks->depths + row * columns;
+    const float *above = here - (row > 0 ? columns : 0), *below = here + (row < rows - 1 ? columns : 0);
+    float around = 0.25f * (above[column] + below[column] + here[clipped(column - 1, columns)] + here[clipped(column + 1, columns)]);
+    float height = (around - here[column]) * (float)s->scale;
+    if (height != height)
+        return 1.0f;
+    return at_most(at_least(1.0f + 3.0f * height, 0.7f), 1.3f);
+}
+
+/* Tiles of slopes to the north, to the east and of brightness follow each other, of each all its levels. */
+static float textured(const Looks *looks, const Pixel *pixel, float footprint)
+{
+    const Size *size = looks->sizes;
+    while (footprint >= size->most && size < looks->sizes + SIZES - 1)
+        size++;
+    size_t all = looks->texture_size / 3;
+    const float *tiles = looks->texture + size->first;
+    long side = size->side, row = whole(pixel->point[0] * size->scale), column = whole(pixel->point[1] * size->scale);
+    size_t node = (size_t)((row & (side - 1)) * side + (column & (side - 1)));
+    size_t patch = (size_t)(((row >> 1) & (side - 1)) * side + ((column >> 1) & (side - 1)));
+    float north = looks->height * tiles[node], east = looks->height * tiles[all + node];
+    if (size->ripple != 0.0f) {
+        float rise = size->ripple * cosf(looks->wave[0] * pixel->point[0] + looks->wave[1] * pixel->point[1]);
+        north += looks->wave[0] * rise, east += looks->wave[1] * rise;
+    }
+    float root = sqrtf(1.0f + north * north + east * east);
+    float lean = at_most(at_least(0.5f * (north + east), -0.5f), 0.5f);
+    return tiles[2 * all + patch] * (0.8f / root + 0.2f + lean);
+}
+
+/* exp(-coefficient distance) out of the table: of the three attenuations, then of the three of backscatter. */
+static void fade(const Looks *looks, float distance, float *left, int count)
+{
+    float place = at_most(distance * looks->per_metre, (float)STEPS - 1e-3f);
+    int first = (int)place;
+    const float *row = looks->fades + first * FADES_A_STEP, *next = row + FADES_A_STEP;
+    place -= (float)first;
+    for (int i = 0; i < count; i++)
+        left[i] = row[i] + (next[i] - row[i]) * place;
+}
+
+/* The radiance at the lens of a pixel; the veil of the water where there is nothing. */
+static void shade_pixel(const Looks *looks, const Pixel *pixel, float *out)
+{
+    if (pixel->object < 0) {
+        for (int c = 0; c < CHANNELS; c++)
+            out[c] = looks->veil[c];
+        return;
+    }
+    int surface = pixel->object == (long)looks->set->surface;
+    float footprint = pixel->distance * looks->pixel, tone = surface ? 1.0f : grain(looks, pixel, footprint), rock = 0.0f;
+    if (pixel->object == 0) {
+        if (looks->depths)
+            tone *= bend(looks, pixel);
+        if (looks->texture)
+            tone *= textured(looks, pixel, footprint);
+        rock = at_most(at_least((0.93f + pixel->normal[2]) / 0.12f, 0.0f), 1.0f);
+    }
+    float day = surface ? tone : tone * (0.6f - 0.4f * pixel->normal[2]);
+    float near = at_least(pixel->distance, 0.05f), lit = 0.0f, left[FADES_A_STEP], lamplight[CHANNELS];
+    fade(looks, pixel->distance, left, FADES_A_STEP);
+    if (!surface && looks->lamps > 0.0f && pixel->facing > 0.0f) {
+        lit = tone * looks->lamps * pixel->facing / (near * near);
+        fade(looks, near, lamplight, CHANNELS);
+    }
+    const float *colour = looks->colours + 3 * pixel->object;
+    for (int c = 0; c < CHANNELS; c++) {
+        float sent = day * looks->light[c];
+        if (lit > 0.0f)
+            sent += lit * lamplight[c];
+        sent *= colour[c] + rock * looks->rock[c];
+        out[c] = sent * left[c] + looks->veil[c] * (1.0f - left[CHANNELS + c]);
+    }
+}
+
+/* Sizes double from the finest on; levels change where the logarithm of their ratio rounds up. */
+static void set_sizes(Looks *looks)
+{
+    const Settings *s = looks->set;
+    size_t first = 0;
+    int level = 0;
+    for (int i = 0; i < SIZES; i++) {
+        double size = s->finest * (double)(1L << i), turn = 3.141592653589793 * size / s->ripple_length;
+        for (; level < PYRAMID - 1 && size / s->texture_node >= 1.4142135623730951 * (double)(1 << level); level++)
+            first += (size_t)(SIDE >> level) * (size_t)(SIDE >> level);
+        double left = s->ripple != 0.0 && size < s->ripple_length ? s->ripple * sin(turn) / turn : 0.0;
+        float scale = (float)(1.0 / (s->texture_node * (double)(1 << level)));
+        looks->sizes[i] = (Size){first, SIDE >> level, (float)(size * 1.4142135623730951), scale, (float)left};
+    }
+}
+
+static void set_numbers(Looks *looks)
+{
+    const Settings *s = looks->set;
+    for (int c = 0; c < CHANNELS; c++)
+        looks->light[c] = (float)s->light[c], looks->veil[c] = (float)s->veil[c], looks->rock[c] = (float)s->rock[c];
+    for (int i = 0; i < 2; i++) {
+        looks->nodes[i] = 1.0f / (float)s->node[i], looks->deviation[i] = (float)s->deviation[i];
+        looks->wave[i] = (float)s->wave[i];
+    }
+    looks->pixel = (float)s->pixel, looks->lamps = (float)s->lamps, looks->per_metre = (float)s->per_metre;
+    looks->height = (float)s->height;
+    set_sizes(looks);
+}

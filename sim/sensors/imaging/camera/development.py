@@ -1,0 +1,97 @@
+"""What a camera's sensor records of the light: vignetting, exposure, noise, sRGB; and the errors of depth."""
+
+from functools import lru_cache
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.assembly import load_picture
+from sim.environment.optics import GREY, encode
+from sim.sensors.error import sensor_random
+from sim.sensors.imaging.camera.model import CameraModel
+
+Floats = NDArray[np.floating[Any]]
+
+_BRIGHT, _NEARLY_WHITE = 98.0, 0.9  # automatic exposure: this percentile gets this far
+_QUANTILE_BITS = 12
+_WEYL, _FIRST, _SECOND = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
+
+
+class Development:
+    """Conversion of radiances to bytes, and the errors of depth; `axial` is the cosine of each pixel off the axis.
+
+    sim/native/developing.h does the same to a level of 256, where that is compiled.
+    """
+
+    def __init__(self, model: CameraModel, axial: Floats, seed: int, topic: str) -> None:
+        self._model, self._axial = model, np.ascontiguousarray(axial, np.float32)
+        self._falloff = (1.0 - model.vignetting * (1.0 - axial**4))[:, None].astype(np.float32)
+        compiled = load_picture()
+        self._develop = compiled.develop if compiled else None
+        self._random = sensor_random(seed, topic)
+
+    def develop(self, radiance: NDArray[np.float32], ranges: Floats) -> tuple[bytes, bytes]:
+        """Return the picture and its depths; radiances n x 3, ranges n."""
+        m = self._model
+        if m.ground_truth:
+            signal = radiance * np.float32(m.exposure or automatic_exposure(radiance))
+            return encode(signal).tobytes(), (ranges * self._axial).astype(np.float32).tobytes()
+        some = slice(None, None, max(1, len(radiance) // 4096))
+        gain = m.exposure or automatic_exposure(radiance[some] * self._falloff[some])
+        dark, key = (m.read_noise / m.full_well) ** 2, self._random.getrandbits(64)
+        if not self._develop:
+            return self._record(radiance, ranges, gain, dark, key)
+        pixels, depths = np.empty(radiance.shape, np.uint8), np.empty(len(ranges), np.float32)
+        light, distances = np.ascontiguousarray(radiance, np.float32), np.ascontiguousarray(ranges, np.float64)
+        numbers = gain, m.full_well, dark, m.depth_noise, m.max_range
+        self._develop(
+            key, numbers, light, self._falloff, self._axial, distances, quantiles(), GREY, pixels, depths,
+        )  # fmt: skip
+        return pixels.tobytes(), depths.tobytes()
+
+    def _record(
+        self, radiance: NDArray[np.float32], ranges: Floats, gain: float, dark: float, key: int
+    ) -> tuple[bytes, bytes]:
+        """Return the bytes of a picture with the noise of its electrons, and its depths with theirs."""
+        m = self._model
+        signal = radiance * self._falloff * np.float32(gain)
+        shot = signal / np.float32(m.full_well) + np.float32(dark)
+        noise = normal_noise(key, len(radiance))
+        pixels = encode(signal + np.sqrt(shot) * noise[:3].T)
+        depth = (ranges * self._axial).astype(np.float32)
+        if m.depth_noise:
+            error = noise[3] * np.float32(m.depth_noise) * np.minimum(depth, np.float32(m.max_range))
+            depth = np.maximum(depth * (np.float32(1.0) + error), np.float32(0.0))
+        return pixels.tobytes(), depth.tobytes()
+
+
+def normal_noise(key: int, count: int) -> NDArray[np.float32]:
+    """Return four rows of `count` normal numbers with standard deviation 1, the same for the same `key` (64 bits).
+
+    The finaliser of splitmix64 (Steele, Lea & Flood 2014, Fast splittable pseudorandom number generators, OOPSLA) makes
+    64 bits of each column's number, of which each row takes twelve. So none is beyond 3.7.
+    """
+    bits = np.arange(count, dtype=np.uint64) * np.uint64(_WEYL) + np.uint64(key)
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(_FIRST)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(_SECOND)
+    bits ^= bits >> np.uint64(31)
+    last = np.uint64((1 << _QUANTILE_BITS) - 1)
+    return np.stack([quantiles().take((bits >> np.uint64(_QUANTILE_BITS * row)) & last) for row in range(4)])
+
+
+@lru_cache(maxsize=1)
+def quantiles() -> NDArray[np.float32]:
+    """Return the middles of equally probable parts of a normal distribution, scaled to standard deviation 1."""
+    count = 1 << _QUANTILE_BITS
+    normal = NormalDist()
+    middles = np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)])
+    scaled: NDArray[np.float32] = (middles / middles.std()).astype(np.float32)
+    return scaled
+
+
+def automatic_exposure(light: Floats) -> float:
+    """Return the factor that brings the bright parts of a picture (n x 3) nearly to white; 1 for one without light."""
+    bright = float(np.percentile(light[:: max(1, len(light) // 4096)].max(axis=1), _BRIGHT))
+    return _NEARLY_WHITE / bright if bright > 0.0 else 1.0
