@@ -107,7 +107,12 @@ def _array(items: tuple[Any, ...]) -> Kind:
     many = "" if items[-1] is Ellipsis else f"{len(items)} "
     if first.type.startswith("array of "):
         return first._replace(type=f"array of {many}{first.type.replace('array', 'arrays', 1)}")
-    return first._replace(type=f"array of {many}{first.type}{'' if first.type == 'text' else 's'}")
+    kinds = [kind_of(item) for item in items if item is not Ellipsis]
+    return first._replace(
+        type=f"array of {many}{first.type}{'' if first.type == 'text' else 's'}",
+        unit=first.unit if all(kind.unit == first.unit for kind in kinds) else "",  # mixed ones stand in the meaning
+        range="; ".join(dict.fromkeys(kind.range for kind in kinds)),
+    )
 
 
 def _range(limit: Range) -> str:

@@ -1,14 +1,18 @@
 """The reference pages are those of the code, and every key of every file has a meaning."""
 
 import re
+from math import pi
 from pathlib import Path
+from typing import Annotated
 
 import pytest
 
 from hil.cli import COMMANDS
+from hil.common.schema import Range
+from hil.ros.topics import OURS
 from hil.schemas.meanings import meanings
-from tools.reference import files, pages
-from tools.reference.records import Section, describe
+from tools.reference import files, pages, topics
+from tools.reference.records import Section, describe, kind_of
 
 FOLDER = Path(__file__).parents[3] / "docs" / "reference"
 
@@ -55,3 +59,19 @@ def test_every_command_is_on_the_page() -> None:
     page = pages()["commands"]
     for name in COMMANDS:
         assert f"\n## {name}\n" in page
+
+
+def test_an_array_shows_the_ranges_of_all_its_numbers() -> None:
+    degrees = tuple[Annotated[float, Range(-90.0, 90.0, "deg")], Annotated[float, Range(-180.0, 180.0, "deg")]]
+    assert kind_of(degrees)[:3] == ("array of 2 numbers", "deg", "-90 to 90; -180 to 180")
+    assert kind_of(tuple[Annotated[float, Range(0.0, 1.0, "T")], Annotated[float, Range(0.0, 1.0, "rad")]]).unit == ""
+
+
+def test_a_file_may_have_the_ends_that_a_page_shows() -> None:
+    """They are rounded inwards."""
+    low, high = map(float, kind_of(Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]).range.split(" to "))
+    assert -2.0 * pi <= low < -6.283 < 6.283 < high <= 2.0 * pi
+
+
+def test_every_topic_has_a_content() -> None:
+    assert set(topics.CONTENT) == set(OURS)
