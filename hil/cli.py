@@ -2,10 +2,11 @@
 
 import sys
 
-from hil.common import streams
+from hil.common import lifeline
 
-if __name__ == "__main__" or (sys.argv[:1] and sys.argv[0].endswith("/uuv-hil")):  # this process is the command
-    streams.leave_on_ctrl_c()  # until all modules are loaded
+# True where this process is the command
+if __name__ == "__main__" or (sys.argv[:1] and sys.argv[0].endswith(("/uuv-hil", "/hil/__main__.py"))):
+    lifeline.leave_on_ctrl_c()  # until all modules are loaded
 
 import errno
 import gc
@@ -13,8 +14,8 @@ import os
 from collections.abc import Callable
 from importlib import import_module
 
+from hil.common import streams
 from hil.common.errors import EXIT_CODES, STOPPED, ConfigError, DeviceError, HilError, MissingExtraError
-from hil.common.lifeline import die_with_parent
 
 # name -> module with `main(arguments) -> exit code`, and what it does
 COMMANDS = {
@@ -75,6 +76,12 @@ GROUPS = {
     "set up a machine": ("doctor", "board", "stm32", "keys", "completion"),
 }
 
+EXAMPLES = (
+    "  uuv-hil demo                                           all on this machine",
+    "  uuv-hil slave paper_field --listen tcp/0.0.0.0:7447    on the board",
+    "  uuv-hil master paper_field --connect tcp/192.168.3.116:7447",
+)
+
 # package as it is imported -> the extra of pyproject.toml that installs it
 EXTRAS = {
     "numpy": "master",
@@ -118,7 +125,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one subcommand; return its exit code. Errors a person can mend are one line on standard error."""
-    die_with_parent()
+    lifeline.die_with_parent()
     name = "uuv-hil"
     try:
         if "_ARGCOMPLETE" in os.environ:  # the shell asks what may come next
@@ -179,7 +186,7 @@ def _run(name: str, arguments: list[str]) -> int:
         gc.disable()  # nothing that modules leave while they load is garbage
         run: Callable[[list[str]], int] = import_module(COMMANDS[name][0]).main
         gc.enable()
-        streams.raise_on_ctrl_c()
+        lifeline.raise_on_ctrl_c()
         return run(arguments)
     except ModuleNotFoundError as error:
         if error.name in UNIX:
@@ -191,32 +198,26 @@ def _run(name: str, arguments: list[str]) -> int:
 
 
 def _help() -> str:
-    from hil.common.columns import aligned
+    from hil.common.columns import aligned, paragraph, terminal_width
+    from hil.common.text import wrap_command
 
     width = max(map(len, COMMANDS))
     rows = ""
     for heading, names in GROUPS.items():
         lines = aligned([(name.ljust(width), COMMANDS[name][1]) for name in names], indent="  ")
         rows += "\n".join(["", f"{heading}:", *lines, ""])
+    examples = "\n".join([piece for line in EXAMPLES for piece in wrap_command(line, terminal_width())])
+    more = "uuv-hil COMMAND --help, or uuv-hil help COMMAND, shows each command's options, uuv-hil -V the version."
     return f"""usage: uuv-hil COMMAND [OPTIONS]
 
-Hardware-in-the-loop bridge and simulator for unmanned underwater vehicles.
+{paragraph("Hardware-in-the-loop bridge and simulator for unmanned underwater vehicles.")}
 {rows}
 examples:
-  uuv-hil demo                                           all on this machine
-  uuv-hil slave paper_field --listen tcp/0.0.0.0:7447    on the board
-  uuv-hil master paper_field --connect tcp/192.168.3.116:7447
+{examples}
 
-uuv-hil COMMAND --help, or uuv-hil help COMMAND, shows each command's options,
-uuv-hil -V the version.
+{paragraph(more)}
 
-{_exit_codes()}"""
-
-
-def _exit_codes() -> str:
-    import textwrap
-
-    return textwrap.fill(EXIT_CODES, 79)
+{paragraph(EXIT_CODES)}"""
 
 
 if __name__ == "__main__":

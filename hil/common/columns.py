@@ -1,4 +1,4 @@
-"""Format text tables whose columns are as wide as their widest cell, and which fit the terminal."""
+"""Format text that fits the terminal: tables whose columns are as wide as their widest cell, and paragraphs."""
 
 import re
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ def aligned(
     than `width` letters, 0: the terminal's, or 80 where the output is no terminal; longer cells go on in the next line.
     """
     rows = [[clean(cell) for cell in row] for row in rows]
-    widths = _fitted(list(zip(*rows, strict=True)), (width or _terminal()) - len(indent))
+    widths = _fitted(list(zip(*rows, strict=True)), (width or terminal_width()) - len(indent))
     pad = str.rjust if right else str.ljust
     ruled = [*rows[:1], ["-" * width for width in widths], *rows[1:]] if rule else rows
     lines = [line for row in ruled for line in _lines(row, widths)]
@@ -29,7 +29,15 @@ def aligned(
     ]
 
 
-def _terminal() -> int:
+def paragraph(text: str, indent: str = "") -> str:
+    """Return a text as lines that fit the terminal; those after the first begin with `indent`. Words stay whole."""
+    from textwrap import fill  # by few commands
+
+    return fill(text, terminal_width(), subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
+
+
+def terminal_width() -> int:
+    """Return the columns of the terminal, 80 where the output is none."""
     from shutil import get_terminal_size
 
     return get_terminal_size((80, 24)).columns

@@ -18,7 +18,7 @@ import sys
 STOPPED = 130  # the exit code of what a person or a signal has ended, as of a shell after Ctrl-C
 EXIT_CODES = (
     "exit codes: 0 done, 1 a check found a problem, 2 a wrong file or option, 3 a device, 4 the network, 5 a missing "
-    f"package, 6 the run did not end as it should, {STOPPED} Ctrl-C"
+    f"package, 6 the run did not end as it should, {STOPPED} Ctrl-C (0 for a command that runs until then)"
 )
 
 

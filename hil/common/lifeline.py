@@ -2,6 +2,8 @@
 
     python -I -S hil/common/lifeline.py PROGRAM [ARGUMENT ...]      run another program so
 
+A command loads this file first, for Ctrl-C before it runs (`leave_on_ctrl_c`): what is loaded earlier Ctrl-C can hit.
+
 The child holds the read end of a pipe (the lifeline) whose only write end is in its parent. It asks the kernel for a
 SIGKILL when that end closes, as it does when the parent is gone: O_ASYNC, F_SETOWN and F_SETSIG of fcntl(2). Then it
 looks whether the pipe is at its end already, so that no moment is left open. An exec keeps all of it.
@@ -16,6 +18,28 @@ import sys
 
 NO_PROGRAM = 127  # the exit code, as of a shell
 VARIABLE = "UUV_HIL_LIFELINE"  # in the child's environment: the number of the pipe's read end, a colon, and its inode
+
+
+TYPE_CHECKING = False  # as typing has it, which takes a while to load
+if TYPE_CHECKING:
+    from types import FrameType
+    from typing import NoReturn
+
+
+def leave_on_ctrl_c() -> None:
+    """End the process at Ctrl-C, at once and without a word: so early there is nothing to bring to an end."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored, as by nohup
+        signal.signal(signal.SIGINT, _leave)
+
+
+def raise_on_ctrl_c() -> None:
+    """End what `leave_on_ctrl_c` began: Ctrl-C raises KeyboardInterrupt again."""
+    if signal.getsignal(signal.SIGINT) is _leave:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _leave(_number: int, _frame: "FrameType | None") -> "NoReturn":
+    os._exit(130)  # STOPPED of hil.common.errors, which a file that is run by its path cannot import
 
 
 def die_with_parent() -> None:

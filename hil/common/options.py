@@ -35,12 +35,14 @@ class HelpFormatter(argparse.HelpFormatter):
         """Return the usage; argparse leaves a group of options that exclude each other on one line."""
         lines = super()._format_usage(*arguments).split("\n")
         width = self._width + 2
-        return "\n".join(
-            f"{line[:cut]}\n{' ' * (len(line) - len(line.lstrip()) + 1)}{line[cut:].lstrip()}"
-            if len(line) > width and (cut := line.rfind("| ", 0, width) + 1)
-            else line
-            for line in lines
-        )
+        shorter = []
+        for line in lines:
+            indent = " " * (len(line) - len(line.lstrip()) + 1)
+            while len(line) > width and (cut := line.rfind("| ", len(indent), width) + 1):
+                shorter.append(line[:cut])
+                line = f"{indent}{line[cut:].lstrip()}"
+            shorter.append(line)
+        return "\n".join(shorter)
 
     def _split_lines(self, text: str, width: int) -> list[str]:
         """Return the lines of an option's help; argparse breaks file names and commands at their hyphens."""

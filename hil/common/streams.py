@@ -1,17 +1,15 @@
-"""Standard streams that accept every text, a line of progress, a question, and Ctrl-C before anything runs."""
+"""Standard streams that accept every text, a line of progress, and a question."""
 
 import os
-import signal
 import sys
 import time
 from codecs import register_error
 from collections.abc import Callable
 from contextlib import suppress
 from io import TextIOWrapper
-from types import FrameType
 from typing import NoReturn, TextIO
 
-from hil.common.errors import STOPPED, ConfigError
+from hil.common.errors import ConfigError
 
 # What a terminal that knows ASCII alone shows instead; "?" for the rest.
 PLAIN = {"°": "deg", "²": "2", "³": "3", "±": "+-", "·": "*", "µ": "u", "–": "-", "—": "-", "…": "...", "→": "->"}
@@ -20,18 +18,6 @@ TERMINAL_PERIOD_S = 0.2
 LINE_PERIOD_S = 10.0
 
 LOOK_FIRST = "look at it with --dry-run, do it with --yes"
-
-
-def leave_on_ctrl_c() -> None:
-    """End the process at Ctrl-C, at once and without a word: so early there is nothing to bring to an end."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored, as by nohup
-        signal.signal(signal.SIGINT, _leave)
-
-
-def raise_on_ctrl_c() -> None:
-    """End what `leave_on_ctrl_c` began: Ctrl-C raises KeyboardInterrupt again."""
-    if signal.getsignal(signal.SIGINT) is _leave:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def prepare() -> None:
@@ -71,10 +57,6 @@ def leave(code: int) -> NoReturn:
         with suppress(OSError, ValueError):  # nobody reads it, or it is closed
             stream.flush()
     os._exit(code)
-
-
-def _leave(_number: int, _frame: FrameType | None) -> NoReturn:
-    os._exit(STOPPED)
 
 
 def _plain(error: UnicodeError) -> tuple[str, int]:

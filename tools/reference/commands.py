@@ -17,7 +17,7 @@ KINDS = (
 )  # fmt: skip
 OTHER_CODES = {
     0: "It did what was asked.",
-    errors.STOPPED: "Ctrl-C or a signal ended it.",
+    errors.STOPPED: "Ctrl-C or a signal ended it; 0 for a command that runs until then, as `slave` and `router` do.",
     141: "The reader of its output ended, as in `uuv-hil ... | head`.",
 }
 USUAL = {"SCENARIO": "a `.toml` file, or the name of an installed scenario"}

@@ -7,7 +7,7 @@ import os
 from boards import Board, load_board, model
 from boards.health import Throttling, governors, recognise, temperature, throttling
 from boards.tree import Tree, architecture
-from hil.common.columns import aligned
+from hil.common.columns import aligned, paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import add_board, add_json, add_listen, add_member, add_scenario, new_parser
 from hil.common.schema import preset_names
@@ -133,7 +133,7 @@ def describe(tree: Tree, board: Board | None) -> str:
         f"budgets: start {most.startup:g} s, memory {most.memory:g} MiB, {most.slave_cpu:.0%} of a core, delay of a "
         f"command {most.delay_p50 * 1e3:g} ms (median), {most.delay_p99 * 1e3:g} ms (99 %)"
     )
-    return "\n".join(parts)
+    return "\n".join([paragraph(line, "    ") for part in parts for line in part.split("\n")])
 
 
 def sources(board: Board) -> str:

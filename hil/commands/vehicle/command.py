@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from hil.autonomy.control.allocation import pseudo_inverse
-from hil.common.columns import aligned
+from hil.common.columns import aligned, paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import Number, add_json, add_output, add_plot, new_parser
 from hil.common.schema import preset_names
@@ -106,7 +106,7 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
     names = [thruster.name for thruster in vehicle.thrusters]
     equipment = [f"{title}\n{_columns(rows)}" for title, rows in _equipment(vehicle)]
     parts = [
-        f"{vehicle.name}\nsource: {vehicle.source}",
+        f"{vehicle.name}\n{paragraph(f'source: {vehicle.source}', '  ')}",
         _columns(_body_rows(vehicle, density)),
         "surge to yaw, about the origin\n" + _columns(_coefficient_rows(vehicle)),
         f"thrusters: {len(names)} (m, FRD)\n" + _columns(_thruster_rows(vehicle)),

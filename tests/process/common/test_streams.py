@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hil import cli
-from hil.common import streams
+from hil.common import lifeline
 from tests.support.processes import ROOT
 
 TIMEOUT_S = 60.0
@@ -76,15 +76,16 @@ def test_a_terminal_of_ascii_alone(environment: dict[str, str]) -> None:
     assert "kg/m3" in output
 
 
-def test_ctrl_c_while_modules_load() -> None:
+@pytest.mark.parametrize("name", ["/usr/bin/uuv-hil", "/usr/lib/python3/hil/__main__.py"])
+def test_ctrl_c_while_modules_load(name: str) -> None:
     """The handler is there before the command's own module is loaded, which comes first."""
-    code = """
+    code = f"""
 import os, signal, sys
-sys.argv = ["/usr/bin/uuv-hil"]
+sys.argv = [{name!r}]
 class Find:
     @staticmethod
     def find_spec(name, *_):
-        if name == "hil.common.lifeline":
+        if name == "hil.common.streams":
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Find)
 import hil.cli
@@ -99,12 +100,12 @@ def test_ctrl_c_is_an_exception_again_once_all_is_loaded() -> None:
     before = signal.getsignal(signal.SIGINT)
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        streams.leave_on_ctrl_c()
+        lifeline.leave_on_ctrl_c()
         assert signal.getsignal(signal.SIGINT) is not signal.default_int_handler
         assert cli.main(["frame", "list"]) == 0
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # nohup, or in the background of a script
-        streams.leave_on_ctrl_c()
+        lifeline.leave_on_ctrl_c()
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)

@@ -3,6 +3,7 @@
 import argparse
 import ast
 import re
+import shlex
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,7 +41,6 @@ OF_THE_COMMAND = {"--output", "--plot", "--rate", "--seconds", "--repeat", "--wa
 # Commands that take a scenario without --set, with the reason.
 UNCHANGED = {
     "uuv-hil scenario show": "prints the file as it is",
-    "uuv-hil fleet": "copies the file as it is to every host",
 }
 
 
@@ -107,6 +107,22 @@ def test_every_help_has_a_purpose_and_its_examples() -> None:
         assert parser.description, parser.prog
         example = rf"^examples:\n(.*\n)*? +.*{re.escape(parser.prog)}\b"
         assert re.search(example, text, flags=re.MULTILINE), parser.prog
+
+
+def test_every_example_is_understood(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the parser of its command, as it is typed: a comment stands behind two spaces, or behind #."""
+    monkeypatch.setenv("COLUMNS", "500")
+    roots = {" ".join(root.prog.split()[1:]): root for root in map(find_parser, MODULES)}
+    lines = {line for parser in ALL for line in parser.format_help().partition("\nexamples:\n")[2].splitlines()}
+    commands = {shell.partition("uuv-hil ")[2] for line in lines for shell in re.findall(r"^  \S.*?(?=\s{2}|$)", line)}
+    understood = 0
+    for command in filter(None, commands):
+        words = shlex.split(command, comments=True)
+        words = words[: next((at for at, word in enumerate(words) if word in ("|", "&", "&&", ">")), len(words))]
+        depth = 2 if words[0] == "bench" else 1
+        roots[" ".join(words[:depth])].parse_args(words[depth:])
+        understood += 1
+    assert understood > 150
 
 
 def test_every_option_says_what_it_is() -> None:

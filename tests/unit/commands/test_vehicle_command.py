@@ -33,7 +33,7 @@ def test_a_preset_as_text(name: str, capsys: pytest.CaptureFixture[str]) -> None
     code, out, _ = run(capsys, name)
     vehicle, _ = load_vehicle(name)
     assert code == 0
-    assert vehicle.source in out
+    assert f"source: {vehicle.source} " in " ".join(out.split()), "wrapped to the terminal"
     assert all(channel in out for channel in vehicle.channels)
     assert f"{top(vehicle)[0].speed[0]:.3f} m/s" in out
     idle = [reach.axis for reach in top(vehicle) if not reach.driven]
