@@ -34,6 +34,9 @@ PINGS_HZ = 250.0
 # That a large message may take on a slow network (one of n batches at most 2^n ms), before the rest is left out.
 LARGE_WAIT_US = 1_000_000
 SAMPLE_WAIT_US = 5_000
+# Messages with the priority of commands that may wait for the library's thread that sends, one a batch; 2 otherwise.
+# On a busy machine that comes 0.3 s late now and then, and a recorder would not hear of the commands meanwhile.
+URGENT_BATCHES = 16
 # That what must not be left out, a recording that is played, waits for a network that takes nothing, before the link
 # is closed; 5 s otherwise, in which nobody could end it.
 STUCK_WAIT_US = 1_000_000
@@ -133,7 +136,8 @@ def _transport(role: Role, network: Network, one: bool, pictures: bool) -> dict[
     if role in ("slave", "imaging"):  # in a router what comes behind a large message would wait too
         drop = {"wait_before_drop": SAMPLE_WAIT_US, "max_wait_before_drop_fragments": LARGE_WAIT_US}
         block = {"wait_before_close": STUCK_WAIT_US}
-        tx["queue"] = {"congestion_control": {"drop": drop, "block": block}}
+        size = {"real_time": URGENT_BATCHES}
+        tx["queue"] = {"congestion_control": {"drop": drop, "block": block}, "size": size}
     return {
         "unicast": {
             "max_links": 1 if one else 2,
