@@ -140,7 +140,9 @@ static void shade_pixel(const Looks *looks, const Pixel *pixel, float *out)
             tone *= textured(looks, pixel, footprint);
         rock = at_most(at_least((0.93f + pixel->normal[2]) / 0.12f, 0.0f), 1.0f);
     }
-    float day = surface ? tone : tone * (0.6f - 0.4f * pixel->normal[2]);
+    float day = tone * (0.6f - 0.4f * pixel->normal[2]);
+    if (surface) /* Snell's window, as sim/sensors/imaging/scenery.py has it */
+        day = at_most(at_least((pixel->facing - 0.62f) / 0.08f, 0.0f), 1.0f);
     float near = at_least(pixel->distance, 0.05f), lit = 0.0f, left[FADES_A_STEP], lamplight[CHANNELS];
     fade(looks, pixel->distance, left, FADES_A_STEP);
     if (!surface && looks->lamps > 0.0f && pixel->facing > 0.0f) {
@@ -153,6 +155,8 @@ static void shade_pixel(const Looks *looks, const Pixel *pixel, float *out)
         if (lit > 0.0f)
             sent += lit * lamplight[c];
         sent *= colour[c] + rock * looks->rock[c];
+        if (surface)
+            sent += (1.0f - day) * looks->veil[c];
         out[c] = sent * left[c] + looks->veil[c] * (1.0f - left[CHANNELS + c]);
     }
 }

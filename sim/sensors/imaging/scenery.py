@@ -34,6 +34,11 @@ _SIDE = 512  # nodes of the grain along each side, a power of two; then it repea
 SCALES = ((0.01, 0.45), (0.089, 0.35))  # m from node to node, and standard deviation: 5 m and 46 m to a repetition
 
 
+# Cosines to the vertical between which the sky's light fades at the edge of Snell's window, 49 deg, under small waves.
+# Beyond it the surface mirrors the water below.
+_EDGE = (0.62, 0.70)
+
+
 class Seen(NamedTuple):
     """Hits of n rays in m, NED; without a hit point and normal are 0 and the range is inf.
 
@@ -85,12 +90,14 @@ class Scenery:
         attenuation: Rgb,
         beams: Sequence[Beam] | None = None,
         dapple: Pixels | None = None,
+        veil: Rgb = (0.0, 0.0, 0.0),
     ) -> Pixels:
         """Return the radiance (n x 3) of each hit in daylight, of which `light` is left, and in lamps.
 
         `lamps` is what a white surface 1 m before them would send back; their light is weakened on its way by
         `attenuation` (1/m). `beams` are those of the single lamps, by default of one at the camera; `dapple` is what
-        waves make of the daylight from above. One colour lies after the other in memory, which is quick.
+        waves make of the daylight from above, `veil` what the surface mirrors of the water. One colour lies after the
+        other in memory, which is quick.
         """
         seabed, surface = seen.objects == SEABED, seen.objects == self.surface
         tone = np.where(surface, np.float32(1.0), _grain(seen))
@@ -104,7 +111,9 @@ class Scenery:
             ground, texture = self.bottom_map.looks(north, east, self.colours[SEABED])
             tone[seabed] = np.maximum(np.float32(0.1), 1.0 + (tone[seabed] - 1.0) * texture)
         # From above as from a sky that is evenly bright, and a fifth from all sides.
-        day = tone * np.where(surface, np.float32(1.0), np.float32(0.6) - np.float32(0.4) * seen.normals[2])
+        day = tone * (np.float32(0.6) - np.float32(0.4) * seen.normals[2])
+        sky = _window(seen.facing[surface])
+        day[surface] = sky
         if dapple is not None:
             day *= dapple
         if beams is None:
@@ -124,6 +133,7 @@ class Scenery:
                 colour[seabed] = ground[:, channel]
                 darker = np.float32(ROCK[channel]) - colour
             out *= colour + rock * darker
+            out[surface] += (np.float32(1.0) - sky) * np.float32(veil[channel])
         pixels: Pixels = radiance.T
         return pixels
 
@@ -166,6 +176,13 @@ def _lamplight(beam: Beam, attenuation: float) -> Pixels:
         np.maximum(beam.facing, 0.0) * np.exp(distances * np.float32(-attenuation)) / (distances * distances)
     )
     return falls
+
+
+def _window(facing: Pixels) -> Pixels:
+    """Return the share of the sky in what the water's surface sends, by the cosine at which it is met."""
+    low, high = _EDGE
+    share: Pixels = np.clip((facing - np.float32(low)) / np.float32(high - low), 0.0, 1.0)
+    return share
 
 
 def _bend(terrain: Terrain, rows: range, columns: range) -> Pixels:

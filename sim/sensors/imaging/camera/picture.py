@@ -88,7 +88,7 @@ class Eye:
         seen = Seen(points, normals, objects, distances, facing, distances * np.float32(self._pixel))
         effects = self._effects
         lights = effects.beams(self._rays, place, turned, seen), effects.dapple(seen, time_ns)
-        radiance = self._scenery.radiance(seen, water.light, self._model.lamps, water.attenuation, *lights)
+        radiance = self._scenery.radiance(seen, water.light, self._model.lamps, water.attenuation, *lights, water.veil)
         return underwater(radiance, ranges, water)
 
     def points(self, depth: bytes) -> bytes:

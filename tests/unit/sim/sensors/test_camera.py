@@ -179,17 +179,18 @@ RAW = TRUE._replace(ground_truth=False, vignetting=0.0, read_noise=0.0, full_wel
 
 def test_the_picture_is_the_scene_through_the_water() -> None:
     """Radiances without water, in the light that is left, through sim.environment.optics.underwater: the same as the
-    camera's.
+    camera's, but for the surface, which mirrors the water.
     """
     grid = covering(EXTENT, 1.0)
     world = FLAT._replace(
         terrain=Terrain(grid, Fractal(12.0, 0.6, seed=2).depths(grid), 12.0), box=(Box(6.0, 1.0, 1.0, 1.0, top=7.0),)
     )
     dry, wet = camera(world, RAW._replace(water="clear")), camera(world, RAW._replace(water="1C"))
-    scene, ranges, _ = dry._eye.render(0, HERE)
+    scene, ranges, objects = dry._eye.render(0, HERE)
     seen, _, _ = wet._eye.render(0, HERE)
-    water = jerlov("1C", 8.0)
-    assert seen == pytest.approx(underwater(scene * np.array(water.light, np.float32), ranges, water), abs=1e-6)
+    water, below = jerlov("1C", 8.0), objects != wet._eye._surface
+    expected = underwater(scene * np.array(water.light, np.float32), ranges, water)
+    assert seen[below] == pytest.approx(expected[below], abs=1e-6)
     assert np.abs(seen - scene).mean() > 0.05
 
 
@@ -300,8 +301,21 @@ def test_shade(monkeypatch: pytest.MonkeyPatch) -> None:
     top, wall = picture[rows[0] + 1 : rows[0] + 5, 70:91], picture[rows[-1] - 8 : rows[-1], 70:91]
     assert decode(top).mean() == pytest.approx(decode(wall).mean() / 0.6, rel=0.02)
     up = camera(FLAT, TRUE._replace(exposure=1.0), Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, HERE)
-    assert (colours(up) == 255).all()
+    assert (colours(up)[15:46, 20:61] == 255).all()
     assert depths(up) == pytest.approx(np.full((61, 81), 8.0), abs=1e-6)
+
+
+def test_the_sky_is_seen_through_a_window_and_the_surface_beyond_it_is_a_mirror_of_the_dark() -> None:
+    """Within 45 deg of the vertical the sky is as bright as overhead, beyond 52 deg there is the water, here none."""
+    wide = TRUE._replace(exposure=0.5, field_of_view=radians(130.0))
+    up = camera(FLAT, wide, Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, HERE)
+    across, down = tangents(up)
+    slope, light = np.hypot(across, down), decode(colours(up)).mean(axis=-1)
+    assert light[slope < tan(radians(44.0))] == pytest.approx(0.5, abs=0.01)
+    assert light[slope > tan(radians(53.0))].max() == 0.0
+    wet = camera(FLAT, wide._replace(ground_truth=False, water="IB", vignetting=0.0, exposure=1.0, full_well=1e7))
+    level = decode(colours(wet.sample(0, HERE)))
+    assert level[20] == pytest.approx(level[30], abs=0.03), "the surface far ahead is as dark as the water there"
 
 
 def test_rays_meet_a_tilted_plane() -> None:
