@@ -108,6 +108,7 @@ EXTRAS = {
     "PIL": "imaging",
     "moderngl": "opengl",
     "rasterio": "raster",
+    "h5py": "raster",
     "pymavlink": "mavlink",
     "av": "video",
     "can": "can",
