@@ -45,11 +45,11 @@ def _with_things(world: World) -> World:
 
 
 def forward_sonar(figure: Figure) -> None:
-    """In the world `harbour` with two blocks, between the piles of the west pier, 3.5 m deep, the sonar tilted down by
-    10 deg. Left as it comes out: bright piles, each with its shadow on the seabed and the arc of its side lobes, a quay
-    to port, speckle everywhere, the texture of the seabed, and darkness before the beam first meets it. Right the
-    ground truth: mean echoes in dB re the source, at 1 m each, with echoes by way of surface and seabed
-    (`multipath = true`), behind what echoes strongly."""
+    """In the world `harbour` with two blocks, between the piles of the west pier, at 3.5 m depth. The sonar is
+    tilted down by 10 deg. Left: the measured picture. It has bright piles, each with its shadow on the seabed and
+    the arc of its side lobes, a quay to port, speckle, and the texture of the seabed. It is dark before the beam
+    first meets the seabed. Right: the ground truth, as mean echoes in dB re the source, at 1 m. With `multipath =
+    true` there are echoes by way of surface and seabed behind strong echoes."""
     scene = looking(_with_things(harbour()))
     measured, true = figure.subplots(1, 2)
     sample = ForwardSonar(ForwardSonarModel(), TILTED, SEED, scene).sample(0, BETWEEN_PILES)
@@ -65,7 +65,7 @@ def forward_sonar(figure: Figure) -> None:
 
 
 def forward_sonar_rows(figure: Figure) -> None:
-    """The same picture as it is in the message: a row a range bin, a column a beam, port to the left."""
+    """The same picture as in the message: a row is a range bin, a column is a beam, port is left."""
     axes = figure.add_subplot()
     sample = ForwardSonar(ForwardSonarModel(), TILTED, SEED, looking(harbour())).sample(0, BETWEEN_PILES)
     first, last = (np.degrees(sample.beams[i]) for i in (0, -1))
@@ -75,10 +75,10 @@ def forward_sonar_rows(figure: Figure) -> None:
 
 
 def side_scan(figure: Figure) -> None:
-    """In the world `fractal` with a wall, a block and a bollard on it, 18 m deep, 80 m to the north at 1 m/s: a line a
-    ping, the oldest below. In the middle the water below the vehicle, then the first return of the bottom; behind
-    what stands up lies its shadow, the longer the farther. The ground is rock: its relief below the grid's cells of
-    2 m, and what it is made of, are made up by place."""
+    """In the world `fractal` with a wall, a block and a bollard on it, at 18 m depth, 80 m to the north at 1 m/s. A
+    line is a ping, the oldest below. In the middle is the water below the vehicle, then the first return of the
+    bottom. Behind each object lies its shadow, which is longer at a larger distance. The ground is rock. Its relief
+    below the cells of the grid (2 m), and its kind at each place, are generated."""
     scene, axes = looking(rough_ground()), figure.add_subplot()
     scan = SideScan(SideScanModel(max_range=50.0), Mounting(), SEED, scene)
     lines = []
@@ -106,9 +106,8 @@ def _show(axes: Any, picture: Any, title: str, **how: Any) -> Any:
 
 
 def camera(figure: Figure) -> None:
-    """The same place as for the forward-looking sonar, 20 deg down. Left the colours and the depth as they are
-    measured in oceanic water of type IB; right the ground truth: no water in between, and which object each pixel
-    belongs to."""
+    """The same place as for the forward-looking sonar, 20 deg down. Left: colours and depth as measured in oceanic
+    water of type IB. Right: the ground truth, without water, and the object to which each pixel belongs."""
     measured, true = _shot(CameraModel(water="IB")), _shot(CameraModel(ground_truth=True))
     (colour, dry), (depth, labels) = figure.subplots(2, 2)
     _show(colour, _picture(measured), "colours, water IB")
@@ -124,15 +123,15 @@ def camera(figure: Figure) -> None:
 
 
 def camera_waters(figure: Figure) -> None:
-    """The same view in four waters, with automatic exposure: from the clearest ocean to a turbid coast. Red goes first,
-    and what is far fades into the colour of the water."""
+    """The same view in four waters, from the clearest ocean to a turbid coast, with automatic exposure. Red
+    disappears first. Distant objects take the colour of the water."""
     for axes, water in zip(figure.subplots(2, 2).ravel(), ("I", "IB", "II", "1C"), strict=True):
         _show(axes, _picture(_shot(CameraModel(water=water))), f"Jerlov {water}")  # type: ignore[arg-type]
 
 
 def camera_lamps(figure: Figure) -> None:
-    """Before a wall, 24.5 m down, where daylight is weak and blue: left without lamps, right with. They bring the
-    colours back, of what is near."""
+    """Before a wall, at 24.5 m depth, where daylight is weak and blue. Left: without lamps. Right: with lamps, which
+    bring back the colours of near objects."""
     world = harbour()._replace(box=(Box(8.0, 0.0, 1.0, 30.0, 0.3, top=22.0),), cylinder=(), depth=26.5, terrain=None)
     scene = looking(world)
     for axes, (title, lamps) in zip(figure.subplots(1, 2), (("daylight", 0.0), ("lamps", 8.0)), strict=True):
@@ -141,8 +140,8 @@ def camera_lamps(figure: Figure) -> None:
 
 
 def others_pictures(figure: Figure) -> None:
-    """`sim.environment.optics.underwater` on a picture and depths from elsewhere: left a made-up chart 2, 4, 8 and
-    16 m away, then as it is seen through three waters 5 m deep."""
+    """`sim.environment.optics.underwater` on a picture with depths from elsewhere. Left: a test chart at 2, 4, 8 and
+    16 m. Then: the same through three waters, at 5 m depth."""
     patches = np.array([[230, 230, 230], [200, 40, 40], [40, 170, 60], [50, 70, 200], [220, 190, 40]], np.uint8)
     chart = np.repeat(np.repeat(np.tile(patches, (4, 1, 1)), 24, axis=0), 24, axis=1)
     depth = np.repeat([2.0, 4.0, 8.0, 16.0], 24)[:, None] * np.ones((1, 120))

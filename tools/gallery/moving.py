@@ -49,8 +49,8 @@ def _panel(axes: Any, topic: str, what: Any, label: str, truth: Any = None, **ho
 
 
 def imu(figure: Figure) -> None:
-    """A flight of 40 s: 15 s ahead, 15 s in a curve, then drifting. Turn rate about the vertical, and specific force
-    along the vehicle, over the true turn rate."""
+    """A flight of 40 s: 15 s ahead, 15 s in a curve, then drifting. Turn rate about the vertical and specific force
+    along the vehicle, over the true values."""
     rate, force = figure.subplots(2, 1, sharex=True)
     _panel(rate, "imu", lambda s: s.angular_velocity[2], "r, rad/s", lambda s: s.nu[5])
     _panel(force, "imu", lambda s: s.acceleration[0], "x, m/s²")
@@ -82,7 +82,7 @@ def heading_and_field(figure: Figure) -> None:
 
 
 def altimeter(figure: Figure) -> None:
-    """The same flight over rough ground: the distance to the seabed along a thin beam straight down."""
+    """The same flight over rough ground: the distance to the seabed along a thin beam, straight down."""
     axes = figure.add_subplot()
     _panel(axes, "altimeter", lambda s: s.distance, "distance, m")
     axes.set_xlabel("time, s")

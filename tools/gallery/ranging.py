@@ -32,8 +32,8 @@ def _points(sample: LaserSample) -> "np.ndarray[tuple[int, int], np.dtype[np.flo
 
 
 def laser(figure: Figure) -> None:
-    """In the world `harbour`, between the two piers, 3 m deep, bow to 30 deg. Left the true distances, right as
-    measured with 50 cm of noise, fifty times the default. Dots on lines are the quays, single ones the piles."""
+    """In the world `harbour`, between the two piers, at 3 m depth, bow to 30 deg. Left: the true distances. Right:
+    measured with 50 cm of noise, fifty times the default. Dots on lines are the quays, single dots the piles."""
     scene = looking(harbour())
     for place, (title, noise) in enumerate((("ground truth", 0.0), ("with 50 cm of noise", 0.5)), 1):
         axes = figure.add_subplot(1, 2, place)
@@ -48,9 +48,10 @@ def laser(figure: Figure) -> None:
 
 
 def scanning_sonar(figure: Figure) -> None:
-    """The same place. The ring is the seabed, which the lower edge of the 25 deg tall beam meets, nearer where it is
-    shallower; within it are the piles of the west pier. A turn of 400 pings takes 36 s: left the vehicle keeps still,
-    right it goes ahead at 0.3 m/s, so that the ring does not close astern, where the turn begins and ends."""
+    """The same place. The ring is the seabed, which the lower edge of the beam (25 deg tall) meets. It is nearer
+    where the water is shallower. Within the ring are the piles of the west pier. A turn of 400 pings takes 36 s.
+    Left: the vehicle is at rest. Right: it moves ahead at 0.3 m/s, so the ring does not close astern, where the turn
+    begins and ends."""
     scene = looking(harbour())
     for place, speed in enumerate((0.0, 0.3), 1):
         axes = figure.add_subplot(1, 2, place)
@@ -67,9 +68,9 @@ def scanning_sonar(figure: Figure) -> None:
 
 
 def scanning_sonar_echoes(figure: Figure) -> None:
-    """With `bins`, as of the device `ping360`: a turn at rest at the same place, in the harbour with a block on its
-    seabed, 40 m around. Piles and quays with their shadows, the seabed from where the beam first meets it; what is
-    oblique is thicker, the farther away the more, as the beam is 2 deg wide. Behind the quay there is noise alone."""
+    """With `bins`, as the device `ping360`: a turn at rest at the same place, 40 m around, with a block on the
+    seabed. Piles and quays have shadows. The seabed begins where the beam first meets it. Oblique surfaces look
+    thicker at a larger distance, because the beam is 2 deg wide. Behind the quay there is only noise."""
     world = harbour()
     world = world._replace(box=(*world.box, Box(30.0, -9.0, 3.0, 1.0, 0.5, top=7.2)))
     sonar = ScanningSonar(ScanningSonarModel(bins=600, max_range=40.0), Mounting(), SEED, looking(world))
@@ -85,8 +86,8 @@ def scanning_sonar_echoes(figure: Figure) -> None:
 
 
 def profiler(figure: Figure) -> None:
-    """In the world `fractal` with blocks on it, 18 m deep, bow to the north, a block 24 m to starboard. One ping across
-    the track; dots are what the profiler gives, the line is the seabed."""
+    """In the world `fractal` with blocks on it, at 18 m depth, bow to the north, with a block 24 m to starboard. One
+    ping across the track: dots are measured, the line is the seabed."""
     world = rough_ground()
     state, axes = at(8.0, 0.0, 14.0), figure.add_subplot()
     sample = Profiler(ProfilerModel(), Mounting(), SEED, looking(world)).sample(0, state)
@@ -102,8 +103,9 @@ def profiler(figure: Figure) -> None:
 
 
 def echosounder(figure: Figure) -> None:
-    """Over the world `ridge` from south to north, 3 m deep at 1 m/s. The beam of 25 deg measures the nearest thing
-    within it, so that over the flanks it measures less than the water straight below, the more the steeper it is."""
+    """Over the world `ridge` from south to north, at 3 m depth and 1 m/s. The beam of 25 deg measures the nearest
+    point within it. So over the flanks it measures less than the water straight below, and still less over steep
+    ones."""
     world = load_world("ridge")
     scene, axes = looking(world), figure.add_subplot()
     norths = np.arange(-75.0, 75.0, 0.1)
@@ -117,8 +119,8 @@ def echosounder(figure: Figure) -> None:
 
 
 def dvl(figure: Figure) -> None:
-    """Over the world `slope`, 8 m above it, bow to the north-east, down the slope. Left the four beams from astern to
-    ahead, right where they end, seen from above: those ahead reach farther than those astern."""
+    """Over the world `slope`, 8 m above it, bow to the north-east, down the slope. Left: the four beams, from astern
+    to ahead. Right: where they end, seen from above. The beams ahead reach farther than those astern."""
     world = load_world("slope")
     state, tilt = at(0.0, 0.0, 12.0, heading=45.0), DvlModel().tilt
     angles = [pi / 4.0 + i * pi / 2.0 for i in range(4)]

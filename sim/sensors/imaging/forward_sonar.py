@@ -82,8 +82,8 @@ class ForwardSonarModel(NamedTuple):
 class ForwardSonar:
     """Beams about the sensor's x axis in its x-y plane, each as tall as the beam's main lobe.
 
-    What is at the same range and bearing falls on the same place of the picture, however high it is, as it does with a
-    real one. Not modelled: what sim.sensors.imaging.echoes leaves out, and that the vehicle moves during a ping.
+    Echoes of the same range and bearing fall on the same place of the picture, at any height, as with a real one. Not
+    modelled: what sim.sensors.imaging.echoes leaves out, and the motion of the vehicle during a ping.
     """
 
     Model = ForwardSonarModel

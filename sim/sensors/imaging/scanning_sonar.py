@@ -79,11 +79,12 @@ class ScanningSonarModel(NamedTuple):
 
 
 class ScanningSonar:
-    """A beam in the sensor's x-y plane, at an angle from x (ahead) towards y (starboard); one range a sample.
+    """A beam in the sensor's x-y plane, at an angle from x (ahead) towards y (starboard). A sample is one range.
 
-    Over a whole turn it goes round and round; over a sector there and back. Where the vehicle is in each ping is where
-    it is then: a scan of a moving vehicle is skewed as a real one is. The distance is that of the first echo, the least
-    along any of its rays. Not modelled: side lobes, echoes of earlier pings, that the head turns during a ping.
+    Over a whole turn the head goes round. Over a sector it goes there and back. Each ping is measured from where the
+    vehicle is then, so a scan of a moving vehicle is skewed as a real one is. The distance is that of the first echo,
+    the least along any of the rays. Not modelled: side lobes, echoes of earlier pings, the turn of the head during a
+    ping.
     """
 
     Model = ScanningSonarModel

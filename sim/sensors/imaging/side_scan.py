@@ -60,8 +60,7 @@ class SideScan:
     """Two beams in the sensor's y-z plane, to port (-y) and to starboard (+y), from above the horizontal to nadir.
 
     The receiver makes a picture by placing the pings one below the other. Not modelled: what sim.sensors.imaging.echoes
-    leaves out,
-    how beams spread as a real array's do within its near field, what one side receives of the other.
+    leaves out, how the beams of a real array spread in its near field, and what one side receives of the other.
     """
 
     Model = SideScanModel

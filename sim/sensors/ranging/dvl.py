@@ -54,11 +54,11 @@ class DvlModel(NamedTuple):
 
 
 class Dvl:
-    """One log, its thin beams at 45, 135 ... deg about its own z axis.
+    """A Doppler velocity log with thin beams at 45, 135 ... deg about its z axis.
 
-    A beam is locked while the seabed or an obstacle is within its reach and the sensor is under water. From three or
-    four locked beams velocity is the least-squares solution, and altitude the distance to the plane that fits the
-    points where they end, so that neither needs the attitude.
+    A beam is locked while the seabed or an obstacle is within its reach and the sensor is under water. Velocity is the
+    least-squares solution of three or four locked beams. Altitude is the distance to the plane that fits the ends of
+    the beams. Neither needs the attitude.
     """
 
     Model = DvlModel

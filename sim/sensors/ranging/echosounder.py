@@ -36,10 +36,10 @@ class EchosounderModel(NamedTuple):
 
 
 class Echosounder:
-    """One beam about the sensor's z axis: straight down from a level vehicle, unless mounted askew.
+    """One beam about the sensor's z axis. It is straight down from a level vehicle, unless it is mounted otherwise.
 
-    The distance is that of the first echo: the least along any of its rays, so over a slope it is shorter than that
-    along the middle, as it is for a real one. Not modelled: how strong an echo is, side lobes, second echoes.
+    The distance is that of the first echo, the least along any of the rays. So over a slope it is shorter than along
+    the middle, as with a real one. Not modelled: the strength of an echo, side lobes, second echoes.
     """
 
     Model = EchosounderModel

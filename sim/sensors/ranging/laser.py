@@ -32,9 +32,9 @@ class LaserModel(NamedTuple):
 
 
 class Laser(Fan):
-    """Beams in the sensor's x-y plane, the angle from x (ahead) towards y (starboard).
+    """Beams in the sensor's x-y plane. Angles are from x (ahead) towards y (starboard).
 
-    Not modelled: that the vehicle moves during a scan, how the water weakens and scatters light, what a surface
+    Not modelled: the motion of the vehicle during a scan, how the water weakens and scatters light, what a surface
     reflects.
     """
 

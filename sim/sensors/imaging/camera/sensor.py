@@ -15,13 +15,12 @@ if TYPE_CHECKING:
 
 
 class Camera:
-    """Looks along the sensor's x axis; what is to its right is starboard of it, what is below lower in the picture.
+    """A camera that looks along the sensor's x axis. Starboard is to the right of the picture, down is below.
 
-    Rays give what each pixel sees in its middle, sim.sensors.imaging.scenery its colour, sim.environment.optics what
-    the water makes of
-    that, sim.sensors.imaging.camera.effects what lamps, particles, waves and motion add. Daylight fades with depth; the
-    water's surface is flat. Not modelled: focus, pixels that see an edge in parts; depth is found wherever a ray ends,
-    though a stereo camera would find none in fog.
+    A ray through the middle of each pixel gives what the pixel sees. sim.sensors.imaging.scenery gives its colour,
+    sim.environment.optics the effect of the water, sim.sensors.imaging.camera.effects that of lamps, particles, waves
+    and motion. Daylight fades with depth. The water's surface is flat. Not modelled: focus, and pixels at edges that
+    see two things. Depth is found wherever a ray ends, also in fog, where a stereo camera finds none.
     """
 
     Model = CameraModel
