@@ -158,7 +158,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _dispatch(words: list[str]) -> int:
-    """One subcommand's exit code, or that of --help and --version. Raises HilError, OSError."""
+    """Return one subcommand's exit code, or that of --help and --version. Raises HilError, OSError."""
     if words[:1] == ["help"]:  # `uuv-hil help scenario check` is `uuv-hil scenario check --help`
         words = [*words[1:], "--help"]
     name = words[0] if words else "--help"
@@ -178,7 +178,7 @@ def _dispatch(words: list[str]) -> int:
 
 
 def _run(name: str, arguments: list[str]) -> int:
-    """One subcommand's exit code. Raises HilError, also for a missing package of an extra."""
+    """Return one subcommand's exit code. Raises HilError, also for a missing package of an extra."""
     if name in LINUX_ONLY and sys.platform != "linux":
         from hil.common.errors import require_linux
 

@@ -40,7 +40,7 @@ def make_dynamics(
     integrator: Integrator = "verlet",
     forces: "Sequence[Force]" = (),
 ) -> Dynamics:
-    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with the quickest step there is.
+    """Return the equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with the quickest step.
 
     Raises ConfigError as `choose` does.
     """
@@ -71,7 +71,7 @@ def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet
 
 
 def make_state(position: Sequence[float], quaternion: Sequence[float]) -> State:
-    """The state of a vehicle at rest (NED in m; w x y z, body to world), the quickest there is; else as `choose`.
+    """Return the state of a vehicle at rest (NED in m; w x y z, body to world), in C where `choose` has it.
 
     That of C gives tuples, which are copies.
     """
@@ -192,7 +192,7 @@ def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion
 
 
 def make_surface_forces(vehicle: Vehicle, world: World, wave_field: "WaveField | None") -> "Sequence[Force]":
-    """The forces of layers of density and of waves on the hull of `vehicle`; none in calm water of one density."""
+    """Return the forces of density layers and waves on the hull of `vehicle`; none in calm water of one density."""
     if not (world.ocean and (world.ocean.profile or world.ocean.waves)):
         return ()
     from sim.environment.stratification import surface_and_layers
@@ -208,7 +208,7 @@ def make_tether(keys: "TetherKeys", world: World, dt: float, flow: "Flow") -> "T
 
 
 def make_equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":
-    """The equipment of `vehicle`, stepped every `dt` s; None if it has none. Raises ConfigError as Equipment does."""
+    """Return the equipment of `vehicle`, stepped every `dt` s; None without. Raises ConfigError as Equipment does."""
     if not (vehicle.equipped or releases):
         return None
     from sim.vehicle.equipment import Equipment

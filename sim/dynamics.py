@@ -278,7 +278,7 @@ class Dynamics:
         return [a + b for a, b in zip(linear, times(self._quadratic, *squares), strict=True)]
 
     def midway(self, state: State, dt: float) -> tuple[Sequence[float], Rotation, Sequence[float], Quaternion]:
-        """Half a step of `dt` s on: position (m, NED), rotation, predicted nu, quaternion. Where Verlet looks."""
+        """Return position (m, NED), rotation, predicted nu and quaternion half a step of `dt` s on, for Verlet."""
         half = 0.5 * dt
         nu = state.nu
         turned = rotations.integrate(state.quaternion, nu[3:], half)
@@ -289,7 +289,7 @@ class Dynamics:
         return position, rotation, predicted, turned
 
     def _verlet(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
-        """Half of the way at the old velocities, the acceleration there, half of the way at the new ones."""
+        """Move half a step at the old velocities, accelerate there, move the other half at the new velocities."""
         position, rotation, predicted, turned = self.midway(state, dt)
         if self.others:
             wrench = self.push(position, rotation, predicted, wrench, current)
@@ -300,7 +300,7 @@ class Dynamics:
         _settle(state, moved, list(rotations.integrate(turned, nu[3:], half)), nu, nu_dot)
 
     def _rk4(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
-        """The classical Runge-Kutta step of fourth order."""
+        """Step by the classical Runge-Kutta method of fourth order."""
         start = [*state.position, *state.quaternion, *state.nu]
 
         def slope(at: Sequence[float]) -> list[float]:

@@ -17,7 +17,7 @@ class PiecewiseLinear:
         self._last = len(self._rows) - 1
 
     def __call__(self, x: float) -> tuple[float, ...]:
-        """The value of every column at `x`."""
+        """Return the value of every column at `x`."""
         after = bisect_right(self._at, x)
         if after == 0:
             return self._rows[0]

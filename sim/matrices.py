@@ -41,7 +41,7 @@ def total(a: Matrix, b: Matrix, scale: float = 1.0) -> Matrix:
 
 
 def transpose(a: Matrix) -> Matrix:
-    """Rows become columns."""
+    """Return rows become columns."""
     return [list(column) for column in zip(*a, strict=True)]
 
 

@@ -159,7 +159,7 @@ class Simulation:
         self._drop(self.equipment.remove_weight(name))
 
     def forces(self) -> Forces:
-        """The forces on it now, term by term, under the thrust, in the water and with the contact of the last step.
+        """Return the forces on the vehicle now, term by term, with the thrust, water and contact of the last step.
 
         A blow is the mean force over its step.
         """
@@ -213,7 +213,7 @@ class Simulation:
         self._thrusters.command(pwm_us[:count])
 
     def _acting(self, time_ns: int) -> tuple[Sequence[float], Sequence[float]]:
-        """The wrench and the velocity of the water in the last step, which began at `time_ns`; all forces know it."""
+        """Return wrench and velocity of the water in the last step, which began at `time_ns`; forces are set to it."""
         if self._coast is None:
             return self._wrench, self._flow
         for force in self._forces:
@@ -221,7 +221,7 @@ class Simulation:
         return self._coast.wrench, self._coast.flow
 
     def _term_by_term(self, pwm_us: Sequence[int]) -> Sequence[float]:
-        """One step of the motion, of whatever vehicle in whatever water; the nu before it."""
+        """Return one step of the motion, of whatever vehicle in whatever water; the nu before it."""
         state = self.state
         if self.equipment is not None:
             pwm_us = self._equip(self.equipment, pwm_us)
@@ -268,7 +268,7 @@ class Simulation:
         self._aired = aired
 
     def _equip(self, equipment: "Equipment", pwm_us: Sequence[int]) -> Sequence[int]:
-        """One step of the equipment under its part of these pulses; the thrusters' part."""
+        """Return one step of the equipment under its part of these pulses; the thrusters' part."""
         count = self._count_thrusters(pwm_us)
         for weight in equipment.step(self.time_ns, pwm_us[count:]):
             self._drop(weight)

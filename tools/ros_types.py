@@ -42,7 +42,7 @@ Description = dict[str, Any]
 
 
 def describe(field: Field) -> Description:
-    """One field, as rosidl describes it."""
+    """Return one field, as rosidl describes it."""
     nested = "" if field.type in PRIMITIVES else field.type
     form = 0 if field.length is None else ARRAY if field.length else BOUNDED if field.most else SEQUENCE
     return _described(field.name, TYPE_IDS.get(field.type, NESTED) + form, field.length or field.most, nested)
@@ -111,7 +111,7 @@ def services_here(package: str) -> dict[str, str]:
 
 
 def write(package: str, definitions: dict[str, str], hashes: dict[str, str]) -> None:
-    """The file of one package."""
+    """Write the file of one package."""
     blocks = [f"=== {name} {hashes[name]}\n{text}" for name, text in definitions.items()]
     (FOLDER / f"{package}.msg").write_text("".join(blocks), encoding="utf-8")
 

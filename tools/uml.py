@@ -261,7 +261,7 @@ class _Console:
 
 
 def _kill(process: "subprocess.Popen[str]") -> None:
-    """The kernel and all its helpers."""
+    """Kill the kernel and all its helpers."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
 

@@ -63,7 +63,7 @@ class SystemControl(Peripheral):
         return bits >> FIRST_INTERRUPT + 32 * word & WORD
 
     def write(self, offset: int, value: int) -> None:
-        """A register of the core."""
+        """Write a register of the core."""
         if offset <= SYST_CALIB:
             self._write_systick(offset, value)
         elif ISER <= offset < IABR:

@@ -99,7 +99,7 @@ class Timer(Peripheral):
         self._plan()
 
     def tick(self) -> None:
-        """The counter has come round."""
+        """Count one overflow of the counter."""
         self._notice_updates()
         self._plan()
 

@@ -35,13 +35,13 @@ class Difference(NamedTuple):
 
 
 def compare(before: Record, after: Record, least: float = 0.05, confidence: float = 0.95) -> list[Difference]:
-    """The figures that both have, in the order of the first. `least`: the relative difference that begins to matter."""
+    """Return the figures that both have, in the first one's order; `least` is the relative difference that matters."""
     pairs = [(name, _figure(before, name), _figure(after, name)) for name in before.figures if name in after.figures]
     return [difference(name, old, new, least, confidence) for name, old, new in pairs]
 
 
 def difference(name: str, before: Figure, after: Figure, least: float, confidence: float) -> Difference:
-    """One figure, judged: real if the interval of the ratio leaves out 1, and if the ratio is off by `least`."""
+    """Return one figure, judged: real if the interval of the ratio leaves out 1, and if the ratio is off by `least`."""
     few = min(len(before.runs), len(after.runs)) < FEWEST
     sides = [figure.values if few else [median(run) for run in figure.by_run] for figure in (before, after)]
     old, new = map(median, sides)

@@ -361,7 +361,7 @@ def _observer(bench: Bench, endpoint: str) -> Iterator[Observer]:
 
 @contextmanager
 def _own_echo(bench: Bench) -> Iterator[Echo]:
-    """An echo in a process of this machine."""
+    """Provide an echo in a process of this machine."""
     with bench.start("echo", [*program(), "bench", "echo"]) as process:
         host, udp, tcp = process.expect(":", READY_S).split(":")
         yield host, int(udp), int(tcp)

@@ -47,7 +47,7 @@ class Case(ABC):
 
     @abstractmethod
     def draw(self, runs: Sequence[Run], path: str) -> None:
-        """The paper's figure of this case again, of these flights (SIL and HIL of one seed), as a PNG at `path`."""
+        """Draw the paper's figure of this case from these flights (SIL and HIL of one seed), as a PNG at `path`."""
 
 
 def find_case(name: str) -> Case:

@@ -30,7 +30,7 @@ class Fidelity(NamedTuple):
 
 
 def compare(sil: Run, hil: Run) -> Fidelity:
-    """Two runs of one case and seed, their vehicles in the same order."""
+    """Compare two runs of one case and seed, whose vehicles have the same order."""
     apart = [distances(there.points, here) for here, there in zip(sil.tracks, hil.tracks, strict=True)]
     a, b = sil.result, hil.result
     return Fidelity(

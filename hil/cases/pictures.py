@@ -22,7 +22,7 @@ SPREAD: tuple[tuple[str, Callable[[Result], float]], ...] = (
 
 
 def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
-    """The map with the planned path and the paths flown, and the speeds over time. Raises MissingExtraError."""
+    """Draw the map with planned and flown paths, and the speeds over time. Raises MissingExtraError."""
     plt = pyplot()
     figure, (field, speed) = plt.subplots(1, 2, figsize=(16, 6.5), width_ratios=(6, 5), layout="constrained")
     figure.suptitle(title)

@@ -46,7 +46,7 @@ class SimulatedVehicle:
         return self.simulation.time_ns
 
     def command(self, command: VelocityCommand) -> None:
-        """A new command arrives now."""
+        """Take up a new command."""
         self._pilot.command(command, self.time_ns)
 
     def step(self) -> None:

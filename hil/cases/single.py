@@ -116,7 +116,7 @@ class SingleCase(Case):
 
 
 def radius_of(vehicle: Vehicle) -> float:
-    """The radius (m) of the upright cylinder that a vehicle touches things with (sim/environment/collision.py)."""
+    """Return the radius (m) of the upright cylinder that collides for a vehicle (sim/environment/collision.py)."""
     return hypot(*vehicle.dimensions[:2]) / 2
 
 

@@ -88,7 +88,7 @@ def markdown(rows: Sequence[Sequence[str]]) -> str:
 
 
 def write_csv(path: str, results: Sequence[Result]) -> None:
-    """A line a flight, extra figures as columns of their own. Raises ConfigError if it cannot be written."""
+    """Write a line a flight, extra figures as columns of their own. Raises ConfigError if it cannot be written."""
     write_rows(path, [_flat(result) for result in results])
 
 

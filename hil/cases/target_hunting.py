@@ -72,7 +72,7 @@ class TargetHunting(Case):
         return Run(self._result(mode, seed, scenario, watch.outcome(), figures), tracks_of(scenario, watch), file)
 
     def draw(self, runs: Sequence[Run], path: str) -> None:
-        """The paper's figure again: paths, formation, target and ring; and the distances between vehicles over time."""
+        """Draw the paper's figure: paths, formation, target and ring, and the distances between vehicles over time."""
         from hil.cases.hunt.picture import draw_hunt
 
         draw_hunt(self.title, runs, path)

@@ -66,7 +66,7 @@ class Grid(NamedTuple):
 
 
 def grid_of(world: World, resolution: float | None = None) -> Grid:
-    """The seabed of `world`: its terrain's own grid, or at another `resolution` (m), or a flat one over its extent."""
+    """Return the seabed of `world`: its terrain's grid, at another `resolution` (m), or a flat one over its extent."""
     terrain = world.terrain
     if terrain is not None and resolution in (None, terrain.grid.resolution):
         place = terrain.grid

@@ -229,7 +229,7 @@ def _draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box
 
 
 def _draw_scale_bar(axes: Any, grid: Grid) -> None:
-    """A bar of a round length, about a fifth of the width, and an arrow to the north."""
+    """Draw a bar of a round length, about a fifth of the width, and an arrow to the north."""
     south, north, west, east = grid.extent
     wanted = 0.2 * (east - west)
     decade = 10.0 ** np.floor(np.log10(wanted))

@@ -30,7 +30,7 @@ class LocalPlane:
         self._origin = _ecef(np.array(phi), np.array(lam))
 
     def to_local(self, latitude: Array, longitude: Array) -> tuple[Array, Array]:
-        """North and east in m of points in degrees, arrays of one shape."""
+        """Return north and east in m of points in degrees, arrays of one shape."""
         offset = _ecef(np.radians(latitude), np.radians(longitude)) - self._origin
         return offset @ self._north, offset @ self._east
 

@@ -98,7 +98,7 @@ class DelayMeter:
         return [sample.total_ns - self.clock_at(sample.published_ns).offset_ns for sample in samples]
 
     def hop_ns(self, hop: int) -> list[int]:
-        """One hop of `HOPS`, one value a command."""
+        """Return the values of one hop of `HOPS`, one a command."""
         if hop:
             return [sample.hops[hop] for sample in self._samples]
         return [sample.hops[0] - self.clock_at(sample.published_ns).offset_ns for sample in self._samples]

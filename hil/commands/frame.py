@@ -71,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def listing() -> list[str]:
-    """One line a frame: bytes of command and telemetry for six thrusters, checksum, stuffing."""
+    """Return one line a frame: bytes of command and telemetry for six thrusters, checksum, stuffing."""
     rows = [["frame", "command", "telemetry", "checksum", "stuffing"]]
     for name in preset_names(FRAMES):
         protocol = FrameProtocol(find_preset(FRAMES, name))

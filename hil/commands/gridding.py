@@ -21,7 +21,7 @@ def add_reading(parser: argparse._ActionsContainer) -> None:
 
 
 def show_progress(share: float) -> None:
-    """A line on a terminal that renews itself, and goes when all is done."""
+    """Show progress in one line of a terminal, which is removed when all is done."""
     if sys.stderr.isatty():
         print(
             f"\r\033[Kgridding {100.0 * share:.0f} %" if share < 1.0 else "\r\033[K",

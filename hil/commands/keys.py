@@ -106,7 +106,7 @@ def _read(directory: str, name: str) -> bytes:
 
 
 def _write(folder: str, name: str, data: bytes) -> None:
-    """A new file that only its owner may read."""
+    """Write a new file that only its owner may read."""
     descriptor = os.open(os.path.join(folder, name), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "wb") as file:
         file.write(data)

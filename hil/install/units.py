@@ -70,7 +70,7 @@ def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
 
 
 def reachable_ports(service: Service) -> tuple[int, ...]:
-    """The slave's ports that other machines reach: none behind a router, or at an address of this machine alone."""
+    """Return the slave's ports that other machines reach: none behind a router or at a loopback address."""
     _, host, port = split_endpoint(service.listen or service.scenario.slave.listen)
     is_here = host.strip("[]") in ("localhost", "::1") or host.startswith("127.")
     return () if is_here or service.scenario.network.router else (port, port + 1)
@@ -120,7 +120,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
 
 
 def can_unit(scenario: Scenario, module: str = "") -> str:
-    """The unit that gives the CAN interface of the link its bit rate, when `module` is loaded where that is named."""
+    """Return the unit that sets the bit rate of the link's CAN interface, once `module`, if named, is loaded."""
     name = _can(scenario)
     values = {
         "interface": name,
@@ -223,7 +223,7 @@ def escape_word(text: str) -> str:
 
 
 def prose(text: str) -> str:
-    """Text as a unit has to have it: in one line, and no backslash at its end, as that would go on in the next."""
+    """Return text as a unit needs it: one line without a backslash at its end, which would join the next line."""
     printable = "".join(character if character.isprintable() else " " for character in text)
     return " ".join(printable.split()).rstrip("\\ ").replace("%", "%%")
 

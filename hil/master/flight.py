@@ -216,7 +216,7 @@ class Flight:
         self.log.hold("link_lost", seconds_ns(since), seconds_ns(until), self._place, what)
 
     def outcome(self, duration: float, cpu_s: float, reason: str = "", events: Sequence[RunEvent] = ()) -> Outcome:
-        """The account of a flight of `duration` s and `cpu_s` s of processor; `reason` if it did not end by itself.
+        """Return the summary of a flight of `duration` s and `cpu_s` s of processor; `reason` if it was ended.
 
         `events` are what the vehicle itself knows to have gone wrong, times from the start.
         """

@@ -55,7 +55,7 @@ class Flight:
         self.rows.append([*pose, *simulation.thrusts, *forces])
 
     def write(self, path: str) -> None:
-        """The table as CSV, names and units in its first line. Raises ConfigError."""
+        """Write the table as CSV, names and units in its first line. Raises ConfigError."""
         try:
             with open(path, "w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file)
@@ -65,7 +65,7 @@ class Flight:
             raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 
     def draw(self, path: str, on_track: Callable[[Any], None] = lambda axes: None) -> None:
-        """The picture: track, depth, attitude, speeds, thrusts, and the forces of each kind.
+        """Draw track, depth, attitude, speeds, thrusts, and the forces of each kind.
 
         `on_track` may draw more into the axes of the track, east to the right. Raises ConfigError, MissingExtraError.
         """

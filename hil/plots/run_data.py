@@ -104,7 +104,7 @@ def _add_pulses(data: VehicleData, message: Message, time: float) -> None:
 
 
 def _add_diagnostics(data: VehicleData, message: Message, time: float) -> None:
-    """The pulses of once a second, where the recording is not the slave's own."""
+    """Add the pulses of once a second, for a recording that is not the slave's own."""
     statuses = ros.decode_diagnostics(message.data)
     figures = Diagnostics(statuses[0][3] if statuses else {})
     data.boot_id = figures.boot_id or data.boot_id

@@ -45,7 +45,7 @@ def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent]
 
 
 def draw_map(axes: Any, scenario: Scenario, plan: Plan) -> None:
-    """The planner's map (obstacles dark, what they are widened by light), its path, start and goal, into `axes`."""
+    """Draw the planner's map (obstacles dark, their margins light), path, start and goal into `axes`."""
     from matplotlib.colors import ListedColormap
 
     grid = plan.request.map
@@ -63,7 +63,7 @@ def draw_map(axes: Any, scenario: Scenario, plan: Plan) -> None:
 
 
 def draw_path(axes: Any, path: Sequence[Point]) -> None:
-    """A planned path, if there is one."""
+    """Draw a planned path, if there is one."""
     if path:
         north, east = zip(*path, strict=True)
         axes.plot(east, north, color=PATH, linewidth=1, linestyle="--", label="planned path")
@@ -108,7 +108,7 @@ def _corners(box: Box) -> list[tuple[float, float]]:
 
 
 def draw_events(axes: Any, events: Sequence[RunEvent]) -> None:
-    """A cross with a number where each event began, and its words in the legend."""
+    """Draw a numbered cross where each event began, with its text in the legend."""
     for number, event in enumerate(events, 1):
         north, east, _ = event.place
         axes.plot(

@@ -180,7 +180,7 @@ def with_gaps(times: Sequence[float], rows: Sequence[Sequence[float]]) -> tuple[
 
 
 def _line(axes: Any, rows: Sequence[Row], column: int, **style: Any) -> None:
-    """One column over time; where nothing came for a while the line is broken."""
+    """Draw one column over time; the line is broken where no sample came for a while."""
     times: list[float] = []
     values: list[float] = []
     stepped = "drawstyle" in style

@@ -91,7 +91,7 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
 
 
 def _draw_mesh(axes: Any, mesh: "Mesh", view: View) -> None:
-    """The silhouette of a mesh, or of the STL beside it; without a file or a reader there is none."""
+    """Draw the silhouette of a mesh, or of the STL beside it; nothing without a file or a reader."""
     from matplotlib.collections import PolyCollection
 
     corners = _triangles(mesh.file)

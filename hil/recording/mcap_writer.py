@@ -77,7 +77,7 @@ class McapWriter:
         self._other_indexes.append(self._records.MetadataIndex(offset=at, length=length, name=name))
 
     def add_attachment(self, name: str, kind: str, data: bytes) -> None:
-        """A file of the media type `kind`. Before the first message."""
+        """Add a file of the media type `kind`. Call it before the first message."""
         at = self._output.tell()
         length = self._write(self._records.Attachment(0, 0, name, kind, data))
         self._other_indexes.append(
@@ -104,7 +104,7 @@ class McapWriter:
         return channel
 
     def add_message(self, channel: Channel, sequence: int, published_ns: int, logged_ns: int, data: bytes) -> None:
-        """A message; in the file when its chunk is full, or ended. What was sent before 1970 was sent at 0."""
+        """Add a message; it is in the file once its chunk is full or ended. A time before 1970 is stored as 0."""
         chunk, entries = self._chunk, channel.entries
         if not entries:
             self._chunk_channels.append(channel)

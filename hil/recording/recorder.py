@@ -237,7 +237,7 @@ def describe(scenario: Scenario, role: str, **more: str) -> tuple[dict[str, str]
 
 
 def _make(folder: str) -> None:
-    """A folder that is there is taken if no recording is in it."""
+    """Make the folder; one that exists is used if it holds no recording."""
     try:
         os.makedirs(folder, exist_ok=True)
         if any(name.endswith(".mcap") for name in os.listdir(folder)):

@@ -167,7 +167,7 @@ def pack_range(time_ns: int, names: tuple[str], *values: Any) -> bytes:
 
 
 def unpack_stamped(layout: Layout, data: bytes) -> tuple[int, tuple[Any, ...]]:
-    """Time in ns and the values behind the frame names."""
+    """Return time in ns and the values behind the frame names."""
     values = layout.unpack(data)
     return values[1] * _NS_PER_S + values[2], values[3 + 2 * layout.strings :]
 

@@ -23,7 +23,7 @@ class Transform(NamedTuple):
 
 
 def mounted(time_ns: int, frame: str, child: str, position: Sequence[float], attitude: Quaternion) -> Transform:
-    """The transform to axes FLU of what sits at `position` (m) with `attitude`, both along the FRD axes of `frame`."""
+    """Return the FLU transform of a thing at `position` (m) with `attitude`, both along the FRD axes of `frame`."""
     w, x, y, z = attitude
     return Transform(time_ns, frame, child, swap_body(position), (w, x, -y, -z))
 
@@ -74,7 +74,7 @@ def encode_wrench(time_ns: int, wrench: Sequence[float], frame: str = "base_link
 
 @tolerant
 def decode_wrench(data: bytes) -> tuple[int, Vector3, Vector3]:
-    """Time (ns), force (N) and moment (N m) along FRD."""
+    """Return time (ns), force (N) and moment (N m) along FRD."""
     time_ns, values = unpack_stamped(_WRENCH, data)
     return time_ns, swap_body(values[:3]), swap_body(values[3:])
 

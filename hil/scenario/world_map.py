@@ -33,7 +33,7 @@ def parts_of(world: World, master: Master, start: Start, places: Sequence[Point]
 
 
 def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | None = None) -> OccupancyGrid:
-    """The map that the scenario's `map` asks for: of the world, of nothing, or the one in a file. Raises ConfigError.
+    """Return the map that the scenario's `map` names: of the world, of nothing, or from a file. Raises ConfigError.
 
     It shows a part of the world in its cells, all of it in the scenario's if left out. Obstacles that are `hidden` are
     not on it.
@@ -67,7 +67,7 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | No
 def map_at(
     world: World, depth: float, below: float, resolution: float, part: Extent | None = None, is_coarse: bool = False
 ) -> OccupancyGrid:
-    """The map of `world` in cells of `resolution` m for a vehicle at `depth` m that needs `below` m of water under it.
+    """Return the map of `world` in cells of `resolution` m for a vehicle at `depth` m with `below` m of water under it.
 
     It shows all of the world, or a `part`. Occupied is what stands up to that depth, what hangs down to `below` m above
     it, and where the seabed is shallower, by the middles of cells; an obstacle too thin to be sure to cover one is

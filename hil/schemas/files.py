@@ -51,7 +51,7 @@ def _scenario(converter: Converter) -> Schema:
 
 
 def _fleet(converter: Converter) -> Schema:
-    """A fleet is a scenario that has members."""
+    """Return the schema of a fleet: a scenario that has members."""
     return table(_scenario_keys(converter), [*required(config.Scenario), "member"])
 
 

@@ -166,5 +166,5 @@ def _worth(figures: Figures) -> float:
 
 
 def _short(value: float) -> float:
-    """Three digits: nobody trusts more of a gain."""
+    """Return a gain with three digits, as exact as one can be trusted."""
     return float(f"{value:.3g}")

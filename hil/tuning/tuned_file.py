@@ -32,7 +32,7 @@ def with_gains(text: str, gains: Gains, note: str, where: str) -> str:
 
 
 def write_tuned(source: str, vehicle: Vehicle, gains: Gains, note: str, output: str) -> None:
-    """The vehicle file `source` with `gains`, as `output`. Raises ConfigError."""
+    """Write the vehicle file `source` with `gains` as `output`. Raises ConfigError."""
     if vehicle.meshes and os.path.dirname(os.path.abspath(output)) != os.path.dirname(os.path.abspath(source)):
         raise ConfigError(f"{output}: the vehicle's meshes lie beside {source}: write the new file there too")
     try:

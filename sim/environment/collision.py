@@ -104,7 +104,7 @@ class Contact:
         return self.touching
 
     def room(self) -> tuple[float, float, float, float]:
-        """North and east of a place, a distance from it, and a depth (all m): where `resolve` would do nothing.
+        """Return north and east of a place, a distance from it, and a depth (all m): where `resolve` would do nothing.
 
         That is less than so far from the place, with the lower end of the vehicle no deeper. -inf is no depth: after a
         touch, which the next `resolve` has to end, and over relief.

@@ -112,7 +112,7 @@ class Wandering:
         self._next_ns = KNOT_NS
 
     def __call__(self, time_ns: int, depth: float) -> Velocity:
-        """The velocity now."""
+        """Return the velocity now."""
         if time_ns >= self._next_ns:
             self._move_on(time_ns)
         return self._value

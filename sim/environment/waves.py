@@ -68,7 +68,7 @@ def spectral_density(waves: Waves, omega: float) -> float:
 
 
 def wave_number(omega: float, depth: float, gravity: float) -> float:
-    """The k (rad/m) for which omega² = g k tanh(k h), to the last bits, by Newton's method from Eckart's guess."""
+    """Return the k (rad/m) with omega² = g k tanh(k h), to the last bits, by Newton's method from Eckart's guess."""
     deep = omega * omega / gravity
     k = deep / sqrt(tanh(deep * depth))
     for _ in range(20):

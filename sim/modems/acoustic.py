@@ -219,7 +219,7 @@ class AcousticChannel:
         return Packet(arrival.sender, arrival.receiver, arrival.payload, arrival.sent_ns, arrival.end_ns, snr, distance)
 
     def _sound_speed(self, source: Vector3, place: Vector3) -> float:
-        """Half way between the two, in m/s."""
+        """Return half way between the two, in m/s."""
         return self._column.sound_speed(0.5 * (source[2] + place[2])) if self._column else SOUND_SPEED
 
     def _remove_old(self, time_ns: int) -> None:

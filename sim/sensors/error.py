@@ -52,7 +52,7 @@ class ErrorProcess:
         self._limit = model.limit
 
     def measure(self, true: float) -> float:
-        """One measurement of `true`; the bias moves on by one period."""
+        """Return one measurement of `true`; the bias moves on by one period."""
         self._bias = self._decay * self._bias + self._draw(self._kick)
         value = self._gain * true + self._constant + self._bias + self._draw(self._noise)
         if self._resolution:
@@ -80,12 +80,12 @@ class ErrorBank:
         self._processes = [ErrorProcess(model, period, random) for model in models]
 
     def measure(self, true: Sequence[float]) -> list[float]:
-        """One measurement of as many values as there are models, in their order; time moves on by one period."""
+        """Return one measurement of as many values as there are models, in their order; time moves on by one period."""
         return [process.measure(value) for process, value in zip(self._processes, true, strict=True)]
 
 
 def sensor_random(seed: int, sensor: str) -> Random:
-    """The random numbers of one sensor: the same for the same seed and name, whichever other sensors there are."""
+    """Return the random numbers of one sensor: the same for one seed and name, whatever other sensors there are."""
     return Random(f"{seed}/{sensor}")  # a text seed is hashed with SHA-512, the same in every process
 
 

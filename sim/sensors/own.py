@@ -34,7 +34,7 @@ class OwnSensor(Protocol):
     message: str
 
     def begin(self, scene: Scene, mounting: Mounting, random: Random) -> None:
-        """A simulation begins: what there is to look at, how the sensor sits, and its own random numbers."""
+        """Begin a simulation with what can be measured (`scene`), the mounting, and the sensor's own random numbers."""
 
     def sample(self, time_ns: int, state: State) -> Values | None:
         """Return the measurement at `time_ns` of simulation time; None if there is none.
@@ -71,7 +71,7 @@ class OwnKind:
         self.message = message
 
     def __call__(self, model: OwnModel, mounting: Mounting, seed: int, scene: Scene) -> "_Fitted":
-        """The sensor of one simulation."""
+        """Return the sensor of one simulation."""
         made = _make(model.table, model.where)
         made.begin(scene, mounting, sensor_random(seed, self.topic))
         return _Fitted(made)

@@ -98,7 +98,7 @@ class Usbl:
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))
 
     def _sound_speed(self, place: Vector3) -> float:
-        """Half way between station and beacon, in m/s."""
+        """Return half way between station and beacon, in m/s."""
         return self._column.sound_speed(0.5 * (place[2] + self._station[2])) if self._column else SOUND_SPEED
 
     def _covariance(self, line: Vector3, distance: float) -> Covariance:
@@ -111,7 +111,7 @@ class Usbl:
 
 
 def _turned(line: Vector3, up: float, starboard: float) -> Vector3:
-    """The unit vector `line` (NED), turned by the small angles `up` and `aside` (rad): both at right angles to it."""
+    """Return the unit vector `line` (NED), turned by the small perpendicular angles `up` and `starboard` (rad)."""
     x, y, z = line
     level = sqrt(x * x + y * y)
     # (a, b, 0) is across and level: straight above or below the station any level direction is

@@ -43,7 +43,7 @@ class Hull:
         return [*points, self._share, self._filling, *self._submerged, self.reach]
 
     def lift(self, depth: float, rotation: Rotation) -> "Lift":
-        """The lift (N) and lift times the centre of buoyancy (N m, body axes), origin `depth` m under the surface."""
+        """Return lift (N), and lift times the centre of buoyancy (N m, body axes), with the origin at `depth` m."""
         if depth >= self.reach:
             return self._submerged
         _, _, _, _, _, _, zx, zy, zz = rotation

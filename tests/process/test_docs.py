@@ -136,7 +136,7 @@ def test_toml_is_there() -> None:
 
 
 def fly_example(**place: float) -> Any:
-    """The tutorial's planner in the reference field."""
+    """Return the tutorial's planner in the reference field."""
     (text,) = [block for block in TOML if "straight:Straight" in block.text]
     planner = parse_toml(text.text)["planner"] | place
     scenario = load_scenario("paper_field", {"planner": planner, "master": {"time_limit": 60.0}})
@@ -194,7 +194,7 @@ def parse_only(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def examples() -> list[tuple[str, str]]:
-    """The commands in the examples of every --help, those of all commands and of all benchmarks too."""
+    """Return the commands in the examples of every --help, those of all commands and of all benchmarks too."""
     modules = [(name, module) for name, (module, _) in COMMANDS.items() if name != "bench"]
     modules += [(f"bench {name}", module) for name, (module, _) in BENCHMARKS.items()]
     texts = [(name, find_parser(module).epilog or "") for name, module in modules]

@@ -63,7 +63,7 @@ class Bench:
         return self.end.stm32.pwm_us != NEUTRAL
 
     def neutral_after(self, since: float) -> float:
-        """Seconds from `since` until the outputs were neutral for good."""
+        """Return seconds from `since` until the outputs were neutral for good."""
         assert wait_for(lambda: not self.spinning), "the thrusters still turn"
         time.sleep(0.1)
         assert not self.spinning
@@ -136,7 +136,7 @@ Judged = Callable[[Program, Bench, Master], None]
 
 
 def by_the_clock(judge: Judged) -> Callable[[Path], None]:
-    """The test that starts a rig and judges it, with another rig where that was late."""
+    """Return the test that starts a rig and judges it, with another rig where that was late."""
 
     def test(tmp_path: Path) -> None:
         attempts = itertools.count()
@@ -154,7 +154,7 @@ def by_the_clock(judge: Judged) -> Callable[[Path], None]:
 
 
 def again(bench: Bench, slave: Program, within: float) -> None:
-    """The thrusters turn again, by themselves, and the slave is still the same process."""
+    """Assert that the thrusters turn again by themselves, in the same process of the slave."""
     began = time.monotonic()
     assert wait_for(lambda: bench.spinning), slave.output
     assert time.monotonic() - began < within

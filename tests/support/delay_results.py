@@ -26,7 +26,7 @@ def meter(offset: int, same_clock: bool, network: int = MS // 2, count: int = 60
 
 
 def some_result(delay: list[float], **changes: Any) -> Result:
-    """A run at 20 Hz that found these delays (ms), its floor 0.05 ms."""
+    """Return a run at 20 Hz that found these delays (ms), its floor 0.05 ms."""
     hops = {name: [value / len(HOPS) for value in delay] for name in HOPS}
     at_s = [number / 20 for number in range(len(delay))]
     found = Result(delay, at_s, hops, [4.0] * 9, [0.06] * 9, [0.05] * 9, 0.0, len(delay), 20.0, 0.0, 0.0, [])

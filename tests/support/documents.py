@@ -33,7 +33,7 @@ class Block(NamedTuple):
 
 
 def blocks(*languages: str, page: Path | None = None) -> list[Block]:
-    """All blocks in these languages, of one page or of all."""
+    """Return all blocks in these languages, of one page or of all."""
     pages = [page] if page else PAGES
     return [block for each in pages for block in _blocks(each) if block.language in languages]
 

@@ -99,7 +99,7 @@ class Follower:
         return text.replace("127.0.0.1:7447", f"127.0.0.1:{self.port}")
 
     def _compare(self, block: Block, where: str) -> None:
-        """A block of text is a line to be put in place of another, or what the command before it printed."""
+        """Treat a block of text as a replacement of a line, or compare it with the output of the command before it."""
         reported = re.search(r"In `(\w+\.toml)`, replace the line `([^`]+)`:\s*$", block.before)
         if reported:
             path = self.cwd / reported[1]
@@ -220,7 +220,7 @@ def follow(page: str, folder: Path) -> int:
 
 
 def expected_code(words: list[str]) -> tuple[int, ...]:
-    """The exit codes of a command that a page shows: what a check finds is what the page is about."""
+    """Return the exit codes of a command that a page shows: what a check finds is what the page is about."""
     if "--import" in words:
         return 0, 2
     return (0, 1) if words[0] in ("doctor", "bench") or words[:2] == ["scenario", "check"] else (0,)
@@ -232,13 +232,13 @@ def is_fenced(block: Block) -> bool:
 
 
 def file_of(block: Block) -> str:
-    """The file that the text before a block says it is, of any ending."""
+    """Return the file that the text before a block says it is, of any ending."""
     found = re.findall(r"`(\w+\.(?:py|toml|urdf|sdf))`[^`]*:\s*$", block.before.rstrip()[-120:])
     return found[-1] if found else ""
 
 
 def pattern_of(line: str) -> re.Pattern[str]:
-    """A pattern of a line whose numbers, addresses and ptys are those of the day."""
+    """Return a pattern of a line whose numbers, addresses and ptys are those of the day."""
     pieces = re.split(r"([-+]?\d[\d.]*|/dev/pts/\d+|tcp/[\w.]+:\d+)", line)
     return re.compile(r"\s+".join(
         "".join(r"[-+\w./:]+" if number % 2 else re.escape(piece) for number, piece in enumerate(pieces)).replace(
@@ -247,7 +247,7 @@ def pattern_of(line: str) -> re.Pattern[str]:
 
 
 def pages() -> Iterator[str]:
-    """The tutorials and the how-to pages."""
+    """Yield the tutorials and the how-to pages."""
     for folder in ("tutorials", "how-to"):
         for path in sorted((ROOT / "docs" / folder).glob("*.md")):
             yield path.relative_to(ROOT).as_posix()

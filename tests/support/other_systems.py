@@ -1,4 +1,4 @@
-"""What Python has on Linux, and lacks on Windows or macOS, by the stubs of the standard library that come with mypy."""
+"""Names of the standard library that Linux has and Windows or macOS lacks, by the stubs that come with mypy."""
 
 import ast
 import sys

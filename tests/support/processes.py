@@ -46,14 +46,14 @@ allow = [{allow}]
 
 
 def free_port() -> int:
-    """A port whose neighbour is free too."""
+    """Return a port whose neighbour is free too."""
     return free_ports(1)[0]
 
 
 def write_scenario(
     folder: Path, top: str = "", slave: str = "", link: str = "", allow: str = '"link_lost"'
 ) -> tuple[Path, int]:
-    """A short mission in the pool; the file and its port.
+    """Return a short mission in the pool; the file and its port.
 
     On a machine that others use too a slave may be held up for longer than a second: what is no test of that allows it.
     """
@@ -112,7 +112,7 @@ class Program:
         return found
 
     def wait(self, seconds: float = 2.0 * PATIENCE_S) -> int:
-        """The exit code."""
+        """Return the exit code."""
         return self.process.wait(seconds)
 
     def stop(self, number: int) -> int:
@@ -134,7 +134,7 @@ def run_here(*arguments: str) -> tuple[int, str]:
 
 @contextmanager
 def running_slave(folder: Path, more: str = "") -> Iterator[tuple[Program, str]]:
-    """A slave of the short mission, with `more` at the end of its scenario, that is ready; and its endpoint."""
+    """Provide a slave of the short mission, with `more` at the end of its scenario, that is ready; and its endpoint."""
     scenario, port = write_scenario(folder)
     scenario.write_text(scenario.read_text() + more)
     with Program(folder, "slave", scenario) as program:
@@ -144,7 +144,7 @@ def running_slave(folder: Path, more: str = "") -> Iterator[tuple[Program, str]]
 
 @contextmanager
 def slave_with(folder: Path, sensors: str) -> Iterator[str]:
-    """The endpoint of a slave of the short mission with these lines in [sensors]; it must not fail."""
+    """Provide the endpoint of a slave of the short mission with these lines in [sensors]; it must not fail."""
     with running_slave(folder, f"[sensors]\n{sensors}\n") as (program, endpoint):
         yield endpoint
     assert "Traceback" not in program.output
@@ -168,7 +168,7 @@ def surge_of(client: VehicleClient) -> float:
 
 
 def wait_for(condition: Callable[[], T | None], seconds: float = PATIENCE_S) -> T | None:
-    """The first true value of `condition` within the time, else its last."""
+    """Return the first true value of `condition` within the time, else its last."""
     deadline = time.monotonic() + seconds
     while True:
         value = condition()
@@ -178,7 +178,7 @@ def wait_for(condition: Callable[[], T | None], seconds: float = PATIENCE_S) -> 
 
 
 def children_of(pid: int, recursive: bool = False) -> list[int]:
-    """The processes that any thread of that one has started; with `recursive` also what those have started."""
+    """Return the processes that any thread of that one has started; with `recursive` also what those have started."""
     return [child.pid for child in psutil.Process(pid).children(recursive)]
 
 

@@ -40,7 +40,7 @@ def missing(stm32: str, port: str, protocol: str) -> str:
 
 
 def fly(name: str, folder: Path) -> None:
-    """One flight, with its own slave and master."""
+    """Fly once, with a slave and a master of its own."""
     stm32, port, protocol = FLIGHTS[name]
     folder.mkdir()
     slow = "\n[link.faults]\nbaud = 115200" if "115200" in name else ""

@@ -19,7 +19,7 @@ HOSTILE = "select", "numpy", "joblib", "tempfile", "hashlib"
 
 
 def descendants(pid: int) -> list[int]:
-    """All that a process has started, and they, without those that have ended."""
+    """Return all that a process has started, and they, without those that have ended."""
     return [child for child in children_of(pid, recursive=True) if is_running(child)]
 
 

@@ -14,7 +14,7 @@ PLACES = {"open": 1, "fdopen": 1, "read_text": -1, "write_text": -1}  # function
 
 
 def text_without_encoding(source: str) -> Iterator[int]:
-    """The lines of a module that open a file as text and leave the encoding to the locale."""
+    """Yield the lines of a module that open a file as text and leave the encoding to the locale."""
     if not any(f"{place}(" in source for place in PLACES):  # parsing all modules takes seconds
         return
     for node in ast.walk(ast.parse(source)):

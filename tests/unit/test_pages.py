@@ -23,7 +23,7 @@ def links(page: Path) -> list[str]:
 
 @cache
 def anchors(page: Path) -> frozenset[str]:
-    """The anchors of a page's headings, as Python-Markdown makes them."""
+    """Return the anchors of a page's headings, as Python-Markdown makes them."""
     text = FENCED.sub("", page.read_text(encoding="utf-8"))
     headings = re.findall(r"^#+ (.+)$", text, flags=re.MULTILINE)
     return frozenset(slug(re.sub(r"\[([^]]*)\]\([^)]*\)|`", r"\1", heading)) for heading in headings)
@@ -52,7 +52,7 @@ def test_every_page_is_in_the_navigation() -> None:
 
 
 def prose(page: Path) -> list[str]:
-    """The lines of a page that a person wraps: no code, no table, no picture."""
+    """Return the lines of a page that a person wraps: no code, no table, no picture."""
     lines = FENCED.sub("", page.read_text(encoding="utf-8")).splitlines()
     return [line for line in lines if not line.startswith(("|", "    ", "![", "[!["))]
 

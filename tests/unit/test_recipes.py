@@ -66,7 +66,7 @@ def test_a_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def open_mine(role: Role, channels: int) -> Protocol:
-    """A protocol of one's own, here another name of the frame."""
+    """Return a protocol of one's own, here another name of the frame."""
     return open_frame(role, channels)
 
 

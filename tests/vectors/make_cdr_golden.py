@@ -165,7 +165,7 @@ CASES: list[tuple[str, dict[str, Any]]] = [
 
 
 def build(store: Any, typename: str, fields: dict[str, Any]) -> Any:
-    """The message object of `typename` from nested dicts, as the definition of the type says."""
+    """Return the message object of `typename` from nested dicts, as the definition of the type says."""
     values = {name: convert(store, kind, fields[name]) for name, kind in store.fielddefs[typename][1]}
     return store.types[typename](**values)
 
@@ -183,7 +183,7 @@ def convert(store: Any, kind: Any, value: Any) -> Any:
 
 
 def marine_types(read: Any) -> dict[str, Any]:
-    """The messages of marine_acoustic_msgs, which rosbags has not, from our definitions of them."""
+    """Return the messages of marine_acoustic_msgs, which rosbags has not, from our definitions of them."""
     path = os.path.join(os.path.dirname(__file__), "..", "..", "hil", "ros", "types", "marine_acoustic_msgs.msg")
     found: dict[str, Any] = {}
     with open(path) as file:
@@ -208,7 +208,7 @@ def golden() -> dict[str, Any]:
 
 
 def write(path: str) -> None:
-    """One message a line, so that a change shows which."""
+    """Write one message a line, so that a difference shows which changed."""
     found = golden()
     lines = ",\n".join(json.dumps(message, ensure_ascii=False) for message in found.pop("messages"))
     head = json.dumps(found, indent=1)[:-2]

@@ -36,7 +36,7 @@ def controls(mode: int, values: list[float]) -> Any:
     return dialect.MAVLink_hil_actuator_controls_message(1_000_000, values + [0.0] * (16 - len(values)), mode, 0)
 
 
-def said_to_the_device() -> list[dict[str, Any]]:
+def sent_to_the_device() -> list[dict[str, Any]]:
     """sender, message, then whether it is armed and its pulses, and the result it acknowledges (None: it does not)."""
     turned = [*HELD[:2], 1650, *HELD[3:]]
     rows: list[tuple[str, Any, Any, bool, list[int], int | None]] = [
@@ -89,7 +89,7 @@ def said_to_the_device() -> list[dict[str, Any]]:
     ]
 
 
-def said_by_the_device() -> list[dict[str, Any]]:
+def sent_by_the_device() -> list[dict[str, Any]]:
     return [
         packet("heartbeat disarmed", BOARD, dialect.MAVLink_heartbeat_message(12, 0, 0, 0, 3, 3)),
         packet("heartbeat armed", BOARD, dialect.MAVLink_heartbeat_message(12, 0, 128, 0, 4, 3)),
@@ -117,7 +117,7 @@ def status(enabled: int, health: int) -> Any:
 
 
 def signed() -> dict[str, Any]:
-    """The host's arming, signed; with a new sender of its own so that its packets are numbered from 0."""
+    """Return the host's arming, signed; with a new sender of its own so that its packets are numbered from 0."""
     mavlink = dialect.MAVLink(None, 1, 191)
     mavlink.signing.secret_key = KEY
     mavlink.signing.timestamp = TIMESTAMP
@@ -126,7 +126,7 @@ def signed() -> dict[str, Any]:
 
 
 def packet(name: str, mavlink: Any, message: Any) -> dict[str, Any]:
-    """The packet as a row of the file."""
+    """Return the packet as a row of the file."""
     fields = {key: plain(value) for key, value in message.to_dict().items() if key != "mavpackettype"}
     row = {
         "name": name,
@@ -155,8 +155,8 @@ def golden() -> dict[str, Any]:
     return {
         "source": f"pymavlink {pymavlink.__version__}, dialect ardupilotmega",
         "channels": CHANNELS,
-        "to_device": said_to_the_device(),
-        "from_device": said_by_the_device(),
+        "to_device": sent_to_the_device(),
+        "from_device": sent_by_the_device(),
         "signed": signed(),
     }
 

@@ -83,7 +83,7 @@ class Bare:
         stack.callback(self.serving.stop)
 
     def exchange(self) -> None:
-        """One round trip."""
+        """Do one round trip."""
         os.write(self._fd, self._order)
         left = self._up
         while left > 0:
@@ -112,7 +112,7 @@ class Linked:
         stack.callback(self.serving.stop)
 
     def exchange(self) -> None:
-        """A command, and the telemetry that answers it."""
+        """Exchange a command and the telemetry that answers it."""
         self._sequence = (self._sequence + 1) & 0xFFFF
         self.host.send(ThrusterCommand(self._sequence, True, self._pulses))
         self._await(self._sequence)
@@ -132,7 +132,7 @@ class Cost(NamedTuple):
 
 
 def frame_sizes(channels: int) -> tuple[int, int]:
-    """Bytes of a command and of its telemetry."""
+    """Return the sizes of a command and of its telemetry in bytes."""
     order = open_protocol("frame", "host", channels).encode(ThrusterCommand(1, True, (1600,) * channels))
     report = ThrusterTelemetry(1, True, False, (1600,) * channels, 0, 1, 0, 0)
     return len(order), len(open_protocol("frame", "device", channels).encode(report))

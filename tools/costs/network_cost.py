@@ -200,7 +200,7 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
 
 @contextmanager
 def full_link(megabits: float) -> Iterator[str]:
-    """The namespaces with a cable that carries so many Mbit/s each way; the address of the first."""
+    """Provide the namespaces with a cable that carries so many Mbit/s each way; the address of the first."""
     left, right = SPACES
     commands = [f"ip -n {left} link add eth0 type veth peer name eth0 netns {right}"]
     for number, space in enumerate(SPACES, 1):
@@ -214,7 +214,7 @@ def full_link(megabits: float) -> Iterator[str]:
 
 @contextmanager
 def lossy_link() -> Iterator[str]:
-    """The namespaces with a cable that loses and delays; the address of the first."""
+    """Provide the namespaces with a cable that loses and delays; the address of the first."""
     command = foreign_command(sys.executable, str(BAD_WIRE), *SPACES, str(LOSS), str(JITTER_S))
     with spaces(), start_child(command, stdout=subprocess.PIPE, text=True) as wire:
         assert wire.stdout
@@ -227,7 +227,7 @@ def lossy_link() -> Iterator[str]:
 
 @contextmanager
 def spaces() -> Iterator[None]:
-    """Two network namespaces, for a while."""
+    """Provide two network namespaces, for a while."""
     try:
         for space in SPACES:
             subprocess.run(["ip", "netns", "add", space], check=True)
@@ -258,7 +258,7 @@ def compare(seconds: float) -> int:
 
 
 def show(rows: list[tuple[str, bool, dict[str, float]]]) -> None:
-    """A table of all, in ms."""
+    """Print a table of all, in ms."""
     names = ("one_way_p50", "round_trip_p50", "round_trip_p95", "round_trip_p99", "frame_age_p50", "frames_per_s")
     print(f"{'':22}{'':8}" + "".join(f"{name:>16}" for name in names) + f"{'unanswered':>12}")
     for link, bare, figures in rows:

@@ -108,7 +108,7 @@ def balls(world: World) -> list[tuple[Place, float]]:
 
 
 def ours(world: World, engine: Engine) -> Prepare:
-    """One of our engines."""
+    """Return a caster with one of our engines."""
     scene = RayScene(world, engine)
     for center, radius in balls(world):
         scene.add(sphere(center, radius))
@@ -137,7 +137,7 @@ def embree(world: World) -> Prepare | None:
 
 
 def _seabed_triangles(world: World) -> Any:
-    """Two a cell."""
+    """Return the seabed as triangles, two a cell."""
     import numpy as np
 
     assert world.terrain is not None
@@ -193,7 +193,7 @@ def agreement(one: Sequence[float], other: Sequence[float], reach: float) -> str
 
 
 def figures(rays: Rays, rounds: int, engines: dict[str, Prepare], origin: Place) -> str:
-    """One line of the table."""
+    """Return a line of the table."""
     count, few = len(rays[0]) // 3, thinned(rays)
     quick = [engines[name](origin, rays) for name in ("C", "Embree") if name in engines]
     took = race(quick, rounds, max(1, 4000 // count))
@@ -230,7 +230,7 @@ class RecordedScene(RayScene):
 
 
 def sensor_figures(name: str, make: Callable[[Scene], Sensor], world: World, rounds: int, peer: Prepare | None) -> str:
-    """One line of the table of whole sensors."""
+    """Return one line of the table of whole sensors."""
     import numpy as np
 
     place = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
@@ -251,7 +251,7 @@ def sensor_figures(name: str, make: Callable[[Scene], Sensor], world: World, rou
 
 
 def picture_figures(size: tuple[int, int], world: World, rounds: int) -> str:
-    """One line of the table of a camera's renderers. Raises HilError where there is no OpenGL."""
+    """Return one line of the table of a camera's renderers. Raises HilError where there is no OpenGL."""
     place = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
     scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place)
     tilted, state = Mounting(orientation=(0.0, -radians(35.0), 0.0)), State(place)

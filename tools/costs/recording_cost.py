@@ -45,7 +45,7 @@ goal = [8, 7]
 
 
 def start(folder: Path, number: int) -> subprocess.Popen[bytes]:
-    """One slave."""
+    """Start one slave and return it."""
     path = folder / f"{number}.toml"
     sensors = "".join(f"[sensors.{name}]\n" for name in SENSORS)
     path.write_text(SCENARIO.format(number=number, port=FIRST_PORT + 2 * number, sensors=sensors), encoding="utf-8")

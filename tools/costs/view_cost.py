@@ -188,7 +188,7 @@ def fly(client: VehicleClient, seconds: float) -> tuple[list[float], list[float]
 
 @contextmanager
 def slowed(address: str, rate: float) -> Iterator[tuple[str, Relay | None]]:
-    """The address at which a view is behind a network of that rate (Mbit/s), and that network; 0: no limit."""
+    """Provide the address at which a view is behind a network of that rate (Mbit/s), and that network; 0: no limit."""
     if not rate:
         yield address, None
         return
@@ -198,7 +198,7 @@ def slowed(address: str, rate: float) -> Iterator[tuple[str, Relay | None]]:
 
 
 def measure(folder: Path, viewers: int | None, seconds: float, browser: bool, rate: float = 0.0) -> Measured:
-    """One round with so many viewers, behind a network of `rate` Mbit/s if not 0; None: no view."""
+    """Measure one round with so many viewers, behind a network of `rate` Mbit/s if not 0; None: no view."""
     (folder / "wide.toml").write_text(WORLD, encoding="utf-8")
     scenario = folder / "scenario.toml"
     scenario.write_text(SCENARIO.format(world=folder / "wide.toml"), encoding="utf-8")

@@ -73,7 +73,7 @@ class Line:
             self._near = self._open_near()
 
     def lose_far(self) -> None:
-        """The STM32 has ended."""
+        """Close the far wire, as the STM32 has ended."""
         with self._lock:
             if self._far:
                 self._far.close()
@@ -81,7 +81,7 @@ class Line:
             self._pins.power_lost()
 
     def find_far(self) -> None:
-        """The STM32 is there again."""
+        """Open the far wire again, as the STM32 is back."""
         with self._lock:
             self._far = self._open_far()
 

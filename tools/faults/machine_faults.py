@@ -81,7 +81,7 @@ def _limit(rig: Rig, which: int, most: int) -> None:
 
 
 def _unlimit(rig: Rig, which: int) -> None:
-    """The limit goes; a slave that has ended for it restarts, as its service manager sees to."""
+    """Remove the limit; restart a slave that ended for it, as its service manager would."""
     if rig.processes["slave"].running:
         resource.prlimit(rig.processes["slave"].pid, which, ENDLESS)
     else:

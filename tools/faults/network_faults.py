@@ -31,7 +31,7 @@ def _delay(seconds: float) -> Callable[[Rig], None]:
 
 
 def _unblock_and_cut(rig: Rig) -> None:
-    """A stream of which a part was lost cannot go on: a middlebox that forgets a connection ends it."""
+    """Unblock and cut the connections: a stream that lost a part cannot go on, as behind a middlebox that forgot it."""
     relay = _relay(rig)
     relay.cut()
     relay.blocked = ""

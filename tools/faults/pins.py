@@ -33,11 +33,11 @@ class Pins:
         self._seen: list[Seen] = [Seen(time.monotonic(), "neutral", 0)]
 
     def report(self, pulses: Sequence[int], sequence: int) -> None:
-        """The STM32 has just said so."""
+        """Take up a report of the STM32."""
         self._add(state_of(pulses), sequence)
 
     def power_lost(self) -> None:
-        """The STM32 has ended: no pulses come out."""
+        """Record that the STM32 has ended and gives no pulses."""
         self._add("neutral", -1)
 
     @property

@@ -26,7 +26,7 @@ def save(rows: Sequence[Row], folder: Path, seconds: float) -> None:
 
 
 def line_of(row: Row) -> str:
-    """One row for the terminal."""
+    """Return a row as text for the terminal."""
     verdict = "ok  " if row.passed else "FAIL"
     neutral, recovery = _number(row.neutral_s), _number(row.recovery_s)
     again = f" (attempt {row.attempts})" if row.attempts > 1 else ""
@@ -45,7 +45,7 @@ def markdown(rows: Sequence[Row]) -> str:
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """One sentence."""
+    """Return one sentence."""
     failed = sum(not row.passed for row in rows)
     neutral = [row.neutral_s for row in rows if not isnan(row.neutral_s)]
     worst = f"; outputs neutral after {median(neutral):.2f} s (median), {max(neutral):.2f} s at most" if neutral else ""
@@ -53,7 +53,7 @@ def summary(rows: Sequence[Row]) -> str:
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
-    """A line for each fault, a mark for each link: the time until the outputs are neutral, and until it obeys."""
+    """Draw a line a fault and a mark a link: the times until the outputs are neutral and until the vehicle obeys."""
     from hil.plots.plotting import pyplot
 
     moving = [row for row in rows if not isnan(row.neutral_s)]

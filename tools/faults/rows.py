@@ -62,7 +62,7 @@ class Row(NamedTuple):
 
 
 def judge(row: Row) -> Row:
-    """The row with what is wrong with it added to its problems. Without a limit (nan) nothing turns, as with a file."""
+    """Return the row with its faults added to its problems. Without a limit (nan) nothing turns, as with a file."""
     problems = list(row.problems)
     if isfinite(row.limit_s) and not row.neutral_s <= row.limit_s:
         problems.append(f"the outputs were neutral after {row.neutral_s:.2f} s, the limit is {row.limit_s:.2f} s")

@@ -39,7 +39,7 @@ def main() -> int:
 
 
 def hunt(changes: dict[str, Any]) -> tuple[HuntOutcome, Counter[str]]:
-    """One flight, and what became of its messages."""
+    """Fly once; return the flight and what became of its messages."""
     scenario = load_scenario(SCENARIO, changes)
     watch = HuntWatch(scenario)
     simulated = SimulatedHunt(scenario, watch)

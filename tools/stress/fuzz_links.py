@@ -104,7 +104,7 @@ def fuzz(kind: str, role: Role, strings: int, seed: int = 1, settings: dict[str,
 
 
 def report(result: Result) -> str:
-    """One end in a line or two."""
+    """Return the state of one end as one or two lines."""
     line = (
         f"{' '.join(result.end.split())}: {result.strings} strings, {result.size} bytes, {result.messages} messages, "
         f"slowest {result.slowest * 1e3:.2f} ms, memory {result.growth:+d} bytes, {result.seconds:.0f} s"
@@ -123,7 +123,7 @@ def _string(rng: random.Random, other: Protocol, role: Role, number: int, unit: 
 
 
 def _mutate(rng: random.Random, data: bytearray, unit: int) -> None:
-    """One fault of a line; on CAN, frames are lost, doubled and swapped, not bytes."""
+    """Make one fault of a line; on CAN, frames are lost, doubled and swapped, not bytes."""
     if not data:
         return
     place = rng.randrange(len(data))

@@ -118,7 +118,7 @@ def mend_scripts(folder: str) -> None:
 
 
 def _unpack(package: str, folder: str) -> None:
-    """A package's files. Not dpkg-deb -x: it would put folders in the place of the links /bin, /lib, /sbin."""
+    """Unpack a package's files. dpkg-deb -x would put folders in the place of the links /bin, /lib, /sbin."""
     with subprocess.Popen(["dpkg-deb", "--fsys-tarfile", package], stdout=subprocess.PIPE) as archive:
         done = subprocess.run(
             ["tar", "-x", "--keep-directory-symlink", "-C", folder],

@@ -96,7 +96,7 @@ def write_job(script: str, path: str) -> None:
 
 
 def _entries(board: VirtualBoard) -> Iterator[tuple[str, str]]:
-    """Names in the archive, and where they are here; folders before what is in them."""
+    """Yield names in the archive, and where they are here; folders before what is in them."""
     for name, place in _below(board.root, ""):
         if not any(name == left or name.startswith(f"{left}/") for left in LEFT_OUT):
             yield name, place
@@ -155,7 +155,7 @@ def _write(file: BinaryIO, number: int, name: str, place: str) -> None:
 
 
 def _add(file: BinaryIO, name: str, data: bytes, mode: int = 0o644, link: bool = False) -> None:
-    """An entry that is no file here; the folders above it too."""
+    """Add an entry that is no file here, and the folders above it."""
     parts = name.split("/")
     for count in range(1, len(parts)):
         _record(file, 0, stat.S_IFDIR | 0o755, "/".join(parts[:count]), b"")
@@ -167,7 +167,7 @@ def _end(file: BinaryIO) -> None:
 
 
 def _record(file: BinaryIO, number: int, mode: int, name: str, data: bytes, time_s: int = 0) -> None:
-    """One entry: a header of hexadecimal numbers, the name, the data, each filled up to four bytes."""
+    """Write one entry: a header of hexadecimal numbers, name and data, each padded to four bytes."""
     label = name.encode() + b"\0"
     fields = (number, mode, 0, 0, 1, time_s, len(data), 0, 0, 0, 0, len(label), 0)
     head = b"070701" + b"".join(b"%08X" % field for field in fields) + label

@@ -81,7 +81,7 @@ def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
 
 
 def _bare_share(bench: Bench, slave: Diagnostics) -> float:
-    """The share of a core that waking as often and publishing as much as `slave` takes here and now, and no more.
+    """Return the share of a core that only waking and publishing as often as `slave` takes here and now.
 
     Raises NetworkError.
     """

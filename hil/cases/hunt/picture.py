@@ -21,7 +21,7 @@ LINES = {"sil": "-", "hil": "--"}
 
 
 def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
-    """The paths of each run, and beside them distances and errors over time, all runs in one.
+    """Draw the paths of each run, and distances and errors of all runs over time.
 
     Raises MissingExtraError.
     """
@@ -52,7 +52,7 @@ def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
 
 
 def _draw_paths(axes: Any, run: Run, plan: HuntPlan) -> None:
-    """The paths, the formation at some instants, target and ring."""
+    """Draw the paths, the formation at some instants, target and ring."""
     _draw_ring(axes, plan)
     colours = [f"C{number}" for number in (0, 1, 2, 4, 5, 6, 8, 9)]
     for number, track in enumerate(run.tracks):

@@ -102,7 +102,7 @@ class _Seen:
         return Diagnostics(statuses[0][3] if statuses else {})
 
     def age_s(self, topic: str) -> float:
-        """Time (s) since the last message."""
+        """Return time (s) since the last message."""
         return (now_ns() - self.received_ns[topic]) / NS_PER_S
 
 

@@ -59,7 +59,7 @@ class SimulatedHunt:
             after_step(self.vehicles[0])
 
     def step(self) -> None:
-        """One step of all vehicles, and what falls due after it."""
+        """Advance all vehicles by one step, and do what is due after it."""
         for vehicle in self.vehicles:
             vehicle.step()
         now = self.vehicles[0].time_ns

@@ -243,7 +243,7 @@ def _laser(plt: Any, observations: Sequence[Observation]) -> Any:
 
 
 def _met(observation: Observation) -> tuple[list[float], list[float]]:
-    """North and east of what one scan met, the vehicle being about level."""
+    """Return north and east of what one scan met, the vehicle being about level."""
     yaw, (north, east, _) = to_euler(observation.truth.orientation)[2], observation.truth.position
     laser = observation.laser
     echoes = [(r, yaw + laser.angle_min + i * laser.angle_increment) for i, r in enumerate(laser.ranges) if isfinite(r)]

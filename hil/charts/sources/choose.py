@@ -152,7 +152,7 @@ def _apart(places: Array) -> float:
 
 
 def _together(parts: list[Survey], origin: tuple[float, float] | None) -> Survey:
-    """One survey of all: areas and hazards are the charts', of which there is one part at most."""
+    """Return one survey of all: areas and hazards are the charts', of which there is one part at most."""
     return parts[0]._replace(
         source="; ".join(part.source for part in parts),
         origin=origin,

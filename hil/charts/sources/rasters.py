@@ -218,9 +218,9 @@ def known_crs(name: str) -> Any:
 def _direction(path: str, file: str, source: Any, positive: Positive, band: int, unit: float) -> tuple[bool, str]:
     """Return whether the values of a band count upwards, and what was assumed for that."""
     tags = {key.rpartition("#")[2].lower(): str(value) for key, value in source.tags(band).items()}
-    said = tags.get("positive", "").strip().lower()
-    if positive == "auto" and said in ("up", "down"):
-        return said == "up", ""
+    counted = tags.get("positive", "").strip().lower()
+    if positive == "auto" and counted in ("up", "down"):
+        return counted == "up", ""
     if positive == "auto" and source.driver in ("BAG", "S102"):  # elevations by definition; GDAL gives depths of S-102
         return bool(source.driver == "BAG"), ""
     named = [tags.get("standard_name"), tags.get("long_name"), source.descriptions[band - 1], file.rpartition(":")[2]]

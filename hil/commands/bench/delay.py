@@ -222,7 +222,7 @@ def _changes(case: Case, options: Any) -> dict[str, Any]:
 
 @contextmanager
 def _keys(wish: str) -> Iterator[dict[str, Any]]:
-    """The scenario's [security] section that was wished for, with certificates of its own."""
+    """Provide the scenario's [security] section that was wished for, with certificates of its own."""
     if wish != "on":
         yield {} if not wish else {"security": None}
         return

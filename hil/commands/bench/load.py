@@ -102,7 +102,7 @@ def _plan(options: Any) -> tuple[list[Setting], dict[str, str]]:
 
 
 def _run(setting: Setting, options: Any, place: str) -> Course:
-    """One setting; that it failed is a result too, and does not cost the others theirs."""
+    """Run one setting and return its result. A failure is a result too, so the others run on."""
 
     def watch(share: float) -> None:
         show(f"{place} {share:4.0%}")
@@ -184,7 +184,7 @@ def _record(
 
 
 def _draw(courses: list[Course], record: Record, path: str) -> None:
-    """A row of panels for each kind of process: CPU at the left, memory at the right, a line for each setting."""
+    """Draw a row of panels a kind of process: CPU at the left, memory at the right, a line a setting."""
     plt = pyplot()
     groups = load_run.groups(courses)
     size = 11, 3.0 * len(groups) + 1.6

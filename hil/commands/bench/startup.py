@@ -92,7 +92,7 @@ def _measure(options: Any, endings: PartialFailures) -> tuple[dict[str, Series],
 
 
 def _start(bench: Bench, before: Callable[[], None]) -> Row:
-    """One start of the slave and one of each bare interpreter. Raises NetworkError."""
+    """Start the slave and each bare interpreter once, and return the times. Raises NetworkError."""
     before()
     slave = start(bench)
     bare: Row = {}

@@ -96,7 +96,7 @@ def _parser() -> Any:
 
 
 def _listen(options: Any, place: str) -> tuple[Listening, tuple[str, ...]]:
-    """One run, and the labels of its figures."""
+    """Run once; return the result and the labels of its figures."""
 
     def watch(share: float) -> None:
         show(f"{place}: listening for {options.seconds:g} s {min(share, 1.0):4.0%}")

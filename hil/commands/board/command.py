@@ -86,7 +86,7 @@ def _misplaced(name: str, value: str) -> str:
 
 
 def listing() -> str:
-    """One line a board."""
+    """Return one line a board."""
     rows: list[tuple[str, ...]] = [("preset", "board", "processor", "serial port", "CAN")]
     for name in preset_names("boards"):
         board = load_board(name)

@@ -94,7 +94,7 @@ def combinations(vary: list[str]) -> list[Changes]:
 
 
 def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
-    """One run: its parameters, its outcome, and why it failed if it did. Never raises an error of ours."""
+    """Run once; return parameters, outcome, and why it failed if it did. Raises no HilError."""
     row: Row = {**changes, "seed": seed, "success": False, "reached": False, "reason": ""}
     try:
         scenario = load_scenario(scenario_name, {**changes, "seed": seed}, given="--set or --vary")

@@ -153,7 +153,7 @@ def _ray(jobs: int) -> Iterator[_Engine]:
 
 
 def _start_ray(ray: Any, options: Mapping[str, Any]) -> None:
-    """A cluster on this machine. It gives itself 30 s, which a busy machine may need more than: then once more."""
+    """Start a cluster on this machine. Ray allows itself 30 s, too little for a busy machine: then try once more."""
     try:
         ray.init(address="local", **options)
     except Exception as error:  # noqa: BLE001 - one of its own, or plain ones

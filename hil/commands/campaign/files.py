@@ -182,7 +182,7 @@ class _Watch:
 
 @contextmanager
 def _opened_files() -> Iterator[set[str]]:
-    """The absolute paths of all files that are opened inside; what is kept parsed is read again there."""
+    """Provide the absolute paths of all files that are opened inside; what is kept parsed is read again there."""
     if not _Watch.is_set:
         sys.addaudithook(_Watch.record_open)
         _Watch.is_set = True

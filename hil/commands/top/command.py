@@ -236,7 +236,7 @@ def as_json(statuses: list[Status]) -> str:
 
 
 def table(statuses: list[Status], silent: list[str], colour: bool = False) -> str:
-    """Rows of figures, a column a slave; in `colour` what is wrong stands out."""
+    """Return rows of figures, a column a slave; in `colour` what is wrong stands out."""
     head = ["", *[status.node for status in statuses]]
     rows = [[name, *[cell(status) for status in statuses]] for name, cell in ROWS.items()]
     lines = aligned([head, *[row for row in rows if any(cell != "-" for cell in row[1:])]], rule=True)

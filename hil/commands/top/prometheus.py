@@ -113,7 +113,7 @@ def _handler(watch: HealthWatch) -> type[BaseHTTPRequestHandler]:
         timeout = 5.0
 
         def do_GET(self) -> None:
-            """One page."""
+            """Answer a request with the metrics."""
             known = self.path.partition("?")[0] == "/metrics"
             body = (exposition(watch.statuses()) if known else "see /metrics\n").encode()
             self.send_response(200 if known else 404)

@@ -121,7 +121,7 @@ def _list(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
 
 
 def listing(entities: Sequence[Entity]) -> str:
-    """Two tables: topics with those who publish and subscribe them, services with those who answer and call them."""
+    """Return two tables: topics with their publishers and subscribers, services with their servers and clients."""
     topics = _table(entities, ("topic", "type", "published by", "subscribed by"), ("MP", "MS"))
     calls = _table(entities, ("service", "type", "answered by", "called by"), ("SS", "SC"))
     return "\n\n".join(part for part in (topics, calls) if part) or "no topics and no services"

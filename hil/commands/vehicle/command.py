@@ -79,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def listing() -> str:
-    """One line a preset: mass, thrusters, top surge, surge up to which it is level, axes it cannot drive."""
+    """Return one line a preset: mass, thrusters, top surge, surge up to which it is level, axes it cannot drive."""
     rows: list[tuple[str, ...]] = [("preset", "mass", "thrusters", "surge", "level up to", "cannot drive")]
     for name in preset_names("sim/vehicles"):
         vehicle, _ = load_vehicle(name)

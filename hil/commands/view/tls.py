@@ -9,7 +9,7 @@ from hil.network.security import CERTIFICATE, KEY
 
 
 def is_local(host: str) -> bool:
-    """Return whether who listens at `host` hears this machine alone."""
+    """Return True if `host` is an address that only this machine reaches."""
     try:
         return ip_address(host.strip("[]")).is_loopback
     except ValueError:

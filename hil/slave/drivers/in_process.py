@@ -33,7 +33,7 @@ class InProcessDriver(ThrusterDriver):
         self._received_ns = 0
 
     def _due_ns(self) -> int:
-        """Time (ns) at which the firmware or the host's protocol next acts by itself."""
+        """Return time (ns) at which the firmware or the host's protocol next acts by itself."""
         return min(self.device.deadline_ns, self.host.deadline_ns) if self.host else self.device.deadline_ns
 
     def _exchange(self, now: int) -> list[ThrusterTelemetry]:

@@ -39,5 +39,5 @@ def bytes_of(colour: Sequence[float]) -> RGB:
 
 
 def css(colour: RGB) -> str:
-    """A colour as CSS writes it."""
+    """Return a colour as CSS writes it."""
     return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -13,7 +13,7 @@ def to_scene(points: Any) -> Any:
 
 
 def from_scene(point: Sequence[float]) -> tuple[float, float, float]:
-    """A place of the scene as north, east, depth (m)."""
+    """Return a place of the scene as north, east, depth (m)."""
     east, north, up = (float(value) for value in point)
     return north, east, -up
 
@@ -25,6 +25,6 @@ def to_body(points: Any) -> Any:
 
 
 def body_attitude(quaternion: Sequence[float]) -> tuple[float, float, float, float]:
-    """The attitude (w, x, y, z) of a sensor in FRD as that along the axes of a vehicle of the scene."""
+    """Return the attitude (w, x, y, z) of a sensor in FRD as that along the axes of a vehicle of the scene."""
     w, x, y, z = quaternion
     return w, x, -y, -z

@@ -122,7 +122,7 @@ class VehicleScene:
 
 
 def _mesh(mesh: Any) -> Any:
-    """The triangles of a mesh's file as a trimesh.Trimesh (m, axes of the scene); None for a file that is not there."""
+    """Return the triangles of a mesh's file as a trimesh.Trimesh (m, axes of the scene); None without such a file."""
     import os
 
     from sim.rotations import from_euler, matrix
@@ -137,7 +137,7 @@ def _mesh(mesh: Any) -> Any:
 
 
 def _turn_up_to(along: Any) -> tuple[float, float, float, float]:
-    """The quaternion (w, x, y, z) that turns z to the unit vector `along`."""
+    """Return the quaternion (w, x, y, z) that turns z to the unit vector `along`."""
     x, y, z = (float(value) for value in along)
     if z < -0.999999:
         return 0.0, 1.0, 0.0, 0.0

@@ -73,7 +73,7 @@ class SimulatedSource:
         return figures
 
     def vehicle(self, _name: str) -> None:
-        """The scenario's planner commands it."""
+        """Return nothing: the scenario's planner commands the vehicle."""
         return
 
     def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
@@ -81,7 +81,7 @@ class SimulatedSource:
         return [], {}
 
     def show_pictures(self, wanted: bool) -> None:
-        """The scenario says which cameras and sonars are simulated."""
+        """Do nothing: the scenario says which cameras and sonars are simulated."""
 
     def log_lines(self) -> list[str]:
         """Return nothing: what happens is in the run's outcome."""

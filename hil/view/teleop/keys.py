@@ -20,7 +20,7 @@ class Keys:
         self.effort = False
 
     def press(self, key: str, now_ns: int) -> None:
-        """A key has come: one of the axes, " " for none of them, "m" for the other mode. Others do nothing."""
+        """Take up a key: one of an axis, " " to stop all axes, "m" for the other mode. Other keys do nothing."""
         if key in AXES:
             opposite = next((other for other in AXES if AXES[other] == (AXES[key][0], -AXES[key][1])), "")
             self._until_ns.pop(opposite, None)

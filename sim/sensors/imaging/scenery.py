@@ -79,7 +79,7 @@ class Scenery:
         self.texture = Texture(world.bottom) if world.bottom else None
 
     def add(self, number: int) -> None:
-        """One more object, the `number`-th."""
+        """Add an object, the `number`-th."""
         self.colours = np.insert(self.colours, number, _PAINTS[(number - 2) % len(_PAINTS)], axis=0)
 
     def radiance(
@@ -186,7 +186,7 @@ def _window(facing: Pixels) -> Pixels:
 
 
 def _bend(terrain: Terrain, rows: range, columns: range) -> Pixels:
-    """The brightness by curvature at nodes: how much higher than the mean of its neighbours each one lies."""
+    """Return the brightness by curvature at nodes: how much higher than the mean of its neighbours each one lies."""
     grid = terrain.grid
     around_rows = np.clip(np.arange(rows.start - 1, rows.stop + 1), 0, grid.rows - 1)
     around_columns = np.clip(np.arange(columns.start - 1, columns.stop + 1), 0, grid.columns - 1)

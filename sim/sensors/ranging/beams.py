@@ -76,7 +76,7 @@ class RangeErrors:
         self._limits = limits
 
     def measure(self, true: Sequence[float]) -> tuple[float, ...]:
-        """One measurement of each: inf beyond the limits and -inf below; time moves on by one period."""
+        """Return one measurement of each: inf beyond the limits and -inf below; time moves on by one period."""
         gain, drift, noise, gauss = self._gain, self._drift.measure(0.0), self._noise, self._gauss
         values = [gain * x + drift + gauss(0.0, noise) for x in true] if noise else [gain * x + drift for x in true]
         if step := self._resolution:

@@ -17,7 +17,7 @@ AT_REST = (0.0,) * 6
 
 
 def steady_thrust(thruster: Thruster, pwm_us: int) -> float:
-    """The thrust in N that a pulse of `pwm_us` microseconds settles at; negative is reverse.
+    """Return the thrust in N that a pulse of `pwm_us` microseconds settles at; negative is reverse.
 
     Without a curve of its own: beyond the dead band the deflection x runs from 0 to 1 at the end of the pulse
     range, and thrust is (k x + (1 - k) x²) of the maximum, k = `linear_share`. Pulses beyond the range count as
@@ -60,7 +60,7 @@ def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
 
 
 def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:
-    """The 6 x n matrix whose column i is the wrench of 1 N of thruster i, with or without its propeller's torque.
+    """Return the 6 x n matrix whose column i is the wrench of 1 N of thruster i, with or without propeller torque.
 
     Rows: X Y Z (N) and K M N (N m) about the body origin along the body axes. Always from the poses. Without torque
     it also turns velocities of the vehicle into speeds along the thrusters: its columns are what a thruster sees.
@@ -161,7 +161,7 @@ class ThrusterSet:
     def step(
         self, pwm_us: Sequence[int], nu_r: Sequence[float] = AT_REST
     ) -> tuple[float, float, float, float, float, float]:
-        """One step of `dt` with these pulses (us, one a thruster): the wrench X Y Z (N) K M N (N m) at its end.
+        """Return one step of `dt` with these pulses (us, one a thruster): the wrench X Y Z (N) K M N (N m) at its end.
 
         `nu_r` is the velocity through the water u v w (m/s) p q r (rad/s) along the body axes; only a set that
         `feels_water` looks at it. Raises ConfigError if there is not one pulse a thruster.
@@ -176,7 +176,7 @@ class ThrusterSet:
         return self._advance(nu_r)
 
     def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
-        """One step of all thrusts towards their targets; the wrench at its end."""
+        """Return one step of all thrusts towards their targets; the wrench at its end."""
         self._lagged = self._thrusts = self._follow()
         if self.feels_water:
             self._thrusts = self._lose_to_water(nu_r)
@@ -205,7 +205,7 @@ class ThrusterSet:
         return [x for numbers in lists for x in numbers]
 
     def _follow(self) -> list[float]:
-        """The thrusts (N) at the end of the step in water at rest, before failures."""
+        """Return the thrusts (N) at the end of the step in water at rest, before failures."""
         rows = zip(self._lagged, self._targets, self._gains, strict=True)
         return [thrust + gain * (target - thrust) for thrust, target, gain in rows]
 

@@ -125,6 +125,6 @@ class Thruster(NamedTuple):
         return max(-self.max_reverse, min(self.max_forward, thrust))
 
     def span(self, side: float) -> float:
-        """The microseconds from the dead band's edge to the end of the pulse range, ahead or (`side` < 0) astern."""
+        """Return the microseconds from the dead band to the end of the pulse range, ahead or (`side` < 0) astern."""
         end = self.pwm_max_us - self.pwm_neutral_us if side > 0 else self.pwm_neutral_us - self.pwm_min_us
         return end - self.dead_band_us

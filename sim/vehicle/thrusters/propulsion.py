@@ -50,7 +50,7 @@ class Propulsion(ThrusterSet):
         return [lag.step(target) for lag, target in zip(self._lags, self._targets, strict=True)]
 
     def _feed(self, pack: BatteryPack) -> None:
-        """The targets of the thrusters on the battery, at the voltage that is left under their load."""
+        """Set the targets of the thrusters on the battery, at the voltage under their load."""
         piece, share = pack.step(VOLTS, self._amperes, self._dt)
         for index, thrust in zip(self._fed, self._fed_thrusts, strict=True):
             target = thrust[piece] + share * (thrust[piece + 1] - thrust[piece])

@@ -127,12 +127,12 @@ def test_the_slave_says_what_it_could_not_obey(own_slave: tuple[Program, str]) -
         assert client.wait_for_vehicle(60)
         sent = 0
 
-        def is_told() -> bool:
+        def is_reported() -> bool:
             nonlocal sent  # again: what finds others waiting to be sent is dropped
             sent = client.send("cmd_thrusters", encode_thrusts((1.0,) * 5))
             return bool(client.diagnostics().commands_fault)
 
-        assert wait_for(is_told)
+        assert wait_for(is_reported)
         assert client.diagnostics().commands_fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
         assert 1 <= (client.diagnostics().commands_malformed or 0) <= sent
 

@@ -182,16 +182,16 @@ def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
         vehicle = fleet["uuv1"]
         assert next(vehicle.samples("camera/image_raw/compressed", timeout=60.0))
 
-        def is_told(ask: Callable[[], object], reported: str) -> bool:
+        def is_reported(ask: Callable[[], object], reported: str) -> bool:
             """True if the error names what the vehicle sends; a query that gets no answer in time leaves that out."""
             with pytest.raises(NetworkError) as caught:
                 ask()
             return bool(re.search(reported, str(caught.value)))
 
         named = r"imu.*its pictures are 'camera/image_raw/compressed', as \[ros\] images"
-        assert wait_for(lambda: is_told(lambda: next(vehicle.samples("camera/image_raw", timeout=0.5)), named))
+        assert wait_for(lambda: is_reported(lambda: next(vehicle.samples("camera/image_raw", timeout=0.5)), named))
         sent = r"it sends .*camera/image_raw/compressed.*\[sensors"
-        assert wait_for(lambda: is_told(lambda: vehicle.gps, sent))
+        assert wait_for(lambda: is_reported(lambda: vehicle.gps, sent))
 
 
 def test_nobody_there() -> None:

@@ -109,7 +109,7 @@ def check_workers_end(tmp_path: Path, name: str, number: int) -> None:
 
 
 def workers(program: Program) -> list[str]:
-    """The command lines of joblib's processes in the program's session, those that have ended left out."""
+    """Return the command lines of joblib's processes in the program's session, those that have ended left out."""
     found = []
     for pid in psutil.pids():
         with suppress(ProcessLookupError):  # it has ended meanwhile

@@ -64,7 +64,7 @@ def test_a_recording_without_mcap(tmp_path: Path, arguments: list[str]) -> None:
 
 
 def extras() -> dict[str, set[str]]:
-    """The distributions of each extra of pyproject.toml but those of the project itself."""
+    """Return the distributions of each extra of pyproject.toml but those of the project itself."""
     tables = parse_toml((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     names = {extra: {re.split(r"[^\w.-]", text)[0].lower() for text in texts} for extra, texts in tables.items()}
     del names["dev"], names["docs"]

@@ -137,7 +137,7 @@ def test_a_run_repeats_to_the_bit(tmp_path: Path, dive: tuple[Path, Path, str]) 
 
 
 def rewritten(path: Path, folder: Path, change: dict[str, str], keep: range, flip: int = 0) -> Path:
-    """A recording like that at `path`, with other facts, or a pulse changed, or some of its messages only."""
+    """Return a recording like that at `path`, with other facts, or a pulse changed, or some of its messages only."""
     about, pulses = read_about(str(path)), 0
     with Recorder(str(folder), Recording(keep_free=0.0), about.facts | change, about.attachments) as recorder:
         for number, message in enumerate(read_messages(str(path))):

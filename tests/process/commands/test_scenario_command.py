@@ -138,7 +138,7 @@ def test_tasks_that_cannot_be_done_are_found(capsys: pytest.CaptureFixture[str],
 
 
 def members(*places: tuple[float, int]) -> str:
-    """The change that makes these the members: how far north, and the port of their slaves."""
+    """Return the change that makes these the members: how far north, and the port of their slaves."""
     rows = [
         f"{{node='m{number}', listen='tcp/127.0.0.1:{port}', agent='tcp/127.0.0.1:{port + 100}', "
         f"north={north}, east=0.0}}"

@@ -118,7 +118,7 @@ def test_an_expression_without_end(expression: str, tmp_path: Path, monkeypatch:
 
 
 def impatient(words: tuple[str, ...]) -> list[str]:
-    """The command that expands, with a second of processor time."""
+    """Return the command that expands, with a second of processor time."""
     code = "import sys, hil.commands.vehicle.xacro_process as it; it.CPU_SECONDS = 1; sys.exit(it.main(*sys.argv[1:]))"
     return python_command("-c", code, *words[1:])
 

@@ -39,7 +39,7 @@ def ended() -> Iterator[list[int]]:
 
 @contextmanager
 def parent_of(start: str) -> Iterator[subprocess.Popen[str]]:
-    """A process that has started `child` in that way."""
+    """Provide a process that has started `child` in that way."""
     command = [sys.executable, "-c", PARENT.format(start=start)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as parent:
         try:
@@ -76,7 +76,7 @@ def test_a_child_ends_with_its_parent_and_not_before(way: str, ended: list[int])
 
 
 def is_ours(pid: int) -> list[int]:
-    """The process, if its descriptors tell that the kernel will signal it."""
+    """Return the process, if its descriptors tell that the kernel will signal it."""
     for name in os.listdir(f"/proc/{pid}/fdinfo"):
         with suppress(FileNotFoundError):  # closed meanwhile
             flags = int(Path(f"/proc/{pid}/fdinfo/{name}").read_text().split("flags:")[1].split()[0], 8)
@@ -86,7 +86,7 @@ def is_ours(pid: int) -> list[int]:
 
 
 def group_of(leader: int) -> list[int]:
-    """The living processes of a group."""
+    """Return the living processes of a group."""
     found = []
     for pid in psutil.pids():
         with suppress(ProcessLookupError):

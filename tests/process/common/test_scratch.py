@@ -15,7 +15,7 @@ from hil.common.tables import cache_path, read_table
 
 
 def killed(base: Path, more: str = "") -> str:
-    """The folder of a process that was killed while it had one."""
+    """Return the folder of a process that was killed while it had one."""
     code = "import os; from hil.common.scratch import ScratchFolder\n"
     code += f"f = ScratchFolder('test', {str(base)!r}); print(f.path)\n"
     code += f"open(f.file('kept.toml'), 'w').write('a = 1')\n{more}"

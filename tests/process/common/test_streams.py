@@ -16,7 +16,7 @@ TIMEOUT_S = 60.0
 
 
 def run(command: str, **environment: str) -> tuple[int, str]:
-    """A line of shell, UUV being the command; exit code and what came on standard error."""
+    """Run a line of shell, in which UUV is the command; return exit code and standard error."""
     line = command.replace("UUV", f"{sys.executable} -m hil.cli")
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", line],

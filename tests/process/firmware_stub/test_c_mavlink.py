@@ -24,7 +24,7 @@ def as_the_core_knows_it(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def without_deadlines(results: list[Any]) -> list[Any]:
-    """The twin in Python also wakes for ESC readings, which the board has none of."""
+    """Return the time at which the twin in Python wakes; it also wakes for ESC readings, which the board has not."""
     return [done._replace(deadline_us=0) for done in results]
 
 

@@ -18,11 +18,11 @@ FULL = (1900, 1100, 1600, 1400, 1501, 1499)
 
 
 def run_python(script: Script) -> list[Done]:
-    """The specification: at each step the frame, if there is one, else the time."""
+    """Return the specification: at each step the frame, if there is one, else the time."""
     unmeasured, clock = MotorValues(0.0, 0.0, 273.15), Clock()
     device = open_protocol("vesc", "device", script.channels, motor_values=lambda *_: unmeasured, clock=clock)
     stm32 = Stm32(script.channels, script.watchdog_us * 1000)
-    heard_any, results = False, []
+    received_any, results = False, []
     for step in script.steps:
         output, now_ns = b"", step.now_us * 1000
         clock.now_ns = now_ns
@@ -30,10 +30,10 @@ def run_python(script: Script) -> list[Done]:
             assert isinstance(message, ThrusterCommand)
             if stm32.command(message, now_ns):
                 output += device.encode(stm32.telemetry(now_ns))
-        heard_any = heard_any or (step.can is not None and step.can.id & 0xFF in range(1, script.channels + 1))
+        received_any = received_any or (step.can is not None and step.can.id & 0xFF in range(1, script.channels + 1))
         if step.can is None and stm32.tick(now_ns):
             output += device.encode(stm32.telemetry(now_ns))
-        results.append(Done(b"", tuple(stm32.pwm_us), 0, tuple(unpack_frames(output)) if heard_any else ()))
+        results.append(Done(b"", tuple(stm32.pwm_us), 0, tuple(unpack_frames(output)) if received_any else ()))
     return results
 
 

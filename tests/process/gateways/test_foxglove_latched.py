@@ -14,7 +14,7 @@ IMU = Message("/uuv1/imu", "sensor_msgs/msg/Imu", 1, TIME_NS, TIME_NS, b"\0\1\0\
 
 
 def received(port: int, later: FoxgloveServer) -> dict[int, bytes]:
-    """The payloads that a client gets by its subscriptions, of which 0 is of the transforms and 1 of the imu."""
+    """Return the payloads that a client gets by its subscriptions, of which 0 is of the transforms and 1 of the imu."""
     with connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")]) as socket:
         channels: dict[str, int] = {}
         while len(channels) < 2:

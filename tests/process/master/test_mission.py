@@ -73,7 +73,7 @@ class Vehicle:
         return []
 
     def sense(self) -> None:
-        """The odometry of now."""
+        """Deliver the present odometry."""
         north, east, depth = self.place
         sample = OdometrySample(self.clock.now, (north, east, depth), self.attitude, (0.0,) * 6)
         self.latest["odom"] = Stamped(sample, self.clock.now, self.clock.now)
@@ -214,7 +214,7 @@ def test_what_the_vehicle_says_and_what_is_seen_from_here_is_one_account(
 
 
 def receiver() -> VehicleClient:
-    """A client that was never connected: what comes is given to it."""
+    """Return a client that was never connected: what comes is given to it."""
     client = VehicleClient.__new__(VehicleClient)
     client.received, client.latest, client.malformed = {}, {}, 0
     client._senders = {}

@@ -26,7 +26,7 @@ from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 @contextmanager
 def slow_session(port: int, opened: list[str]) -> Iterator[Session]:
-    """A master's session whose first link for samples is never read.
+    """Provide a master's session whose first link for samples is never read.
 
     The library never reads one if its time limit for opening it ends while it tells a listener who is slow.
     """

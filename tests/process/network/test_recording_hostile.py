@@ -32,7 +32,7 @@ def text(words: str) -> bytes:
 
 
 def chunk(content: bytes, size: int, packing: str = "zstd") -> bytes:
-    """A chunk that says it has `size` bytes, with `content` as it is in the file."""
+    """Return a chunk that says it has `size` bytes, with `content` as it is in the file."""
     return record(6, struct.pack("<QQQI", 0, 0, size, 0) + text(packing) + struct.pack("<Q", len(content)) + content)
 
 

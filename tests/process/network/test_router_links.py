@@ -22,7 +22,7 @@ from tests.support.processes import Program, free_port, wait_for
 
 
 def router_of_others(endpoint: str) -> zenoh.Session:
-    """A session that is a router to the library, as a slave is, and of which nothing is known."""
+    """Return a session that is a router to the library, as a slave is, and of which nothing is known."""
     text = settings("slave", (f"tcp/127.0.0.1:{free_port()}",), (endpoint,), Network("routed", endpoint), None)
     return zenoh.open(zenoh.Config.from_json5(text))
 

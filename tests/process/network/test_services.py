@@ -151,7 +151,7 @@ def test_a_service_that_is_not_there(both: tuple[Serving, Session]) -> None:
 
 @contextmanager
 def unattended() -> Iterator[tuple[Server, Session]]:
-    """A server that answers when the test lets it, and who calls."""
+    """Provide a server that answers when the test lets it, and who calls."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         server = Server(slave, Node(slave, "uuv1"))

@@ -30,12 +30,12 @@ def test_a_key_on_which_messages_come_often_goes_as_a_number(pattern: str, name:
         hears, says = (slave, master) if hearing == "slave" else (master, slave)
         publisher = says.publisher("uuv1", TOPICS[name])  # before anybody wants it
 
-        def hear(topic: str, payload: bytes, _: bytes) -> None:
+        def receive(topic: str, payload: bytes, _: bytes) -> None:
             received.append(topic)
             payloads.append(payload)
             came.set()
 
-        hears.subscribe("uuv1", pattern, hear, NUMBER)
+        hears.subscribe("uuv1", pattern, receive, NUMBER)
 
         def arrives() -> bool:
             """Say one thing, and wait for it: what finds others waiting to be sent is dropped, and is said again."""

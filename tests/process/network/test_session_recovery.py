@@ -40,7 +40,7 @@ class End:
         self.seen.append((time.monotonic(), presence.part, alive))
 
     def sees(self, part: str, alive: bool, after: float) -> float:
-        """Seconds from `after` until the news that a part came or went."""
+        """Return seconds from `after` until the news that a part came or went."""
         found = wait_for(lambda: [at for at, *wakeup in self.seen if wakeup == [part, alive] and at >= after])
         assert found, f"no {part} {'came' if alive else 'went'} in {self.seen}"
         return found[0] - after

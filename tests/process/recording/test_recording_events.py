@@ -93,7 +93,7 @@ def test_each_event_is_in_the_recording(dive: Path) -> None:
 
 
 def without(path: Path, folder: Path, number: int) -> Path:
-    """The recording without one of its events, the others numbered on."""
+    """Return the recording without one of its events, the others numbered on."""
     about, kept = read_about(str(path)), 0
     with Recorder(str(folder), Recording(keep_free=0.0), about.facts, about.attachments) as recorder:
         seen = 0

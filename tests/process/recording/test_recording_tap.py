@@ -34,7 +34,7 @@ def collect(tap: Tap, enough: Callable[[list[Message]], object], seconds: float 
 
 def met(*audiences: Callable[[], bool]) -> object:
     """True once somebody subscribes to each key: what is published before reaches nobody."""
-    return wait_for(lambda: all(is_heard() for is_heard in audiences))
+    return wait_for(lambda: all(is_received() for is_received in audiences))
 
 
 @retried_when_busy("three sessions, of which one may be late")

@@ -77,7 +77,7 @@ def test_a_velocity_log_is_as_good_as_its_beams_let_it(lost: int | None, monkeyp
 
 
 def output(suite: Any) -> dict[str, dict[str, Any]]:
-    """The first message of each topic of a suite, by its fields."""
+    """Return the first message of each topic of a suite, by its fields."""
     vehicle, known, found = simulation(suite), spreads(suite, WORLD), dict[str, dict[str, Any]]()
     for _ in range(480):
         for topic, sample in vehicle.step((1500,) * 6):

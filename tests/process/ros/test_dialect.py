@@ -101,14 +101,14 @@ def test_a_slave_of_another_domain_is_received_there_and_nowhere_else(tmp_path: 
     path.write_text(path.read_text() + '[ros]\ndistro = "humble"\n')
     received: dict[str, int] = {}
 
-    def hear(key: str, _payload: bytes, _attachment: bytes) -> None:
+    def receive(key: str, _payload: bytes, _attachment: bytes) -> None:
         received["/".join(key.split("/")[:3])] = key.count("TypeHashNotSupported")
 
     with Program(tmp_path, "slave", path, environment={"ROS_DOMAIN_ID": "9"}) as slave:
         slave.expect("ready")
         with open_master_session(f"tcp/127.0.0.1:{port}") as session:
             for domain in (0, 9):
-                session.subscribe_keys(f"{domain}/**", hear, 64)
+                session.subscribe_keys(f"{domain}/**", receive, 64)
             assert wait_for(lambda: "9/uuv1/imu" in received)
             assert received["9/uuv1/imu"] == 1, "and Humble has no hashes"
             assert not [key for key in received if key.startswith("0/")]

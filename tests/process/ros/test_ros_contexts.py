@@ -62,7 +62,7 @@ def site(request: pytest.FixtureRequest) -> Iterator[Site]:
         yield Site(way, release, stack)
 
 
-def all_said(vehicle: Vehicle, *contexts: Context) -> bool:
+def all_reported(vehicle: Vehicle, *contexts: Context) -> bool:
     """Everybody says something; whether everybody has heard all of it."""
     vehicle.say()
     for context in contexts:
@@ -83,7 +83,7 @@ def command(payload: bytes) -> float:
 
 def test_two_contexts_and_the_vehicle_hear_and_see_each_other(site: Site) -> None:
     with Context("a", site.endpoint) as first, Context("bb", site.endpoint) as second:
-        assert wait_for(lambda: all_said(site.vehicle, first, second), DEADLINE_S), (
+        assert wait_for(lambda: all_reported(site.vehicle, first, second), DEADLINE_S), (
             first.received, first.there, second.received, second.there, len(site.vehicle.commands),
         )  # fmt: skip
 
@@ -99,7 +99,7 @@ def test_a_master_of_ours_is_at_home_there_too(site: Site) -> None:
 
         def done() -> bool:
             publisher.put(payload, 0)
-            others = all_said(site.vehicle, context)
+            others = all_reported(site.vehicle, context)
             return others and payload in site.vehicle.commands and received >= {"imu"} and bool(seen)
 
         assert wait_for(done, DEADLINE_S), (received, seen, context.received, context.there)
@@ -112,4 +112,4 @@ def test_rmw_zenohd_may_dial_the_vehicle_instead() -> None:
     config = zenoh.Config.from_json5(router_settings(hub))
     config.insert_json5("connect/endpoints", f'["{own}"]')
     with vehicle.session, zenoh.open(config), Context("a", hub) as context, Context("bb", hub) as other:
-        assert wait_for(lambda: all_said(vehicle, context, other), DEADLINE_S), (context.received, other.received)
+        assert wait_for(lambda: all_reported(vehicle, context, other), DEADLINE_S), (context.received, other.received)

@@ -32,7 +32,7 @@ def ask(session: Session, name: str, kind: str, **request: Any) -> Any:
 
 
 def simulated_ns(session: Session) -> int:
-    """The stamp of the vehicle's state."""
+    """Return the stamp of the vehicle's state."""
     state = ask(session, "get_entity_state", "GetEntityState", entity="uuv1")["state"]
     return ros_message.time_of(state)
 

@@ -39,7 +39,7 @@ def fingerprint(steps: int) -> str:
 
 
 def check_repeats(steps: int) -> None:
-    """Two processes, one without C and with another seed of hashes, come to the same bits after so many steps."""
+    """Assert that two processes, one without C and with another hash seed, have the same bits after so many steps."""
     code = f"from tests.process.sim.test_determinism import fingerprint; print(fingerprint({steps}))"
     both = [
         subprocess.Popen(

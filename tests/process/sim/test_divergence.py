@@ -228,7 +228,7 @@ def test_the_slave_ends_with_its_thrusters_neutral(tmp_path: Path) -> None:
 
 
 def changed(folder: Path, key: str, numbers: Sequence[float], name: str = "paper_six") -> str:
-    """A copy of a preset in which `key` has these numbers."""
+    """Return a copy of a preset in which `key` has these numbers."""
     from hil.common.schema import find_preset
     from hil.common.tables import parse_toml
 

@@ -212,7 +212,7 @@ def test_an_upright_cylinder_gives_exact_ranges(make: Make) -> None:
 
 
 def cube(half: float) -> Solid:
-    """A box as twelve triangles."""
+    """Return a box as twelve triangles."""
     triangles = []
     for axis in range(3):
         for side in (-half, half):

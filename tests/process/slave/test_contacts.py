@@ -54,7 +54,7 @@ def slave() -> Iterator[Slave]:
 
 
 def ping(ident: bytes, ahead_ns: int) -> bytes:
-    """A ping by a clock that is ahead, with an answer that came to it a moment ago."""
+    """Return a ping by a clock that is ahead, with an answer that came to it a moment ago."""
     now = to_wall_ns(now_ns())
     return PING.pack(ident, now + ahead_ns, now - 1_000_000, now + ahead_ns - 100_000)
 

@@ -166,7 +166,7 @@ def test_a_first_picture_that_is_lost_does_not_end_them(tmp_path: Path) -> None:
 
 
 def takes(client: VehicleClient, seconds: float) -> float:
-    """The processor's share that pictures take, for so long."""
+    """Return the processor's share that pictures take, for so long."""
 
     def spent() -> tuple[float, float]:
         stamped = client.latest["diagnostics"]
@@ -191,7 +191,7 @@ def test_it_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: in
 
 
 def start_with_pillow(folder: Path, text: str) -> Program:
-    """A slave for which this is all that there is of Pillow."""
+    """Return a slave for which this is all that there is of Pillow."""
     package = folder / "other" / "PIL"
     package.mkdir(parents=True)
     (package / "__init__.py").write_text(text)

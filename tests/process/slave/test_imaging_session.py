@@ -36,7 +36,7 @@ def stack() -> Iterator[ExitStack]:
 
 
 def arrives(imaging: Session, *masters: Session) -> list[set[int]]:
-    """The sizes of pictures that each of the masters gets."""
+    """Return the sizes of pictures that each of the masters gets."""
     got: list[set[int]] = [set() for _ in masters]
     for sizes, master in zip(got, masters, strict=True):
         master.subscribe("uuv1", "camera/image_raw", lambda _, data, __, sizes=sizes: sizes.add(len(data)), 2)  # type: ignore[misc]

@@ -157,10 +157,10 @@ def scenario(tmp_path: Path) -> Scenario:
     return as_member(load_scenario(str(write(tmp_path)[0])), "one")
 
 
-class Heard(Neighbours):
+class Received(Neighbours):
     """Hears what a test says."""
 
-    def hear_from(self, node: str, sample: OdometrySample, came_ns: int) -> None:
+    def receive_from(self, node: str, sample: OdometrySample, came_ns: int) -> None:
         self._store_samples(node)("ground_truth", ros.encode_odometry(sample, "map", "base_link"), b"")
         if node in self._received:
             self._received[node] = came_ns, self._received[node][1]
@@ -170,12 +170,12 @@ SAMPLE = OdometrySample(5, (1.0, 2.0, 3.0), from_euler(0.0, 0.0, np.pi / 2), (0.
 
 
 def test_between_two_words_it_goes_on_and_then_it_is_gone(scenario: Scenario) -> None:
-    received = Heard(scenario, load_vehicle(scenario.vehicle)[0])
+    received = Received(scenario, load_vehicle(scenario.vehicle)[0])
     assert list(received.states) == ["two"], "not itself"
     state = received.states["two"]
     received.place(NS_PER_S)
     assert state.position[2] > 1e5, "not heard yet"
-    received.hear_from("two", SAMPLE, NS_PER_S)
+    received.receive_from("two", SAMPLE, NS_PER_S)
     received.place(NS_PER_S + NS_PER_S // 2)
     assert state.position == pytest.approx([1.0, 2.2, 3.05])  # its bow is in the east
     assert state.quaternion == pytest.approx(from_euler(0.0, 0.0, np.pi / 2 + 0.25), abs=1e-3)
@@ -191,8 +191,8 @@ def test_between_two_words_it_goes_on_and_then_it_is_gone(scenario: Scenario) ->
     ],
 )  # fmt: skip
 def test_what_no_vehicle_can_say_is_not_received(scenario: Scenario, changes: dict[str, Any]) -> None:
-    received = Heard(scenario, load_vehicle(scenario.vehicle)[0])
-    received.hear_from("two", SAMPLE._replace(**changes), NS_PER_S)
+    received = Received(scenario, load_vehicle(scenario.vehicle)[0])
+    received.receive_from("two", SAMPLE._replace(**changes), NS_PER_S)
     received.place(NS_PER_S)
     assert received.states["two"].position[2] > 1e5
     received._store_samples("two")("ground_truth", b"\xff" * 9, b"")

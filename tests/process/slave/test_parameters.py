@@ -54,7 +54,7 @@ class Asker:
         return str(value["string_value"])
 
     def set(self, *pairs: tuple[str, Any], atomically: bool = False) -> Any:
-        """The results of `name, text` pairs; a value that is no text is a ParameterValue."""
+        """Return the results of `name, text` pairs; a value that is no text is a ParameterValue."""
         asked = [
             {"name": name, "value": {"type": STRING, "string_value": value} if isinstance(value, str) else value}
             for name, value in pairs

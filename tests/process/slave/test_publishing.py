@@ -61,7 +61,7 @@ class Session:
         """Everybody listens to everything."""
 
     def numbers(self) -> list[int]:
-        """The times of the samples of pressure that were sent."""
+        """Return the times of the samples of pressure that were sent."""
         payloads = [payload for name, payload, _ in self.sent if name == "pressure"]
         decoded = [ros.decode_pressure(payload) for payload in payloads]
         return [sample.time_ns for sample in decoded if sample]
@@ -87,7 +87,7 @@ def sample_publisher(session: Session, thread: PublishingThread) -> SamplePublis
 
 
 def step(sample_publisher: SamplePublisher, number: int) -> None:
-    """One of the loop's, with a sample."""
+    """Do one step of the loop, with a sample."""
     assert sample_publisher.sample("pressure", PressureSample(number, 1e5))
     sample_publisher.wake_publisher()
 

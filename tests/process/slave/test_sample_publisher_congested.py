@@ -28,12 +28,12 @@ def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
         master.subscribe("uuv1", "*", lambda topic, *_: received.update([topic]), depth=64)
         assert wait_for(slave.watch_keys("0/uuv1/**"))
 
-        def is_heard() -> bool:
+        def is_received() -> bool:
             sample_publisher.put("imu", IMU)
             sample_publisher.put("laser", IMU)
             return received["imu"] > 0 < received["laser"]
 
-        assert wait_for(is_heard)
+        assert wait_for(is_received)
         before = sample_publisher.sent
         for step in range(300):
             sample_publisher.put("imu", IMU)

@@ -68,7 +68,7 @@ class Vehicle:
         return bool(wait_for(stepped))
 
 
-class Heard(defaultdict[str, list[int]]):
+class Received(defaultdict[str, list[int]]):
     """The sequence numbers heard, by topic."""
 
     def __init__(self, session: Session, *topics: str) -> None:
@@ -87,9 +87,9 @@ class Heard(defaultdict[str, list[int]]):
 
 
 @contextmanager
-def listening(endpoint: str, *topics: str) -> Iterator[Heard]:
+def listening(endpoint: str, *topics: str) -> Iterator[Received]:
     with open_master_session(endpoint) as session:
-        yield Heard(session, *topics)
+        yield Received(session, *topics)
 
 
 @pytest.fixture
@@ -215,7 +215,7 @@ def test_a_listener_behind_a_router_counts(tmp_path: Path, endpoint: str) -> Non
             vehicle.step()
             assert vehicle.falls_silent()
             with open_master_session(router, network=network) as master:
-                received = Heard(master, "imu")
+                received = Received(master, "imu")
                 assert vehicle.until(lambda: "imu" in received)
                 before = vehicle.sent("pressure")
                 vehicle.run(20)

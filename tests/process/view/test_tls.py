@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(find_spec("viser") is None, reason="the live vie
 
 
 def machine(folder: Path) -> Path:
-    """A folder with the certificates of the machine 127.0.0.1."""
+    """Return a folder with the certificates of the machine 127.0.0.1."""
     init(str(folder))
     add_machine(str(folder), "bench", ["127.0.0.1"])
     return folder / "bench"

@@ -12,7 +12,7 @@ MAGICS = {16: 18458, 32: 29569}  # by the number of outputs
 
 
 def encode_servos(packet: ServoPacket) -> bytes:
-    """The servo packet with these 16 or 32 outputs, as ArduPilot sends it."""
+    """Return the servo packet with these 16 or 32 outputs, as ArduPilot sends it."""
     outputs = len(packet.pwm_us)
     return struct.pack(f"<HHI{outputs}H", MAGICS[outputs], packet.frame_rate, packet.frame_count, *packet.pwm_us)
 

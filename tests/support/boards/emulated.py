@@ -12,7 +12,7 @@ from tools.virtual_board.board import VirtualBoard
 
 
 def built_board() -> VirtualBoard:
-    """The board with the project as it is now; skips where Debian's packages cannot be fetched."""
+    """Return the board with the project as it is now; skips where Debian's packages cannot be fetched."""
     board = VirtualBoard()
     try:
         board.build()

@@ -14,7 +14,7 @@ NAMES = sorted(path.stem for path in TREES.glob("*.toml"))
 
 
 def build(name: str, root: Path) -> Path:
-    """The machine called `name` below `root`."""
+    """Return the machine called `name` below `root`."""
     table = parse_toml((TREES / f"{name}.toml").read_text())
     for path, text in table["files"].items():
         plant(root, path, text)
@@ -36,6 +36,6 @@ def link(root: Path, path: str, target: str) -> None:
 
 
 def expected_board(name: str) -> str:
-    """The preset that the machine is to be recognised as."""
+    """Return the preset that the machine is to be recognised as."""
     board: str = parse_toml((TREES / f"{name}.toml").read_text())["board"]
     return board

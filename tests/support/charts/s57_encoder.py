@@ -129,7 +129,7 @@ class Encoder:
         return self.feature(code, 2, [(name(130, edge), 1, 255, 255)], **attributes)
 
     def ring(self, places: Sequence[Position], usage: int = 1) -> list[Row]:
-        """Two edges around, the second one recorded against the way that the ring goes."""
+        """Return two edges around, the second one recorded against the way that the ring goes."""
         half = len(places) // 2
         one, other = self.node(places[0]), self.node(places[half])
         out = self.edge(one, other, places[1:half])

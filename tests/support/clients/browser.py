@@ -35,7 +35,7 @@ class Seen:
 
 @contextmanager
 def open_page(width: int = 1000, height: int = 640, dark: bool = False) -> Iterator[Seen]:
-    """An empty page in a new browser. Skips where there is no Chromium."""
+    """Provide an empty page in a new browser. Skips where there is no Chromium."""
     if not CHROMIUM:
         pytest.skip("needs Debian's chromium")
     sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright")

@@ -43,7 +43,7 @@ def start(folder: Path, sensors: str = SENSORS, environment: dict[str, str] | No
 
 @contextmanager
 def watched_slave(folder: Path) -> Iterator[tuple[Program, VehicleClient]]:
-    """A slave with these sensors that is ready, and a client that has subscribed to all its pictures."""
+    """Provide a slave with these sensors that is ready, and a client that has subscribed to all its pictures."""
     program, endpoint = start(folder)
     with program:
         program.expect("ready")

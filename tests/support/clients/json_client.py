@@ -97,7 +97,7 @@ class Client:
         return message
 
     def send(self, line: bytes) -> Message:
-        """A line, and its answer; samples that come in between are kept."""
+        """Send a line and return its answer; samples that come in between are stored."""
         self.socket.sendall(line + b"\n")
         while "ok" not in (message := self.read()):
             self.samples.append(message)

@@ -35,7 +35,7 @@ class Station(Ground):
         self.expected = 0  # number of the file server's next packet
 
     def command_to(self, component: int, command: int, *params: float) -> int:
-        """The MAV_RESULT of a command; the answer must come from the component that was asked, and be for us."""
+        """Return the MAV_RESULT of a command; the answer must come from the component that was asked, and be for us."""
         values = [*params, *[0.0] * (7 - len(params))]
         self.send.command_long_send(1, component, command, 0, *values)
 
@@ -64,7 +64,7 @@ class Station(Ground):
         return found
 
     def modes(self) -> dict[str, int]:
-        """All modes at once: it waits without a limit until the last one has come."""
+        """Request all modes at once and wait without a limit until the last one has come."""
         names: dict[str, int] = {}
         assert self.command_to(AUTOPILOT, dialect.MAV_CMD_REQUEST_MESSAGE, AvailableModes.id, 0) == 0
         while True:
@@ -77,7 +77,7 @@ class Station(Ground):
                 return names
 
     def component_information(self) -> list[int]:
-        """The results of both requests: it goes on without them, but only when each is answered."""
+        """Return the results of both requests once each is answered."""
         ask = dialect.MAV_CMD_REQUEST_MESSAGE
         return [self.command_to(AUTOPILOT, ask, number) for number in (COMPONENT_METADATA, COMPONENT_INFORMATION)]
 
@@ -114,7 +114,7 @@ class Station(Ground):
         self.send.file_transfer_protocol_send(0, 1, AUTOPILOT, list(payload.ljust(HEADER.size + MOST_DATA, b"\0")))
 
     def ftp_answer(self, opcode: int) -> tuple[int, bool, bytes]:
-        """The next answer to us: its kind, whether a burst is complete, and its data."""
+        """Return the next answer to us: its kind, whether a burst is complete, and its data."""
         payload = bytes(self.wait("FILE_TRANSFER_PROTOCOL", lambda packet: packet.target_system == 255).payload)
         sequence, session, answer, size, asked, complete, _ = HEADER.unpack_from(payload)
         assert (sequence, session, asked) == (self.expected, 0, opcode)

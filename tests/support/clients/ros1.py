@@ -107,7 +107,7 @@ class Peer:
         self.socket.sendall(data)
 
     def receive(self) -> bytes:
-        """The next bytes with their length before them."""
+        """Return the next bytes with their length before them."""
         return self.read(*unpack("<I", self.read(4)))
 
     def read(self, count: int) -> bytes:
@@ -195,7 +195,7 @@ class Served:
 
 @contextmanager
 def served_to_ros1(folder: Path, *options: str) -> Iterator[Served]:
-    """The vehicle uuv1, served by `uuv-hil ros1` with these options."""
+    """Provide the vehicle uuv1, served by `uuv-hil ros1` with these options."""
     path, port = write_scenario(folder)
     with SmallMaster() as master, Program(folder, "slave", path) as slave:
         slave.expect("ready")

@@ -9,7 +9,7 @@ from tests.support.processes import Program, free_port, write_scenario
 
 @contextmanager
 def served_vehicle(folder: Path) -> Iterator[str]:
-    """The address with its token, once the vehicle uuv1 is there."""
+    """Provide the address with its token, once the vehicle uuv1 is there."""
     path, port = write_scenario(folder)
     with Program(folder, "slave", path) as slave:
         slave.expect("ready")

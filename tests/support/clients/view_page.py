@@ -64,7 +64,7 @@ class ViewPage:
         return bool(wait_for(look, seconds))
 
     def pixels(self) -> Any:
-        """The scene as it is on the screen, without the panels at its right."""
+        """Return the scene as it is on the screen, without the panels at its right."""
         shot = self.page.locator("#scene").screenshot(timeout=PATIENCE_MS)
         picture = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
         return picture[:, : picture.shape[1] // 2]
@@ -105,11 +105,11 @@ class ViewPage:
         return str(self._beside(label, "input").input_value())
 
     def _beside(self, label: str, kind: str) -> Any:
-        """The first element of that kind after a label."""
+        """Return the first element of that kind after a label."""
         return self.frame.get_by_text(label, exact=True).locator(f"xpath=following::{_xpath(kind)}").first
 
     def middle(self) -> tuple[float, float]:
-        """The middle of the scene on the screen (pixels); from above the vehicle is there."""
+        """Return the middle of the scene on the screen (pixels); from above the vehicle is there."""
         box = self.page.locator("#scene").bounding_box()
         return box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
 
@@ -120,7 +120,7 @@ def _xpath(kind: str) -> str:
 
 @contextmanager
 def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[tuple[ViewPage, Observed, Program]]:
-    """A slave in the pool and a view of it in a browser: the page, what the vehicle says, and the slave.
+    """Provide a slave in the pool and a view of it in a browser: the page, what the vehicle says, and the slave.
 
     `script` is run in the page before its own.
     """

@@ -140,7 +140,7 @@ def _service(end: Stm32End, wire: _Line, now_ns: int) -> None:
 
 
 def first_difference(script: Script, c: list[Done], python: list[Done]) -> tuple[Step, Done, Done] | None:
-    """The first step at which the two part."""
+    """Return the first step at which the two part."""
     return next((rows for rows in zip(script.steps, c, python, strict=True) if rows[1] != rows[2]), None)
 
 
@@ -171,7 +171,7 @@ def pulses(chance: random.Random, channels: int) -> tuple[int, ...]:
 
 
 def damaged(chance: random.Random, packet: bytes) -> bytes:
-    """A packet after a bad line: a byte wrong, missing or doubled, or the end cut off."""
+    """Return a packet after a bad line: a byte wrong, missing or doubled, or the end cut off."""
     at = chance.randrange(len(packet))
     kinds = (
         packet[:at] + bytes([packet[at] ^ chance.randint(1, 255)]) + packet[at + 1 :],
@@ -212,7 +212,7 @@ def _noise(chance: random.Random, command: bytes) -> bytes:
 
 
 def sealed(beginning: bytes, chance: random.Random) -> bytes:
-    """A frame that begins so, as long as it says, and sound."""
+    """Return a frame that begins so, as long as it says, and sound."""
     import binascii
 
     body = (beginning + chance.randbytes(256))[: 4 + beginning[2]]
@@ -220,7 +220,7 @@ def sealed(beginning: bytes, chance: random.Random) -> bytes:
 
 
 def frame_script(seed: int, steps: int, noisy: bool) -> Script:
-    """A life on a line that carries our frame."""
+    """Return a random history of a line that carries our frame."""
     chance = random.Random(seed)
     channels = chance.randint(1, MAX_CHANNELS)
     watchdog_us = chance.choice((200_000, 200_000, 10_000, 1_000_000))

@@ -41,7 +41,7 @@ class Host:
         ]
 
     def pack(self, message: Any) -> bytes:
-        """The packet, with the sender's next number, or one a little off."""
+        """Return the packet, with the sender's next number, or one a little off."""
         chance = self._chance
         sender = self._senders[0] if chance.random() < 0.8 else chance.choice(self._senders)
         sender.signing.secret_key = b"k" * 32 if chance.random() < 0.05 else None
@@ -140,7 +140,7 @@ def mavlink_pieces(chance: random.Random) -> Iterator[bytes]:
 
 
 def mavlink_script(seed: int, steps: int) -> Script:
-    """A life on a line that carries MAVLink from the first instant on."""
+    """Return a random history of a line that carries MAVLink from the first instant on."""
     chance = random.Random(seed)
     channels = chance.randint(1, 16)
     hello = Host(random.Random(0)).pack(heartbeat())

@@ -35,7 +35,7 @@ def _command(chance: random.Random, controller: int) -> CanFrame:
 
 
 def vesc_script(seed: int, steps: int) -> Script:
-    """A life on a bus: time passes between frames, sometimes; and the firmware is served after each."""
+    """Return a random history of a bus: time may pass between frames, and the firmware is served after each."""
     chance = random.Random(seed)
     channels = chance.randint(1, 8)
     frames, now = vesc_frames(chance, channels), instants(chance)

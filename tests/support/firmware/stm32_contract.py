@@ -24,7 +24,7 @@ class Stm32Contract:
 
     kind: ClassVar[str]
     link: ClassVar[Link] = Link(watchdog=WATCHDOG_S)
-    tells_time_out: ClassVar[bool] = True  # VESC's status has no word for it
+    reports_time_out: ClassVar[bool] = True  # VESC's status has no word for it
     slack_s: ClassVar[float] = (
         0.15  # of processes that take turns, and of QEMU's clock, which runs behind when it is busy
     )
@@ -93,7 +93,7 @@ class Stm32Contract:
             neutral = next(t for t in self.listen(driver, PATIENCE_NS / NS_PER_S) if t.pwm_us == NEUTRAL)
             took_s = (now_ns() - silent - self.stall_ns) / NS_PER_S
             assert tuple(driver.pwm_us) == NEUTRAL
-            assert neutral.timed_out or not self.tells_time_out
+            assert neutral.timed_out or not self.reports_time_out
             self.command(driver, True, (1650,) * 6)  # and the next command ends it
             assert tuple(driver.pwm_us) == (1650,) * 6
             assert took_s < WATCHDOG_S + self.slack_s

@@ -46,7 +46,7 @@ class ControllerContract(ABC):
 
     @abstractmethod
     def make(self) -> Controller:
-        """A new one."""
+        """Return a new object."""
 
     @EACH
     @given(st.lists(inputs(ANY), min_size=1, max_size=4))

@@ -21,7 +21,7 @@ GID = b"a" * 16
 
 
 def twist(surge: float = 0.0, sway: float = 0.0, heave: float = 0.0, yaw_rate: float = 0.0) -> bytes:
-    """A message on cmd_vel."""
+    """Return a message on cmd_vel."""
     return ros.encode_twist((surge, sway, heave), (0.0, 0.0, yaw_rate))
 
 
@@ -38,7 +38,7 @@ class Bench:
         self._sequence = 0
 
     def tell(self, topic: str, payload: bytes, gid: bytes = GID) -> None:
-        """A message comes."""
+        """Deliver a message."""
         self._sequence += 1
         stamp = ros.pack_attachment(self._sequence, to_wall_ns(now_ns()), gid)
         self.command_receiver.on_message(topic, payload, stamp)
@@ -55,7 +55,7 @@ class Bench:
     def lead(self, seconds: float, say: Callable[[State], object]) -> OdometrySample:
         """Call `say` with the navigation's state ten times a second, until it gives True."""
         for step in range(round(400 * seconds)):
-            if step % 40 == 0 and self._hear(say):
+            if step % 40 == 0 and self._receive(say):
                 break
             sample: Any
             for topic, sample in self.simulation.step(self.pulses):
@@ -65,7 +65,7 @@ class Bench:
                 self.pulses = self.pilot.update(self.simulation.time_ns, 0.02)[0].pwm_us
         return self.simulation.truth()
 
-    def _hear(self, say: Callable[[State], object]) -> bool:
+    def _receive(self, say: Callable[[State], object]) -> bool:
         over = say(self.state) is True
         taken = self.command_receiver.take_latest()
         if taken:

@@ -4,7 +4,7 @@ from math import sqrt
 
 
 def four_vectored(surge: float, sway: float, yaw: float, lever: float) -> tuple[float, float, float, float]:
-    """The thrusts (N) of four horizontal thrusters at 90 degrees to each other, in closed form.
+    """Return the thrusts (N) of four horizontal thrusters at 90 degrees to each other, in closed form.
 
     This is the arrangement the reference platform decomposes in its eqs (12) and (13): one thruster at each corner,
     at 45 degrees to the axes, the four of them mirror images, each pushing forward with a positive thrust; in

@@ -35,7 +35,7 @@ class LevelFlight(NamedTuple):
 
 
 def top_speed(name: str) -> float:
-    """The surge (m/s) at which drag takes up all that the thrusters of a preset give."""
+    """Return the surge (m/s) at which drag takes up all that the thrusters of a preset give."""
     return top(load_vehicle(name)[0])[0].speed[0]
 
 

@@ -41,7 +41,7 @@ def mcast_pair() -> tuple[Wire, Wire]:
 
 
 def slcan_pair() -> tuple[Wire, Wire]:
-    """Two adapters on one bus, which ends when both are closed."""
+    """Return two adapters on one bus, which ends when both are closed."""
     bus = SlcanBus(2)
     device, host = (_AdapterWire(UartWire(path)) for path in bus.paths)
     until(lambda: all(output[-1:] == [b"O"] for output in bus.output))

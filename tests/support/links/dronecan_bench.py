@@ -30,13 +30,13 @@ def driver_class() -> Any:
         def __init__(self, wire: MemoryWire) -> None:
             super().__init__()
             self._wire = wire
-            self._heard: list[CanFrame] = []
+            self._received: list[CanFrame] = []
 
         def receive(self, _timeout: float | None = None) -> Any:
-            self._heard += frames(self._wire.read())
-            if not self._heard:
+            self._received += frames(self._wire.read())
+            if not self._received:
                 return None
-            frame = self._heard.pop(0)
+            frame = self._received.pop(0)
             return package.driver.common.CANFrame(frame.id, frame.data, frame.extended)
 
         def send_frame(self, frame: Any) -> None:

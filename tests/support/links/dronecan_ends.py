@@ -32,7 +32,7 @@ def report(pulses: tuple[int, ...] = PULSES, **changes: Any) -> ThrusterTelemetr
 
 
 def transfers(output: bytes, kind: DataType) -> list[Transfer]:
-    """The messages of a kind in some records."""
+    """Return the messages of a kind in some records."""
     receiver = Receiver(device().counters)
     receiver.kinds = {message_key(kind): kind}
     taken = [receiver.feed_frame(frame, 0) for frame in frames(output)]

@@ -28,7 +28,7 @@ class Clock:
 
 
 def instant_pair(opened: ExitStack, faults: Faults = Faults(), seed: int = 1) -> tuple[Wire, FaultyWire]:
-    """A wire that takes no time, its host's end with faults."""
+    """Return a wire that takes no time, its host's end with faults."""
     device, host = socket.socketpair()
     for end in (device, host):
         end.setblocking(False)

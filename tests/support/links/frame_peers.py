@@ -6,7 +6,7 @@ from typing import Any
 
 
 def crc_bit_by_bit(data: bytes, width: int, polynomial: int, register: int, reflected: bool, final_xor: int) -> int:
-    """A cyclic redundancy check from its definition: the register shifts left, reflection is done on the data."""
+    """Return a CRC by its definition: the register shifts left, reflection is done on the data."""
     for byte in data:
         for place in range(8):
             bit = byte >> (place if reflected else 7 - place) & 1

@@ -39,12 +39,12 @@ EVERY_BYTE = bytes(range(256))
 
 
 def uuv_hil() -> Protocol:
-    """One end's protocol, speaking our own frame."""
+    """Return one end's protocol, speaking our own frame."""
     return open_protocol("frame", "host", MAX_THRUSTERS)
 
 
 def command(sequence: int, channels: int = 6) -> ThrusterCommand:
-    """An armed command that no other sequence number gives."""
+    """Return an armed command that no other sequence number gives."""
     return ThrusterCommand(sequence, True, tuple(1100 + (sequence * 7 + i) % 800 for i in range(channels)))
 
 
@@ -85,7 +85,7 @@ def wait_readable(wire: Wire, seconds: float = PATIENCE_S) -> bool:
 
 
 def read_bytes(wire: Wire, count: int, patience_s: float = PATIENCE_S) -> bytes:
-    """The next `count` bytes, or as many as come in time."""
+    """Return the next `count` bytes, or as many as come in time."""
     data = b""
     while len(data) < count and wait_readable(wire, patience_s):
         data += wire.read()
@@ -93,7 +93,7 @@ def read_bytes(wire: Wire, count: int, patience_s: float = PATIENCE_S) -> bytes:
 
 
 def read_messages(link: ThrusterLink, count: int) -> list[Message]:
-    """The next `count` messages, or as many as come in time."""
+    """Return the next `count` messages, or as many as come in time."""
     messages: list[Message] = []
     while len(messages) < count and wait_readable(link.wire):
         messages += link.receive()
@@ -101,7 +101,7 @@ def read_messages(link: ThrusterLink, count: int) -> list[Message]:
 
 
 def await_answer(driver: ThrusterDriver, sequence: int) -> list[ThrusterTelemetry]:
-    """The reports that echo the command with this number, once there is one; [] if none comes in time."""
+    """Return the reports that echo the command with this number, once there is one; [] if none comes in time."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         found = [report for report in driver.service(now_ns()) if report.sequence == sequence]
@@ -226,7 +226,7 @@ class LinkContract(WireContract):
     injected = False  # a test that damages bytes says so
 
     def protocol_of(self, role: Role, channels: int) -> Protocol:
-        """One end's protocol."""
+        """Return one end's protocol."""
         return open_protocol(self.protocol, role, channels, **self.settings)
 
     @contextmanager

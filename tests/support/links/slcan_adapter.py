@@ -28,7 +28,7 @@ class SlcanBus:
         self._thread.start()
 
     def leave(self) -> None:
-        """One user less; the last one closes it. More often than there are users is harmless."""
+        """Leave the adapter; the last user closes it. More calls than users are harmless."""
         self._users -= 1
         if self._users == 0:
             self.close()

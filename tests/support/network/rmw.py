@@ -74,7 +74,7 @@ class Context:
         node = graph.Entity("NN", f"/{name}", zid, 0, 0)
         self._kept: list[Any] = [
             self._session.liveliness().declare_token(graph.token(node)),
-            self._session.declare_subscriber("0/**", zenoh.handlers.Callback(self._hear, indirect=False)),
+            self._session.declare_subscriber("0/**", zenoh.handlers.Callback(self._receive, indirect=False)),
             self._session.liveliness().declare_subscriber(
                 graph.ALL, zenoh.handlers.Callback(self._meet, indirect=False), history=True
             ),
@@ -94,7 +94,7 @@ class Context:
             attachment=ros.pack_attachment(1, 0, bytes(16)),
         )
 
-    def _hear(self, sample: zenoh.Sample) -> None:
+    def _receive(self, sample: zenoh.Sample) -> None:
         self.received.add("/" + "/".join(str(sample.key_expr).split("/")[1:-2]))
 
     def _meet(self, sample: zenoh.Sample) -> None:

@@ -57,7 +57,7 @@ class Vehicle:
         return float(self.client.latest["ground_truth"].value.position[2])
 
     def stm32(self) -> list[int]:
-        """The processes of the slave that are not ArduSub."""
+        """Return the processes of the slave that are not ArduSub."""
         pids = children_of(self.slave.process.pid)
         return [pid for pid in pids if psutil.Process(pid).exe() != os.path.realpath(PROGRAM)]
 
@@ -78,7 +78,7 @@ class Vehicle:
             yield 0.1
 
     def settles(self) -> Callable[[], bool]:
-        """A condition that comes true when the depth has moved by less than 5 cm in 5 s."""
+        """Return a condition that comes true when the depth has moved by less than 5 cm in 5 s."""
         noted = [(time.monotonic(), self.depth)]
 
         def holds() -> bool:

@@ -75,7 +75,7 @@ of_each = pytest.mark.parametrize("case", CASES, ids=[case.words[0] for case in 
 
 
 def of_folder(folder: Path) -> list[int]:
-    """The processes that have it for temporary files, as a benchmark's have from it."""
+    """Return the processes that have it for temporary files, as a benchmark's have from it."""
     own = ((process.pid, process.info["environ"] or {}) for process in psutil.process_iter(["environ"]))
     return [pid for pid, variables in own if variables.get("TMPDIR", "").startswith(str(folder))]
 
@@ -131,7 +131,7 @@ def _nothing_left(tmp_path: Path) -> Iterator[None]:
 def test_what_was_measured_before_ctrl_c_is_kept(case: Case, tmp_path: Path) -> None:
     attempts = count()
 
-    def is_kept() -> None:
+    def is_stored() -> None:
         number = next(attempts)
         file, png = tmp_path / f"found-{number}.json", tmp_path / f"found-{number}.png"
         picture = ["--plot", str(png)] if case.pictured else []
@@ -146,7 +146,7 @@ def test_what_was_measured_before_ctrl_c_is_kept(case: Case, tmp_path: Path) -> 
             assert not any(name.startswith(case.missing) for name in names)
         assert png.exists() == case.pictured
 
-    retry_when_busy(is_kept, TOO_LATE)
+    retry_when_busy(is_stored, TOO_LATE)
 
 
 @of_each

@@ -162,7 +162,7 @@ def test_what_is_missing_by_the_nominal_rate() -> None:
 
 
 def looks_of(hours: float, grows_private: float = 0.0, swings: float = 0.0) -> list[Observation]:
-    """A look every minute; MiB an hour of private growth, MiB by which the shared part swings."""
+    """Return observations a minute apart: private memory grows by MiB an hour, shared memory swings by MiB."""
     random, count = Random(2), round(hours * 60)
     return [
         Observation(60.0 * i, 15.0 + swings * (i * 2 > count), 11.0 + grows_private * i / 60 + random.gauss(0.0, 0.05),

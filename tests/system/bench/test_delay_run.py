@@ -311,7 +311,7 @@ def test_the_picture_says_what_it_is_of(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def keep_figure(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The figures that are drawn from now on."""
+    """Return the figures that are drawn from now on."""
     from matplotlib.figure import Figure
 
     seen = []

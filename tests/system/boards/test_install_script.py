@@ -48,7 +48,7 @@ def asked_for(request: pytest.FixtureRequest) -> None:
 
 
 def booted_with_wheels() -> Booted:
-    """The board, booted, with the project's wheels and those it needs in `site/wheels`."""
+    """Return the board, booted, with the project's wheels and those it needs in `site/wheels`."""
     with held_board() as board:
         wheels = Path(board.site) / "wheels"
         pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]

@@ -21,7 +21,7 @@ from tools.virtual_board.system import Booted, emulator
 
 
 def documented() -> list[list[str]]:
-    """The words of each example in the tool's help, as a shell takes them apart."""
+    """Return the words of each example in the tool's help, as a shell takes them apart."""
     start = "    python -m tools.virtual_board "
     lines = [line.removeprefix(start) for line in (tool.__doc__ or "").splitlines() if line.startswith(start)]
     shells = [["sh", "-c", f"printf '%s\\n' {line}"] for line in lines]

@@ -147,7 +147,7 @@ systemctl stop user@1000
 
 
 def last_of(booted: Booted) -> str:
-    """The newest lines of what the job printed: where it stands."""
+    """Return the newest lines of what the job printed: where it stands."""
     return "\n".join(booted.output.splitlines()[-30:])
 
 

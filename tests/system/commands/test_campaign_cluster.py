@@ -49,7 +49,7 @@ class Ahead(Planner):
 
 
 def write_own(folder: Path, module: str, speed: float = 0.3, absolute: bool = False) -> Path:
-    """A scenario whose vehicle, world, seabed and planner are the user's own; its file."""
+    """Return a scenario whose vehicle, world, seabed and planner are the user's own; its file."""
     (folder / "water").mkdir(parents=True)
     (folder / "code").mkdir()
     shutil.copy(f"{preset_folder('sim/vehicles')}/paper_six.toml", folder / "mine.toml")
@@ -82,7 +82,7 @@ def plain_imports(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @contextmanager
 def importing(folder: Path) -> Iterator[None]:
-    """The user's machine: the planner's folder is on its path."""
+    """Provide the user's machine: the planner's folder is on its path."""
     sys.path.insert(0, str(folder / "code"))
     yield
     sys.path.remove(str(folder / "code"))
@@ -220,7 +220,7 @@ def test_without_the_package_the_extra_is_named(engine: str, tmp_path: Path) -> 
 
 
 def campaign(folder: Path, scenario: Path, engine: str, environment: dict[str, str]) -> list[dict[str, str]]:
-    """The rows of two parameter sets with two seeds, by two workers."""
+    """Return the rows of two parameter sets with two seeds, by two workers."""
     output = folder / f"{engine}.csv"
     arguments = [scenario, "--seeds", "2", "--vary", "master.speed=0.4,0.8", "--jobs", "2", "--backend", engine]
     code = {"PYTHONPATH": os.pathsep.join([str(scenario.parent / "code"), str(ROOT)])}
@@ -253,7 +253,7 @@ def test_two_workers_of_each_engine_give_the_rows_of_joblib(engine: str, tmp_pat
 
 @contextmanager
 def dask_cluster(folder: Path) -> Iterator[str]:
-    """A scheduler and two workers of one thread each, which know nothing of the user; its address."""
+    """Provide a scheduler and two workers of one thread each, which know nothing of the user; its address."""
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
     roles = [["scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]]

@@ -137,7 +137,7 @@ end
 
 @contextmanager
 def serve(folder: Path, preset: str) -> Iterator[tuple[Fleet, JsonGateway]]:
-    """A slave of a preset, and a gateway to it."""
+    """Provide a slave of a preset, and a gateway to it."""
     port = free_port()
     scenario = folder / "scenario.toml"
     scenario.write_text((PRESETS / preset).read_text() + f'[slave]\nlisten = "tcp/127.0.0.1:{port}"\n')

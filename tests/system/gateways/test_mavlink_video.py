@@ -30,7 +30,7 @@ a=rtpmap:96 H264/90000
 
 
 def picture() -> bytes:
-    """Half red, half blue."""
+    """Return a picture that is half red and half blue."""
     image = Image.new("RGB", SIZE, LEFT)
     image.paste(RIGHT, (SIZE[0] // 2, 0, *SIZE))
     written = io.BytesIO()
@@ -55,7 +55,7 @@ def camera(show: Callable[[bytes], None]) -> Iterator[None]:
 
 
 def frames(folder: Path, *source: str) -> list[Image.Image]:
-    """The first five pictures that ffmpeg decodes."""
+    """Return the first five pictures that ffmpeg decodes."""
     subprocess.run(
         ["ffmpeg", "-hide_banner", "-loglevel", "error", *source, "-frames:v", "5", str(folder / "%d.png")],
         check=True, timeout=PATIENCE_S,

@@ -19,7 +19,7 @@ BASE_S = 0.005
 
 
 def open_tun(space: str, number: int) -> int:
-    """The packets of a device with the address 10.79.0.`number` in a namespace."""
+    """Return the packets of a device with the address 10.79.0.`number` in a namespace."""
     descriptor = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
     name = f"bad{os.getpid() % 100000}n{number}"
     fcntl.ioctl(descriptor, TUNSETIFF, struct.pack("16sH", name.encode(), IFF_TUN | IFF_NO_PI))

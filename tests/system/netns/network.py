@@ -14,7 +14,7 @@ _made = 0
 
 
 def _port(machine: str) -> str:
-    """The device at the switch that a machine is plugged into."""
+    """Return the device at the switch that a machine is plugged into."""
     return f"to-{machine}"
 
 
@@ -97,7 +97,7 @@ class Network:
             subprocess.run(["tc", "-n", space, "qdisc", "add", "dev", device, *shape], check=True, capture_output=True)
 
     def space(self, machine: str) -> str:
-        """The name of its network namespace."""
+        """Return the name of its network namespace."""
         return f"{self._prefix}-{machine}"
 
 
@@ -112,7 +112,7 @@ class Lines:
         self._reader.start()
 
     def first(self, words: str, after: float, within: float) -> float:
-        """Seconds from `after` until a line with `words` was seen; fails when there is none within the time."""
+        """Return seconds from `after` until a line with `words` was seen; fails when there is none within the time."""
         while time.monotonic() < after + within + 1.0:
             found = [at for at, line in self.seen if words in line and at >= after]
             if found:
@@ -121,7 +121,7 @@ class Lines:
         raise AssertionError(f"no {words!r} within {within} s in {self.seen}")
 
     def close(self) -> None:
-        """The process has ended."""
+        """Clean up after the process has ended."""
         self.file.close()
         self._reader.join()
 

@@ -56,11 +56,11 @@ class Run:
         if routed:
             self.start_router()
         self.start_slave()
-        self.master_said = self.listen("master")
+        self.master_output = self.listen("master")
         script = "tests/system/netns/commander.py"
         arguments = (script, self.scenario, self.endpoint, self.ending)
-        self.master = network.start("master", *arguments, output=self.master_said.file)
-        self.master_said.first("commanding", time.monotonic(), 60)
+        self.master = network.start("master", *arguments, output=self.master_output.file)
+        self.master_output.first("commanding", time.monotonic(), 60)
         time.sleep(1.0)
 
     def listen(self, who: str) -> Lines:
@@ -72,9 +72,9 @@ class Run:
             reported.close()
 
     def start_slave(self) -> None:
-        self.slave_said = self.listen("slave")
+        self.slave_output = self.listen("slave")
         arguments = ("-m", "hil.cli", "slave", self.scenario)
-        self.slave = self.network.start("slave", *arguments, output=self.slave_said.file)
+        self.slave = self.network.start("slave", *arguments, output=self.slave_output.file)
 
     def start_router(self) -> None:
         arguments = ("-m", "hil.cli", "router", "--scenario", self.scenario, "--listen", f"tcp/0.0.0.0:{PORT}")
@@ -84,24 +84,24 @@ class Run:
         fault.begin(self)
         began = time.monotonic()
         slave_there = fault.slave_sees
-        slave_saw = self.slave_said.first("is gone, which commanded", began, 2) if slave_there else 0.0
-        deadman = self.slave_said.first("deadman", began, 2) if slave_there else 0.0
-        master_saw = self.master_said.first("is gone;", began, 2) if fault.master_sees else 0.0
+        slave_saw = self.slave_output.first("is gone, which commanded", began, 2) if slave_there else 0.0
+        deadman = self.slave_output.first("deadman", began, 2) if slave_there else 0.0
+        master_saw = self.master_output.first("is gone;", began, 2) if fault.master_sees else 0.0
         time.sleep(max(began + fault.seconds - time.monotonic(), 0))
         ended = time.monotonic()
         fault.end(self)
         if fault.restarts:
-            self.slave_said.first("ready", ended, 60)
+            self.slave_output.first("ready", ended, 60)
             ended = time.monotonic()
         after_fault = ended - began
         master_back = (
-            self.master_said.first("is back", began, after_fault + 5) - after_fault if fault.master_sees else 0.0
+            self.master_output.first("is back", began, after_fault + 5) - after_fault if fault.master_sees else 0.0
         )
         time.sleep(1.0)
         self.ending.write_text("end")
         self.master.wait(60)
         time.sleep(0.05)
-        figures: dict[str, Any] = json.loads(self.master_said.seen[-1][1])
+        figures: dict[str, Any] = json.loads(self.master_output.seen[-1][1])
         back = min(at for at in figures["came"] if at > ended) - ended
         return Outcome(
             master_saw, slave_saw, deadman, back, master_back, figures["delays_ms"], Diagnostics(figures["diagnostics"])
@@ -149,7 +149,7 @@ FAULTS = {
 
 
 def suffer(name: str, folder: Path) -> Outcome:
-    """One fault in a network of its own."""
+    """Return one fault in a network of its own."""
     fault = FAULTS[name]
     machines = ("slave", "master", "router") if fault.routed else ("slave", "master")
     with Network(*machines) as network, closing(Run(network, folder / name, fault.routed)) as run:

@@ -32,7 +32,7 @@ SERVICES = {
         "rcl_interfaces/Parameter[] parameters\n---\nrcl_interfaces/SetParametersResult[] results\n"
     ),
 }
-HEARD = {
+RECEIVED = {
     "/uuv1/imu": "sensor_msgs/msg/Imu",
     "/uuv1/pressure": "sensor_msgs/msg/FluidPressure",
     "/uuv1/ground_truth": "nav_msgs/msg/Odometry",
@@ -70,7 +70,7 @@ class Peer:
         self.newest: dict[str, Any] = {}
         self.counts: dict[str, int] = {}
         self._came = threading.Condition()
-        self._kept = [self._subscribe(topic, name) for topic, name in HEARD.items()]
+        self._kept = [self._subscribe(topic, name) for topic, name in RECEIVED.items()]
 
     def _subscribe(self, topic: str, name: str, **options: Any) -> Any:
         return self._sdk.ROS2Subscriber(topic, name, lambda m: self._take(topic, m), router_port=self._port, **options)
@@ -123,7 +123,7 @@ class Peer:
         return [response.success, response.message]
 
     def parameters(self) -> dict[str, Any]:
-        """All names, what comes of a good value and a bad one, and what is read then."""
+        """Return all names, what comes of a good value and a bad one, and what is read then."""
         listed = self._client("list_parameters", "rcl_interfaces/srv/ListParameters").call(prefixes=[], depth=0)
         name = "failures.rear_left"
         done = [self._set(name, text) for text in ("kind = efficiency, efficiency = 0.5", "kind = of")]
@@ -150,7 +150,7 @@ def main() -> None:
     port, folder = int(sys.argv[1]), sys.argv[2]
     write_definitions(folder)
     peer = Peer(port, folder)
-    peer.wait(set(HEARD), 60.0)
+    peer.wait(set(RECEIVED), 60.0)
     imu, pressure = peer.newest["/uuv1/imu"], peer.newest["/uuv1/pressure"]
     found = peer.graph() | {
         "heard": peer.counts,

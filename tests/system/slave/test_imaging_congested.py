@@ -34,7 +34,7 @@ def client(tmp_path: Path) -> Iterator[VehicleClient]:
 
 
 def p90_s(client: VehicleClient) -> float:
-    """The delay that nine in ten of the next commands do not exceed."""
+    """Return the delay that nine in ten of the next commands do not exceed."""
     before = len(client.delays)
     while len(client.delays) < before + COMMANDS:
         client.command(VelocityCommand(surge=0.1))

@@ -37,7 +37,7 @@ class TestPythonMavlink(Stm32Contract):
 class TestPythonVesc(Stm32Contract):
     kind = "python"
     link = VESC
-    tells_time_out = False
+    reports_time_out = False
 
 
 class TestPythonDroneCan(Stm32Contract):
@@ -61,7 +61,7 @@ class TestUnicornMavlink(Stm32Contract):
 class TestUnicornVesc(Stm32Contract):
     kind = "unicorn"
     link = VESC
-    tells_time_out = False
+    reports_time_out = False
 
 
 @needs_cc

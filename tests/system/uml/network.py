@@ -14,7 +14,7 @@ def ip(words: str) -> None:
 
 @contextmanager
 def interface(name: str, kind: str) -> Iterator[None]:
-    """An interface that is up, as `ip link add` takes it: "vcan", or "vxcan peer name b"."""
+    """Provide an interface that is up, as `ip link add` takes it: "vcan", or "vxcan peer name b"."""
     ip(f"link add {name} type {kind}")
     try:
         ip(f"link set {name} up")

@@ -81,7 +81,7 @@ def most_of_a_core(place: Confinement, expected: float) -> float:
 
 
 def end_of_one_that_takes(mib: int, place: Confinement) -> int:
-    """The exit code of a process that writes to so much memory."""
+    """Return the exit code of a process that writes to so much memory."""
     return subprocess.run(place.command([sys.executable, "-c", f"bytearray(b'x') * ({mib} << 20)"])).returncode
 
 
@@ -132,7 +132,7 @@ def test_nothing_is_left_when_it_is_left() -> None:
 
 
 def members(group: Path) -> set[int]:
-    """The processes in a group."""
+    """Return the processes in a group."""
     return set(map(int, (group / "cgroup.procs").read_text().split()))
 
 

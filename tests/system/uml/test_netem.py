@@ -83,14 +83,14 @@ def open_bench(kind: str) -> Bench:
 
 @contextmanager
 def benched(kind: str = "udp") -> Iterator[Bench]:
-    """A bench that is closed whatever happens: the next attempt needs its port."""
+    """Provide a bench that is closed whatever happens: the next attempt needs its port."""
     made = open_bench(kind)
     with closing(made.host), closing(made.end.link):
         yield made
 
 
 def on_a_bench(judge: Callable[[Bench], None]) -> Callable[[], None]:
-    """The test that judges a bench, and another one where this machine was late."""
+    """Return the test that judges a bench, and another one where this machine was late."""
 
     def test() -> None:
         def attempt() -> None:

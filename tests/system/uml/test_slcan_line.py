@@ -53,7 +53,7 @@ class LineWire(SocketCanWire):
 
 
 def port() -> tuple[Wire, LineWire]:
-    """An adapter's side of a serial port, and the interface on the other."""
+    """Return an adapter's side of a serial port, and the interface on the other."""
     master, terminal = os.openpty()
     os.set_blocking(master, False)
     return DescriptorWire(master, "adapter"), LineWire(terminal)

@@ -86,7 +86,7 @@ def test_a_recording_plays_pauses_and_goes_where_its_slider_is(tmp_path: Path) -
 
 
 def seconds_shown(page: ViewPage) -> float:
-    """The time that the panel of time shows."""
+    """Return the time that the panel of time shows."""
     return float(page.text_of("seconds"))
 
 

@@ -17,7 +17,7 @@ pytest.importorskip("viser", reason="the live view needs the extra view")
 
 @contextmanager
 def viewed(folder: Path, *options: str) -> Iterator[tuple[str, str, Program]]:
-    """A slave and a view of it: the view's address, its token, and its program."""
+    """Provide a slave and a view of it: the view's address, its token, and its program."""
     scenario, _ = write_scenario(folder)
     words = ("view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser", *options)
     with Program(folder, "slave", scenario), Program(folder, *words) as view:

@@ -15,7 +15,7 @@ Vector = tuple[float, float, float]
 
 
 def column(position: Vector, axis: Vector) -> list[float]:
-    """The wrench of 1 N along `axis` at `position`."""
+    """Return the wrench of 1 N along `axis` at `position`."""
     (x, y, z), (a, b, c) = position, axis
     return [a, b, c, y * c - z * b, z * a - x * c, x * b - y * a]
 

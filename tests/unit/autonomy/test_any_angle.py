@@ -24,7 +24,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def random_grid(seed: int) -> tuple[OccupancyGrid, list[tuple[int, int]]]:
-    """A few cells grown to blobs, and two free cells."""
+    """Return a few cells grown to blobs, and two free cells."""
     generator = np.random.default_rng(seed)
     grid = OccupancyGrid(generator.random(generator.integers(5, 22, 2)) < 0.06, 0.5, (2.0, -9.0))
     grown = grid.inflate(float(generator.choice([0.0, 0.5, 0.8])))

@@ -34,7 +34,7 @@ def late(moments: list[Moment]) -> list[Moment]:
 
 
 def error(moments: list[Moment], wanted: float) -> float:
-    """The mean error of surge over the last third."""
+    """Return the mean error of surge over the last third."""
     return fmean(moment.nu[0] for moment in late(moments)) - wanted
 
 

@@ -17,7 +17,7 @@ DEGREE = math.pi / 180.0
 
 
 def echo(bearing: float, distance: float) -> Scan:
-    """One echo in a scan all round, a beam each degree, `bearing` in degrees from the bow."""
+    """Return one echo in a scan all round, a beam each degree, `bearing` in degrees from the bow."""
     return echoes({bearing: distance})
 
 
@@ -29,7 +29,7 @@ def echoes(where: dict[float, float]) -> Scan:
 
 
 def blocked(vfh: Vfh) -> list[int]:
-    """The blocked sectors in degrees from north."""
+    """Return the blocked sectors in degrees from north."""
     return [10 * sector for sector, state in enumerate(vfh.blocked) if state]
 
 

@@ -20,7 +20,7 @@ def values(middle: float, seed: int, count: int = 30, scatter: float = 0.1) -> l
 
 
 def starts(values: list[float], unit: str = "ms", better: Better = "lower") -> Figure:
-    """A value a start."""
+    """Return a value a start."""
     return Figure(values, unit, better, (1,) * len(values))
 
 

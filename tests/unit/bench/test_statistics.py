@@ -89,7 +89,7 @@ def test_more_values_narrow_the_interval() -> None:
 
 
 def wander(generator: random.Random, count: int, alike: float) -> list[float]:
-    """A first-order autoregressive series (AR(1)) around 20."""
+    """Return a first-order autoregressive series (AR(1)) around 20."""
     at, found = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - alike**2), []
     for _ in range(count):
         at = alike * at + generator.gauss(0.0, 1.0)

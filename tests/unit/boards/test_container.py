@@ -18,7 +18,7 @@ SERVICES: dict[str, dict[str, Any]] = YAML(typ="safe").load(FOLDER / "compose.ya
 
 
 def read(service: str) -> tuple[str, argparse.Namespace]:
-    """The command's name, and its options as its own parser reads them; it ends the test at a wrong word."""
+    """Return the command's name, and its options as its own parser reads them; it ends the test at a wrong word."""
     name, *words = shlex.split(SERVICES[service]["command"])
     return name, find_parser(COMMANDS[name][0]).parse_args(words)
 

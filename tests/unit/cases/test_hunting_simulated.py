@@ -83,19 +83,19 @@ def test_the_ends_of_the_line_do_not_hear_each_other() -> None:
 def test_what_is_said_out_of_range_changes_nothing() -> None:
     """To the bit, whether the far end of the line is drowned out or heard; what the next one says changes a lot."""
     tracks = {}
-    for unheard in ("", "uuv4", "uuv2"):
+    for unreceived in ("", "uuv4", "uuv2"):
         simulated, watch = hunt("line")
         first = simulated.planners[0]
         first._awaited.clear()
         receive = first.on_report
 
-        def receive_some(node: str, *rest: Any, receive: Any = receive, deaf: str | None = unheard) -> None:
+        def receive_some(node: str, *rest: Any, receive: Any = receive, deaf: str | None = unreceived) -> None:
             if node != deaf:
                 receive(node, *rest)
 
         first.on_report = receive_some  # type: ignore[method-assign,assignment]
         run(simulated, 4.0)
-        tracks[unheard] = [row.positions[0] for row in watch.rows]
+        tracks[unreceived] = [row.positions[0] for row in watch.rows]
     assert tracks["uuv4"] == tracks[""]
     assert tracks["uuv2"] != tracks[""]
 

@@ -30,7 +30,7 @@ ROWS, COLUMNS, STEP = 61, 51, 1.0
 
 
 def mound(north: float, east: float) -> float:
-    """A hill of 10 m at (20, 32) in water 15 m deep, long to the east: no mirror image of it is the same."""
+    """Return a hill of 10 m at (20, 32) in water 15 m deep, long to the east: no mirror image of it is the same."""
     return 15.0 - 10.0 * float(np.exp(-(((north - 20.0) / 5.0) ** 2) - ((east - 32.0) / 9.0) ** 2))
 
 

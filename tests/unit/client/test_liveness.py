@@ -105,7 +105,7 @@ def run(
     monitor._send = sent.append
 
     def answer() -> None:
-        """The pings that were sent, while this process waits for the next."""
+        """Answer the pings that were sent, while this process waits for the next."""
         if sent and answers():
             sent.clear()
             monitor._received_ns = clock.now_ns()

@@ -45,7 +45,7 @@ UNCHANGED = {
 
 
 def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
-    """A parser and those of its subcommands."""
+    """Yield a parser and those of its subcommands."""
     yield parser
     for inner in subparsers(parser).values():
         yield from parsers(inner)
@@ -56,7 +56,7 @@ LEAVES = [parser for parser in ALL if not subparsers(parser)]
 
 
 def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
-    """The options of a parser by their long names."""
+    """Return the options of a parser by their long names."""
     return {action.option_strings[-1]: action for action in parser._actions if action.option_strings}
 
 

@@ -40,7 +40,7 @@ def has_range(annotation: Any) -> bool:
 
 
 def numbers(annotation: Any) -> Iterator[Range | None]:
-    """The range of each number in an annotation, None for one without."""
+    """Yield the range of each number in an annotation, None for one without."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         yield next((part for part in parts[1:] if isinstance(part, Range)), None)
@@ -79,7 +79,7 @@ def test_no_number_of_a_file_is_without_a_range(keys: list[tuple[type[Any], str]
 
 
 def filled(annotation: Any, value: Any) -> Any:
-    """A value of that kind whose every number is `value`."""
+    """Return a value of that kind whose every number is `value`."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is tuple:
         return [filled(parts[0], value)] * 3 if parts[-1] is Ellipsis else [filled(part, value) for part in parts]

@@ -54,7 +54,7 @@ def commands() -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def parser_of(module: str) -> Parser:
-    """The parser that a command reads its command line with, caught as it is about to."""
+    """Return the parser that a command reads its command line with, caught as it is about to."""
 
     def catch(self: Parser, *_: Any) -> None:
         raise CapturedError(self)
@@ -96,7 +96,7 @@ def test_every_option_is_a_text_a_choice_or_has_a_checked_type() -> None:
 
 
 def command_line(option: Option, value: str) -> list[str]:
-    """A command line with that option, and a word for everything that has to be there."""
+    """Return a command line with that option, and a word for everything that has to be there."""
     inner = option.parser
     required = [action for action in inner._actions if action.required and action is not option.action]
     words = [*option.words, f"{option.name}={value}"]
@@ -122,7 +122,7 @@ def test_a_number_is_in_its_range_or_a_line_with_exit_code_2(
 
 
 def check_numbers(option: Option, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each of VALUES for that option is taken in its range, or refused by its name."""
+    """Assert that each of VALUES for that option is accepted in its range, or refused by its name."""
     kind = option.action.type
     number = kind.item if isinstance(kind, List) else kind
     for value in VALUES:

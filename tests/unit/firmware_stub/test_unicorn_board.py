@@ -171,7 +171,7 @@ class Event(NamedTuple):
 
 
 def life(seed: int) -> Iterator[Event]:
-    """A host's life: commands of all kinds, damage, and silences that trip the watchdog."""
+    """Yield a random history of a host: commands of all kinds, damage, and pauses that trip the watchdog."""
     chance, at_ms, sequence = random.Random(seed), 3.5, 0
     for _ in range(60):
         at_ms += chance.choice((0, 5, 20, 20, 20, 30, 300)) * chance.uniform(0.9, 1.1)

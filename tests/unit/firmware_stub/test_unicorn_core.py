@@ -60,7 +60,7 @@ CLOBBER_FLOATS = thumb("092000ee100a07ee900a40f24000c2f20000c0f800e0c0f804d07047
 
 
 def board(main: bytes, **handlers: bytes) -> UnicornBoard:
-    """A board with that program; handlers are named svcall, pendsv, systick."""
+    """Return a board with that program; handlers are named svcall, pendsv, systick."""
     table = [STACK_TOP] + [CODE | 1] * 97
     code = (main + SPIN).ljust(0x100, b"\0")
     for name, handler in handlers.items():

@@ -40,7 +40,7 @@ class Bench:
             self.end.service(self.now_ns)
 
     def send(self, data: bytes) -> int:
-        """Bytes on the wire, taken at once; how many."""
+        """Send bytes to the wire at once; return their number."""
         self.host.wire.write(data)
         assert wait_readable(self.end.wire)
         return self.end.service(self.now_ns)

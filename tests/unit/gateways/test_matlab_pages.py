@@ -11,7 +11,7 @@ FUNCTION = re.compile(r"^    function (?:[^=\n]+ = )?(\w+)", re.MULTILINE)
 
 
 def public_methods(name: str) -> set[str]:
-    """Names of the methods of a class that others may call, its constructor left out."""
+    """Return names of the methods of a class that others may call, its constructor left out."""
     parts = [block for block in BLOCK.findall((PACKAGE / f"{name}.m").read_text()) if "private" not in block[:30]]
     return {method for part in parts for method in FUNCTION.findall(part)} - {name}
 

@@ -32,7 +32,7 @@ def bench_with(signing: SigningKey) -> Bench:
     return bench
 
 
-def is_heard(partner: Partner, packet: bytes) -> bool:
+def is_received(partner: Partner, packet: bytes) -> bool:
     return bool(partner.peer.unpack(packet))
 
 
@@ -43,14 +43,14 @@ def test_a_key_is_used_for_all_stored_and_used_again(tmp_path: Path) -> None:
     bench.partner.send(setup(KEY))
     plain, right = MavlinkStream(255, 190, Counters()), signed()
     for partner in (bench.partner, other):
-        assert not is_heard(partner, plain.pack(BEAT)), "an unsigned packet counts"
-        assert is_heard(partner, right.pack(BEAT))
-        assert not is_heard(partner, signed(bytes(32 * [7])).pack(BEAT)), "another key counts"
+        assert not is_received(partner, plain.pack(BEAT)), "an unsigned packet counts"
+        assert is_received(partner, right.pack(BEAT))
+        assert not is_received(partner, signed(bytes(32 * [7])).pack(BEAT)), "another key counts"
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert SigningKey(str(path)).secret == KEY
     for packet in bench.partner.peer.unpack(right.pack(setup(bytes(32)))):
         bench.dispatcher.handle(bench.partner.peer, packet, bench.now)
-    assert is_heard(other, plain.pack(BEAT)), "a key of zeros ends signing"
+    assert is_received(other, plain.pack(BEAT)), "a key of zeros ends signing"
     assert not path.exists()
     assert SigningKey(str(path)).secret == b""
 
@@ -74,7 +74,7 @@ def test_who_may_not_set_it_gets_the_reason(tmp_path: Path) -> None:
     bench.partner.send(setup(KEY))
     bench.run(0.1)
     assert "scenario" in bench.partner.texts()
-    assert is_heard(bench.partner, MavlinkStream(255, 190, Counters()).pack(BEAT))
+    assert is_received(bench.partner, MavlinkStream(255, 190, Counters()).pack(BEAT))
     assert not path.exists()
 
 

@@ -57,7 +57,7 @@ class TestDamage:
 
     def test_reorder_changes_places_with_the_next(self, opened: ExitStack) -> None:
         received, tally = struck(opened, Faults(reorder=0.1))
-        order = [int.from_bytes(heard_at[:2], "big") for heard_at in split(b"".join(received), 16)]
+        order = [int.from_bytes(received_at[:2], "big") for received_at in split(b"".join(received), 16)]
         swaps = [i for i in range(len(order) - 1) if order[i] == order[i + 1] + 1]
         assert tally.reordered - len(swaps) in (0, 1), "the very last one has no next"
         assert near_share(tally.reordered, 0.1 / 1.1, len(CHUNKS))

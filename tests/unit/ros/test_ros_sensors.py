@@ -48,7 +48,7 @@ def golden(type_name: str, index: int = 0) -> bytes:
 
 
 def theirs(type_name: str, time_ns: int, frame: str, **fields: Any) -> bytes:
-    """The bytes rosbags makes of a stamped message."""
+    """Return the bytes rosbags makes of a stamped message."""
     header = {"stamp": {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}, "frame_id": frame}
     return bytes(STORE.serialize_cdr(_build(STORE, type_name, {"header": header, **fields}), type_name))
 

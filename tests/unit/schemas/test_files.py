@@ -62,7 +62,7 @@ def test_fleets_have_members() -> None:
 
 
 def whole_blocks() -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """The whole files that pages show: where, of which kind, and what stands in them."""
+    """Yield the whole files that pages show: where, of which kind, and what stands in them."""
     marks = {"mass": "vehicle", "extent": "world", "architecture": "board", "byte_order": "frame", "world": "scenario"}
     for block in blocks("toml"):
         table = parse_toml(block.text)
@@ -134,7 +134,7 @@ def test_what_is_missing_is_refused(kind: str, tmp_path: Path) -> None:
 
 
 def _toml(table: dict[str, Any]) -> Iterator[str]:
-    """A table as TOML: everything inline, which is as good to a reader."""
+    """Yield a table as TOML: everything inline, which is as good to a reader."""
     for key, value in table.items():
         yield f"{key} = {_inline(value)}\n"
 

@@ -20,7 +20,7 @@ HEAVY, _ = load_vehicle("bluerov2_heavy_vonbenzon2022")
 
 
 def bare(matrix: list[float], **changes: Any) -> Vehicle:
-    """A weightless, frictionless body whose whole mass matrix is `matrix` (6 or 36 numbers)."""
+    """Return a weightless, frictionless body whose whole mass matrix is `matrix` (6 or 36 numbers)."""
     rigid = square([0.5] * 6, 6)
     added = [m - r for row in zip(square(matrix, 6), rigid, strict=True) for m, r in zip(*row, strict=True)]
     return HEAVY._replace(

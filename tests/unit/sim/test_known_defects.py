@@ -116,7 +116,7 @@ METRE, KILOGRAM, SECOND = 3.7, 0.21, 1.9  # of a metre, kilogram and second, in 
 
 
 def in_other_units(vehicle: Vehicle) -> Vehicle:
-    """The same vehicle with every number in those units."""
+    """Return the same vehicle with every number in those units."""
     area = METRE * METRE
     translation, turning = [KILOGRAM] * 3, [KILOGRAM * area] * 3
     per_time = [x / SECOND for x in translation + turning]

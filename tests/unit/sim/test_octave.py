@@ -19,7 +19,7 @@ HEAVY, _ = load_vehicle("bluerov2_heavy_vonbenzon2022")  # whose Munk moment is 
 
 
 def body(whole: list[list[float]], **changes: Any) -> Vehicle:
-    """A weightless body without drag whose whole mass matrix is `whole`."""
+    """Return a weightless body without drag whose whole mass matrix is `whole`."""
     rigid = square([0.01] * 6, 6)
     added = [m - r for row in zip(whole, rigid, strict=True) for m, r in zip(*row, strict=True)]
     return HEAVY._replace(

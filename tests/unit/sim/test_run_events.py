@@ -35,7 +35,7 @@ def monitor(tilt: float = pi / 3) -> RunMonitor:
 
 
 def dive(judge: RunMonitor, *depths: float, asked: float | None = None) -> list[RunEvent]:
-    """One look each 50 ms."""
+    """Return the events of a dive that is observed every 50 ms."""
     for number, depth in enumerate(depths):
         judge.observe(number * TICK, (1.0, 2.0, depth), LEVEL, asked)
     return list(judge.log.events())
@@ -116,7 +116,7 @@ def test_of_two_observers_the_first_is_believed() -> None:
 
 
 def sliding(**world: Any) -> Simulation:
-    """The paper's vehicle ahead, for 15 s, at a pile that it hits off its middle, and slides along."""
+    """Fly the paper's vehicle ahead for 15 s against a pile that it hits off its middle and slides along."""
     place = World("some", "made up", (-20.0, 20.0, -20.0, 20.0), 10.0)._replace(**world)
     simulation = Simulation(SIX, place, {}, position=(0.0, 0.0, 5.0))
     for _ in range(15 * 400):

@@ -67,13 +67,13 @@ COMMANDS = st.builds(
     st.booleans(),
     st.lists(st.integers(0, 3000), min_size=2, max_size=4).map(tuple),
 ).map(FRAME.encode)
-HEARD = st.one_of(
+RECEIVED = st.one_of(
     st.just(b""), COMMANDS, COMMANDS, st.lists(COMMANDS, max_size=5).map(b"".join), st.binary(max_size=40)
 )
 
 
 @EACH
-@given(st.lists(st.tuples(st.integers(0, 120_000), HEARD), min_size=1, max_size=30))
+@given(st.lists(st.tuples(st.integers(0, 120_000), RECEIVED), min_size=1, max_size=30))
 def test_the_same_of_any_hour(hour: list[tuple[int, bytes]]) -> None:
     """Commands sound, late, of too many thrusters, noise and silence, at instants of whole microseconds."""
     quick, end, plain, stub = ends()

@@ -70,7 +70,7 @@ def test_the_thrusters_have_what_the_newest_report_says() -> None:
 
 
 def make_loop(driver: ExternalDriver) -> tuple[Loop, list[str]]:
-    """A loop on that driver that only reads its link, and what it reports."""
+    """Return a loop on that driver that only reads its link, and what it reports."""
     nobody: Any = None
     lines: list[str] = []
     simulation = Simulation(load_vehicle("paper_six")[0], load_world("pool"))

@@ -31,7 +31,7 @@ class Watched(Bench):
         self.watch = RunWatch(self.simulation, self.driver, self.pilot, self.output.append)  # type: ignore[arg-type]
 
     def run(self, seconds: float, pulses: tuple[int, ...] = STILL) -> list[str]:
-        """The kinds of events so far."""
+        """Return the kinds of events so far."""
         for _ in range(round(400 * seconds)):
             self.simulation.step(pulses)
             if self.simulation.time_ns >= self.watch.due_ns:

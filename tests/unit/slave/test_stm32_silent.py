@@ -63,7 +63,7 @@ class Bed:
 
         assert wait_for(output), self.output
 
-    def hear(self, seconds: float) -> None:
+    def receive(self, seconds: float) -> None:
         self.bench.says = [ANSWER]
         self.look(seconds)
 
@@ -81,8 +81,8 @@ def test_silence_is_reported_once_and_its_end_too() -> None:
             bed.look(later)
         assert bed.output == [SILENT], began
         assert bed.driver.is_silent
-        bed.hear(6.0)
-        bed.hear(6.1)
+        bed.receive(6.0)
+        bed.receive(6.1)
         assert bed.output == [SILENT, "/dev/bench: the STM32 answers, after 6.0 s"]
         assert not bed.driver.is_silent
 
@@ -93,7 +93,7 @@ def test_who_was_asked_nothing_need_not_answer() -> None:
     bed = Bed()
     bed.look(5.0)
     bed.driver.send(COMMAND)
-    bed.hear(0.1)
+    bed.receive(0.1)
     bed.look(5.0)
     assert bed.output == []
 

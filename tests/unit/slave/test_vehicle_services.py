@@ -62,7 +62,7 @@ class RecordedServer:
         self.offered[name] = type_name, answer
 
     def call(self, name: str, request: Any = None) -> Any:
-        """The response, with request and response on the wire in between."""
+        """Return the response, with request and response on the wire in between."""
         type_name, answer = self.offered[name]
         request_type, response_type = f"{type_name}_Request", f"{type_name}_Response"
         asked = ros_message.decode(request_type, ros_message.encode(request_type, request or {}))
@@ -118,7 +118,7 @@ def vehicle() -> Iterator[Vehicle]:
 
 
 def pose(x: float, y: float, z: float, yaw: float = 0.0, **more: Any) -> dict[str, Any]:
-    """A request of set_pose, ENU."""
+    """Return a request of set_pose, ENU."""
     orientation = {"z": math.sin(yaw / 2), "w": math.cos(yaw / 2)}
     return {"state": {"pose": {"position": {"x": x, "y": y, "z": z}, "orientation": orientation}, **more}}
 

@@ -11,7 +11,7 @@ PERIOD = 50 * NS_PER_MS
 
 
 def drawings(samples: list[int], end: int) -> list[int]:
-    """The times (ns) of drawing when samples come at these times."""
+    """Return the times (ns) of drawing when samples come at these times."""
     pace, now, drawn, waiting = Pace(0), 0, list[int](), sorted(samples)
     while now < end:
         if pace.draws(now):

@@ -28,7 +28,7 @@ def vehicle() -> Any:
 
 
 def recording(monkeypatch: pytest.MonkeyPatch, samples: dict[str, Any]) -> RecordedSource:
-    """A recording of these samples as the slave encodes them."""
+    """Return a recording of these samples as the slave encodes them."""
     encoded = [pair for topic, sample in samples.items() for pair in ros.encoder(topic)(sample, "")]
     messages = [
         Message(f"/uuv1/{topic}", "", number, number, number, data) for number, (topic, data) in enumerate(encoded, 1)

@@ -86,7 +86,7 @@ class ParameterTable:
         self._load()
 
     def __getitem__(self, name: str) -> float:
-        """The value of a parameter of the gateway."""
+        """Return the value of a parameter of the gateway."""
         return self._values[name]
 
     def names(self) -> list[str]:

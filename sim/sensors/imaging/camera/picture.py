@@ -116,7 +116,7 @@ def _rays(model: CameraModel, focal: float, world: World, directions: NDArray[np
 
 
 def _rows(vectors: Floats, objects: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Three rows instead of three numbers a ray, 0 for nothing."""
+    """Return three rows instead of three numbers a ray, 0 for nothing."""
     rows = np.ascontiguousarray(vectors.reshape(-1, 3).T, np.float32)
     rows[:, objects == NOTHING] = 0.0
     return rows

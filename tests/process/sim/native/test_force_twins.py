@@ -58,7 +58,7 @@ def twins(
     integrator: Integrator = "verlet",
     depth: float = 4.0,
 ) -> tuple[Simulation, Simulation]:
-    """The same simulation in Python and in C."""
+    """Return the same simulation in Python and in C."""
     both = []
     for switch in "01":
         monkeypatch.setenv("UUV_HIL_NATIVE", switch)
@@ -143,7 +143,7 @@ class Tether:
         """Nothing changes."""
 
     def wrench(self, position: Sequence[float], rotation: Sequence[float], nu_r: Sequence[float]) -> Sequence[float]:
-        """A pull towards the start."""
+        """Return a pull towards the start."""
         return [-x for x in position] + [0.0] * 3
 
 

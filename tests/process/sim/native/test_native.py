@@ -51,7 +51,7 @@ def no_native(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def coupled() -> Vehicle:
-    """A vehicle whose matrices are all full, and which floats."""
+    """Return a vehicle whose matrices are all full, and which floats."""
     chance = random.Random(5)
     vehicle, _ = load_vehicle("bluerov2_heavy")
 
@@ -116,7 +116,7 @@ def nowhere(state: State) -> None:
 
 
 def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = nowhere) -> tuple[bytes, int]:
-    """All 19 numbers of each step as bytes, and in how many steps the hull stood partly out of the water."""
+    """Return all 19 numbers of each step as bytes, and in how many steps the hull stood partly out of the water."""
     state, chunks, crossing = path.state(), [], 0
     for wrench, current in path.inputs:
         keep(state)

@@ -50,7 +50,7 @@ def twins(
     sensors: SensorSet = SENSORS,
     failures: Sequence[Failure] = (),
 ) -> tuple[Simulation, Simulation]:
-    """The same simulation in Python and in C."""
+    """Return the same simulation in Python and in C."""
     both = []
     for native in "01":
         monkeypatch.setenv("UUV_HIL_NATIVE", native)

@@ -53,7 +53,7 @@ goal = [10, 0]
 
 
 def scenario(folder: Path, sections: str = "") -> Simulation:
-    """A vehicle with all sensors that have a section, in a bay with everything."""
+    """Return a vehicle with every sensor that has a section, in a bay with every kind of thing."""
     vehicle = (ROOT / "sim/vehicles/paper_six.toml").read_text().replace("time_constant = 0.05", "")
     (folder / "vehicle.toml").write_text(
         vehicle.replace("[every_thruster]", f'{BATTERY}\n[every_thruster]\ncurve = {{ kind = "t200" }}')

@@ -28,7 +28,7 @@ def failing(*failures: dict[str, Any], seed: int = 0, dt: float = DT) -> Thruste
 
 
 def ride(thrusters: ThrusterSet, pulses: list[int], thruster: int = 1) -> list[float]:
-    """The thrust of one thruster in each step; the others must not care."""
+    """Return the thrust of one thruster in each step; the others must not care."""
     thrusts = []
     for pulse in pulses:
         thrusters.step((pulse,) * 6)

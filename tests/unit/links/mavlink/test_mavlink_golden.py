@@ -27,7 +27,7 @@ FROM_DEVICE = {row["name"]: row for row in GOLDEN["from_device"]}
 
 
 def at_number(end: MavlinkEnd, row: dict[str, Any]) -> None:
-    """The end's next packet has the number of this row."""
+    """Give the end's next packet the number of this row."""
     end._stream._mavlink.seq = row["number"]
 
 

@@ -111,7 +111,7 @@ def test_a_longer_message_of_a_later_version_is_understood() -> None:
 
 
 def mutated(rng: random.Random, packet: bytes) -> bytes:
-    """The packet with bytes changed, cut out, doubled or put in; half the time its checksum is made to fit again."""
+    """Return the packet with bytes changed, removed, doubled or inserted; half of them with a correct checksum."""
     data = bytearray(packet)
     for _ in range(rng.randint(1, 4)):
         at = rng.randrange(len(data)) if data else 0
@@ -137,7 +137,7 @@ def mended(data: bytes) -> bytes:
 
 
 def every_message(rng: random.Random) -> bytes:
-    """A sound packet of any message of the dialect with any contents."""
+    """Return a sound packet of any message of the dialect with any contents."""
     number = rng.choice([number for number in dialect.mavlink_map if number >= 0])
     size = dialect.mavlink_map[number].unpacker.size
     header = bytes([0xFD, 0, 0, 0, rng.randrange(256), 1, 191]) + number.to_bytes(3, "little")

@@ -43,7 +43,7 @@ RATE_STEPS = {1000: 1_000_000, 100: 10_000_000, 10: 100_000_000}
 
 
 def gazebo_spread(mu: float, noise: float, dt: float) -> float:
-    """The sd that GaussMarkovProcess.cc of uuv_simulator and dave settles at, by its own recursion:
+    """Return the sd that GaussMarkovProcess.cc of uuv_simulator and dave settles at, by its own recursion:
 
     var = (1 - step mu) var + noise (uniform(0, 1) - 0.5).
     """

@@ -27,7 +27,7 @@ SIZES = (4.0, 2.0, 1.0)  # m forward, to the side, up
 
 
 def block(folder: Path, name: str = "block.stl", scale: float = 1.0) -> str:
-    """A block of SIZES with a mast of 1 m on its front left top corner, which no mirror image of it has."""
+    """Return a block of SIZES with a mast of 1 m on its front left top corner, which no mirror image of it has."""
     parts = [trimesh.creation.box(SIZES), trimesh.creation.box((0.2, 0.2, 1.0))]
     parts[1].apply_translation((1.9, 0.9, 1.0))
     whole: Any = trimesh.util.concatenate(parts)

@@ -16,7 +16,7 @@ DEPTHS = [3.0, 20.0, 4000.0]  # shallow, in between, deep
 
 
 def single(depth: float, period: float = 7.0) -> WaveField:
-    """A sea of one wave."""
+    """Return a sea of one wave."""
     return WaveField(Waves(0.5, period, components=1), depth, G, 1)
 
 

@@ -43,7 +43,7 @@ def resident_mb() -> float:
 
 
 def large(tmp_path: Path) -> World:
-    """A world of 100 million nodes, all 0 m deep, that takes no room on the disk."""
+    """Return a world of 100 million nodes, all 0 m deep, that takes no room on the disk."""
     (tmp_path / "large.toml").write_text(
         'name = "large"\nsource = ""\nextent = [-25000.0, 25000.0, -25000.0, 25000.0]\ndepth = 30.0\n'
         '[terrain]\nfile = "large.f32"\nnorth_min = -25000.0\neast_min = -25000.0\nresolution = 5.0\n'

@@ -17,7 +17,7 @@ def series(model: ErrorModel, rate: float, seconds: float, true: float = 0.0) ->
 
 
 def hector(rate: float, seconds: float) -> list[float]:
-    """The drift of hector_gazebo's sensor_model.h: its noise is scaled with dt where it should be sqrt(dt)."""
+    """Return the drift by hector_gazebo's sensor_model.h, which scales noise with dt instead of sqrt(dt)."""
     random, dt, frequency, drift, values = Random(7), 1.0 / rate, 1.0 / TAU, 0.0, []
     for _ in range(round(seconds * rate)):
         drift = exp(-dt * frequency) * drift + dt * random.gauss(0.0, sqrt(2.0 * frequency) * SD)

@@ -16,7 +16,7 @@ LEVEL = rotations.matrix((1.0, 0.0, 0.0, 0.0))
 
 
 def float_(**changes: object) -> Vehicle:
-    """A frictionless box that floats half out of the water, its two centres in the origin."""
+    """Return a frictionless box that floats half out of the water, its two centres in the origin."""
     calm = PLAIN._replace(
         mass=9.7, volume=0.0194, neutrally_buoyant=False, center_of_buoyancy=(0.0, 0.0, 0.0),
         linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6,

@@ -66,7 +66,7 @@ def test_terminal_speed_solves_its_equation() -> None:
 
 
 def settled(vehicle: Vehicle, axis: int, wrench: Callable[[], Sequence[float]]) -> float:
-    """The speed after 6 s under this wrench; the vehicle must not have left the axis."""
+    """Return the speed after 6 s under this wrench; the vehicle must not have left the axis."""
     dynamics, state = Dynamics(vehicle, 1000.0, 9.80665, "rk4"), State((0.0, 0.0, 1e4))
     for _ in range(300):
         dynamics.step(state, wrench(), (0.0, 0.0, 0.0), 0.02)
@@ -75,7 +75,7 @@ def settled(vehicle: Vehicle, axis: int, wrench: Callable[[], Sequence[float]]) 
 
 
 def shares(vehicle: Vehicle, axis: int, force: float) -> list[float]:
-    """The thrusts that the vehicle's own computer would choose."""
+    """Return the thrusts that the vehicle's own computer would choose."""
     forward, reverse = zip(*((t.max_forward, t.max_reverse) for t in vehicle.thrusters), strict=True)
     wrench = [0.0] * 6
     wrench[axis] = force

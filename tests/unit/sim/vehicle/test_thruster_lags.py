@@ -18,7 +18,7 @@ PI = {"kind": "rotor_pi", "inertia": 1e-3, "kp": 0.02, "ki": 0.5, "load": 5e-6, 
 
 
 def run(dynamics: dict[str, Any], dt: float, pulses: list[tuple[int, float]]) -> list[float]:
-    """The rotor's speed (rad/s) after each of these (pulse, seconds), one after the other."""
+    """Return the rotor's speed (rad/s) after each of these (pulse, seconds), one after the other."""
     thruster = with_models(PLAIN, {"dynamics": dynamics}, "test.toml")
     thrusters = make_thrusters(PAPER._replace(thrusters=(thruster,)), dt)
     speeds = []

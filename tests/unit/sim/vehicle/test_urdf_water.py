@@ -15,7 +15,7 @@ START, END = HYDRA.index("<hydrodynamic_model>"), HYDRA.index("</hydrodynamic_mo
 
 
 def imported(model: str = "", more: str = "", **extra: Any) -> Imported:
-    """The vehicle of the vectors with another hydrodynamic model, and with more in its robot."""
+    """Return the vehicle of the vectors with another hydrodynamic model, and with more in its robot."""
     text = HYDRA[:START] + f"<hydrodynamic_model>{model}" + HYDRA[END:] if model else HYDRA
     text = text.replace("</robot>", f"{more}</robot>")
     return read_robot(read_xml("hydra.urdf", text.encode()), "hydra.urdf", extra)

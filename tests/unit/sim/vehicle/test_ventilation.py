@@ -35,7 +35,7 @@ def test_the_share_is_that_of_the_source() -> None:
 
 
 def pushed(depth: float, roll: float = 0.0, world: World = SEA) -> tuple[list[float], Sequence[float]]:
-    """The thrusts of bluerov2_heavy and their wrench a moment after full ahead was ordered, held at `depth` m."""
+    """Return thrusts and wrench of bluerov2_heavy soon after a command of full ahead, held at `depth` m."""
     simulation = Simulation(HEAVY, world, QUIET, position=(0.0, 0.0, depth))
     for _ in range(200):
         state = simulation.state
