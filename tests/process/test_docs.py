@@ -153,7 +153,7 @@ def test_the_example_of_a_planner_flies_somewhere_free(modules: Path) -> None:
 
 
 def test_a_place_in_a_pile_is_no_success(modules: Path) -> None:
-    """It touches the pile, is held there by friction, and that is told."""
+    """A vehicle that touches the pile is held there by friction, and the run reports it."""
     outcome = fly_example(north=8.0, east=7.0, depth=2.0)
     assert not outcome.success
     assert outcome.verdict.endswith("collision with the pile at (6.5, 7.5)")
@@ -227,7 +227,7 @@ def test_commands_are_found() -> None:
 
 
 def test_files_are_called_by_what_they_are() -> None:
-    """A scenario is tuned nowhere."""
+    """No page tunes a scenario file: `tune` takes a vehicle file."""
     lines = [line for page in PAGES for line in page.read_text().splitlines() if line.strip().startswith("uuv-hil ")]
     tuned = [line for line in lines if "uuv-hil tune " in line]
     assert tuned

@@ -126,7 +126,7 @@ def test_no_module_of_the_current_folder_is_executed(tmp_path: Path, name: str) 
 
 
 def test_a_class_of_the_users_own_is_found_in_the_current_folder(tmp_path: Path) -> None:
-    """By its explicit name in the scenario: that the interpreter does not look there makes no difference."""
+    """The scenario names the class; the interpreter itself does not search the current folder."""
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(f'{scenario.read_text()}[planner]\nclass = "mine:Mine"\n')
     (tmp_path / "mine.py").write_text("from hil.master.follow import Follow\nclass Mine(Follow):\n    pass\n")

@@ -97,7 +97,7 @@ def test_the_picture_is_current() -> None:
 
 
 def test_labels_of_the_picture_stay_in_their_boxes_and_apart() -> None:
-    """By the widths of a wide font: 0.63 of a bold letter's height, 0.55 of another's."""
+    """Widths are those of a wide font: 0.63 of a bold letter's height, 0.55 of another's."""
     picture = ElementTree.fromstring(rooms.draw())
     boxes, labels, badges = [], [], []
     for element in picture.iter():

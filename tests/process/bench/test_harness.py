@@ -284,7 +284,7 @@ def test_a_machine_of_which_we_may_use_a_part_is_labelled() -> None:
 
 
 def test_the_environment_says_that_it_is_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Below qemu-user, where /proc is the host's."""
+    """Below qemu-user /proc is that of the host."""
     monkeypatch.setenv("UUV_HIL_EMULATED", "qemu-aarch64")
     recorded.plant(tmp_path, "proc/sys/kernel/arch", "riscv64\n")
     assert describe(str(tmp_path))[1] == ("emulated: qemu-aarch64",)

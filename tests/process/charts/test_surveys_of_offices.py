@@ -109,7 +109,7 @@ def varying_bag(path: Path) -> str:
 
 
 def test_a_bag_of_variable_resolution_is_read_at_its_finest(tmp_path: Path) -> None:
-    """Not its overview, which has one node in 30 m, here of another depth."""
+    """The overview, which has one node in 30 m and here another depth, is not read."""
     path = varying_bag(tmp_path / "vr.bag")
     with pytest.raises(ConfigError, match="name it, as --crs"):
         open_raster(path)

@@ -77,7 +77,7 @@ def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
 
 
 def test_a_master_that_is_taken_over_learns_it(own_slave: tuple[Program, str]) -> None:
-    """Also of what was done: it is held no more."""
+    """An action that was done reports it too: its goal is held no more."""
     program, endpoint = own_slave
     with hil.connect(endpoint) as first, hil.connect(endpoint, take_over=True) as other:
         reported = first["uuv1"].drive(surge=0.1).wait(60)

@@ -137,7 +137,7 @@ def test_taking_away_leaves_everything_as_it_was(root: Path, scenario: str) -> N
 
 
 def test_installing_again(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing to do; then only what differs; then without the CAN unit that is not needed any more."""
+    """An installation that is repeated changes only what differs, and removes a CAN unit that is needed no more."""
     before = files(root)
     assert install(root, scenario, "--yes") == 0
     capsys.readouterr()

@@ -157,7 +157,7 @@ def test_long_work_shows_how_far_it_is(terminal: bool, shown: int) -> None:
     ],
 )
 def test_the_master_refuses_a_vehicle_that_obeys_nobody(top: str, words: str, tmp_path: Path) -> None:
-    """It flew to its time limit."""
+    """The master ends at once, and does not fly to its time limit."""
     scenario, port = write_scenario(tmp_path, top=top)
     arguments = "master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--output", tmp_path / "run"
     with Program(tmp_path, "slave", scenario) as slave:

@@ -24,7 +24,7 @@ from tests.support.processes import Program
 
 
 def test_an_agent_tells_an_event_and_returns_6(tmp_path: Path) -> None:
-    """It goes a little deeper than asked on its way down."""
+    """The vehicle touches the seabed as it goes a little deeper than commanded on its way down."""
     ports = free_ports(6)
     rows = [MEMBER.format(node=f"uuv{i}", port=ports[i], agent=ports[3 + i], north=5 - 4 * i) for i in range(3)]
     path = tmp_path / "fleet.toml"

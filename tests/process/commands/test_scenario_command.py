@@ -216,7 +216,7 @@ def test_what_a_scenario_may_not_say_is_one_line(capsys: pytest.CaptureFixture[s
 
 
 def test_a_scenario_is_changed_for_one_flight(capsys: pytest.CaptureFixture[str]) -> None:
-    """By the same option on every command that flies."""
+    """Every command that flies has the same option."""
     code, _, error = run(capsys, "sim", "paper_field", "--fast", "--set", "master.goal=[45, 45]")
     assert (code, "inside an obstacle" in error) == (6, True)
     code, output, _ = run(capsys, "sim", "paper_field", "--fast", "--set", "master.goal=[3, 0]")

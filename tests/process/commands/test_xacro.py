@@ -109,7 +109,7 @@ def test_what_cannot_be_expanded(text: str, arguments: list[str], words: str, tm
 
 @pytest.mark.parametrize("expression", ["9**9**9**9", "'a' * 10**10"])
 def test_an_expression_without_end(expression: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Time and memory are bounded."""
+    """The time and memory of an expansion are bounded."""
     monkeypatch.setattr(xacro_expand, "module_command", lambda *words: impatient(words))
     path = tmp_path / "m.xacro"
     path.write_text(f'<robot {NAMESPACE}><a b="${{{expression}}}"/></robot>')

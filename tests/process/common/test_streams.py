@@ -49,7 +49,7 @@ def test_an_output_that_takes_nothing(command: str, codes: set[int], words: str,
 
 
 def test_a_closed_descriptor_is_not_given_to_a_file(tmp_path: Path) -> None:
-    """It was: what children print went into the first file that was opened."""
+    """Otherwise the output of children would go into the first file that is opened."""
     code = """
 import os, sys
 from hil.common import streams

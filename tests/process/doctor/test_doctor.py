@@ -118,7 +118,7 @@ def test_packages_that_only_this_scenario_needs(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_bytecode(tmp_path: Path) -> None:
-    """Not there, there, then older than its source."""
+    """Bytecode is reported as missing, as present, and as older than its source."""
     source = tmp_path / "sim" / "deep" / "one.py"
     source.parent.mkdir(parents=True)
     source.write_text("x = 1\n")
@@ -212,7 +212,7 @@ def test_what_a_start_does_not_need() -> None:
 
 
 def test_a_recording_of_another_user(tmp_path: Path) -> None:
-    """By the folder's mode; nothing is made."""
+    """The folder's mode decides; nothing is created."""
     folder = tmp_path / "closed"
     folder.mkdir(mode=0o755)
     outsider = User("outsider", 4711, (4711,))

@@ -36,7 +36,7 @@ def test_so_many_connections_and_no_more(gateway: JsonGateway) -> None:
 
 
 def test_idle_connections_cost_nothing(gateway: JsonGateway) -> None:
-    """By the processor time of their threads, which no other load changes."""
+    """The processor time of their threads is measured, which no other load changes."""
     clients = [Client(gateway) for _ in range(10)]
     try:
         assert all(client.ask(do="vehicles")["ok"] for client in clients)

@@ -121,7 +121,7 @@ def test_a_pty_of_others_is_in_no_rule(root: Path, scenario: str) -> None:
 
 
 def test_rules_are_applied_at_once(root: Path, scenario: str, ran: list[str]) -> None:
-    """By a change of everything that they are for, which none of them leaves out."""
+    """The rules are triggered by change events for all devices that they name."""
     Path(scenario).write_text(linked("can:gs_usb:0", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     rules = (root / RULES[1:]).read_text()

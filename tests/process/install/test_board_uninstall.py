@@ -34,7 +34,7 @@ def test_units_end_before_their_files_go(root: Path, scenario: str, ran: list[st
 def test_a_unit_that_somebody_changed(
     root: Path, scenario: str, ran: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It is ended like the others; it stays, and is known, until somebody takes it away."""
+    """The unit is stopped like the others. Its file stays, and is reported, until somebody removes it."""
     assert install(root, scenario, "--yes") == 0
     plant(root, UNIT[1:], "# mine\n")
     for _ in range(2):
@@ -135,7 +135,7 @@ def test_a_damaged_manifest(root: Path, scenario: str, capsys: pytest.CaptureFix
 
 
 def test_a_manifest_of_an_earlier_release(root: Path, scenario: str) -> None:
-    """It told no mode and no owner."""
+    """The manifest has neither modes nor owners."""
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
     before = files(root)
     assert install(root, scenario, "--yes") == 0

@@ -61,7 +61,7 @@ def test_what_is_no_address(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["can:slcan:/dev/ttyACM0", "/dev/ttyACM0", "rs485:/dev/ttyACM0"])
 def test_a_speed_is_no_part_of_it(text: str) -> None:
-    """python-can has it there."""
+    """python-can allows a speed in the address; ours is a key of its own."""
     with pytest.raises(ConfigError) as caught:
         parse_address(f"{text}@115200")
     remedy = "leave @115200 out, and set baud = 115200 in [link] (--baud of stm32 and loopback)"

@@ -244,7 +244,7 @@ def test_start_up_is_measured_by_the_first_sample_of_that_slave(clock: Clock) ->
 def test_others_are_told_the_path_at_once_and_then_once_a_second(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock, plan: Plan
 ) -> None:
-    """A new path is sent at once again."""
+    """A new path is published at once, then once a second."""
     began = clock.now
 
     def at_each() -> None:

@@ -136,7 +136,7 @@ def test_a_socket_that_cannot_be_cut_is_left() -> None:
 
 
 def test_a_recorder_is_not_cut_off() -> None:
-    """It has one link, as all who only listen."""
+    """A recorder has one link, as every session that only listens."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_client_session(endpoint):
         links = UnreadLinks(0.5)

@@ -180,7 +180,7 @@ def test_what_is_sent_after_the_end_of_a_session_goes_nowhere() -> None:
 
 
 def test_it_closes_at_once_while_the_library_calls(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It matters when somebody leaves at that moment: `docs/upstream/zenoh_undeclare.md`."""
+    """The close is timed while a peer leaves at the same moment: see `docs/upstream/zenoh_undeclare.md`."""
     called = threading.Event()
 
     def put(_queue: BoundedQueue, _status: object) -> None:

@@ -98,7 +98,7 @@ def test_a_step_gives_exact_ranges(make: Make) -> None:
 
 
 def test_rough_ground_as_marching_in_small_steps_finds_it(make: Make) -> None:
-    """Without cells: 5 mm at a time until the ray is below the seabed, then by halves."""
+    """The reference marches in steps of 5 mm until the ray is below the seabed, then bisects."""
     world = by_rule(Fractal(15.0, 1.5, 0.7, seed=3))
     origin, directions = (0.3, 0.7, 9.0), [d for d in around(150, 5) if d[2] > -0.1]
 

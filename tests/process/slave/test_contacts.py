@@ -132,7 +132,7 @@ def test_a_newcomer_gives_way_to_a_slave_of_its_name(slave: Slave, monkeypatch: 
 
 
 def test_of_two_that_start_at_once_the_younger_gives_way(slave: Slave, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However soon each sees the other."""
+    """The younger gives way in whatever order they see each other."""
     signals: list[int] = []
     monkeypatch.setattr(os, "kill", lambda _, number: signals.append(number))
     monkeypatch.setattr("hil.slave.contacts.FIRST_NS", 3600 * NS_PER_S)

@@ -123,7 +123,7 @@ IDLE = 0.03  # of a core, of a process that makes no pictures; those below take 
 
 
 def test_pictures_are_made_for_those_who_watch(tmp_path: Path) -> None:
-    """By the processor time that the process takes."""
+    """The processor time of the process tells whether pictures are made."""
     program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 10\nwidth = 640\nheight = 480\n")
     with program, VehicleClient(endpoint, "uuv1") as client:
         program.expect("ready")

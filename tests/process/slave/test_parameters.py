@@ -271,7 +271,7 @@ FAILURES = st.one_of(
 
 @given(st.lists(FAILURES, max_size=5, unique_by=lambda keys: str(keys["kind"])))
 def test_what_is_shown_can_be_set(tables: list[dict[str, Any]]) -> None:
-    """Also the longest."""
+    """Every parameter that is listed can be set, also the longest."""
     failures = [Failure("bow", **table) for table in tables]
     assert read_failures(failures_text(failures), "bow", "failures.bow") == failures
 

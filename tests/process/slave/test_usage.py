@@ -18,7 +18,7 @@ def test_memory_grows_with_what_is_touched() -> None:
 
 
 def test_memory_that_is_asked_for_often(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is read again when it has changed, and when it has become old."""
+    """The file is read again when it has changed and when the value is old."""
     resident, pss = {"self": 30.0, 7: 5.0}, [20.0, 21.0, 22.0]
     monkeypatch.setattr(usage, "resident_mib", lambda pid="self": resident[pid])
     monkeypatch.setattr(usage, "own_pss_mib", lambda children: pss.pop(0))

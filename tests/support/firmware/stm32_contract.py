@@ -113,7 +113,7 @@ class Stm32Contract:
         self.command(driver, True, (1613,) * 6)
 
     def test_it_reports_by_itself(self, driver: ThrusterDriver) -> None:
-        """At least ten times a second, whoever asks."""
+        """The STM32 reports at least ten times a second without a request."""
 
         def reports() -> None:
             assert len(list(self.listen(driver, 0.5))) >= 5

@@ -272,7 +272,7 @@ def test_the_record_rebuilds_the_series_and_one_of_earlier_still_compares(
 
 
 def test_who_burns_processor_time_hears_no_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It goes to the whole group of the terminal, and their tracebacks with it."""
+    """Ctrl-C goes to the whole process group of the terminal, which would print tracebacks."""
     started: list[subprocess.Popen[bytes]] = []
     real = subprocess.Popen
 

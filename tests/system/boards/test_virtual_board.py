@@ -92,7 +92,7 @@ def test_every_pulse_is_that_of_this_machine(board: VirtualBoard) -> None:
 
 
 def test_figures_are_labelled_as_emulated(board: VirtualBoard) -> None:
-    """By the mark, and without it by the kernel, which is another processor's."""
+    """Figures are labelled by the emulator's mark, or else by a kernel of another processor."""
     code = "from hil.bench.machine import describe; print(*describe()[1], sep='; ')"
     assert "emulated: qemu-aarch64" in run(board.command("-c", code))
     unmarked = run(board.command("-c", f"import os; del os.environ['UUV_HIL_EMULATED']; {code}"))

@@ -98,7 +98,7 @@ def empty(tmp_path: Path) -> VirtualBoard:
 
 
 def test_the_python_out_here(empty: VirtualBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It names itself, its files and the mark to the emulator, and passes words on as they are."""
+    """The tool passes itself, its files, the mark and the arguments to the emulator unchanged."""
     with pytest.raises(DeviceError, match="virtual_board build"):
         empty.command()
     write_wrapper(empty)

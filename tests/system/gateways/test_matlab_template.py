@@ -263,7 +263,7 @@ printf('%d\\n', rate.cycles, rate.late);
 
 @retried_when_busy("a late cycle may be that of a busy machine", attempts=5)
 def test_a_loop_of_20_hz(tmp_path: Path) -> None:
-    """It lasts 30 s; docs/how-to/matlab.md has one of ten minutes."""
+    """The run lasts 30 s; docs/how-to/matlab.md shows one of ten minutes."""
     with serve(tmp_path, "path_planning.toml") as (_, gateway):
         cycles, late = map(int, run(tmp_path, gateway, LOOP))
     assert cycles >= 600

@@ -47,7 +47,7 @@ def test_it_lists_the_vehicle_as_a_node_with_topics_and_types(seen: dict[str, An
 
 
 def test_it_reads_what_the_vehicle_says(seen: dict[str, Any]) -> None:
-    """By hashes that it has computed and CDR that it has read itself."""
+    """The peer computes type hashes and decodes CDR by itself."""
     assert min(seen["heard"].values()) >= 1
     assert seen["acceleration"] == pytest.approx(9.8, abs=0.6)  # a little less while it begins to sink
     assert seen["frames"] == ["imu_link", "base_link"]

@@ -99,7 +99,7 @@ class TestFins(ControllerContract):
 
 
 def test_a_fin_vehicle_told_to_hold_north_or_the_surface_keeps_moving() -> None:
-    """A set point of 0 is one."""
+    """A set point of 0 counts as a set point."""
     for command in (VelocityCommand(heading=0.0), VelocityCommand(depth=0.0)):
         assert TestFins().make().update(command, AT_REST, DT)[0] > 0.0
     assert TestFins().make().update(VelocityCommand(), AT_REST, DT)[0] == 0.0

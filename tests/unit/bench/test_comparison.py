@@ -92,7 +92,7 @@ def test_two_single_starts_are_never_called_better_or_worse(monkeypatch: pytest.
 
 
 def test_a_table_has_a_value_a_start() -> None:
-    """Also of files that do not tell."""
+    """A record without `runs` counts one value a start too."""
     before, after = (Figure(values(middle, 1), "s") for middle in (1.0, 2.0))
     verdict = {
         kind: compare(Record(kind, {}, {"x": before}), Record(kind, {}, {"x": after}))[0].verdict

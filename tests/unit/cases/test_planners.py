@@ -106,7 +106,7 @@ def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], r
 @examples(40)
 @given(piles, st.sampled_from(["astar", "any_angle", "dstar"]))
 def test_no_way_leads_through_an_obstacle_or_nearer_than_it_may(cylinders: list[Cylinder], search: str) -> None:
-    """By the world's own measure, all along, to half the diagonal of a cell at either end of the distance."""
+    """The world's clearance along the whole path is the reference, within half the diagonal of a cell at each end."""
     world = pool(cylinders)
     reported = request(world)
     planner = Avoid(search=search)

@@ -136,7 +136,7 @@ def test_it_is_back_with_its_first_answer(clock: Clock) -> None:
 
 
 def test_a_process_that_is_held_up_has_not_lost_it(clock: Clock) -> None:
-    """It asked nothing and read nothing meanwhile; the answer to its next ping is the first that can come."""
+    """A process that is held up sends and reads nothing; the answer to its next ping is the first that can come."""
     began_s = clock.now_s
     clock.held_up = {began_s + 5.0: 0.95, began_s + 10.0: 30.0, began_s + 50.0: 2.0}
     assert run(clock, 60.0, lambda: True) == []

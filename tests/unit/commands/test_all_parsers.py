@@ -110,7 +110,7 @@ def test_every_help_has_a_purpose_and_its_examples() -> None:
 
 
 def test_every_example_is_understood(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By the parser of its command, as it is typed: a comment stands behind two spaces, or behind #."""
+    """Each example is parsed by its command as typed; a comment stands behind two spaces or behind #."""
     monkeypatch.setenv("COLUMNS", "500")
     roots = {" ".join(root.prog.split()[1:]): root for root in map(find_parser, MODULES)}
     lines = {line for parser in ALL for line in parser.format_help().partition("\nexamples:\n")[2].splitlines()}

@@ -275,7 +275,7 @@ def test_help_sets_no_table_as_prose() -> None:
 
 
 def test_every_file_that_is_written_is_tried_first() -> None:
-    """By the metavar of the option, in every command."""
+    """The metavar of an option tells that it names a file to write."""
     written = [
         option for option in OPTIONS if option.action.dest in ("output", "plot", "csv", "markdown")
         and str(option.action.metavar).startswith("FILE") and option.action.metavar != "FILE|DIR"

@@ -66,7 +66,7 @@ def test_where_it_is_refused_nothing_is_imported() -> None:
 def test_a_module_that_does_not_load_says_why(
     text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It was said to be missing."""
+    """The error names the cause; such a module is not reported as missing."""
     (tmp_path / "unloadable.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(ConfigError, match=re.escape(words)) as error:

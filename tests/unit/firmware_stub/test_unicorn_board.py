@@ -127,7 +127,7 @@ def test_what_a_program_cannot_do_ends_it_with_a_message(board: UnicornBoard) ->
 def test_what_goes_wrong_in_a_peripheral_is_raised_to_the_caller(
     board: UnicornBoard, access: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It happens below a library that would lose it; afterwards the board goes on."""
+    """Unicorn would lose the exception of its callback; afterwards the board goes on."""
 
     def breaks(*_: object) -> int:
         raise ZeroDivisionError("in the peripheral")

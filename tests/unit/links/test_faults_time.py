@@ -127,7 +127,7 @@ def test_a_wire_with_jitter_does_not_overtake_itself(opened: ExitStack, clock: C
 
 
 def test_it_wakes_when_something_is_due_and_not_before(opened: ExitStack) -> None:
-    """By the machine's clock: what it does late is not judged."""
+    """The machine's clock is used, so lateness is not judged."""
     far, near = instant_pair(opened, Faults(delay=0.05))
     due_ns = now_ns() + NS_PER_S // 20
     near.write(b"later")

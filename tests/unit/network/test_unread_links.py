@@ -27,7 +27,7 @@ def test_a_process_that_was_held_up_has_not_read_a_sound_link() -> None:
 
 
 def test_a_link_on_which_nothing_waits_is_read() -> None:
-    """Nothing has come: the peer, or the network between, is held up."""
+    """A link on which no bytes wait counts as read: the peer or the network is held up."""
     links, idle = UnreadLinks(LEASE_S), (1, 2)
     for _ in range(3):
         for _ in range(3):
@@ -36,7 +36,7 @@ def test_a_link_on_which_nothing_waits_is_read() -> None:
 
 
 def test_one_link_of_two_for_two_leases_is_half_a_session() -> None:
-    """Not that of who only listens, and never had two."""
+    """A session that only listens never had two links, so one is not half of it."""
     links = UnreadLinks(LEASE_S)
     assert links.find_halves(LOOK_NS, ["whole", "half", "whole", "half", "listener"]) == set()
     for tick in range(4):

@@ -280,7 +280,7 @@ def test_wrong_numbers_are_named(values: Any, words: str) -> None:
 
 @pytest.mark.parametrize("value", ["off", "false", "true", "", 2, -1, 1.5, [1], (), {}, [], np.zeros(3), math.nan])
 def test_a_bool_is_nothing_but_true_or_false(value: Any) -> None:
-    """By its truth a vehicle would be armed by "off"."""
+    """Python's truth value of "off" would arm a vehicle."""
     with pytest.raises(ConfigError, match=r"SetBool_Request\.data: expected true or false, found "):
         ros_message.encode("std_srvs/srv/SetBool_Request", {"data": value})
 

@@ -71,7 +71,7 @@ def test_tls_without_certificates_is_an_error_of_the_file(
 def test_tls_without_certificates_is_an_error_of_the_option(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It was told as a fault of the network, and by the master after it had planned."""
+    """The error comes before planning, and is not reported as a fault of the network."""
     monkeypatch.chdir(tmp_path)
     assert main([*words, "tls/127.0.0.1:7447"]) == 2
     (line,) = capsys.readouterr().err.splitlines()

@@ -197,7 +197,7 @@ def our_propeller(n: float, nu_r: Six) -> Six:
 
 
 def test_each_of_our_terms_is_theirs_where_they_mean_the_same() -> None:
-    """Straight ahead in water at rest."""
+    """The terms are compared for motion straight ahead in water at rest."""
     fins = FinSet(REMUS.fins, 1026.0, 0.01)
     for speed in (0.3, 1.0, 2.5):
         ahead = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -346,7 +346,7 @@ def test_turning_circle() -> None:
 
 
 def test_dive() -> None:
-    """5 degrees of the planes at 1200 rpm."""
+    """The vehicle dives by 5 degrees of the planes at 1200 rpm."""
     run = Run(1200.0, 1.5)
     run.step(20.0)
     run.step(60.0, planes=5.0)

@@ -144,7 +144,7 @@ def test_a_stale_command_gives_no_right(command_receiver: CommandReceiver) -> No
 
 
 def test_an_exact_clock_judges_even_the_first_command(command_receiver: CommandReceiver) -> None:
-    """Without one the fastest message so far stands for age zero, and the first has nothing before it."""
+    """Without an exact clock the fastest message so far defines age zero, so the first has no reference."""
     clock = ClockOffset()
     now = to_wall_ns(Clock.current.now_ns)
     clock.add(now, now + 3600 * 10**9, now + 3600 * 10**9, now)  # the master is an hour ahead

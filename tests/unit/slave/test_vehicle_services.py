@@ -202,7 +202,7 @@ def test_a_thruster_fails_and_is_repaired(vehicle: Vehicle) -> None:
 
 
 def test_a_parameter_lets_a_thruster_fail(vehicle: Vehicle) -> None:
-    """Half the thrust, then none, then all of it."""
+    """A parameter sets half of the thrust, none, then all of it."""
     name = vehicle.simulation.vehicle.thrusters[0].name
 
     def thrust_with(text: str) -> float:

@@ -68,7 +68,7 @@ def test_an_array_shows_the_ranges_of_all_its_numbers() -> None:
 
 
 def test_a_file_may_have_the_ends_that_a_page_shows() -> None:
-    """They are rounded inwards."""
+    """The ends on a page are rounded inwards."""
     low, high = map(float, kind_of(Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]).range.split(" to "))
     assert -2.0 * pi <= low < -6.283 < 6.283 < high <= 2.0 * pi
 

@@ -43,7 +43,7 @@ def test_figures_of_a_first_order_lag() -> None:
 
 @pytest.mark.parametrize("damping", [0.2, 0.5, 0.8])
 def test_overshoot_of_a_second_order_system(damping: float) -> None:
-    """exp(-pi z / sqrt(1 - z²)), any textbook."""
+    """The overshoot is exp(-pi z / sqrt(1 - z²)), as in any textbook."""
     root = math.sqrt(1.0 - damping * damping)
 
     def share(t: float) -> float:

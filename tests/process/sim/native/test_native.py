@@ -350,7 +350,7 @@ def test_who_insists_on_c_gets_all_of_it_or_none(name: str) -> None:
 
 @pytest.mark.usefixtures("native")
 def test_every_binary_is_asked_for_in_one_way() -> None:
-    """By `has_native`, so that who insists on the C is not given Python in silence."""
+    """All use `has_native`, so that Python never replaces a demanded C silently."""
     asked = {"sim.native._native"}
     for path in (ROOT / name for name in ("sim/assembly.py", "sim/native/__init__.py", "hil/slave/native/firmware.py")):
         text = path.read_text()

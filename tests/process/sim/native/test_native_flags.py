@@ -45,7 +45,7 @@ def compiles(compiler: str, header: str, folder: Path, *flags: str, method: str 
 def test_whatever_computes_doubles_as_doubles_is_accepted(
     header: str, method: str, sound: bool, tmp_path: Path
 ) -> None:
-    """By the standards' list, on any processor: 16 is what a compiler says of one with half-precision arithmetic."""
+    """Values of FLT_EVAL_METHOD by the standards: 16 is that of a processor with half-precision arithmetic."""
     if not shutil.which("cc"):
         pytest.skip("no cc")
     assert compiles("cc", header, tmp_path, method=method) == sound

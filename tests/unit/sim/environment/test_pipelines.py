@@ -111,7 +111,7 @@ def test_a_vehicle_touches_it_and_planners_go_round_it_only_near_the_bed() -> No
 
 
 def test_above_a_long_one_a_step_looks_only_at_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is looked at again until the vehicle has gone on, and no ray is cast from 3 m above."""
+    """No piece is computed again until the vehicle has moved on, and no ray is cast from 3 m above."""
     line = tuple((-1000.0 + k, 0.01 * (k % 7)) for k in range(2001))
     contact = Contact(
         VEHICLE, FLAT._replace(pipeline=(Pipeline(line, 1.0),)), Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass

@@ -233,7 +233,7 @@ def test_numpys_arrays_go_in_as_they_are() -> None:
 
 
 def test_without_c_there_are_still_rays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In plain Python; and C is not pretended."""
+    """Rays are computed in Python, and the engine is not reported as C."""
     monkeypatch.setenv("UUV_HIL_NATIVE", "0")
     world, rays = random_world(1), random_rays(random.Random(2))
     origin = (0.0, 0.0, 3.0)

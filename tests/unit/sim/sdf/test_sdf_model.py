@@ -190,7 +190,7 @@ def test_files_of_a_model_of_fuel_are_found_where_it_was_downloaded(
 
 
 def test_files_outside_of_the_models_folders_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither by a path that leads out, nor by a link, nor of a network; a folder in the variable is allowed."""
+    """A path that leads out, a link, or a network address is refused; a folder in the variable is allowed."""
     inside, outside = tmp_path / "a/b/c/model", tmp_path / "secret"
     inside.mkdir(parents=True)
     outside.mkdir()

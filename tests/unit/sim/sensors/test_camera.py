@@ -223,7 +223,7 @@ def test_lamps_fall_with_the_square_of_the_distance() -> None:
 
 
 def test_exposure() -> None:
-    """By hand: twice the factor is twice the light; by itself: bright parts near white, whatever the light."""
+    """A fixed exposure scales the light; automatic exposure makes bright parts nearly white in any light."""
     wall = DEEP._replace(walls=True, extent=(-50.0, 2.0, -500.0, 500.0))
     linear = [decode(colours(camera(wall, RAW._replace(exposure=e)).sample(0, HERE))) for e in (0.5, 1.0)]
     assert linear[1].mean() == pytest.approx(2.0 * linear[0].mean(), rel=0.02)

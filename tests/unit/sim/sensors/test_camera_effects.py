@@ -311,7 +311,7 @@ def test_the_compiled_sensor_records_the_same() -> None:
 
 
 def test_noise_is_normal_and_without_a_pattern() -> None:
-    """Of all four rows: moments, tails, none alike, none that goes with its neighbours or with another picture's."""
+    """Four rows have normal moments and tails, and are correlated neither with neighbours nor with other pictures."""
     noise = normal_noise(12, 300_000)
     for row in noise:
         assert abs(row.mean()) < 0.01

@@ -349,7 +349,7 @@ def test_noise_grows_where_nothing_comes_back() -> None:
 
 
 def test_the_devices_clock_and_its_speed_of_sound() -> None:
-    """It takes 1500 m/s; in water of 1450 m/s all seems 1500 / 1450 times as far."""
+    """The device assumes 1500 m/s; in water of 1450 m/s ranges are 1500 / 1450 times as long."""
     ocean = Ocean(profile=Profile((0.0, 100.0), (1025.0, 1025.0), (1450.0, 1450.0)))
     world = DEEP._replace(cylinder=(Cylinder(30.0, 0.0, 1.0),), ocean=ocean)
     model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=NEVER)

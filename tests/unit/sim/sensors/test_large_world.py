@@ -55,7 +55,7 @@ def large(tmp_path: Path) -> World:
 
 
 def test_rays_take_memory_only_where_they_come_to(tmp_path: Path) -> None:
-    """One number a block of 4 x 4 cells were 25 MB."""
+    """A table with one number for each block of 4 x 4 cells would take 25 MB."""
     world = large(tmp_path)
     directions = array("d", [0.6, 0.0, 0.8, 0.0, -1.0, 0.0, 0.0, 0.999, 0.0447])
     RayScene(World("flat", "", world.extent, 30.0)).ranges((0.0, 0.0, -1.0), directions, 50.0)

@@ -108,7 +108,7 @@ def test_usbl_errors_have_the_size_it_says(place: tuple[float, float, float]) ->
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, -1.0), (1200.0, 0.0, 5.0), (10.0, -20.0, 2.0)])
 def test_usbl_has_no_fix(place: tuple[float, float, float]) -> None:
-    """In the air, out of reach, and where the station is itself."""
+    """There is no fix in the air, out of reach, and at the station itself."""
     assert Usbl(USBL, Mounting(), 1, scene(DEEP)).sample(0, State(place)) is None
 
 

@@ -65,7 +65,7 @@ def test_a_finder_knows_the_curve_backwards_and_keeps_nothing(thruster: Thruster
 
 
 def test_thrust_asked_for_is_thrust_had() -> None:
-    """To half a microsecond, where the curve is at its steepest."""
+    """The thrust is exact to half a microsecond where the curve is steepest."""
     steepest = (2.0 - T200.linear_share) * T200.max_forward / 372.0
     for tenth in range(-399, 515):
         assert steady_thrust(T200, pulse_finder(T200)(0.1 * tenth)) == pytest.approx(0.1 * tenth, abs=0.51 * steepest)

@@ -142,7 +142,7 @@ def test_the_file_written_reads_as_the_same_vehicle(tmp_path: Path) -> None:
 
 
 def test_plain_urdf_needs_only_names(tmp_path: Path) -> None:
-    """Neither plugin nor tag: turning joints of links named thruster; fluid added mass of SDFormat."""
+    """Revolute joints of links named thruster are enough, without plugin or tag; SDFormat's added mass is read."""
     path = tmp_path / "plain.urdf"
     path.write_text(
         '<robot name="p\'s &quot;rov&quot;"><link name="base"><inertial><mass value="9"/>'

@@ -91,7 +91,7 @@ def test_a_propeller_of_known_diameter_uses_it() -> None:
 
 
 def test_deep_down_nothing_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It costs a comparison."""
+    """Deep down the shares are not computed: one comparison decides."""
     monkeypatch.delattr(Ventilation, "shares")
     simulation = Simulation(HEAVY, SEA, QUIET, position=(0.0, 0.0, 2.0))
     for _ in range(100):
@@ -100,7 +100,7 @@ def test_deep_down_nothing_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In and out of the water, thrown about, and back to the deep."""
+    """Both agree for a vehicle that leaves the water, tumbles, and dives again."""
     ride = Ride(twins(monkeypatch, FLAT))
     for depth in (0.05, -0.3, 0.2, 3.0, 0.0):
         ride.place((0.0, 0.0, depth))
