@@ -8,18 +8,9 @@ as it is there; what is on its way when a session closes is still sent, by the k
 
 import os
 import sys
-from _socket import (  # the whole module costs a slave 7 ms
-    AF_INET,
-    AF_INET6,
-    SHUT_RDWR,
-    SO_ACCEPTCONN,
-    SO_LINGER,
-    SO_SNDBUF,
-    SOL_SOCKET,
-    socket,
-)
 from collections.abc import Collection, Iterator
 from contextlib import suppress
+from socket import AF_INET, AF_INET6, SHUT_RDWR, SO_ACCEPTCONN, SO_LINGER, SO_SNDBUF, SOL_SOCKET, socket
 from struct import pack
 
 import zenoh

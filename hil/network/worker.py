@@ -7,10 +7,10 @@ waits for them without a timeout. Loaded when there is something to wait for.
 
 import sys
 import threading
-from _queue import SimpleQueue  # the whole module loads threads and heaps
 from collections.abc import Callable
 from contextlib import suppress
 from math import inf
+from queue import SimpleQueue
 from typing import Any
 
 import zenoh
