@@ -214,9 +214,9 @@ def _ping(sample: SonarImageSample | SideScanSample, beams: int) -> Message:
 
 
 def _read_ping(ping: Message) -> tuple[float, float, float, float]:
-    """Return frequency, speed of sound, height and width of the first beam."""
+    """Return frequency, speed of sound, width and height of the first beam."""
     height, width = [ping[key][0] if ping[key] else 0.0 for key in ("tx_beamwidths", "rx_beamwidths")]
-    return ping["frequency"], ping["sound_speed"], height, width
+    return ping["frequency"], ping["sound_speed"], width, height
 
 
 def _echoes(encoding: Encoding, beams: int, data: bytes) -> Message:

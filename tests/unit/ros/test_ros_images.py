@@ -192,11 +192,13 @@ def test_what_comes_back() -> None:
     assert sonar is not None
     assert sonar.beams == pytest.approx(BEAMS)
     assert (sonar.bins, sonar.first_range, sonar.range_step, sonar.intensities) == (4, 1.0, 0.5, ECHOES)
+    assert (sonar.beam_width, sonar.beam_height) == pytest.approx((SONAR.beam_width, SONAR.beam_height))
     floats = SIDES._replace(encoding="float32", port=DEPTH[:16], starboard=DEPTH[16:32])
     for sides in (SIDES, floats):
         again = ros_images.decode_side_scan(ros_images.encode_side_scan(sides))
         assert again is not None
         assert (again.port, again.starboard, again.range_step) == (sides.port, sides.starboard, sides.range_step)
+        assert (again.beam_width, again.beam_height) == pytest.approx((sides.beam_width, sides.beam_height))
 
 
 @pytest.mark.parametrize("topic", list(ros_images.DECODERS))
