@@ -46,7 +46,7 @@ def test_a_sonar_hears_rock_above_mud(tmp_path: Path) -> None:
     """Ahead to port the bed is mud, to starboard rock; the true picture has means alone."""
     world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
     sonar = ForwardSonar(
-        ForwardSonarModel(ground_truth=True, beams=64, max_range=40.0), Mounting(), 1,
+        ForwardSonarModel(ground_truth=True, beams=64, max_range=40.0, surface_strength=-200.0), Mounting(), 1,
         Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 8.0)),
     )  # fmt: skip
     sample = sonar.sample(0, State((0.0, 25.0, 8.0)))
