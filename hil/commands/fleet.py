@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from typing import Any
 
 from hil.common.children import module_command
@@ -42,7 +43,11 @@ def main(arguments: list[str]) -> int:
         path = os.path.abspath(load_scenario(options.scenario).path)
         changes = [word for change in options.set for word in ("--set", change)]
         text = read_bytes(path).decode("utf-8-sig")
-        for one in fleet.start(path, text, hosts, programs, options.ssh, changes):
+        started = fleet.start(path, text, hosts, programs, options.ssh, changes)
+        if options.json:
+            print(json.dumps([one._asdict() for one in started]))
+            return 0
+        for one in started:
             print(f"{one.member}: started{f' on {one.host}' if one.host else ''}, process {one.pid}")
         return 0
     members, ssh = fleet.load_started(options.scenario)
@@ -56,6 +61,10 @@ def main(arguments: list[str]) -> int:
         print(json.dumps([one._asdict() for one in shown]))
     else:
         print(*aligned([(one.member, one.host or "here", one.state, one.last) for one in shown]), sep="\n")
+    if options.action == "down" and failed:
+        names = ", ".join(one.member for one in failed)
+        note = fleet.state_file(options.scenario)
+        print(f"{names}: still noted in {note}: `down` again ends them, or remove it", file=sys.stderr)
     return DeviceError.exit_code if failed else 0
 
 

@@ -1,7 +1,9 @@
 """Start, look at and stop the slaves of a fleet: on this machine by the shell, on other hosts by `ssh HOST` and theirs.
 
-A member is a process in a session of its own. What was started is noted in a file, with the instant of each start as
-the kernel counts it: a number that another process has taken over meanwhile is never signalled.
+A member is a process in a session of its own, which first of all writes its number into a file of its machine. Which
+members are started, and where, is noted in a file here: before each start, so that `stop` also ends one whose start was
+interrupted, and after it with the instant of the start as the kernel counts it: a number that another process has taken
+over meanwhile is never signalled.
 """
 
 import json
@@ -16,17 +18,21 @@ from hil.common.errors import ConfigError, DeviceError
 SSH = "ssh -o BatchMode=yes -o ConnectTimeout=10"
 PATIENCE_S = 60.0  # with one host, which has GRACE_S for its member to end
 GRACE_S = 10
+INTERRUPTED_S = 2  # for a start that was interrupted to go on
 
 # Field 22 of /proc/PID/stat is when the process began; the name before it may hold blanks, but no line has two ')'.
 BEGAN = "began() { sed 's/.*) //' /proc/$1/stat 2>/dev/null | cut -d' ' -f1,20; }"
 ALIVE = 'alive() { set -- $(began $1) $2; test -n "$3" && test "$1" != Z && test "$2" = "$3"; }'
+WAIT = "n=0; while ! test -s {member}.pid && test $n -lt {tenths}; do sleep 0.1; n=$((n + 1)); done"
 START = """\
 {began}
-mkdir -p {folder} && cd {folder} && cat > {member}.toml && : > {member}.log || exit 1
-setsid sh -c 'exec "$@"' - {command} < /dev/null >> {member}.log 2>&1 &
+mkdir -p {folder} && cd {folder} && rm -f {member}.pid && cat > {member}.toml && : > {member}.log || exit 1
+setsid sh -c 'echo $$ > "$0.pid"; exec "$@"' {member} {command} < /dev/null >> {member}.log 2>&1 &
+{wait}
 sleep 1
-set -- $! $(began $!)
-echo "$1 ${{3:-0}}"
+set -- $(cat {member}.pid)
+set -- $1 $(began $1)
+echo "${{1:-0}} ${{3:-0}}"
 """
 STATUS = """\
 {began}
@@ -38,15 +44,26 @@ true
 STOP = """\
 {began}
 {alive}
-if alive {pid} {start}; then kill -TERM {pid}; fi
-n=0; while alive {pid} {start} && test $n -lt {tenths}; do sleep 0.1; n=$((n + 1)); done
-if alive {pid} {start}; then kill -KILL -{pid}; echo killed; else echo ended; fi
-rm -f {folder}/{member}.toml
+cd {folder} 2>/dev/null || {{ echo ended; exit; }}
+pid={pid} start={start}
+if test $pid = 0; then
+    {wait}
+    pid=$(cat {member}.pid 2>/dev/null) || pid=0
+    set -- $(began $pid)
+    start=${{2:-0}}
+fi
+if alive $pid $start; then kill -TERM $pid; fi
+n=0; while alive $pid $start && test $n -lt {tenths}; do sleep 0.1; n=$((n + 1)); done
+if alive $pid $start; then kill -KILL -$pid; echo killed; else echo ended; fi
+rm -f {member}.toml {member}.pid
 """
 
 
 class Started(NamedTuple):
-    """A member: its host ("" is this machine), process, start in clock ticks since the boot, and folder there."""
+    """A member: its host ("" is this machine), process, start in clock ticks since the boot, and folder there.
+
+    The process is 0 while it is being started.
+    """
 
     member: str
     host: str
@@ -96,16 +113,18 @@ def start(
             there = os.path.expanduser(f"~/{folder}") if not host else folder
             file = f"{member}.toml" if host else scenario
             command = shlex.join([*programs[host], "slave", file, "--member", member, *words])
-            script = START.format(began=BEGAN, folder=there, member=member, command=command)
+            done.append(Started(member, host, 0, 0, there))
+            script = _filled(START, done[-1], GRACE_S, command)
+            _save_started(path, done, ssh)
             pid, began = map(int, _run(host, script, ssh, text).split())
-            done.append(Started(member, host, pid, began, there))
+            done[-1] = Started(member, host, pid, began, there)
             _save_started(path, done, ssh)
         for shown in query_states(done, ssh):
             if shown.state != "running":
                 place = f" on {shown.host}" if shown.host else ""
                 raise DeviceError(f"{shown.member}{place} {shown.state}: {shown.last or 'no output'}")
-    except BaseException:
-        stop(scenario, done, ssh)
+    except BaseException as error:
+        stop(scenario, done, ssh, forget_begun=isinstance(error, DeviceError))
         raise
     return done
 
@@ -135,15 +154,18 @@ def query_states(members: Sequence[Started], ssh: str) -> list[Shown]:
     return shown
 
 
-def stop(scenario: str, members: Sequence[Started], ssh: str) -> list[Shown]:
-    """Stop the slaves: SIGTERM, and after GRACE_S SIGKILL. Those that cannot be reached stay noted."""
+def stop(scenario: str, members: Sequence[Started], ssh: str, forget_begun: bool = False) -> list[Shown]:
+    """Stop the slaves: SIGTERM, and after GRACE_S SIGKILL. Those that cannot be reached stay noted.
+
+    With `forget_begun` one that was being started does not: its host did not answer.
+    """
     shown, left = [], []
     for one in members:
         try:
             shown.append(Shown(one.member, one.host, _run(one.host, _filled(STOP, one), ssh).strip(), ""))
         except DeviceError as error:
             shown.append(Shown(one.member, one.host, "unreachable", str(error)))
-            left.append(one)
+            left += [one] if one.pid or not forget_begun else []
     if left:
         _save_started(state_file(scenario), left, ssh)
     elif os.path.exists(state_file(scenario)):
@@ -151,8 +173,10 @@ def stop(scenario: str, members: Sequence[Started], ssh: str) -> list[Shown]:
     return shown
 
 
-def _filled(script: str, one: Started) -> str:
-    return script.format(began=BEGAN, alive=ALIVE, tenths=GRACE_S * 10, **one._asdict())
+def _filled(script: str, one: Started, wait: int = INTERRUPTED_S, command: str = "") -> str:
+    """Return a script about a member, which waits so long (s) for its number."""
+    fields = {"began": BEGAN, "alive": ALIVE, "tenths": GRACE_S * 10, "command": command}
+    return script.format(wait=WAIT.format(member=one.member, tenths=wait * 10), **fields, **one._asdict())
 
 
 def _run(host: str, script: str, ssh: str, text: str = "") -> str:

@@ -87,6 +87,56 @@ def test_none_is_left_when_one_does_not_start(command: Command) -> None:
     assert up.returncode == 3
     assert "nobody.invalid: down; try: " in up.stderr
     assert not command.slaves()
+    assert "nothing of" in command.run("down").stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_start_that_is_interrupted_leaves_nothing(command: Command, number: int) -> None:
+    """After Ctrl-C at once, after SIGKILL by `down`: also of a member whose number was not reported yet."""
+    up = subprocess.Popen(
+        [sys.executable, "-m", "hil", "fleet", "up", str(command.scenario)],
+        env=command.environment,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        text=True,
+    )
+    assert wait_for(command.slaves)
+    os.killpg(up.pid, number)  # as a terminal does: the shell that starts the member is hit, too
+    _, errors = up.communicate(timeout=100)
+    assert up.returncode == (130 if number == signal.SIGINT else -number)
+    assert not errors
+    if number == signal.SIGKILL:
+        assert command.run("up").returncode == 2
+        assert command.run("down").returncode == 0
+    assert not command.slaves()
+    assert "nothing of" in command.run("down").stderr
+
+
+def test_a_host_that_is_gone_for_a_while(command: Command, tmp_path: Path) -> None:
+    """Its member stays noted, and the others end."""
+    gone, ssh, program = tmp_path / "gone", tmp_path / "ssh", tmp_path / "program"
+    ssh.write_text(f'#!/bin/sh\ntest ! -e {gone} || {{ echo "No route to host" >&2; exit 255; }}\nexec sh -c "$2"\n')
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m hil "$@"\n')
+    for script in (ssh, program):
+        script.chmod(0o755)
+    up = command.run("up", "--on", "uuv2=there", "--ssh", str(ssh), "--program", str(program))
+    assert up.returncode == 0, up.stderr
+    gone.touch()
+    status = command.run("status")
+    assert status.returncode == 3
+    assert "unreachable  there: No route to host" in status.stdout
+    down = command.run("down")
+    assert down.returncode == 3
+    assert "uuv2: still noted in " in down.stderr
+    assert len(command.slaves()) == 1
+    gone.unlink()
+    assert command.run("down").returncode == 0
+    assert not command.slaves()
+
+
+def test_up_speaks_json(command: Command) -> None:
+    up = command.run("up", "--json")
+    assert [(row["member"], row["host"]) for row in json.loads(up.stdout)] == [(m, "") for m in MEMBERS]
 
 
 @pytest.mark.parametrize("place", ["uuv1", "uuv1=", "uuv9=pi", "uuv1=-oProxyCommand=x"])
