@@ -42,7 +42,8 @@ def process_start_ns() -> int:
     """Return the monotonic instant at which this process was executed.
 
     From the variable UUV_HIL_EXEC_NS when the parent set it just before the exec, else from
-    /proc/self/stat, whose resolution is one clock tick (10 ms).
+    /proc/self/stat, whose resolution is one clock tick (10 ms). psutil gives the same, and would cost the slave's start
+    more than that (hil/slave/health/usage.py).
     """
     value = os.environ.get("UUV_HIL_EXEC_NS", "")
     if value.isdigit():

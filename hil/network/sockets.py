@@ -70,6 +70,7 @@ def network_sockets() -> Iterator[tuple[tuple[int, int], socket]]:
     """Yield a second descriptor of each, by which the first can be worked on, and its ports, ours and theirs (0: none).
 
     What raises OSError with one, as that it has been closed meanwhile, is left to the next. Only Linux has the list.
+    psutil would cost the slave's start (hil/slave/health/usage.py), and has no descriptor without an address.
     """
     if sys.platform != "linux":
         return

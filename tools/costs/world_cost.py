@@ -12,7 +12,6 @@ own, the peak of that meanwhile, and the pages of the depths' file that it maps,
 
 import argparse
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -20,6 +19,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
@@ -134,12 +135,13 @@ RUNS: dict[str, Callable[[str], Any]] = {
 def measure(part: str, small: str, world: str) -> str:
     """Run a part in a small world, which loads its modules, then in the large one; return a line of the table."""
     RUNS[part](small)
-    own, mapped = _status_mb("RssAnon"), _status_mb("RssFile")
+    own, mapped = _memory_mb()
     with Peak() as peak:
         began = time.perf_counter()
         kept = RUNS[part](world)
         took = time.perf_counter() - began
-    figures = _status_mb("RssAnon") - own, peak.most_mb - own, _status_mb("RssFile") - mapped
+    own_then, mapped_then = _memory_mb()
+    figures = own_then - own, peak.most_mb - own, mapped_then - mapped
     del kept
     return f"{part:16}{took:8.3f}" + "".join(f"{max(0.0, figure):8.1f}" for figure in figures)
 
@@ -160,12 +162,13 @@ class Peak:
 
     def _watch(self) -> None:
         while not self._end.wait(1e-3):
-            self.most_mb = max(self.most_mb, _status_mb("RssAnon"))
+            self.most_mb = max(self.most_mb, _memory_mb()[0])
 
 
-def _status_mb(name: str) -> float:
-    text = Path("/proc/self/status").read_text(encoding="ascii")
-    return int(re.findall(rf"{name}:\s+(\d+) kB", text)[0]) * 1.024e-3
+def _memory_mb() -> tuple[float, float]:
+    """Return the resident memory of this process: its own, and that of files."""
+    memory = psutil.Process().memory_info()
+    return (memory.rss - memory.shared) / 1e6, memory.shared / 1e6
 
 
 def main() -> int:

@@ -27,7 +27,7 @@ def hunt(scenario: str, keys: Path, vehicles: list[str], folder: Path) -> None:
         for agent in agents:
             agent.process.send_signal(signal.SIGINT)
         for agent in agents:
-            assert int(agent.expect(r"reports: (\d+) heard")[1]) > 0, agent.output
+            assert int(agent.expect(r"reports: (\d+) received")[1]) > 0, agent.output
 
 
 def test_vehicles_and_planners_with_a_key_each_hunt_under_tls(keys: Path, tmp_path: Path) -> None:

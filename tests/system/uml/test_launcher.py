@@ -5,9 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hil.common.errors import DeviceError
+from tests.support.processes import command_line
 from tools import uml
 
 SCRIPT = """
@@ -110,5 +112,4 @@ def test_registers_that_outgrew_it() -> None:
 
 def processes() -> int:
     """Return how many processes of our guest there still are; those that were killed may take a moment."""
-    listed = subprocess.run(["ps", "-eo", "stat,args"], capture_output=True, text=True).stdout
-    return sum("linux.uml mem=" in line and not line.startswith("Z") for line in listed.splitlines())
+    return sum("linux.uml mem=" in command_line(pid) for pid in psutil.pids())  # a zombie has no command line

@@ -6,6 +6,7 @@ from array import array
 from pathlib import Path
 
 import numpy as np
+import psutil
 
 from sim.environment.relief import Fractal
 from sim.environment.terrain import Terrain, covering
@@ -38,8 +39,7 @@ def test_brightness_by_curvature_is_that_of_the_whole_grid() -> None:
 
 
 def resident_mb() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return float(psutil.Process().memory_info().rss) / 1e6
 
 
 def large(tmp_path: Path) -> World:
