@@ -109,35 +109,48 @@ static PyObject *shade(PyObject *self, PyObject *const *arguments, Py_ssize_t co
     return release(views, ok);
 }
 
+/* What rays that are traced have met. Each loop is short, so that the processor works on several rays at once. */
+static void look(const Geometry *geometry, const double *origin, const Bundle *bundle, const Hit *hits, Pixel *pixels)
+{
+    double points[BUNDLE][3], across[BUNDLE][3];
+    for (int i = 0; i < bundle->count; i++) {
+        for (int axis = 0; axis < 3; axis++)
+            points[i][axis] = origin[axis] + hits[i].distance * bundle->along[i][axis];
+        if (hits[i].object != NOTHING)
+            normal(geometry, &hits[i], bundle->along[i], points[i], across[i]);
+        else
+            set(across[i], 0.0, 0.0, 0.0);
+    }
+    for (int i = 0; i < bundle->count; i++) {
+        Pixel *pixel = &pixels[i];
+        pixel->distance = (float)hits[i].distance, pixel->object = owner(geometry, hits[i].object), pixel->facing = 0.0f;
+        for (int axis = 0; axis < 3; axis++) {
+            pixel->point[axis] = (float)points[i][axis], pixel->normal[axis] = (float)across[i][axis];
+            pixel->facing -= pixel->normal[axis] * (float)bundle->along[i][axis];
+        }
+    }
+}
+
 /* Rays, and the light along each, while what they met is still in the cache. */
 static void picture_all(const Looks *looks, const Geometry *geometry, Near *near, const Py_buffer *views, Py_ssize_t n)
 {
     const Settings *s = looks->set;
-    const double *directions = views[DIRECTIONS].buf, *origin = s->origin;
+    const double *directions = views[DIRECTIONS].buf;
     double *ranges = views[RANGES].buf;
     int32_t *met = views[MET].buf;
     float *out = views[RADIANCE].buf;
+    Bundle bundle;
+    Hit hits[BUNDLE];
+    Pixel pixels[BUNDLE];
     for (Py_ssize_t first = 0; first < n; first += BUNDLE) {
-        Bundle bundle;
         bundle.count = n - first < BUNDLE ? (int)(n - first) : BUNDLE;
-        Hit hits[BUNDLE];
         for (int i = 0; i < bundle.count; i++)
             turn(s->rotation, directions + 3 * (first + i), bundle.along[i]);
-        trace_bundle(geometry, near, origin, &bundle, s->reach, hits);
+        trace_bundle(geometry, near, s->origin, &bundle, s->reach, hits);
+        look(geometry, s->origin, &bundle, hits, pixels);
         for (int i = 0; i < bundle.count; i++) {
-            const double *along = bundle.along[i];
-            double point[3], across[3] = {0.0, 0.0, -1.0};
-            Pixel pixel = {.distance = (float)hits[i].distance, .object = owner(geometry, hits[i].object)};
-            for (int axis = 0; axis < 3; axis++)
-                point[axis] = origin[axis] + hits[i].distance * along[axis];
-            if (hits[i].object != NOTHING)
-                normal(geometry, &hits[i], along, point, across);
-            for (int axis = 0; axis < 3; axis++) {
-                pixel.point[axis] = (float)point[axis], pixel.normal[axis] = (float)across[axis];
-                pixel.facing -= (float)across[axis] * (float)along[axis];
-            }
-            shade_pixel(looks, &pixel, out + 3 * (first + i));
-            ranges[first + i] = hits[i].distance, met[first + i] = (int32_t)pixel.object;
+            shade_pixel(looks, &pixels[i], out + 3 * (first + i));
+            ranges[first + i] = hits[i].distance, met[first + i] = (int32_t)pixels[i].object;
         }
     }
 }
