@@ -17,5 +17,6 @@ typedef struct {
 
 enum { PyBUF_SIMPLE = 0, PyBUF_WRITABLE = 1 };
 
+PyAPI_FUNC(int) PyObject_CheckBuffer(PyObject *object);
 PyAPI_FUNC(int) PyObject_GetBuffer(PyObject *object, Py_buffer *view, int flags);
 PyAPI_FUNC(void) PyBuffer_Release(Py_buffer *view);
