@@ -25,8 +25,7 @@ class CameraModel(NamedTuple):
     `vignetting` is the share of the fall of light by the fourth power of the cosine off the axis that the lens has.
     With `ground_truth` there is no water, noise, or vignetting, and labels are given. `renderer` "rays" casts a ray
     a pixel; "opengl" (extra `opengl`) rasterises what they would meet, to 1 part in 10 000 but for a few pixels at
-    outlines. In software that pays while there are five pixels or more to each cell of the terrain within
-    `max_range` ahead; `python tools/costs/ray_cost.py --pictures` measures it.
+    outlines. By Mesa's software it is no faster than rays; `python tools/costs/ray_cost.py --pictures` measures it.
 
     The rest is off by default, the same with both renderers, and absent from the ground truth. The lamps are at the
     camera, or two of them `lamp_offset` m to either side of it. Only then can `lamp_shadows` be seen, for a cast of
