@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hil.charts.bounds import Bounds, allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
 from hil.charts.charted import paint_natures, within
 from hil.charts.expected import Limits, from_borders, known_nodes, leave_limits
-from hil.charts.grid import Extent, Grid
+from hil.charts.grid import Extent, Grid, rounded_up
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import Placed, beds_under, place
 from hil.charts.held_out import HeldOut, hold_out
@@ -33,7 +33,7 @@ class Report(NamedTuple):
     `water`, `land` (what dries is land here), `unknown`; `clamped` of the water was held by the areas' limits.
     `off_limits` soundings are deeper than their area says, `beds_under` obstacles of known depth keep the bed below
     them. `seconds`: what gridding and holding out took. `beds`: the name of each raster, and the share of the nodes
-    that are as it says.
+    that are as it says. `notes`: what was assumed of the files.
     """
 
     soundings: int
@@ -51,6 +51,7 @@ class Report(NamedTuple):
     beds_under: int
     seconds: float
     beds: tuple[tuple[str, float], ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 class Built(NamedTuple):
@@ -108,7 +109,7 @@ def build(
         bottom=paint_natures(survey.charted.natures, grid, survey.detail),
     )
     progress(0.85)
-    report = _report(placed.grid, data, clamped, begin)._replace(beds=(*shares, *more))
+    report = _report(placed.grid, data, clamped, begin)._replace(beds=(*shares, *more), notes=survey.notes)
     progress(1.0)
     return Built(placed, report)
 
@@ -165,13 +166,7 @@ def _report(grid: Grid, data: _Data | None, clamped: float, begin: float) -> Rep
 
 def own_resolution(survey: Survey, extent: Extent) -> float:
     """Return the distance of nodes, m, that the data resolve, coarser where those were too many; of two digits."""
-    return _rounded_up(max(survey.detail, (_size(extent) / MOST_OWN_NODES) ** 0.5), 0.05)
-
-
-def _rounded_up(value: float, slack: float = 1e-9) -> float:
-    """Return the next number of two digits that is not less, but for a share of `slack` of the last digit."""
-    digit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
-    return float(f"{np.ceil(value / digit - slack) * digit:.6g}")
+    return rounded_up(max(survey.detail, (_size(extent) / MOST_OWN_NODES) ** 0.5), 0.05)
 
 
 def _size(extent: Extent) -> float:
@@ -183,12 +178,12 @@ def _axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
     first = [int(np.ceil(low / resolution - 1e-9)) for low in (extent[0], extent[2])]
     rows, columns = (int(np.floor(extent[k + 1] / resolution + 1e-9)) - first[k // 2] + 1 for k in (0, 2))
     if rows < 2 or columns < 2:
-        fits = _rounded_up(min(extent[1] - extent[0], extent[3] - extent[2]) / 20.0)
+        fits = rounded_up(min(extent[1] - extent[0], extent[3] - extent[2]) / 20.0)
         raise ConfigError(
             f"--resolution: {resolution:g} m is larger than the area: take a finer one, {fits:g} m, or a larger area"
         )
     if rows * columns > MOST_NODES:
-        fits = _rounded_up((_size(extent) / MOST_NODES) ** 0.5 * 1.001)
+        fits = rounded_up((_size(extent) / MOST_NODES) ** 0.5 * 1.001)
         raise ConfigError(
             f"--resolution: {resolution:g} m makes {rows} x {columns} nodes, more than {MOST_NODES}: "
             f"take {fits:g} m or a coarser one, or a smaller area"

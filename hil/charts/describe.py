@@ -30,7 +30,6 @@ def describe(survey: Survey, built: Built) -> Facts:
                       f"lowered for; {floating} floating"
                       + (BRIDGES if survey.bridges else "")),
         *_charted_facts(built),
-        *(("note", note) for note in survey.notes),
     )  # fmt: skip
 
 
@@ -61,10 +60,12 @@ def facts(grid: Grid, report: Report) -> Facts:
     """Return what is known of a bed: its grid, its data, and the error of soundings that were held out."""
     rows, columns = grid.depths.shape
     size = ("grid", f"{rows} x {columns} nodes of {grid.resolution:g} m, deepest {grid.deepest:.1f} m")
+    notes = tuple(("note", note) for note in report.notes)
     if not report.soundings:
-        return (size, ("data", "rasters alone: nothing between them is interpolated, and nothing held out"))
+        return (size, ("data", "rasters alone: nothing between them is interpolated, and nothing held out"), *notes)
     return (
         size,
+        *notes,
         ("data", f"{report.soundings} soundings, {report.guides} places on contours and coasts"),
         ("held out", f"error {report.rmse:.3g} m RMS of {report.held_out} soundings, {report.linear_rmse:.3g} m by "
                      "linear interpolation between the same soundings and contours within the same limits; "

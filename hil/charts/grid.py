@@ -113,6 +113,12 @@ def overview(world: World, most: int, resolution: float | None = None) -> Grid:
     return whole._replace(depths=thin, resolution=whole.resolution * step)
 
 
+def rounded_up(value: float, slack: float = 1e-9) -> float:
+    """Return the next number of two digits that is not less, but for a share of `slack` of the last digit."""
+    digit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
+    return float(f"{np.ceil(value / digit - slack) * digit:.6g}")
+
+
 def write_file(path: str, data: bytes) -> None:
     """Write a whole file or none: what was there stays until all is written. Raises ConfigError."""
     write_files({path: data})

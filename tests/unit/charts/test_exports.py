@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.charts.exports import mesh
 from hil.charts.exports.free_water import free_water
 from hil.charts.exports.gazebo import height_map, spacing, write_gazebo
 from hil.charts.exports.geotiff import write_geotiff
@@ -51,6 +52,15 @@ def test_the_grid_of_a_world() -> None:
     flat = grid_of(load_world("pool"))
     assert (flat.depths == 5.0).all()
     assert flat.extent == (-10.0, 10.0, -10.0, 10.0)
+
+
+def test_a_mesh_of_too_many_triangles_is_refused_with_what_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not made until memory ends: a world of 10,001 x 10,001 nodes would have 200 million triangles."""
+    large = Grid(np.broadcast_to(np.float32(5.0), (10_001, 10_001)), 0.0, 0.0, 5.0)
+    with pytest.raises(ConfigError, match=r"--resolution: 5 m makes a mesh of 10001 x 10001 nodes.*take 26 m"):
+        triangulate(large)
+    monkeypatch.setattr(mesh, "MOST_NODES", 12 * 17)
+    assert len(triangulate(sloping(hole=False))[1]) == 2 * 11 * 16
 
 
 def test_grid_values_between_the_nodes_and_outside() -> None:
