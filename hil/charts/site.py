@@ -39,14 +39,30 @@ def sites(grid: Grid, length: float, depth: float | None = None) -> Iterator[Sit
     """Ways of `length` m, the best first, at `depth` m if that is given. Raises ConfigError when there is none.
 
     A way is good where the bed under it goes up and down, and the ground beside it comes up to the vehicle, for the
-    laser and the sonar to see; all of it lies in known water.
+    laser and the sonar to see; all of it lies in known water. Where all of that is too deep for daylight, deeper.
     """
-    deepest = MOST_DEPTH + MOST_ALTITUDE if depth is None else np.inf
-    rows, columns = np.nonzero((grid.depths > LEAST_DEPTH + LEAST_ALTITUDE) & (grid.depths < deepest))
+    found = False
+    for deepest in (MOST_DEPTH, np.inf) if depth is None else (np.inf,):
+        for site in _sites(grid, length, depth, deepest):
+            found = True
+            yield site
+        if found:
+            return
+    deep = f" at {depth:g} m" if depth is not None else ""
+    raise ConfigError(
+        f"no straight way of {length:g} m{deep} in known water here, which must reach {ABEAM[-1]:g} m to both sides; "
+        "try --depth or --length"
+    )
+
+
+def _sites(grid: Grid, length: float, depth: float | None, deepest: float) -> Iterator[Site]:
+    """Return ways at most `deepest` m down, none or more."""
+    known = (grid.depths > LEAST_DEPTH + LEAST_ALTITUDE) & (grid.depths < deepest + MOST_ALTITUDE)
+    rows, columns = np.nonzero(known)
     chosen_nodes = _promising(grid, rows, columns)
     rows, columns = rows[chosen_nodes], columns[chosen_nodes]
     middles = np.column_stack([grid.north[rows], grid.east[columns]])
-    judged = [_judge(grid, middles, pi * i / COURSES, length, depth) for i in range(COURSES)]
+    judged = [_judge(grid, middles, pi * i / COURSES, length, depth, deepest) for i in range(COURSES)]
     scores, depths = (np.concatenate(each) for each in zip(*judged, strict=True))
     chosen: list[Point] = []
     for index in np.argsort(-scores):
@@ -56,9 +72,6 @@ def sites(grid: Grid, length: float, depth: float | None = None) -> Iterator[Sit
         if all(hypot(north - n, east - e) > APART for n, e in chosen):
             chosen.append((float(north), float(east)))
             yield _site(chosen[-1], pi * int(index // len(middles)) / COURSES, length, float(depths[index]))
-    if not chosen:
-        deep = f" at {depth:g} m" if depth is not None else ""
-        raise ConfigError(f"no straight way of {length:g} m{deep} in known water here; try --depth or --length")
 
 
 def depth_between(grid: Grid, start: Point, goal: Point) -> float:
@@ -86,8 +99,10 @@ def _promising(grid: Grid, rows: Indices, columns: Indices) -> Indices:
     return np.union1d(np.argpartition(-slopes, half)[:half], spread)
 
 
-def _judge(grid: Grid, middles: Array, course: float, length: float, depth: float | None) -> tuple[Array, Array]:
-    """Return how good a way through each of `middles` is (-inf: none), and how deep it is."""
+def _judge(
+    grid: Grid, middles: Array, course: float, length: float, depth: float | None, deepest: float
+) -> tuple[Array, Array]:
+    """Return how good a way through each of `middles` is (-inf: none), and how deep it is: at most `deepest` m."""
     ahead, abeam = np.array([cos(course), sin(course)]), np.array([-sin(course), cos(course)])
     along = np.linspace(-0.5 * length, 0.5 * length, PLACES)
     under = np.stack([grid.at(middles + x * ahead) for x in along])
@@ -99,7 +114,7 @@ def _judge(grid: Grid, middles: Array, course: float, length: float, depth: floa
     score = relief + 4.0 * np.minimum(rising, 0.4) - 0.2 * (under.mean(axis=0) - deep)
     possible = (deep >= LEAST_DEPTH) & (least - deep >= LEAST_ALTITUDE) & np.isfinite(swath).all(axis=0)
     if depth is None:
-        possible &= (under.max(axis=0) - deep <= MOST_ALTITUDE) & (deep <= MOST_DEPTH)
+        possible &= (under.max(axis=0) - deep <= MOST_ALTITUDE) & (deep <= deepest)
     return np.where(possible, score, -np.inf), deep
 
 

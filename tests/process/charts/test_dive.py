@@ -9,7 +9,7 @@ import pytest
 
 from hil.charts.dive.dive import Wish, prepare_dive
 from hil.charts.grid import Grid, grid_of
-from hil.charts.site import LEAST_ALTITUDE, depth_between, sites
+from hil.charts.site import LEAST_ALTITUDE, MOST_ALTITUDE, MOST_DEPTH, depth_between, sites
 from hil.commands import demo
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.scenario.config import load_scenario
@@ -53,6 +53,17 @@ def test_a_depth_that_is_asked_for() -> None:
     assert depth_between(grid, (0.0, -50.0), (0.0, 50.0)) == 8.5
     with pytest.raises(ConfigError, match="too little water"):
         depth_between(grid, (60.0, 0.0), (140.0, 0.0))
+
+
+def test_where_all_water_is_deeper_than_daylight_the_way_is_near_the_bed() -> None:
+    """As in most surveys of offices: 50 m, where no way at 12 m sees the bed."""
+    grid = slope_with_a_wall()
+    deep = grid._replace(depths=grid.depths + 40.0)
+    site = next(sites(deep, 60.0))
+    way = deep.at(np.linspace(site.start, site.goal, 50)) - site.depth
+    assert way.min() > LEAST_ALTITUDE - 0.3
+    assert way.max() < MOST_ALTITUDE + 0.3
+    assert all(each.depth <= MOST_DEPTH for each in sites(grid, 60.0))
 
 
 def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
