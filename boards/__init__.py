@@ -1,8 +1,9 @@
 """Single-board computers (boards) as data: one TOML file a board. Adding a board is adding a file.
 
 A number in a file has its source beside it: every table has its `source`, every number outside a table an entry in
-`sources`. A source that begins with "unverified" is commonly stated but was not read anywhere. This package imports
-only ground-level modules such as `hil.common.schema`; it knows nothing of the slave or the commands.
+`sources`. A source that begins with "unverified" is commonly stated but was not read anywhere.
+
+Public: `load_board`, `detect`. It imports only `hil.common`, and must not know the slave or the commands.
 """
 
 from typing import Annotated, Literal, NamedTuple

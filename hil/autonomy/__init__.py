@@ -1,6 +1,5 @@
 """Algorithms of an autonomous vehicle: control, allocation, planning, following, avoidance, formations, tasks.
 
-Pure functions and small state machines: no I/O but for reading files, no clock (time is an argument). It imports only
-ground-level modules such as `hil.common.schema` and `hil.common.errors`, and knows nothing of the network or the
-simulator.
+Public: every module here; pure functions and small state machines: no I/O but for reading files, no clock (time is an
+argument). It imports only `hil.common`, and must not know the network or the simulator.
 """

@@ -85,7 +85,7 @@ def _delays(results: Mapping[str, Result]) -> list[str]:
     head = ["command delay (ms)", "answered", *SHARES, "floor", "above it", "bare UDP", "bare TCP", "to motion"]
     rows = [head]
     for name, result in results.items():
-        quantiles = [_quantile(result.delay, share) for share in SHARES.values()]
+        quantiles = [_format_quantile(result.delay, share) for share in SHARES.values()]
         bare = [_number(median(values)) for values in (result.udp, result.tcp)]
         floor, above = _number(result.floor), _number(result.at(0.5) - result.floor)
         answered = f"{len(result.delay)}/{result.sent}"
@@ -118,7 +118,7 @@ def _notes(results: Mapping[str, Result]) -> list[str]:
     return lines
 
 
-def _quantile(values: list[float], share: float) -> str:
+def _format_quantile(values: list[float], share: float) -> str:
     enough = share == 1.0 or len(values) * (1.0 - share) >= ENOUGH
     return _number(quantile(sorted(values), share)) if enough else "-"
 

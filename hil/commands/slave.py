@@ -33,6 +33,9 @@ class Options(NamedTuple):
     set: tuple[str, ...] = ()
 
 
+QUICK = [f"--{name}" for name in Options._fields if name not in ("scenario", "set")]  # those with one value
+
+
 def main(arguments: list[str]) -> int:
     """Run the slave until a signal stops it; return the exit code."""
     startup = {"exec": process_start_ns(), "python": now_ns()}
@@ -44,7 +47,7 @@ def main(arguments: list[str]) -> int:
 def _quick(arguments: list[str]) -> Options | None:
     """Return what a plain command line says, without argparse (8 ms of a start of 40); None for any other."""
     words, values = list(arguments), dict[str, Any]()
-    while len(words) > 1 and words[-2] in ("--listen", "--board", "--port", "--member"):
+    while len(words) > 1 and words[-2] in QUICK:
         value, name = words.pop(), words.pop()
         values.setdefault(name[2:], value)  # of one given twice the last holds, as with argparse
     plain = len(words) == 1 and not any(word.startswith("-") for word in (*words, *values.values()))

@@ -1,5 +1,7 @@
 """C versions of what every step computes, equal to Python to the last bit. sim/assembly.py selects.
 
+Public: `choose`, `NativeDynamics`. It must not compute anything that Python does not specify.
+
 `UUV_HIL_NATIVE=0` in the environment takes the Python, `UUV_HIL_NATIVE=1` insists on the C.
 """
 

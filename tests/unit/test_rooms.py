@@ -43,6 +43,8 @@ def test_every_room_says_what_it_is_for() -> None:
         if name != "hil" and folder.is_dir():
             text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
             assert len(text) > 40, name
+            assert re.search(r"\bPublic\b", text), name
+            assert "must not" in text, name
 
 
 def test_a_folder_holds_at_most_20_modules() -> None:

@@ -1,4 +1,8 @@
-"""The health of slaves as a Prometheus endpoint: text format 0.0.4 over HTTP."""
+"""The health of slaves as a Prometheus endpoint: text format 0.0.4 over HTTP.
+
+prometheus_client would replace 60 of these lines. Its import takes twice the processor time of http.server and 4 MiB
+more, and it would be one more extra to install.
+"""
 
 import socket
 import threading
