@@ -102,7 +102,7 @@ def _new(path: str, name: str) -> int:
     except FileExistsError:
         raise ConfigError(f"{path}: is there already; choose another name") from None
     except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from None
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}; name a file in a folder of yours") from None
     fleet = load_scenario(name).member
     flight = f"fleet up {path}" if fleet else f"sim {path} --fast"
     print(f"{path}: a copy of {name}; next: uuv-hil scenario check {path}, then uuv-hil {flight}")
