@@ -202,7 +202,7 @@ static int walk(const Ground *ground, const Ray *ray, int level, const long *cel
 static int walk_from(const Ground *ground, const Ray *ray, double start, double *near, double far, long *side)
 {
     const long all[4] = {0, ground->rows - 2, 0, ground->columns - 2};
-    if (start >= far)
+    if (start > 0.0 && start >= far)
         return 0;
     if (start > *near) {
         long cell[2], within[4];
@@ -228,7 +228,7 @@ static double meet_seabed(const Ground *ground, const double *origin, const doub
 {
     double z = origin[2], dz = direction[2], depth = ground->outside;
     *side = SURFACE;
-    if (start >= reach)
+    if (start > 0.0 && start >= reach)
         return INFINITY;
     if (ground->rows == 0)
         return meet_flat(z, dz, depth, 0.0, reach);

@@ -132,6 +132,23 @@ def test_what_is_proved_for_neighbours_changes_nothing(seed: int) -> None:
             np.testing.assert_array_equal(np.array(values), np.array(others))
 
 
+@pytest.mark.parametrize("depth", [6.0, 18.0])
+@pytest.mark.usefixtures("native")
+def test_rays_at_the_end_of_what_there_is(depth: float) -> None:
+    """From an edge of the grid out of it, in and below the water, and with a reach of nothing."""
+    grid = covering((0.0, 40.0, 0.0, 40.0), 1.0)
+    terrain = Terrain(grid, Fractal(12.0, 1.0, 0.5, seed=2).depths(grid), 12.0)
+    world = World("edge", "test", (0.0, 40.0, 0.0, 40.0), 12.0, terrain=terrain)
+    native, plain = RayScene(world, "C"), RayScene(world, "python")
+    for origin in ((40.0, 20.0, depth), (0.0, 0.0, depth), (20.0, 40.0, depth), (20.0, 20.0, depth)):
+        for reach in (0.0, 1e-9, 30.0):
+            for half_turn in (UPRIGHT, (-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0)):
+                rays = rows_of_pixels(0.02, 16, 4)
+                hits, expected = (scene.hits(origin, rays, reach, half_turn) for scene in (native, plain))
+                for values, others in zip(hits, expected, strict=True):
+                    np.testing.assert_array_equal(np.array(values), np.array(others))
+
+
 @pytest.mark.usefixtures("native")
 def test_rays_from_places_of_their_own() -> None:
     """They give what each gives alone, with either engine."""
