@@ -22,7 +22,7 @@ __all__ = ["endpoint", "fleet", "own_slave", "vehicle"]  # the fixtures
 
 def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_path: Path) -> None:
     program, endpoint = own_slave
-    with hil.connect(endpoint) as fleet:
+    with hil.connect(endpoint, wait=60.0) as fleet:
         vehicle = fleet["uuv1"]
         reported = vehicle.go_to(4.4, 4.2, 2.0)
         stream = vehicle.samples("imu")
@@ -46,7 +46,7 @@ def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_
 @retried_when_busy("a silence may last longer")
 def test_a_short_silence_ends_no_reading(own_slave: tuple[Program, str]) -> None:
     program, endpoint = own_slave
-    with hil.connect(endpoint) as fleet:
+    with hil.connect(endpoint, wait=60.0) as fleet:
         vehicle = fleet["uuv1"]
         stream = vehicle.samples("imu")
         program.process.send_signal(signal.SIGSTOP)
@@ -59,27 +59,27 @@ def test_a_short_silence_ends_no_reading(own_slave: tuple[Program, str]) -> None
 
 def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
     program, endpoint = own_slave
-    with hil.connect(endpoint) as first:
+    with hil.connect(endpoint, wait=60.0) as first:
         first["uuv1"].drive(surge=0.1)
         program.expect("commands arrive")
-        with hil.connect(endpoint) as second:
+        with hil.connect(endpoint, wait=60.0) as second:
             for _ in range(2):
                 with pytest.raises(NetworkError, match=r"obeys another master.*take_over=True"):
                     second["uuv1"].drive(surge=-0.3)
             assert not second["uuv1"].client.has_commanded
-        with hil.connect(endpoint, take_over=True) as third:
+        with hil.connect(endpoint, take_over=True, wait=60.0) as third:
             reported = first["uuv1"].go_to(6.0, 6.0, 2.0)
             third["uuv1"].drive(surge=0.1)
             with pytest.raises(NetworkError, match="another master"):
                 reported.wait(60)
-        with hil.connect(endpoint, observe=True) as watching, pytest.raises(NetworkError, match="observed"):
+        with hil.connect(endpoint, observe=True, wait=60.0) as watching, pytest.raises(NetworkError, match="observed"):
             watching["uuv1"].stop()
 
 
 def test_a_master_that_is_taken_over_learns_it(own_slave: tuple[Program, str]) -> None:
     """An action that was done reports it too: its goal is held no more."""
     program, endpoint = own_slave
-    with hil.connect(endpoint) as first, hil.connect(endpoint, take_over=True) as other:
+    with hil.connect(endpoint, wait=60.0) as first, hil.connect(endpoint, take_over=True, wait=60.0) as other:
         reported = first["uuv1"].drive(surge=0.1).wait(60)
         program.expect("commands arrive")
         other["uuv1"].drive(surge=-0.1)
@@ -92,7 +92,7 @@ def test_a_master_that_is_taken_over_learns_it(own_slave: tuple[Program, str]) -
 def test_the_first_command_goes_out_at_once(endpoint: str) -> None:
     """Also right after another master has left, of whom the vehicle's last figures may still speak."""
     for _ in range(2):
-        with hil.connect(endpoint) as fleet:
+        with hil.connect(endpoint, wait=60.0) as fleet:
             vehicle = fleet["uuv1"]
             began = time.monotonic()
             vehicle.stop()
@@ -105,7 +105,7 @@ def test_a_disarmed_vehicle(own_slave: tuple[Program, str], tmp_path: Path) -> N
     call = ("topic", "call", "/uuv1/arm", "{data: false}", "--connect", endpoint)
     with Program(tmp_path, *call) as program:
         assert program.wait() == 0, program.output
-    with hil.connect(endpoint) as fleet:
+    with hil.connect(endpoint, wait=60.0) as fleet:
         assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
         with pytest.raises(NetworkError, match=r"disarmed.*/uuv1/arm"):
             fleet["uuv1"].stop()
@@ -115,7 +115,7 @@ def test_software_of_its_own(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path, top='controller = "external"')
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
-        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+        with hil.connect(f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
             assert fleet["uuv1"].imu.age < 0.2
             with pytest.raises(NetworkError, match="external"):
                 fleet["uuv1"].stop()
@@ -140,7 +140,7 @@ def test_the_slave_says_what_it_could_not_obey(own_slave: tuple[Program, str]) -
 LEAVE = """
 import sys, time
 import hil
-fleet = hil.connect("{endpoint}")
+fleet = hil.connect("{endpoint}", wait=60.0)
 fleet["uuv1"].push(x=20.0)
 print("pushing", flush=True)
 sys.stdin.readline()
@@ -153,7 +153,7 @@ sys.stdin.readline()
     [("", 0), ("raise ValueError('x')", 1), ("sys.exit(7)", 7), ("while True: time.sleep(0.05)", -signal.SIGINT)],
 )
 def test_however_the_program_ends_the_vehicle_stops(endpoint: str, ending: str, code: int) -> None:
-    with hil.connect(endpoint, observe=True) as watching:
+    with hil.connect(endpoint, observe=True, wait=60.0) as watching:
         vehicle = watching["uuv1"]
         text = LEAVE.format(endpoint=endpoint, ending=ending)
         with subprocess.Popen(
@@ -177,7 +177,7 @@ def test_however_the_program_ends_the_vehicle_stops(endpoint: str, ending: str, 
 
 def test_closing_ends_the_threads_and_the_iterations(endpoint: str) -> None:
     before = set(threading.enumerate())
-    fleet = hil.connect(endpoint)
+    fleet = hil.connect(endpoint, wait=60.0)
     vehicle = fleet["uuv1"]
     stream = vehicle.samples("imu")
     vehicle.stop()

@@ -57,7 +57,7 @@ def test_a_map_that_is_made_already_comes_to_a_late_client(endpoint: str, topics
 
 def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) -> None:
     """Once in two seconds, and listened to only now."""
-    with hil.connect(endpoint) as fleet:
+    with hil.connect(endpoint, wait=60.0) as fleet:
         vehicle = fleet["uuv1"]
         assert "leak" not in vehicle.client.latest
         time.sleep(2.1)  # so that it has measured

@@ -55,7 +55,7 @@ print("imported", count)
 STEER = """
 import hil
 sys.platform = "darwin"
-with hil.connect(sys.argv[1]) as fleet:
+with hil.connect(sys.argv[1], wait=60.0) as fleet:
     (vehicle,) = fleet.wait_for("uuv1")
     vehicle.drive(0.3)
     print("imu", vehicle.imu)

@@ -108,7 +108,7 @@ def test_a_new_command_ends_the_one_before(vehicle: Vehicle) -> None:
 
 def test_asyncio(endpoint: str) -> None:
     async def fly() -> tuple[list[int], bool, int]:
-        async with hil.connect(endpoint) as fleet:
+        async with hil.connect(endpoint, wait=60.0) as fleet:
             (vehicle,) = await fleet.find("uuv1", seconds=60)
             ticks = 0
 
@@ -177,7 +177,7 @@ def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
     """JPEG unless the scenario says otherwise; who asks for the other kind is told its name."""
     with (
         slave_with(tmp_path, "camera = { rate = 5, width = 64, height = 48 }") as endpoint,
-        hil.connect(endpoint) as fleet,
+        hil.connect(endpoint, wait=60.0) as fleet,
     ):
         vehicle = fleet["uuv1"]
         assert next(vehicle.samples("camera/image_raw/compressed", timeout=60.0))
@@ -231,7 +231,7 @@ def test_through_a_router(tmp_path: Path) -> None:
         router.expect("forwarding")
         with Program(tmp_path, "slave", scenario) as slave:
             slave.expect("ready")
-            with hil.connect(f"tcp/127.0.0.1:{port}", routed=True) as fleet:
+            with hil.connect(f"tcp/127.0.0.1:{port}", routed=True, wait=60.0) as fleet:
                 fleet["uuv1"].push(x=20.0)
                 assert wait_for(lambda: fleet["uuv1"].state.velocity[0] > 0.1)
 
@@ -262,7 +262,7 @@ def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:
     scenario.write_text(scenario.read_text() + f'[recording]\nslave = true\nfolder = "{folder}"\n')
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
-        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+        with hil.connect(f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
             vehicle = fleet["uuv1"]
             north, east, depth = vehicle.state.position
             kinds: list[Callable[[], object]] = [
@@ -300,7 +300,7 @@ def test_two_publishers_of_ros_steer_together(own_slave: tuple[Program, str], tm
     depths = ("topic", "pub", "/uuv1/cmd_depth", "std_msgs/msg/Float64")
     speeds = ("topic", "pub", "/uuv1/cmd_vel", "geometry_msgs/msg/Twist", "{linear: {x: 0.3}}")
     with (
-        hil.connect(endpoint, observe=True) as fleet,
+        hil.connect(endpoint, observe=True, wait=60.0) as fleet,
         Program(tmp_path, *depths, "{data: 2.4}", *how),
         Program(tmp_path, *speeds, *how),
     ):
@@ -319,7 +319,7 @@ def test_two_vehicles_at_two_endpoints(own_slave: tuple[Program, str], tmp_path:
     scenario, port = write_scenario(folder, slave='node = "uuv2"')
     with Program(folder, "slave", scenario) as slave:
         slave.expect("ready")
-        with hil.connect(first, f"tcp/127.0.0.1:{port}") as fleet:
+        with hil.connect(first, f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
             one, two = fleet.wait_for("uuv1", "uuv2", seconds=60)
             assert sorted(fleet.vehicles) == ["uuv1", "uuv2"]
             one.push(x=20.0)

@@ -68,7 +68,7 @@ def test_disarmed_it_refuses_and_armed_it_obeys(client: Client, fleet: Fleet) ->
 
 
 def test_while_another_master_commands_only_disarming_is_done(client: Client, fleet: Fleet) -> None:
-    with hil.connect(*fleet.endpoints, take_over=True) as other:
+    with hil.connect(*fleet.endpoints, take_over=True, wait=60.0) as other:
         other["uuv1"].drive(surge=0.1)
         assert wait_for(fleet["uuv1"].client.refusal)
         for line in ({"do": "reset"}, {"do": "set_pose", "north": 4, "east": 4, "depth": 2}, {"do": "arm"}):

@@ -121,7 +121,7 @@ def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
         ) as echo:
             assert echo.wait() == 0, echo.output
         load_scenario(str(path))  # from now on Python knows it too
-        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
+        with hil.connect(f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
             sample = next(fleet["uuv1"].samples("thermometer"))
             assert sample.values["temperature"] == pytest.approx(16.95, abs=0.1)
             assert fleet["uuv1"].newest("thermometer").age < 1.0

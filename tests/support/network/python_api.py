@@ -20,7 +20,7 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture
 def fleet(endpoint: str) -> Iterator[Fleet]:
-    with hil.connect(endpoint) as fleet:
+    with hil.connect(endpoint, wait=60.0) as fleet:
         yield fleet
 
 
