@@ -31,7 +31,7 @@ _PAINTS = (
     (0.33, 0.32, 0.29), (0.25, 0.11, 0.05), (0.60, 0.42, 0.05), (0.10, 0.16, 0.05), (0.45, 0.07, 0.05), (0.4, 0.4, 0.4),
 )  # fmt: skip
 _SIDE = 512  # nodes of the grain along each side, a power of two; then it repeats itself
-SCALES = ((0.01, 0.45), (0.089, 0.35))  # m from node to node, and standard deviation: 5 m and 46 m to a repetition
+SCALES = ((0.01, 0.16), (0.089, 0.11))  # m from node to node, and standard deviation: 5 m and 46 m to a repetition
 
 
 # Cosines to the vertical between which the sky's light fades at the edge of Snell's window, 49 deg, under small waves.
