@@ -23,7 +23,7 @@ from sim.rotations import from_euler, rotate_inverse
 from sim.run_events import EventLog
 from sim.sensors.odometry import ground_truth
 from sim.sensors.samples import OdometrySample, Sample
-from sim.sensors.suite import Schedule, SensorSet, fit
+from sim.sensors.sensor_set import Schedule, SensorSet, fit
 from sim.vehicle.thrusters.model import check_pulses
 from sim.vehicle.vehicle import Vehicle, without
 from sim.vehicle.ventilation import Ventilation

@@ -8,7 +8,7 @@ from hil.autopilots.frames import CUSTOM, MotorMap, load_frame
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_folder
 from hil.scenario.autopilot_records import AutopilotSettings
-from sim.sensors.suite import SensorSet
+from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
 FOLDER = "hil/autopilots/parameters"

@@ -11,15 +11,15 @@ from hil.ros.types import definition
 from sim.sensors.own import OwnKind, OwnSample
 
 if TYPE_CHECKING:
-    from sim.sensors.suite import SensorSet
+    from sim.sensors.sensor_set import SensorSet
 
 HEADER = "std_msgs/msg/Header"
 
 
-def announce(suite: "SensorSet", where: str) -> None:
-    """Let the topics of a suite's own and further sensors be known in this process. Raises ConfigError."""
+def announce(sensors: "SensorSet", where: str) -> None:
+    """Let the topics of a sensors's own and further sensors be known in this process. Raises ConfigError."""
     taken = {*OURS}
-    for name, fitted in suite.items():
+    for name, fitted in sensors.items():
         place, own = f"{where}: {name}", fitted.sensor if isinstance(fitted.sensor, OwnKind) else None
         if not (own or fitted.name):
             continue

@@ -14,7 +14,7 @@ from hil.network.settings import Network
 from hil.ros import dialect
 from hil.scenario.records import Link, Master, Recording, Ros, Slave, Start
 from sim.environment.world import World
-from sim.sensors.suite import SensorSet, read_suite
+from sim.sensors.sensor_set import SensorSet, read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import Vehicle
 
@@ -192,7 +192,7 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
         world=_file("world", scenario.world, path),
         master=scenario.master._replace(map=_relative(scenario.master.map, folder, ".yaml")),
         planner=planner,
-        sensors=read_suite(sensors, f"{path}: sensors"),
+        sensors=read_sensors(sensors, f"{path}: sensors"),
         link=scenario.link._replace(
             frame=_file("link.frame", scenario.link.frame, path), options=options, faults=faults
         ),

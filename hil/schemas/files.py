@@ -19,7 +19,7 @@ from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.mounting import Mounting
-from sim.sensors.suite import DEVICES, ONLY_ONE, SENSORS, load_sensor
+from sim.sensors.sensor_set import DEVICES, ONLY_ONE, SENSORS, load_sensor
 from sim.vehicle import battery, collision_shape, meshes, vehicle
 from sim.vehicle.equipment_keys import EquipmentKeys
 from sim.vehicle.fins import Fin

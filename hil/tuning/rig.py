@@ -11,7 +11,7 @@ from hil.scenario.records import Master
 from hil.slave.pilot import build_pilot
 from sim.environment.world import World
 from sim.rotations import from_euler, to_euler
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.simulation import DT_NS, Simulation
 from sim.vehicle.vehicle import Vehicle
 

@@ -17,7 +17,7 @@ from hil.slave.pilot import OTHERS
 from hil.tuning.identify import Process, push
 from hil.tuning.rig import CONTROL_PERIOD_S
 from hil.tuning.step_response import AXES, Figures, Response, fly_step, step_size
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.vehicle.terminal_speed import reaches
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, mass_matrix

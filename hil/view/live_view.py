@@ -25,7 +25,7 @@ from hil.view.scene.world import WorldScene
 from hil.view.sources.source import Source
 from hil.view.teleop.steering import Steering
 from sim.environment.world import World
-from sim.sensors.suite import SensorSet
+from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle as VehicleFile
 
 PERIOD_S = 0.05  # of the scene

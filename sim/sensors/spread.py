@@ -11,19 +11,19 @@ from typing import Any
 
 from sim.environment.world import World
 from sim.sensors.error import ErrorModel, variance
-from sim.sensors.suite import SensorSet
+from sim.sensors.sensor_set import SensorSet
 
 Spread = tuple[float, ...]
 
 
-def spreads(suite: SensorSet, world: World) -> Mapping[str, Spread]:
+def spreads(sensors: SensorSet, world: World) -> Mapping[str, Spread]:
     """Return each sensor's variances by topic, in units and order of its message; absent where there are none.
 
     imu and ahrs: roll and pitch, yaw (rad²), angular velocity (rad²/s²), acceleration (m²/s⁴). odom: horizontal
     position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Others:
     the one.
     """
-    known = [fitted for fitted in suite.values() if fitted.sensor.topic in _SPREADS]
+    known = [fitted for fitted in sensors.values() if fitted.sensor.topic in _SPREADS]
     return {fitted.topic: _SPREADS[fitted.sensor.topic](fitted.model, world) for fitted in known}
 
 

@@ -18,7 +18,7 @@ from sim.environment.world import load_world
 from sim.sensors.extra_samples import FlagSample
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
-from sim.sensors.suite import SENSORS, read_suite
+from sim.sensors.sensor_set import SENSORS, read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -52,9 +52,9 @@ def test_a_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
     encode: encoders.Encoder = lambda sample, prefix: [("door", data) for _, data in leak(sample, prefix)]  # noqa: E731
     monkeypatch.setitem(sensors.ENCODERS, "door", encode)
     monkeypatch.setattr(encoders, "_ENCODERS", dict(encoders._ENCODERS))
-    suite = read_suite({"door": {"rate": 20.0, "position": [0.1, 0.0, 0.0]}}, "mine.toml")
+    fitted = read_sensors({"door": {"rate": 20.0, "position": [0.1, 0.0, 0.0]}}, "mine.toml")
     vehicle, _ = load_vehicle("paper_six")
-    simulation = Simulation(vehicle, load_world("pool"), position=(4.0, 4.0, 2.0), sensors=suite)
+    simulation = Simulation(vehicle, load_world("pool"), position=(4.0, 4.0, 2.0), sensors=fitted)
     steps = [simulation.step((1500,) * len(vehicle.channels)) for _ in range(400)]
     samples = [sample for step in steps for name, sample in step if name == "door"]
     assert len(samples) == 20

@@ -21,7 +21,7 @@ from sim.dynamics import Integrator
 from sim.environment.ocean import Ocean, Waves
 from sim.environment.world import World, load_world
 from sim.native import SWITCH, choose
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -46,8 +46,8 @@ CASE_STEPS = 250
 def new_simulation(name: str, step_ns: int) -> Simulation:
     """Return a vehicle at 5 m depth with the three sensors."""
     vehicle, _ = load_vehicle(name)
-    suite = fit(odometry=None, ground_truth=None)
-    return Simulation(vehicle, load_world("paper_field"), suite, 1, step_ns, (0.0, 0.0, 5.0))
+    sensors = fit(odometry=None, ground_truth=None)
+    return Simulation(vehicle, load_world("paper_field"), sensors, 1, step_ns, (0.0, 0.0, 5.0))
 
 
 def step_seconds(name: str, rounds: int) -> float:

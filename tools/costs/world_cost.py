@@ -29,7 +29,7 @@ from hil.common.children import package_environment  # noqa: E402 - works from a
 from hil.common.scratch import ScratchFolder  # noqa: E402
 from hil.scenario.config import Scenario, build_simulation, load_scenario  # noqa: E402
 from sim.environment.world import World, load_world  # noqa: E402
-from sim.sensors.suite import Slot  # noqa: E402
+from sim.sensors.sensor_set import Slot  # noqa: E402
 from sim.vehicle.vehicle import load_vehicle  # noqa: E402
 
 GOAL_M = 1500.0  # from the start to the north-east, each way

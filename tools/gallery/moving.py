@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from sim.environment.world import load_world
 from sim.rotations import rotate_inverse, to_euler
-from sim.sensors.suite import SENSORS, fit, read_suite
+from sim.sensors.sensor_set import SENSORS, fit, read_sensors
 from sim.simulation import Simulation
 from tools.gallery.places import INK, SEED, SOFT, VEHICLE, Entry
 
@@ -26,8 +26,8 @@ _CARRIED = ("imu", "dvl", "pressure", "odometry", "ground_truth", "ahrs", "magne
 def _flight() -> dict[str, list[Any]]:
     """Return all samples by topic: ahead, in a curve, and drifting, at the surface of the world `fractal`."""
     world = load_world("fractal")._replace(origin=(57.7, 11.9))
-    suite = fit(**{name: read_suite({name: {}}, "gallery")[name] for name in _CARRIED if name in SENSORS})
-    simulation = Simulation(VEHICLE, world, suite, seed=SEED, position=(-10.0, 0.0, 0.4))
+    sensors = fit(**{name: read_sensors({name: {}}, "gallery")[name] for name in _CARRIED if name in SENSORS})
+    simulation = Simulation(VEHICLE, world, sensors, seed=SEED, position=(-10.0, 0.0, 0.4))
     samples: dict[str, list[Any]] = defaultdict(list)
     for step in range(_SECONDS * _STEPS):
         pulses = (_AHEAD, _TURN, _REST)[min(2, step // (15 * _STEPS))]

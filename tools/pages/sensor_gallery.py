@@ -17,7 +17,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from PIL import Image
 
-from sim.sensors.suite import SENSORS, fit
+from sim.sensors.sensor_set import SENSORS, fit
 from tools.gallery import imaging, moving, ranging
 from tools.gallery.places import Entry
 

@@ -24,7 +24,7 @@ from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
-from sim.sensors.suite import DEFAULT_SENSORS, DEVICES, SENSORS, load_sensor
+from sim.sensors.sensor_set import DEFAULT_SENSORS, DEVICES, SENSORS, load_sensor
 from sim.vehicle import ballast, battery, body_lift, collision_shape, fins, meshes, vehicle
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters import curves, lags

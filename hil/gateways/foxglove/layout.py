@@ -5,7 +5,7 @@ from typing import Any
 
 from hil.ros.topics import FAN
 from hil.scenario.config import Scenario
-from sim.sensors.suite import SensorSet, fit
+from sim.sensors.sensor_set import SensorSet, fit
 
 COLOURS = "#2563eb", "#ea580c", "#16a34a", "#9333ea", "#0891b2", "#ca8a04", "#db2777", "#64748b"
 BLUE, ORANGE, GREEN = COLOURS[:3]

@@ -37,7 +37,7 @@ from hil.slave.imaging.sensors import DONE, REQUEST
 from hil.slave.sample_publisher import SamplePublisher
 from sim.environment.world import load_world
 from sim.sensors.samples import Sample
-from sim.sensors.suite import Slot
+from sim.sensors.sensor_set import Slot
 from sim.vehicle.vehicle import load_vehicle
 
 NICE = 10

@@ -25,7 +25,7 @@ from hil.ros.graph import Identity
 from hil.scenario.config import Scenario
 from hil.slave.health import usage
 from sim.dynamics import State
-from sim.sensors.suite import SensorSpec
+from sim.sensors.sensor_set import SensorSpec
 
 if TYPE_CHECKING:
     from hil.common.stamps import Stamps

@@ -21,7 +21,7 @@ from hil.slave.ros.descriptions import Descriptions
 from hil.slave.ros.parameters import EVENTS
 from hil.slave.ros.services import offer_services
 from sim.sensors.samples import period_ns
-from sim.sensors.suite import SensorSet
+from sim.sensors.sensor_set import SensorSet
 
 if TYPE_CHECKING:
     from sim.tether import Tether
@@ -143,15 +143,15 @@ class _Due:
         return True
 
 
-def static_transforms(suite: SensorSet, settings: Ros, time_ns: int) -> list[Transform]:
+def static_transforms(sensors: SensorSet, settings: Ros, time_ns: int) -> list[Transform]:
     """Return the transforms from map to odom (identity: no drift is modelled) and from base_link to each sensor."""
     prefix = settings.frame_prefix
     base = f"{prefix}base_link"
     frames = [mounted(time_ns, "map", f"{prefix}odom", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))]
-    for name in [name for name in suite if name not in WITHOUT_PLACE]:
-        mounting, link = suite[name].mounting, f"{prefix}{name}_link"
+    for name in [name for name in sensors if name not in WITHOUT_PLACE]:
+        mounting, link = sensors[name].mounting, f"{prefix}{name}_link"
         frames.append(mounted(time_ns, base, link, mounting.position, mounting.quaternion))
-        if (kind := suite[name].sensor.topic) in HEADS:
+        if (kind := sensors[name].sensor.topic) in HEADS:
             head, turn = HEADS[kind]
             frames.append(Transform(time_ns, link, f"{prefix}{name}_{head}", (0.0, 0.0, 0.0), turn))
     return frames

@@ -9,7 +9,7 @@ from hil.ros.topics import first_of
 from hil.view.scene import colours
 from hil.view.scene.frames import body_attitude, to_body
 from sim.sensors.mounting import Mounting
-from sim.sensors.suite import SensorSet
+from sim.sensors.sensor_set import SensorSet
 
 FIELD_OF_VIEW = 1.4  # rad, of a camera that no scenario describes
 FRUSTUM = 0.6  # m

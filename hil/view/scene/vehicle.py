@@ -10,7 +10,7 @@ from hil.view.scene import colours
 from hil.view.scene.frames import to_body, to_scene
 from hil.view.scene.sensors import SensorScene
 from hil.view.scene.world import arrows
-from sim.sensors.suite import SensorSet
+from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
 TRACK_STEP = 0.1  # m between two points of a track

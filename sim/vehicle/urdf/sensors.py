@@ -11,7 +11,7 @@ from re import ASCII, sub
 from typing import Any
 
 from sim.sdf.poses import own_pose
-from sim.sensors.suite import SENSORS
+from sim.sensors.sensor_set import SENSORS
 from sim.vehicle.urdf.pose import Pose, pose_at
 from sim.vehicle.urdf.text import Element, child_text, number_of, plain, to_frd
 

@@ -19,8 +19,8 @@ from sim.sensors.error import ErrorModel, variance
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.sensors.samples import DvlSample
+from sim.sensors.sensor_set import SensorSpec, fit
 from sim.sensors.spread import spreads
-from sim.sensors.suite import SensorSpec, fit
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.processes import slave_with, wait_for
@@ -31,8 +31,8 @@ RUNS = 200  # the variance of so many is known to a tenth (1 sigma); the random 
 QUICK = AhrsModel(rate=20.0, level_time=1.0, heading_time=1.0)  # it has settled after 100 samples
 
 
-def simulation(suite: Any = None) -> Simulation:
-    return Simulation(VEHICLE, WORLD, dt_ns=2_500_000, position=(4.0, 4.0, DEPTH), sensors=suite)
+def simulation(sensors: Any = None) -> Simulation:
+    return Simulation(VEHICLE, WORLD, dt_ns=2_500_000, position=(4.0, 4.0, DEPTH), sensors=sensors)
 
 
 def at_rest() -> State:
@@ -45,8 +45,8 @@ def mean_squares(rows: Sequence[Sequence[float]]) -> list[float]:
 
 @pytest.mark.parametrize(("name", "samples"), [("imu", 1), ("ahrs", 100)])
 def test_an_inertial_unit_is_as_good_as_it_says(name: str, samples: int) -> None:
-    suite = fit(ahrs=QUICK)
-    fitted, scene, rows = suite[name], simulation(), []
+    sensors = fit(ahrs=QUICK)
+    fitted, scene, rows = sensors[name], simulation(), []
     for seed in range(RUNS):
         unit = fitted.sensor(fitted.model, Mounting(), seed, scene)
         for number in range(samples):
@@ -54,7 +54,7 @@ def test_an_inertial_unit_is_as_good_as_it_says(name: str, samples: int) -> None
         _, x, y, z = sample.orientation
         a, b, c = sample.acceleration
         rows.append((2.0 * x, 2.0 * y, 2.0 * z, *sample.angular_velocity, a, b, c + WORLD.gravity))
-    level, heading, rate, force = spreads(suite, WORLD)[name]
+    level, heading, rate, force = spreads(sensors, WORLD)[name]
     assert mean_squares(rows) == pytest.approx([level, level, heading, *[rate] * 3, *[force] * 3], rel=0.35)
 
 
@@ -76,9 +76,9 @@ def test_a_velocity_log_is_as_good_as_its_beams_let_it(lost: int | None, monkeyp
     assert mean((s.altitude - truth) ** 2 for s in samples) == pytest.approx(samples[0].altitude_variance, rel=0.12)
 
 
-def output(suite: Any) -> dict[str, dict[str, Any]]:
-    """Return the first message of each topic of a suite, by its fields."""
-    vehicle, known, found = simulation(suite), spreads(suite, WORLD), dict[str, dict[str, Any]]()
+def output(sensors: Any) -> dict[str, dict[str, Any]]:
+    """Return the first message of each topic of a sensors, by its fields."""
+    vehicle, known, found = simulation(sensors), spreads(sensors, WORLD), dict[str, dict[str, Any]]()
     for _ in range(480):
         for topic, sample in vehicle.step((1500,) * 6):
             for name, payload in ros.encoder(topic)(sample, "", *known.get(topic, ())):
@@ -99,23 +99,23 @@ def test_every_message_that_has_a_place_for_it_says_so() -> None:
     from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
     from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
 
-    suite = fit(
+    sensors = fit(
         ahrs=QUICK,
         altimeter=SensorSpec(Altimeter, AltimeterModel()),
         echosounder=SensorSpec(Echosounder, EchosounderModel()),
         magnetometer=SensorSpec(Magnetometer, MagnetometerModel()),
     )
-    models: Any = {name: fitted.model for name, fitted in suite.items()}
+    models: Any = {name: fitted.model for name, fitted in sensors.items()}
 
     def of(name: str, key: str) -> float:
         return variance(getattr(models[name], key), 1.0 / models[name].rate)
 
-    found = output(suite)
+    found = output(sensors)
     imu, odometry = found["imu"], found["odom"]
     assert diagonal(imu["orientation_covariance"]) == [of("imu", "attitude")] * 3
     assert diagonal(imu["angular_velocity_covariance"]) == [of("imu", "angular_velocity")] * 3
     assert diagonal(imu["linear_acceleration_covariance"]) == [of("imu", "acceleration")] * 3
-    level, heading, *_ = spreads(suite, WORLD)["ahrs"]
+    level, heading, *_ = spreads(sensors, WORLD)["ahrs"]
     assert diagonal(found["ahrs"]["orientation_covariance"]) == [level, level, heading]
     pose = [of("odometry", key) for key in ("horizontal", "horizontal", "depth")]  # east, north, up
     assert diagonal(odometry["pose"]["covariance"]) == [*pose, *[of("odometry", "attitude")] * 3]

@@ -14,7 +14,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.odometry import OdometryModel
 from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.sensors.samples import OdometrySample
-from sim.sensors.suite import SensorSet, SensorSpec, fit, read_suite
+from sim.sensors.sensor_set import SensorSet, SensorSpec, fit, read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -55,8 +55,8 @@ def test_same_seed_same_bits_in_another_process_too() -> None:
 
 
 def test_a_sensor_does_not_change_its_neighbours() -> None:
-    def imu(suite: SensorSet) -> list[object]:
-        simulation = Simulation(VEHICLE, FIELD, suite, seed=3, position=(0, 0, 3))
+    def imu(sensors: SensorSet) -> list[object]:
+        simulation = Simulation(VEHICLE, FIELD, sensors, seed=3, position=(0, 0, 3))
         return [sample for _ in range(200) for topic, sample in simulation.step(IDLE) if topic == "imu"]
 
     alone = fit(dvl=None, odometry=OdometryModel(rate=3.0))
@@ -135,10 +135,10 @@ def test_what_cannot_be() -> None:
 
 def test_sensors_from_a_scenario() -> None:
     table = {"imu": {"rate": "50 Hz", "acceleration": {"noise": 0.1}}, "dvl": {"rate": 0}, "odometry": {"rate": 10}}
-    suite = read_suite(table, "scenario.toml: sensors")
-    assert suite["imu"].model.acceleration.noise == 0.1
-    assert suite["imu"].model.angular_velocity == ImuModel().angular_velocity
-    simulation = Simulation(VEHICLE, FIELD, suite, position=(0, 0, 3))
+    sensors = read_sensors(table, "scenario.toml: sensors")
+    assert sensors["imu"].model.acceleration.noise == 0.1
+    assert sensors["imu"].model.angular_velocity == ImuModel().angular_velocity
+    simulation = Simulation(VEHICLE, FIELD, sensors, position=(0, 0, 3))
     counts = Counter(topic for _ in range(400) for topic, _ in simulation.step(IDLE))
     assert counts == {"imu": 50, "pressure": 20, "odom": 10, "ground_truth": 20}
 
@@ -156,7 +156,7 @@ def test_sensors_from_a_scenario() -> None:
 )
 def test_wrong_sensors_are_named(sections: object, words: str) -> None:
     with pytest.raises(ConfigError, match=r"mine\.toml: sensors") as caught:
-        read_suite(sections, "mine.toml: sensors")
+        read_sensors(sections, "mine.toml: sensors")
     assert words in str(caught.value)
 
 
@@ -164,8 +164,8 @@ def test_latency_delays_and_drop_out_loses() -> None:
     """A late sample keeps the instant it was measured; a lost one leaves the others as they are."""
 
     def dvl(mounting: Mounting) -> list[tuple[int, object]]:
-        suite = fit(dvl=SensorSpec(Dvl, DvlModel(rate=10.0), mounting))
-        simulation = Simulation(VEHICLE, FIELD, suite, seed=2, position=(0, 0, 3))
+        sensors = fit(dvl=SensorSpec(Dvl, DvlModel(rate=10.0), mounting))
+        simulation = Simulation(VEHICLE, FIELD, sensors, seed=2, position=(0, 0, 3))
         stream = ((simulation.time_ns, pair) for _ in range(8000) for pair in simulation.step(IDLE))
         return [(now, sample) for now, (topic, sample) in stream if topic == "dvl"]
 

@@ -23,13 +23,13 @@ pytestmark = [
 FLIGHT = """
 import hashlib, platform, sys
 from sim.assembly import make_dynamics
-from sim.sensors.suite import read_suite
+from sim.sensors.sensor_set import read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from sim.environment.world import load_world
 vehicle, _ = load_vehicle("bluerov2_heavy")
-suite = read_suite({"laser": {"rate": "10 Hz"}, "ahrs": {}, "scanning_sonar": {}, "echosounder": {}}, "here")
-simulation = Simulation(vehicle, load_world("harbour"), suite, seed=11, position=(20.0, 0.0, 4.0), heading=0.3)
+sensors = read_sensors({"laser": {"rate": "10 Hz"}, "ahrs": {}, "scanning_sonar": {}, "echosounder": {}}, "here")
+simulation = Simulation(vehicle, load_world("harbour"), sensors, seed=11, position=(20.0, 0.0, 4.0), heading=0.3)
 digest = hashlib.sha256()
 for step in range(2500):
     pulses = [1500 + (37 * step * (channel + 1)) % 500 - 250 for channel in range(len(vehicle.channels))]

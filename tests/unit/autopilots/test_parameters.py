@@ -8,7 +8,7 @@ from hil.autopilots.frames import map_motors
 from hil.autopilots.parameters import all_parameters, format_parameters, px4_geometry, read_parameters, sensor_places
 from hil.common.errors import ConfigError
 from hil.scenario.autopilot_records import AutopilotSettings
-from sim.sensors.suite import read_suite
+from sim.sensors.sensor_set import read_sensors
 from sim.vehicle.vehicle import load_vehicle
 
 
@@ -91,8 +91,8 @@ def test_the_autopilot_knows_where_its_sensors_are(
         "altimeter": {"position": [0, 0, 0.2]},
     }
     settings = AutopilotSettings(positions=positions)  # type: ignore[arg-type]
-    found = sensor_places(settings, controller, read_suite(mounted, "test"))
+    found = sensor_places(settings, controller, read_sensors(mounted, "test"))
     for prefix, place in expected.items():
         assert tuple(found[f"{prefix}{axis}"] for axis in "XYZ") == place
     assert any(name.startswith("VISO") for name in found) == (positions == "dvl")
-    assert not sensor_places(settings, controller, read_suite({name: {} for name in mounted}, "test"))
+    assert not sensor_places(settings, controller, read_sensors({name: {} for name in mounted}, "test"))

@@ -21,7 +21,7 @@ from hil.ros import message as ros_message
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Ros
-from sim.sensors.suite import fit, load_sensor
+from sim.sensors.sensor_set import fit, load_sensor
 
 SENSORS = {name: load_sensor(name).Model() for name in ("camera", "forward_sonar", "laser", "battery")}
 

@@ -16,7 +16,7 @@ from hil.ros.frames import Transform
 from hil.scenario.records import Ros
 from hil.slave.ros.node import static_transforms
 from sim.rotations import from_euler, rotate
-from sim.sensors.suite import read_suite
+from sim.sensors.sensor_set import read_sensors
 
 with open(os.path.join(os.path.dirname(__file__), "..", "..", "vectors", "cdr_golden.json"), encoding="utf-8") as _file:
     MESSAGES = json.load(_file)["messages"]
@@ -67,8 +67,10 @@ def test_a_mounting_goes_the_way_of_the_points(position: Any, angles: Any, point
 
 
 def test_static_transforms_of_a_suite() -> None:
-    suite = read_suite({"imu": {"position": [0.1, 0.2, 0.3]}, "gps": {"orientation": [0.0, 0.0, math.pi / 2]}}, "here")
-    frames = {t.child: t for t in static_transforms(suite, Ros(frame_prefix="uuv1/"), 7)}
+    sensors = read_sensors(
+        {"imu": {"position": [0.1, 0.2, 0.3]}, "gps": {"orientation": [0.0, 0.0, math.pi / 2]}}, "here"
+    )
+    frames = {t.child: t for t in static_transforms(sensors, Ros(frame_prefix="uuv1/"), 7)}
     links = {"imu_link", "dvl_link", "dvl_transducer_link", "pressure_link", "gps_link"}
     assert set(frames) == {"uuv1/odom", *[f"uuv1/{link}" for link in links]}
     assert frames["uuv1/odom"] == (7, "map", "uuv1/odom", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))

@@ -25,7 +25,7 @@ from sim.sensors.extra_samples import (
     VelocitySample,
 )
 from sim.sensors.samples import ImuSample
-from sim.sensors.suite import SENSORS
+from sim.sensors.sensor_set import SENSORS
 from tests.support.examples import examples
 
 _VECTORS = os.path.join(os.path.dirname(__file__), "..", "..", "vectors")

@@ -3,8 +3,8 @@
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS, sample_topics
 from sim.environment.world import load_world
+from sim.sensors.sensor_set import SENSORS, fit, load_sensor
 from sim.sensors.spread import spreads
-from sim.sensors.suite import SENSORS, fit, load_sensor
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 

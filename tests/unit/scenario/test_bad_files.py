@@ -84,7 +84,7 @@ def test_a_wrong_value_of_any_key(folder: str, name: str, monkeypatch: pytest.Mo
         "hil.scenario.config",
         "sim.vehicle.vehicle",
         "sim.environment.world",
-        "sim.sensors.suite",
+        "sim.sensors.sensor_set",
         "boards",
     ):
         monkeypatch.setattr(f"{module}.read_table", read_changed)

@@ -18,7 +18,7 @@ from sim.environment.world import load_world
 from sim.sensors.extra_samples import FlagSample
 from sim.sensors.imaging.samples import CameraSample, Intrinsics
 from sim.sensors.samples import DvlSample, ImuSample
-from sim.sensors.suite import SensorSet, Slot, fit, read_suite
+from sim.sensors.sensor_set import SensorSet, Slot, fit, read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -31,14 +31,14 @@ SECTIONS = {
 }
 
 
-def suite() -> SensorSet:
-    read = read_suite(SECTIONS, "mine.toml: sensors")
+def read_sections() -> SensorSet:
+    read = read_sensors(SECTIONS, "mine.toml: sensors")
     announce(read, "mine.toml: sensors")
     return read
 
 
 def test_each_has_its_own_keys_and_name() -> None:
-    sensors = suite()
+    sensors = read_sections()
     assert sensors["camera_down"].model.rate == 2.0
     assert sensors["camera_down"].mounting.position == (0.1, 0.0, 0.2)
     assert sensors["camera_down"].topic == "camera_down"
@@ -48,7 +48,7 @@ def test_each_has_its_own_keys_and_name() -> None:
 
 
 def test_topics_are_those_of_the_kind_by_the_name() -> None:
-    suite()
+    read_sections()
     assert TOPICS["camera_down/image_raw"].type == "sensor_msgs/msg/Image"
     assert TOPICS["sonar_wide/image"].type == TOPICS["forward_sonar/image"].type
     assert sample_topics("aft") == ("aft", "aft_twist", "aft_altitude")
@@ -58,7 +58,7 @@ def test_topics_are_those_of_the_kind_by_the_name() -> None:
 
 
 def test_messages_have_the_names_topics_and_frames() -> None:
-    suite()
+    read_sections()
     pixels = CameraSample(10**9, 2, 1, bytes(6), bytes(8), None, Intrinsics(1, 1, 0, 0), (0.0,) * 5)
     images = dict(ros.encoder("camera_down")(pixels, "uuv1/", "raw", 80))
     assert set(images) == {
@@ -83,7 +83,7 @@ def test_messages_have_the_names_topics_and_frames() -> None:
 
 
 def test_frames_of_transforms() -> None:
-    frames = {each.child: each for each in static_transforms(suite(), Ros(), 0)}
+    frames = {each.child: each for each in static_transforms(read_sections(), Ros(), 0)}
     assert {"camera_link", "camera_optical_frame", "camera_down_link", "camera_down_optical_frame"} <= set(frames)
     assert {"aft_link", "aft_transducer_link", "sonar_wide_fan", "imu_2_link"} <= set(frames)
     assert frames["camera_down_optical_frame"].frame == "camera_down_link"
@@ -92,7 +92,7 @@ def test_frames_of_transforms() -> None:
 def test_each_has_random_numbers_of_its_own_and_the_first_the_usual_ones() -> None:
     sections = {"pressure_2": {"sensor": "pressure"}}
     scene = Simulation(load_vehicle("bluerov2")[0], load_world("open_water"), {})
-    read = read_suite(sections, "")
+    read = read_sensors(sections, "")
     one, other, usual = (
         Slot(n, s[n], scene, 1, 1).sensor for n, s in (("pressure", read), ("pressure_2", read), ("pressure", fit()))
     )
@@ -104,7 +104,7 @@ def test_each_has_random_numbers_of_its_own_and_the_first_the_usual_ones() -> No
 
 def test_echoes_of_a_further_scanning_sonar_have_noise_of_their_own() -> None:
     keys = {"bins": 50, "max_range": 20.0}
-    read = read_suite({"scanning_sonar": keys, "sonar_aft": {"sensor": "scanning_sonar", **keys}}, "")
+    read = read_sensors({"scanning_sonar": keys, "sonar_aft": {"sensor": "scanning_sonar", **keys}}, "")
     scene = Simulation(load_vehicle("bluerov2")[0], load_world("slope"), {}, position=(0.0, 0.0, 2.0))
     one, other = (Slot(name, read[name], scene, 1, 1).sensor for name in ("scanning_sonar", "sonar_aft"))
     echoes = [sensor.sample(0, scene.state).echoes for sensor in (one, other)]  # type: ignore[union-attr]
@@ -123,7 +123,7 @@ def test_echoes_of_a_further_scanning_sonar_have_noise_of_their_own() -> None:
 ])  # fmt: skip
 def test_what_is_wrong_is_named(sections: dict[str, object], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        read_suite(sections, "sensors")
+        read_sensors(sections, "sensors")
 
 
 @pytest.mark.parametrize(("sections", "topic"), [
@@ -133,7 +133,7 @@ def test_what_is_wrong_is_named(sections: dict[str, object], words: str) -> None
 ])  # fmt: skip
 def test_a_topic_of_two_is_refused(sections: dict[str, object], topic: str) -> None:
     with pytest.raises(ConfigError, match=f"the topic '{topic}' is taken"):
-        announce(read_suite(sections, "sensors"), "sensors")
+        announce(read_sensors(sections, "sensors"), "sensors")
     assert "aft" not in TOPICS or topic != "motors"
 
 
@@ -167,7 +167,7 @@ def test_the_kind_is_that_which_has_the_topics_of_the_node(kind: str) -> None:
 
 
 def test_a_flag_of_a_further_switch() -> None:
-    announce(read_suite({"leak_aft": {"sensor": "leak"}}, ""), "")
+    announce(read_sensors({"leak_aft": {"sensor": "leak"}}, ""), "")
     ((topic, payload),) = ros.encoder("leak_aft")(FlagSample(0, True), "")
     assert topic == "leak_aft"
     assert ros.decoder(topic)(payload) is True  # type: ignore[misc]

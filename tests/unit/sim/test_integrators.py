@@ -16,7 +16,7 @@ from sim.assembly import make_dynamics
 from sim.dynamics import Dynamics, State
 from sim.environment.world import load_world
 from sim.matrices import product
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, bare

@@ -17,7 +17,7 @@ from sim.dynamics import Dynamics, State
 from sim.environment.world import World, load_world
 from sim.forces import Force
 from sim.rotations import from_euler, rotate, to_euler
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import CrossFlowDrag, FadingDamping, HullLift, SlowDamping
 from sim.vehicle.fins import FinSet

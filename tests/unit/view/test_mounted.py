@@ -11,7 +11,7 @@ from hil.view.scene.sensors import FIELD_OF_VIEW, SensorScene
 from sim.rotations import rotate
 from sim.sensors.imaging.samples import SonarImageSample
 from sim.sensors.mounting import Mounting
-from sim.sensors.suite import read_suite
+from sim.sensors.sensor_set import read_sensors
 from tests.unit.view.scene_recorder import Recorder
 
 PICTURE = np.zeros((30, 40, 3), np.uint8)
@@ -20,7 +20,7 @@ PICTURE = np.zeros((30, 40, 3), np.uint8)
 def test_a_camera_is_where_it_sits_looks_where_it_looks_and_sees_as_wide() -> None:
     camera = {"position": [0.3, 0.1, 0.2], "orientation": ["0 deg", "-30 deg", "90 deg"], "field_of_view": "60 deg"}
     recorder = Recorder()
-    scene = SensorScene(recorder, "/vehicles/a", read_suite({"camera": camera}, "here"))
+    scene = SensorScene(recorder, "/vehicles/a", read_sensors({"camera": camera}, "here"))
     scene.draw_camera(PICTURE)
     _, _, seat = recorder.added["/vehicles/a/camera"]
     assert seat["position"].tolist() == [0.3, -0.1, -0.2], "x ahead, y to port, z up"

@@ -17,7 +17,7 @@ from sim.rotations import from_euler, rotate
 from sim.sensors.error import ErrorModel
 from sim.sensors.pressure import STANDARD_ATMOSPHERE, PressureModel
 from sim.sensors.samples import PressureSample
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 

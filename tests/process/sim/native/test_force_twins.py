@@ -19,7 +19,7 @@ from sim.forces import Force
 from sim.native import NativeDynamics
 from sim.native.waves import NativeSampledWaves, NativeWaveField
 from sim.rotations import normalise
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import (
     CrossFlow,

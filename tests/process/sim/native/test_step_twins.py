@@ -21,7 +21,7 @@ from sim.rotations import from_euler, normalise
 from sim.sensors.imu import Imu, ImuModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample
-from sim.sensors.suite import SensorSet, SensorSpec, fit
+from sim.sensors.sensor_set import SensorSet, SensorSpec, fit
 from sim.simulation import Simulation
 from sim.vehicle.failures import Failure
 from sim.vehicle.vehicle import Vehicle, load_vehicle

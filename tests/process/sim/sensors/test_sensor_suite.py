@@ -13,7 +13,7 @@ from hil.ros import encoders as ros
 from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation, load_scenario
 from sim.environment.world import load_world
-from sim.sensors.suite import DEFAULT_SENSORS, SENSORS
+from sim.sensors.sensor_set import DEFAULT_SENSORS, SENSORS
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 

@@ -11,7 +11,7 @@ from sim.environment.contact.impulses import Touch
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 from sim.rotations import normalise, rotate, to_euler
-from sim.sensors.suite import SensorSet
+from sim.sensors.sensor_set import SensorSet
 from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision
 from sim.vehicle.vehicle import Vehicle, load_vehicle

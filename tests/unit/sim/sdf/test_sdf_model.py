@@ -10,7 +10,7 @@ from hil.common.errors import ConfigError
 from sim.matrices import square
 from sim.sdf.as_urdf import as_urdf
 from sim.sdf.files import SdfFiles
-from sim.sensors.suite import read_suite
+from sim.sensors.sensor_set import read_sensors
 from sim.vehicle.urdf.importer import Imported, read_robot
 
 OTTER = Path(__file__).parents[3] / "vectors" / "otter"
@@ -109,7 +109,7 @@ def test_further_sensors_of_a_kind_have_their_own_names() -> None:
     assert set(found.sensors) == {"imu", "laser", "dvl", "stern_scan", "laser_2"}
     assert found.sensors["stern_scan"] == {"sensor": "laser", **found.sensors["laser"]}
     assert any("is [sensors.stern_scan], one more laser." in note for note in found.notes)
-    assert read_suite(found.sensors, "flight.toml")["laser_2"].sensor.topic == "laser"
+    assert read_sensors(found.sensors, "flight.toml")["laser_2"].sensor.topic == "laser"
 
 
 def test_a_world_has_its_vehicle_by_include() -> None:

@@ -16,7 +16,7 @@ from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
 from sim.sensors.ranging.dvl_water import DvlWater, DvlWaterModel
-from sim.sensors.suite import SensorSpec
+from sim.sensors.sensor_set import SensorSpec
 from sim.sensors.usbl import Usbl, UsblModel
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle

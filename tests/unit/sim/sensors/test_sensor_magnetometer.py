@@ -10,7 +10,7 @@ from sim.rotations import from_euler, rotate
 from sim.sensors.error import ErrorModel
 from sim.sensors.magnetometer import Magnetometer, MagnetometerModel, earth_field
 from sim.sensors.mounting import Mounting
-from sim.sensors.suite import read_suite
+from sim.sensors.sensor_set import read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -68,7 +68,7 @@ def test_errors_have_their_size() -> None:
 
 
 def test_keys() -> None:
-    suite = read_suite({"magnetometer": {"hard_iron": [1e-6, 0, 0]}}, "a.toml: sensors")
-    assert suite["magnetometer"].model.hard_iron == (1e-6, 0.0, 0.0)
+    sensors = read_sensors({"magnetometer": {"hard_iron": [1e-6, 0, 0]}}, "a.toml: sensors")
+    assert sensors["magnetometer"].model.hard_iron == (1e-6, 0.0, 0.0)
     with pytest.raises(ConfigError, match="soft_iron: expected 9 values"):
-        read_suite({"magnetometer": {"soft_iron": [1.0]}}, "a.toml: sensors")
+        read_sensors({"magnetometer": {"soft_iron": [1.0]}}, "a.toml: sensors")

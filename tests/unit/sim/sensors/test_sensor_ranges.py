@@ -21,7 +21,7 @@ from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
 from sim.sensors.ranging.laser import Laser, LaserModel
 from sim.sensors.ranging.profiler import Profiler, ProfilerModel
-from sim.sensors.suite import SensorSpec, read_suite
+from sim.sensors.sensor_set import SensorSpec, read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -257,11 +257,11 @@ def test_intensities_of_a_scanning_sonar() -> None:
 
 
 def test_a_device_gives_intensities_beside_cameras() -> None:
-    suite = read_suite({"scanning_sonar": {"device": "ping360"}}, "test")
-    assert suite["scanning_sonar"].offloaded
-    assert suite["scanning_sonar"].model.bins == 1200
-    assert not read_suite({"scanning_sonar": {}}, "test")["scanning_sonar"].offloaded
-    model, state = suite["scanning_sonar"].model, State((0.0, 0.0, 18.0))
+    sensors = read_sensors({"scanning_sonar": {"device": "ping360"}}, "test")
+    assert sensors["scanning_sonar"].offloaded
+    assert sensors["scanning_sonar"].model.bins == 1200
+    assert not read_sensors({"scanning_sonar": {}}, "test")["scanning_sonar"].offloaded
+    model, state = sensors["scanning_sonar"].model, State((0.0, 0.0, 18.0))
     samples = [ScanningSonar(model, Mounting(), 3, scene(FLAT)).sample(0, state) for _ in range(2)]
     assert samples[0] == samples[1]
     assert samples[0].echoes.encoding == "uint8"
@@ -374,13 +374,13 @@ def test_altimeter_over_relief_and_obstacles() -> None:
 
 def test_samples_are_the_same_in_every_run() -> None:
     def ride() -> list[str]:
-        suite = {
+        sensors = {
             "laser": SensorSpec(Laser, LaserModel(rate=20.0)),
             "profiler": SensorSpec(Profiler, ProfilerModel()),
             "echosounder": SensorSpec(Echosounder, EchosounderModel()),
             "scanning_sonar": SensorSpec(ScanningSonar, ScanningSonarModel()),
         }
-        simulation = Simulation(VEHICLE, sloping(), suite, seed=3, position=(0.0, 0.0, 12.0))
+        simulation = Simulation(VEHICLE, sloping(), sensors, seed=3, position=(0.0, 0.0, 12.0))
         return [repr(pair) for _ in range(200) for pair in simulation.step((1600,) * 8)]
 
     first = ride()

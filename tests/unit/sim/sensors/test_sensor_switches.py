@@ -14,7 +14,7 @@ from sim.sensors.error import ErrorModel
 from sim.sensors.extra_samples import BatterySample, FlagSample
 from sim.sensors.leak import Leak, LeakModel
 from sim.sensors.mounting import Mounting
-from sim.sensors.suite import SensorSpec, read_suite
+from sim.sensors.sensor_set import SensorSpec, read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.battery import Battery, BatteryState
 from sim.vehicle.thrusters.curves import T200
@@ -67,7 +67,7 @@ def test_battery_monitor_errors_have_their_size() -> None:
 
 def test_a_vehicle_without_a_battery_is_named() -> None:
     with pytest.raises(ConfigError, match=r"paper_six has no battery: give its vehicle file a \[battery\]"):
-        Simulation(VEHICLE, POOL, read_suite({"battery": {}}, "a"), position=(0.0, 0.0, 1.0))
+        Simulation(VEHICLE, POOL, read_sensors({"battery": {}}, "a"), position=(0.0, 0.0, 1.0))
 
 
 def test_leak_at_a_time() -> None:

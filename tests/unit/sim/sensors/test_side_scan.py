@@ -21,7 +21,7 @@ from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.samples import SideScanSample
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel
 from sim.sensors.mounting import Mounting
-from sim.sensors.suite import read_suite
+from sim.sensors.sensor_set import read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.flights.twins import taken_from
@@ -98,8 +98,8 @@ def test_a_side_scan_picture_is_noisy_and_seeded() -> None:
 
 @pytest.mark.parametrize("device", ["oculus_m750d", "oculus_m750d_high", "gemini_720is", "blueview_p900_130"])
 def test_devices(device: str) -> None:
-    suite = read_suite({"forward_sonar": {"device": device, "rays": 4, "max_range": 30.0, "rate": 2.0}}, "test")
-    fitted = suite["forward_sonar"]
+    sensors = read_sensors({"forward_sonar": {"device": device, "rays": 4, "max_range": 30.0, "rate": 2.0}}, "test")
+    fitted = sensors["forward_sonar"]
     assert fitted.model.max_range == 30.0
     sample = ForwardSonar(fitted.model, fitted.mounting, 1, scene()).sample(0, AHEAD)
     assert len(sample.beams) * sample.bins == len(sample.intensities)
@@ -108,10 +108,10 @@ def test_devices(device: str) -> None:
 
 def test_a_device_is_of_its_sensor() -> None:
     with pytest.raises(ConfigError, match=r"side_scan: device: .*gemini_720is\.toml is no side_scan"):
-        read_suite({"side_scan": {"device": "gemini_720is"}}, "test")
+        read_sensors({"side_scan": {"device": "gemini_720is"}}, "test")
     with pytest.raises(ConfigError, match="starfish_450"):
-        read_suite({"side_scan": {"device": "starfish"}}, "test")
-    assert read_suite({"side_scan": {"device": "starfish_450"}}, "test")["side_scan"].model.beam_width == radians(0.8)
+        read_sensors({"side_scan": {"device": "starfish"}}, "test")
+    assert read_sensors({"side_scan": {"device": "starfish_450"}}, "test")["side_scan"].model.beam_width == radians(0.8)
 
 
 def test_numpys_rays_give_the_same_pictures(binaries: Path) -> None:

@@ -10,7 +10,7 @@ from hil.scenario.config import build_simulation, load_scenario
 from sim.environment.ocean import Ocean, Profile, Waves
 from sim.environment.world import World, load_world
 from sim.rotations import to_euler
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.simulation import Simulation
 from sim.vehicle.ballast import BuoyancyEngine, DropWeight, Release, is_release
 from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix, validate_drop_weights, without

@@ -9,7 +9,7 @@ import pytest
 from sim.environment.ocean import Ocean, Waves
 from sim.environment.world import World
 from sim.rotations import from_euler
-from sim.sensors.suite import fit
+from sim.sensors.sensor_set import fit
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from sim.vehicle.ventilation import Ventilation, thrust_share

@@ -90,7 +90,7 @@ class SensorSpec(NamedTuple):
 SensorSet = Mapping[str, SensorSpec]  # by the sensor's name
 
 
-def read_suite(sections: Any, where: str) -> SensorSet:
+def read_sensors(sections: Any, where: str) -> SensorSet:
     """Return the sensors that the `[sensors]` table says, and the usual ones. Raises ConfigError."""
     if not isinstance(sections, dict):
         raise ConfigError(f"{where}: expected a table for each sensor, such as [sensors.imu]")
@@ -121,14 +121,14 @@ def fit(**models: Any) -> SensorSet:
 
 
 class Schedule:
-    """Lets every sensor of a suite measure when it is due, and hands its samples out when they arrive.
+    """Lets every sensor of a sensors measure when it is due, and hands its samples out when they arrive.
 
     Instants are whole multiples of a sensor's period, so that nothing drifts; each falls on the first step of
     `dt_ns` at or after it. Raises ConfigError for a sensor that is faster than the steps.
     """
 
-    def __init__(self, suite: SensorSet, scene: Scene, seed: int, dt_ns: int) -> None:
-        self._slots = [Slot(name, fitted, scene, seed, dt_ns) for name, fitted in suite.items()]
+    def __init__(self, sensors: SensorSet, scene: Scene, seed: int, dt_ns: int) -> None:
+        self._slots = [Slot(name, fitted, scene, seed, dt_ns) for name, fitted in sensors.items()]
         self._in_flight: list[tuple[int, int, str, Sample]] = []  # arrival, number, topic, sample
         self._number = 0
         self.due_ns = 0  # nothing happens before
