@@ -91,6 +91,7 @@ class UnreadLinks:
         patience_ns = min(self._patience_ns << min(self._cuts, 10), max(self._patience_ns, LONGEST_PATIENCE_NS))
         overdue = {peer for peer, lasted_ns in self._halves.items() if lasted_ns >= patience_ns}
         self._cuts += bool(overdue)
+        self._halves |= dict.fromkeys(overdue, 0)  # which have their time again to open both
         return overdue
 
 

@@ -137,14 +137,15 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
 def join(scenario: Scenario) -> Session:
     """Return the session: a client of the slave's, which forwards what its clients say to all.
 
-    With a router it dials that, as the slave does, and needs it to start no more than that does. Links that the library
-    does not read are cut, or who watches pictures would never be known here. Raises NetworkError.
+    As any client of the library it has one link. With a router it dials that, as the slave does, and needs it to start
+    no more than that does. Links that the library does not read are cut, or who watches pictures would never be known
+    here. Raises NetworkError.
     """
     network = scenario.network
     scheme, host, port = split_endpoint(scenario.slave.listen)
     where = network.router or f"{scheme}/{HERE.get(host, host)}:{port}"
     text = settings("imaging", (), (where,), network, scenario.security)
-    session = open_session("join", where, text, has_pairs=not network.router)
+    session = open_session("join", where, text)
     if network.router:
         session.declare_token(router_key(session.zid))
     mend_links(session, network.lease)

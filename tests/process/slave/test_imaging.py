@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from PIL import Image
 
@@ -117,6 +118,19 @@ def test_a_killed_process_is_reported_and_started_again(slave: tuple[Program, Ve
     assert wait_for(lambda: has_all(client)), client.received
     kill_and_wait(program, client, 1)
     assert "signal 9; started again in 0.5 s" in program.output
+
+
+def test_its_link_stays(tmp_path: Path) -> None:
+    """It has one link, where a master has two: that is none that was lost."""
+    program, endpoint = start(tmp_path, SENSORS + "[network]\nlease = 0.3\n")
+    with program, VehicleClient(endpoint, "uuv1") as client:
+        client.watch(*PICTURES)
+        assert wait_for(lambda: has_all(client)), client.received
+        process = psutil.Process(imaging_pid(client))
+        before = process.net_connections("tcp")
+        assert len(before) == 1
+        time.sleep(2.5)  # four times as long as lost ones last
+        assert process.net_connections("tcp") == before
 
 
 IDLE = 0.03  # of a core, of a process that makes no pictures; those below take four times as much where it is calm

@@ -2,6 +2,8 @@
 
 import itertools
 
+import pytest
+
 from hil.common.clock import NS_PER_S
 from hil.network.unread_links import LONGEST_CHECK_NS, UnreadLinks
 
@@ -46,13 +48,15 @@ def test_one_link_of_two_for_two_leases_is_half_a_session() -> None:
     assert links.find_halves(LOOK_NS, ["half", "whole", "whole"]) == set()
 
 
-def test_a_master_has_two_links_or_half_a_session() -> None:
+@pytest.mark.parametrize("is_seen_lost", [True, False], ids=["seen lost", "back by the next look"])
+def test_a_master_has_two_links_or_half_a_session(is_seen_lost: bool) -> None:
     """From the beginning; and as the other port may be out of reach for good, each time it waits twice as long."""
     links, reported = UnreadLinks(LEASE_S, has_pairs=True), []
     for tick in range(1200):
         if links.find_halves(LOOK_NS, ["half"]) == {"half"}:
             reported.append(tick / 2)
-            links.find_halves(LOOK_NS, [])  # cut off
+            if is_seen_lost:
+                links.find_halves(LOOK_NS, [])
     waits = [later - sooner for sooner, later in itertools.pairwise(reported)]
     assert reported[0] <= 2 * LEASE_S + 0.5
     assert waits[1] > 1.5 * waits[0]
