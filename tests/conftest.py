@@ -54,6 +54,20 @@ def _own_scheduling() -> Iterator[None]:
         os.sched_setscheduler(0, *before)
 
 
+@pytest.fixture(autouse=True)
+def _own_library_threads() -> Iterator[None]:
+    """Remove what a command in this process chose for zenoh's threads: slaves of later tests would inherit it.
+
+    With the single thread of a recorder a slave cannot pass on large messages.
+    """
+    before = os.environ.get("ZENOH_RUNTIME")
+    yield
+    if before is None:
+        os.environ.pop("ZENOH_RUNTIME", None)
+    else:
+        os.environ["ZENOH_RUNTIME"] = before
+
+
 def pytest_sessionstart() -> None:
     """Reserve ports once: what holds them stays open, and is no leak of the first test that asks for one."""
     free_ports(1)
