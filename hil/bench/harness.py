@@ -233,7 +233,7 @@ class Bench:
             os.close(write_fd)
         try:
             if not select.select((read_fd,), (), (), READY_S)[0]:
-                raise NetworkError(f"the master did not dial within {READY_S:g} s, but said: {process.last_words}")
+                raise NetworkError(f"the master did not dial within {READY_S:g} s, but printed: {process.last_words}")
             if not os.read(read_fd, 1):
                 process.wait(GRACE_S)
                 raise NetworkError(f"before it dialled, the master {process.ending}")

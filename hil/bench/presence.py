@@ -27,7 +27,7 @@ def wait_for_silence(client: VehicleClient, slave: Process | None = None, patien
     if client.contact.silence_s > patience:
         return f"{client.node} at {client.endpoint} has not answered for {client.contact.silence_s:.1f} s"
     if report_age_s > max(patience, PATIENCE_S):  # it tells once a second, in a thread that gives way to all others
-        return f"{client.node} at {client.endpoint} has told nothing of its health for {report_age_s:.1f} s"
+        return f"{client.node} at {client.endpoint} has reported nothing of its health for {report_age_s:.1f} s"
     return ""
 
 

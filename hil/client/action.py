@@ -63,7 +63,9 @@ class Action:
     def wait(self, timeout: float | None = None) -> "Action":
         """Wait until it is done, at most `timeout` s. Raises MissionError if it does not come to it, NetworkError."""
         if not self._over.wait(timeout):
-            raise MissionError(f"the vehicle has not come to what was asked within {timeout:g} s; give it more time")
+            raise MissionError(
+                f"the vehicle has not reached what was requested within {timeout:g} s; give it more time"
+            )
         if self.error:
             raise self.error
         if not self.done:

@@ -48,7 +48,7 @@ def write_report(
         ),
         "altitude": (
             _altitude(plt, world, observations),
-            "Seabed and vehicle from the side, and what the altimeter said.",
+            "Seabed and vehicle from the side, and what the altimeter measured.",
         ),
         "camera": (_camera(plt, world, chosen), "The camera, at the places marked on the map."),
         "sonar": (_sonar(plt, observations), "The forward-looking sonar, seen from above; ahead is up."),

@@ -82,7 +82,7 @@ def _text(differences: list[Difference], confidence: float) -> str:
     counts = Counter(one.verdict for one in differences)
     lines = [*aligned(rows, rule=True), *(text for verdict, text in UNSURE.items() if counts[verdict])]
     unsure = sum(counts[verdict] for verdict in UNSURE)
-    undecided = f", {unsure} not to be told" if unsure else ""
+    undecided = f", {unsure} undecided" if unsure else ""
     return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{undecided}, of {len(differences)}"])
 
 

@@ -17,7 +17,7 @@ from hil.common.stop import StopSignals
 from hil.common.text import json_text
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
-from hil.ros.diagnostics import Diagnostics as Said
+from hil.ros.diagnostics import Diagnostics as Health
 from hil.ros.diagnostics import Figure, shown
 
 EXAMPLES = """\
@@ -182,7 +182,7 @@ def _several(*figures: Figure[float]) -> Callable[[Status], str]:
 
 
 def _traffic(status: Status) -> str:
-    paces = [status.pace(figure) for figure in (Said.network_received_bytes, Said.network_sent_bytes)]
+    paces = [status.pace(figure) for figure in (Health.network_received_bytes, Health.network_sent_bytes)]
     return " / ".join([shown(None if pace is None else pace * 1e-3, ".1f") for pace in paces])
 
 
@@ -196,30 +196,30 @@ def _run_events(status: Status) -> str:
 
 # What each row says, and of which figures; a row without any figure is left out.
 ROWS: dict[str, Callable[[Status], str]] = {
-    "board": _text(Said.board),
+    "board": _text(Health.board),
     "its figures are of": lambda status: "; ".join(status.figures.labels or ()) or "-",
     "state": lambda status: status.message if status.present else "GONE",
-    "commanded by": _text(Said.commander),
-    "loop (Hz)": _figure(Said.loop_rate_hz),
+    "commanded by": _text(Health.commander),
+    "loop (Hz)": _figure(Health.loop_rate_hz),
     "late p50 / p99 / max (us)": _several(
-        Said.lateness_recent_p50_us, Said.lateness_recent_p99_us, Said.lateness_recent_max_us
+        Health.lateness_recent_p50_us, Health.lateness_recent_p99_us, Health.lateness_recent_max_us
     ),
-    "the same since its start": _several(Said.lateness_p50_us, Said.lateness_p99_us, Said.lateness_max_us),
-    "steps skipped": _counts(Said.steps_skipped),
-    "real-time factor": _figure(Said.real_time_factor, ".4f"),
-    "CPU (of a core)": _pace(Said.cpu_s, ".1%"),
+    "the same since its start": _several(Health.lateness_p50_us, Health.lateness_p99_us, Health.lateness_max_us),
+    "steps skipped": _counts(Health.steps_skipped),
+    "real-time factor": _figure(Health.real_time_factor, ".4f"),
+    "CPU (of a core)": _pace(Health.cpu_s, ".1%"),
     "memory (PSS)": _memory,
-    "temperature (°C)": _figure(Said.temperature_c, ".1f"),
-    "throttled": _text(Said.throttled),
-    "load of the machine": _figure(Said.load_1min, ".2f"),
+    "temperature (°C)": _figure(Health.temperature_c, ".1f"),
+    "throttled": _text(Health.throttled),
+    "load of the machine": _figure(Health.load_1min, ".2f"),
     "link": lambda status: f"{shown(status.figures.link_protocol)} {status.figures.link_port or ''}",
-    "link losses, damaged frames": _counts(Said.link_losses, Said.link_checksum_errors),
+    "link losses, damaged frames": _counts(Health.link_losses, Health.link_checksum_errors),
     "events of the run": _run_events,
-    "watchdog, deadman trips": _counts(Said.watchdog_trips, Said.deadman_trips),
-    "commands (1/s)": _pace(Said.commands_received),
-    "stale, refused, malformed": _counts(Said.commands_stale, Said.commands_refused, Said.commands_malformed),
-    "messages sent (1/s)": _pace(Said.messages_sent),
-    "clock offset (ms)": _figure(Said.clock_offset_ms, "+.3f"),
+    "watchdog, deadman trips": _counts(Health.watchdog_trips, Health.deadman_trips),
+    "commands (1/s)": _pace(Health.commands_received),
+    "stale, refused, malformed": _counts(Health.commands_stale, Health.commands_refused, Health.commands_malformed),
+    "messages sent (1/s)": _pace(Health.messages_sent),
+    "clock offset (ms)": _figure(Health.clock_offset_ms, "+.3f"),
     "machine's net in / out (kB/s)": _traffic,
     "last report (s ago)": lambda status: f"{status.age_s:.1f}",
 }

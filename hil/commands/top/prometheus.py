@@ -12,40 +12,40 @@ from typing import Any
 
 from hil.client.health_watch import HealthWatch, Status
 from hil.common.errors import NetworkError
-from hil.ros.diagnostics import Diagnostics as Said
+from hil.ros.diagnostics import Diagnostics as Health
 from hil.ros.diagnostics import Figure
 
 METRICS: dict[str, Figure[Any]] = {
-    "cpu_seconds_total": Said.cpu_s,
-    "pss_bytes": Said.pss_mib,
-    "loop_rate_hertz": Said.loop_rate_hz,
-    "loop_lateness_p50_seconds": Said.lateness_p50_us,
-    "loop_lateness_p99_seconds": Said.lateness_p99_us,
-    "loop_lateness_max_seconds": Said.lateness_max_us,
-    "loop_lateness_recent_p50_seconds": Said.lateness_recent_p50_us,
-    "loop_lateness_recent_p99_seconds": Said.lateness_recent_p99_us,
-    "loop_lateness_recent_max_seconds": Said.lateness_recent_max_us,
-    "loop_steps_skipped_total": Said.steps_skipped,
-    "real_time_factor": Said.real_time_factor,
-    "messages_sent_total": Said.messages_sent,
-    "commands_received_total": Said.commands_received,
-    "commands_stale_total": Said.commands_stale,
-    "commands_refused_total": Said.commands_refused,
-    "commands_malformed_total": Said.commands_malformed,
-    "commands_unanswered_total": Said.commands_unanswered,
-    "deadman_trips_total": Said.deadman_trips,
-    "watchdog_trips_total": Said.watchdog_trips,
-    "link_losses_total": Said.link_losses,
-    "link_checksum_errors_total": Said.link_checksum_errors,
-    "contacts_total": Said.contacts,
-    "run_events_total": Said.run_events,
-    "clock_offset_seconds": Said.clock_offset_ms,
-    "clock_uncertainty_seconds": Said.clock_uncertainty_ms,
-    "temperature_celsius": Said.temperature_c,
-    "load_1min": Said.load_1min,
-    "memory_available_bytes": Said.memory_available_mib,
-    "network_received_bytes_total": Said.network_received_bytes,
-    "network_sent_bytes_total": Said.network_sent_bytes,
+    "cpu_seconds_total": Health.cpu_s,
+    "pss_bytes": Health.pss_mib,
+    "loop_rate_hertz": Health.loop_rate_hz,
+    "loop_lateness_p50_seconds": Health.lateness_p50_us,
+    "loop_lateness_p99_seconds": Health.lateness_p99_us,
+    "loop_lateness_max_seconds": Health.lateness_max_us,
+    "loop_lateness_recent_p50_seconds": Health.lateness_recent_p50_us,
+    "loop_lateness_recent_p99_seconds": Health.lateness_recent_p99_us,
+    "loop_lateness_recent_max_seconds": Health.lateness_recent_max_us,
+    "loop_steps_skipped_total": Health.steps_skipped,
+    "real_time_factor": Health.real_time_factor,
+    "messages_sent_total": Health.messages_sent,
+    "commands_received_total": Health.commands_received,
+    "commands_stale_total": Health.commands_stale,
+    "commands_refused_total": Health.commands_refused,
+    "commands_malformed_total": Health.commands_malformed,
+    "commands_unanswered_total": Health.commands_unanswered,
+    "deadman_trips_total": Health.deadman_trips,
+    "watchdog_trips_total": Health.watchdog_trips,
+    "link_losses_total": Health.link_losses,
+    "link_checksum_errors_total": Health.link_checksum_errors,
+    "contacts_total": Health.contacts,
+    "run_events_total": Health.run_events,
+    "clock_offset_seconds": Health.clock_offset_ms,
+    "clock_uncertainty_seconds": Health.clock_uncertainty_ms,
+    "temperature_celsius": Health.temperature_c,
+    "load_1min": Health.load_1min,
+    "memory_available_bytes": Health.memory_available_mib,
+    "network_received_bytes_total": Health.network_received_bytes,
+    "network_sent_bytes_total": Health.network_sent_bytes,
 }
 
 
@@ -58,7 +58,7 @@ def exposition(statuses: Iterable[Status]) -> str:
         (slave, None if slave.figures.throttled is None else float(slave.figures.throttled != "no")) for slave in there
     ]
     lines += _metric("throttled", "gauge", "whether the processor is slowed down", slow)
-    shares = [(slave, slave.pace(Said.cpu_s)) for slave in there]
+    shares = [(slave, slave.pace(Health.cpu_s)) for slave in there]
     lines += _metric("cpu_share", "gauge", "share of one core that the slave uses", shares)
     for metric, figure in METRICS.items():
         values = [(slave, _in_base_unit(figure, slave)) for slave in there]

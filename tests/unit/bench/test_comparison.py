@@ -263,7 +263,7 @@ def test_few_starts_are_marked_and_fail_nothing(tmp_path: Path, capsys: pytest.C
     assert main(["bench", "compare", before, after, "--fail-on-regression"]) == 0
     output = capsys.readouterr().out
     assert "between two starts rather than two programs; measure with --repeat 5" in output
-    assert "0 worse, 0 better, 1 not to be told, of 1" in output
+    assert "0 worse, 0 better, 1 undecided, of 1" in output
 
 
 def test_results_of_different_benchmarks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
