@@ -31,8 +31,8 @@ DRIVERS = {
     "device": ("hil.slave.drivers.external", "ExternalDriver", "open_device"),
 }
 STARTED = ("process", "native", "qemu")  # those for which a process is started
-# At the end the STM32 is told so often to be neutral, and given so long to confirm it: on a busy machine what carries
-# bytes through a pty, or plays the STM32, waits for the processor. Who does not answer anyhow is given less.
+# At the end the neutral command is repeated so often, and the STM32 has so long to confirm it: on a busy machine what
+# carries bytes through a pty, or plays the STM32, waits for the processor. One that does not answer has less time.
 REPEAT_NS, CONFIRM_NS, SETTLE_NS = NS_PER_S // 20, NS_PER_S, NS_PER_S // 10
 CHECK_NS = NS_PER_S // 100  # between two looks while they settle, and while a link is opened again
 RETRY_S = 0.25  # between two attempts to open a link that went away
