@@ -77,7 +77,7 @@ orientation = ["0 deg", "-15 deg", "0 deg"]
 
 
 class Setting(NamedTuple):
-    """What is fitted, and the topics that the master takes; the first one is the camera's."""
+    """Sensors that are fitted, and the topics that the master takes; the first one is the camera's."""
 
     scenario: str
     topics: tuple[str, ...]
@@ -110,7 +110,7 @@ class Cost(NamedTuple):
 
 
 class Counted(NamedTuple):
-    """What has been counted at an instant: seconds, messages by topic, drops, and processor times (s) as in Cost."""
+    """Counts at an instant: seconds, messages by topic, drops, and processor times (s) as in Cost."""
 
     time_s: float
     messages: tuple[int, ...]

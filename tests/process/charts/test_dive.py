@@ -56,7 +56,7 @@ def test_a_depth_that_is_asked_for() -> None:
 
 
 def test_where_all_water_is_deeper_than_daylight_the_way_is_near_the_bed() -> None:
-    """As in most surveys of offices: 50 m, where no way at 12 m sees the bed."""
+    """The water is 50 m deep, as in most surveys of offices: no way at 12 m sees the bed."""
     grid = slope_with_a_wall()
     deep = grid._replace(depths=grid.depths + 40.0)
     site = next(sites(deep, 60.0))

@@ -108,7 +108,7 @@ POST = b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99\r\n\r\n"
 
 @pytest.mark.parametrize("line", [b"hello", b"", b"\xff\xfe", b"[" * 50_000, POST + b'{"do": "drive", "surge": 1}'])
 def test_the_connection_ends_at_what_is_not_json(client: Client, fleet: Fleet, line: bytes) -> None:
-    """What follows a header of HTTP is not executed, even after a login."""
+    """Lines behind a header of HTTP are not executed, even after a login."""
     client.socket.sendall(line + b'\n{"do": "drive", "surge": 0.5}\n')
     answer = client.read()
     assert not answer["ok"]

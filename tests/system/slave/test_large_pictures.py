@@ -64,7 +64,7 @@ def test_a_picture_costs_a_few_times_what_numpy_takes_for_its_noise(studio: Stud
 def test_the_imaging_process_spends_its_time_on_pictures(
     tmp_path: Path, scenario: tuple[Path, int], studio: Studio
 ) -> None:
-    """What it takes is little more than what its pictures and pings take here at the same time."""
+    """The process takes little more than its pictures and pings take here at the same time."""
     path, port = scenario
     with Program(tmp_path, "slave", path, "--set", f"world={WORLD}") as program:
         program.expect("ready")

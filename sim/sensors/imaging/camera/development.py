@@ -1,4 +1,4 @@
-"""What a camera's sensor records of the light: vignetting, exposure, noise, sRGB; and the errors of depth."""
+"""Record the light as a camera's sensor does: vignetting, exposure, noise, sRGB; and the errors of depth."""
 
 from functools import lru_cache
 from statistics import NormalDist
