@@ -37,7 +37,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
     scenario, port = write_scenario(folder)
     with Program(folder, "slave", scenario) as slave:
         slave.expect("ready")
-        with hil.connect(f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
+        with hil.connect(f"tcp/127.0.0.1:{port}") as fleet:
             fleet.wait_for("uuv1")  # longer than a connection does by itself: the machine may be busy
             yield fleet
 
@@ -45,7 +45,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
 @contextmanager
 def seeing_vehicle(folder: Path, images: str) -> Iterator[Fleet]:
     """Connect to a slave with camera, sonar and laser whose pictures are there; `images` is as of `[ros] images`."""
-    with slave_with(folder, SEEING.format(images=images)) as endpoint, hil.connect(endpoint, wait=60.0) as fleet:
+    with slave_with(folder, SEEING.format(images=images)) as endpoint, hil.connect(endpoint) as fleet:
         fleet.wait_for("uuv1")
         wait_for_pictures(fleet)
         yield fleet
