@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 from PIL import Image
 
 from hil.client.client import VehicleClient
+from hil.network.opening import listen
 from hil.recording.reader import read_messages
 from hil.ros.diagnostics import or_nan
+from hil.scenario.config import load_scenario
+from hil.slave.imaging.process import join
 from sim.environment.world import load_world
 from tests.support.clients.imaging_slave import (
     HEIGHT,
@@ -120,17 +122,13 @@ def test_a_killed_process_is_reported_and_started_again(slave: tuple[Program, Ve
     assert "signal 9; started again in 0.5 s" in program.output
 
 
-def test_its_link_stays(tmp_path: Path) -> None:
-    """It has one link, where a master has two: that is none that was lost."""
-    program, endpoint = start(tmp_path, SENSORS + "[network]\nlease = 0.3\n")
-    with program, VehicleClient(endpoint, "uuv1") as client:
-        client.watch(*PICTURES)
-        assert wait_for(lambda: has_all(client)), client.received
-        process = psutil.Process(imaging_pid(client))
-        before = process.net_connections("tcp")
-        assert len(before) == 1
-        time.sleep(2.5)  # four times as long as lost ones last
-        assert process.net_connections("tcp") == before
+def test_its_one_link_is_not_taken_for_half_of_two(tmp_path: Path) -> None:
+    """A master has two links with a slave, and one that is left alone is cut. A client of the library has one."""
+    scenario = load_scenario(str(write_scenario(tmp_path)[0]))
+    with listen(scenario.slave.listen), join(scenario) as session:
+        assert wait_for(session.links)
+        assert len(session.links()) == 1
+        assert not session.has_pairs
 
 
 IDLE = 0.03  # of a core, of a process that makes no pictures; those below take four times as much where it is calm
