@@ -1,4 +1,4 @@
-"""Check what a program gives to a simulation. What comes from files is checked where they are read."""
+"""Check the arguments that a program passes to a simulation. Values from files are checked where they are read."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 MIN_DT_NS, MAX_DT_NS = 1_000, 100_000_000
 FARTHEST = 1e6  # m from the origin; doubles there are 0.1 nm apart
-MOST_TURNED = 1e6  # rad; beyond, sine and cosine of a heading say little of it
+MOST_TURNED = 1e6  # rad; beyond it, the sine and cosine of a heading lose too many digits
 
 
 def require_parts(vehicle: Any, world: Any, sensors: Any) -> None:
@@ -36,7 +36,7 @@ def require_parts(vehicle: Any, world: Any, sensors: Any) -> None:
 def require_numbers(
     vehicle: Vehicle, world: World, seed: int, dt_ns: int, position: Sequence[float], heading: float
 ) -> None:
-    """Raise ConfigError for what no file can hold, but a program may: numbers that are none, an endless step."""
+    """Raise ConfigError for numbers that a file cannot contain but a program can pass: nan, infinity, a step of 0."""
     if not isinstance(dt_ns, int) or not MIN_DT_NS <= dt_ns <= MAX_DT_NS:
         raise ConfigError(
             f"dt_ns = {dt_ns!s:.40}: a step takes whole ns, {MIN_DT_NS:,} to {MAX_DT_NS:,}, which is 100 ms"
@@ -54,7 +54,7 @@ def require_numbers(
 
 
 def require_events(failures: Any, forces: Any = (), releases: Any = ()) -> None:
-    """Raise ConfigError for failures, forces or releases that are of another type, or whose values cannot be."""
+    """Raise ConfigError for failures, forces or releases of a wrong type or with impossible values."""
     if failures:
         from sim.vehicle.failures import Failure
 
@@ -87,7 +87,7 @@ def _require_records(key: str, given: Any, record: type[Any]) -> None:
 
 
 def _listed(key: str, given: Any, what: str) -> Sequence[Any]:
-    """Return `given`, a list or a tuple. A record of ours is itself a tuple, and no list of them."""
+    """Return `given` if it is a list or a tuple. One of our records is a tuple too, but it is not a list of records."""
     if not isinstance(given, (list, tuple)) or hasattr(given, "_asdict"):
         raise ConfigError(f"{key} = {given!s:.40}: give a list of {what}")
     return given

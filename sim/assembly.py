@@ -1,7 +1,7 @@
-"""Make the parts of a simulation: the one module that knows all of them and selects.
+"""Make the parts of a simulation. This is the only module that imports all of them and selects implementations.
 
-What is in C is taken where it was compiled (sim/native), else its twin in Python: the same numbers to the last bit.
-What most vehicles and worlds do without is loaded for those that have it.
+A part with an implementation in C (sim/native) uses it where it was compiled, and the one in Python otherwise: both
+give the same numbers to the last bit. A part that most vehicles and worlds lack is imported only where it is needed.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -104,7 +104,7 @@ class Forces(NamedTuple):
 class Dynamics:
     """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², pushed by `forces` too.
 
-    Raises ConfigError for an integrator that is none.
+    Raises ConfigError for an unknown integrator.
     """
 
     def __init__(
@@ -182,7 +182,7 @@ class Dynamics:
         return nu_dot
 
     def forces(self, state: State, wrench: Sequence[float], current: Sequence[float]) -> Forces:
-        """Return the forces that make a step, apart; arguments as in `step`. For inspection."""
+        """Return the forces that act in a step, term by term, for inspection. The arguments are those of `step`."""
         rotation = rotations.matrix(state.quaternion)
         nu_r = through_water(rotation, state.nu, current)
         u, v, w, p, q, r = nu_r

@@ -1,13 +1,13 @@
 """Detect what went wrong in a run: collisions, a capsize, an unrequested depth, a lost link.
 
 An event is one uninterrupted stretch of one condition: its kind, when it began, how long it held, where the vehicle was
-when it began, and what with. Nothing here knows a clock: time (ns) comes in with each observation, of whatever clock
-the observer goes by.
+when it began, and what it touched. Nothing here reads a clock: each observation comes with its time (ns), by a clock
+that the observer chooses.
 
 collision   the hull touched an obstacle or the seabed; `what` names it
 capsize     the body's z axis is tilted from the vertical by more than the vehicle's `capsize_tilt`
-surfaced    the origin is nearer to the mean surface than half the hull's height, though nothing so shallow was asked
-too_deep    the origin is deeper than whatever was asked by more than a margin
+surfaced    the origin is nearer to the mean surface than half the hull's height, though no depth so shallow was asked
+too_deep    the origin is deeper than the deepest depth that was asked for, by more than a margin
 link_lost   the thruster link or its STM32 is gone, or the network to the vehicle
 """
 
@@ -18,8 +18,8 @@ from typing import Literal, NamedTuple, get_args
 EventKind = Literal["collision", "capsize", "surfaced", "too_deep", "link_lost"]
 KINDS: tuple[EventKind, ...] = get_args(EventKind)
 
-JOIN_NS = 1_000_000_000  # a condition that comes back within so long has not ended: a hull slides in small bounces
-PERIOD_NS = 50_000_000  # between two looks at attitude and depth; a vehicle needs longer to tip over
+JOIN_NS = 1_000_000_000  # a condition that returns within this time has not ended: a hull slides in small bounces
+PERIOD_NS = 50_000_000  # between two checks of attitude and depth; a vehicle needs longer to tip over
 MOST_EVENTS = 32  # that a log holds; the rest is counted
 DEPTH_MARGIN_M = 1.0
 
@@ -91,17 +91,17 @@ class EventLog:
         return events
 
     def events(self) -> tuple[RunEvent, ...]:
-        """Return all of them, in the order in which they began to be noted."""
+        """Return all events, in the order in which they were first recorded."""
         return tuple(self._events)
 
 
 class RunMonitor:
-    """Judges attitude and depth of a vehicle, and notes in `log` what should not be.
+    """Checks attitude and depth of a vehicle, and records capsizes and wrong depths in `log`.
 
-    `capsize_tilt` in rad, from pi on never. `half_height` is half the height of its hull (m), `margin` how far below
-    the deepest depth that was asked for it may come (m). The depths asked for are that of the first look and those
-    given with each look, between which it may be anywhere at any time: how soon it gets from one to another is not
-    judged.
+    `capsize_tilt` is in rad; from pi on a vehicle never counts as capsized. `half_height` is half the height of its
+    hull (m), `margin` how far it may be below the deepest depth that was asked for (m). The depths asked for are that
+    of the first observation and those given with each observation. The vehicle may be anywhere between the shallowest
+    and the deepest of them at any time: how soon it gets from one to another is not checked.
     """
 
     def __init__(self, log: EventLog, capsize_tilt: float, half_height: float, margin: float = DEPTH_MARGIN_M) -> None:
@@ -114,9 +114,9 @@ class RunMonitor:
     def observe(
         self, time_ns: int, position: Sequence[float], quaternion: Sequence[float], requested_depth: float | None = None
     ) -> None:
-        """Judge the vehicle at `position` (NED, m) and attitude (w x y z, body to world), told to be `asked` m deep.
+        """Check the vehicle at `position` (NED, m) and attitude (w x y z, body to world), commanded to `asked` m depth.
 
-        None: no depth is asked for, it may be where it is.
+        `asked` is None where no depth is commanded: then any depth is right.
         """
         depth = position[2]
         if requested_depth is None or self._deepest == -inf:
@@ -138,7 +138,7 @@ class RunMonitor:
 def merge_events(*logs: Iterable[RunEvent]) -> tuple[RunEvent, ...]:
     """Return the events of several observers in order of time.
 
-    Of two of one kind and time the first observer's counts.
+    Of two events of one kind and time, that of the first observer is returned.
     """
     merged: list[RunEvent] = []
     for log in logs:

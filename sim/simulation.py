@@ -44,14 +44,17 @@ DT_NS = 2_500_000  # 400 Hz
 class Simulation:
     """A vehicle from rest at `position` (NED, m) with its bow at `heading` (rad from north, clockwise).
 
-    The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is how much
-    each step advances; a sensor cannot be faster. `sensors` are the usual ones if left out. `failures` are what
-    befalls the thrusters, and when; `forces` what pushes the vehicle besides them; `releases` say when it drops its
-    weights; `tether` holds it (sim/tether.py). `contacts` counts the touches of seabed and obstacles, `touching` tells
-    of the last step, and `events` are those touches with what, when (simulated time), where and for how long;
-    `equipment` is what sim/vehicle/equipment.py says, None for a vehicle of hull and thrusters. Raises ConfigError for
-    numbers that cannot
-    be, if the vehicle would start inside something, or has not the thruster that fails or the weight that goes.
+    The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is the duration of a step; a
+    sensor cannot be faster. `sensors` are the usual ones if left out. `failures` are the failures of thrusters, each
+    with its time; `forces` are forces besides hull and thrusters; `releases` are the times at which weights are
+    dropped; `tether` is a tether that holds the vehicle (sim/tether.py).
+
+    `contacts` counts contacts with seabed and obstacles, `touching` is whether there was one in the last step, and
+    `events` lists them: with what, when (simulated time), where and for how long. `equipment` is that of
+    sim/vehicle/equipment.py, None for a vehicle that has only hull and thrusters.
+
+    Raises ConfigError for impossible numbers, for a start inside an obstacle or the seabed, and for a failure or a
+    release that names an unknown thruster or weight.
     """
 
     def __init__(
@@ -97,10 +100,10 @@ class Simulation:
             )
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
         self._ventilation = Ventilation(vehicle, self.wave_field)
-        self._aired = False  # whether a thruster draws air
+        self._aired = False  # whether thrust was reduced at the surface in the last step
         self._immerse(0)
         self._coast = self._in_one()
-        # One step of the motion; the nu before it if there may be a contact at its end.
+        # Does one step of the motion. Returns the nu before the step if a contact is possible at its end, else None.
         self._advance: Callable[[Sequence[int]], Sequence[float] | None]
         self._advance = self._coast.step if self._coast else self._term_by_term
 
@@ -143,7 +146,7 @@ class Simulation:
         Raises ConfigError for an unknown thruster, or what is no Failure.
         """
         require_events(failures)
-        if self._coast:  # thrusters that may fail are moved on apart from the rest, from now on
+        if self._coast:  # the fused step has no failures: from now on each term is computed by itself
             self._wrench, self._flow = self._coast.wrench, self._coast.flow
             self._coast, self._advance, self._aired = None, self._term_by_term, True
         self._thrusters.fail(failures)
@@ -153,7 +156,7 @@ class Simulation:
         return self._thrusters.failures(name)
 
     def release(self, name: str) -> None:
-        """Let the drop weight `name` go. Raises ConfigError if it is not there, or no more."""
+        """Drop the weight `name`. Raises ConfigError if the vehicle has no such weight, or has dropped it already."""
         if self.equipment is None:
             raise ConfigError(f"release: {self.vehicle.name} has no drop weight {name!r}, nor any other")
         self._drop(self.equipment.remove_weight(name))
@@ -161,7 +164,7 @@ class Simulation:
     def forces(self) -> Forces:
         """Return the forces on the vehicle now, term by term, with the thrust, water and contact of the last step.
 
-        A blow is the mean force over its step.
+        The force of a contact is its impulse divided by the step.
         """
         forces = self._dynamics.forces(self.state, *self._acting(max(0, self.time_ns - self._dt_ns)))
         if not self.touching:
@@ -175,10 +178,10 @@ class Simulation:
         return ground_truth(self.time_ns, self.state)
 
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
-        """Advance by one step under these pulses (us, one a channel); the samples that fell due, by topic.
+        """Advance by one step under these pulses (us, one a channel); return the samples that became due, by topic.
 
-        Raises DivergenceError when the state would not be finite any more; it stays the last one that was. Raises
-        ConfigError for pulses that are none, or a force of a user's own that returns no wrench.
+        Raises DivergenceError when the new state would not be finite; the state is then that before the step. Raises
+        ConfigError for pulses that are no numbers, and for a user's force that returns no wrench.
         """
         try:
             before = self._advance(pwm_us)
@@ -195,7 +198,7 @@ class Simulation:
         return self._schedule.pop_due(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
 
     def _in_one(self) -> "FusedStep | None":
-        """Return all of a step in one call, where all that acts is in C; None where it is not."""
+        """Return a whole step as one call, if all its terms are in C; else None."""
         equipment = self.equipment
         if equipment is not None and equipment.is_timed:
             return None
@@ -221,7 +224,7 @@ class Simulation:
         return self._coast.wrench, self._coast.flow
 
     def _term_by_term(self, pwm_us: Sequence[int]) -> Sequence[float]:
-        """Return one step of the motion, of whatever vehicle in whatever water; the nu before it."""
+        """Do one step of the motion, for any vehicle in any water; return the nu before it."""
         state = self.state
         if self.equipment is not None:
             pwm_us = self._equip(self.equipment, pwm_us)
@@ -246,7 +249,7 @@ class Simulation:
         return DivergenceError(f"{self.vehicle.name}: its state is not finite any more after {at:.4f} s: {cause}")
 
     def _resolve_collision(self, before: Sequence[float]) -> None:
-        """Undo what the last step did to solid things; `before` is the nu from before it."""
+        """Apply contact impulses, and undo the last step's way into solid things; `before` is the nu before it."""
         state = self.state
         if self._contact.resolve(state):
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
@@ -258,7 +261,7 @@ class Simulation:
             self._immerse(self.time_ns + self._dt_ns)
 
     def _immerse(self, time_ns: int) -> None:
-        """Take from the thrusters what the surface costs them in the step that begins at `time_ns`."""
+        """Reduce the thrust of thrusters near the surface, for the step that begins at `time_ns`."""
         state = self.state
         aired = state.position[2] < self._ventilation.reach
         if aired:
@@ -268,7 +271,7 @@ class Simulation:
         self._aired = aired
 
     def _equip(self, equipment: "Equipment", pwm_us: Sequence[int]) -> Sequence[int]:
-        """Return one step of the equipment under its part of these pulses; the thrusters' part."""
+        """Do one step of the equipment under its part of these pulses; return the thrusters' part."""
         count = self._count_thrusters(pwm_us)
         for weight in equipment.step(self.time_ns, pwm_us[count:]):
             self._drop(weight)
@@ -283,7 +286,7 @@ class Simulation:
         return len(self.vehicle.thrusters)
 
     def _drop(self, weight: "DropWeight") -> None:
-        """Go on as fast as before without `weight`, which takes its own momentum along."""
+        """Remove `weight` from the vehicle; its velocity does not change, as the weight takes its own momentum along."""
         self.vehicle = without(self.vehicle, weight, self.world.density)
         self._dynamics = self._build()
         self._contact.inverse_mass = self._dynamics.inverse_mass
@@ -294,14 +297,14 @@ class Simulation:
             self._coast.rebuild(self._dynamics.kernel, self._water.pushed_mass if self._water else None)
 
     def _build(self) -> Dynamics:
-        """Return the equations of the vehicle as it is now, with all that pushes it."""
+        """Return the equations of motion of the vehicle in its present condition, with all forces on it."""
         vehicle, world = self.vehicle, self.world
         forces = [*self.equipment.forces, *self._own_forces] if self.equipment else list(self._own_forces)
         self._forces = forces = [*forces, *make_surface_forces(vehicle, world, self.wave_field)]
         return make_dynamics(vehicle, world.density, world.gravity, self._integrator, forces)
 
     def _push(self, pwm_us: Sequence[int]) -> Sequence[float]:
-        """Return the wrench of thrusters that meet the water as it flowed a step ago."""
+        """Step the thrusters, in the flow of the previous step, and return their wrench."""
         state = self.state
         water = rotate_inverse(state.quaternion, self._flow)
         return self._thrusters.step(

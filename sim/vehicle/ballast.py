@@ -9,7 +9,7 @@ from sim.rotations import Rotation
 from sim.vehicle.servos import Servos
 from sim.vehicle.thrusters.model import PULSE_MAX_US, Point, Pulse, is_pulse
 
-RELEASE_US = 1700  # a pulse above, up to PULSE_MAX_US, lets a weight go
+RELEASE_US = 1700  # a longer pulse, up to PULSE_MAX_US, drops a weight
 
 Volume = Annotated[float, Range(0.0, 100.0)]
 
@@ -17,10 +17,10 @@ Volume = Annotated[float, Range(0.0, 100.0)]
 class BuoyancyEngine(NamedTuple):
     """A bladder at `position` that pumps oil or water: volumes in m³, `rate` in m³/s.
 
-    The vehicle's own volume holds `neutral_volume`, at which the engine lifts nothing; it begins there. A pulse asks
-    for a volume: `pwm_neutral_us` for the neutral one, the ends of the range for the least and the most, straight
-    lines between. Without a valid pulse (800..2200 us) the volume stays. Not modelled: the mass of what it pumps
-    about in the vehicle, its power, weaker pumping at depth, the engine standing out of the water.
+    The vehicle's own volume includes `neutral_volume`, at which the engine has no lift; it begins there. A pulse
+    commands a volume: `pwm_neutral_us` the neutral one, the ends of the range the least and the greatest, linear
+    between. Without a valid pulse (800..2200 us) the volume does not change. Not modelled: the mass of the fluid that
+    is pumped within the vehicle, its power, slower pumping at depth, an engine above the water.
     """
 
     position: Point
@@ -65,12 +65,12 @@ class Bladder:
         return self.servos.values[0]
 
     def step(self, pwm_us: int) -> None:
-        """Let it pump for one step."""
+        """Pump for one step towards the volume of this pulse (us)."""
         self.command(pwm_us)
         self.servos.follow()
 
     def command(self, pwm_us: int) -> None:
-        """Let it pump towards what this pulse (us) asks for; without a pulse it stops."""
+        """Set the target to the volume of this pulse (us); without a valid pulse the pump stops."""
         if pwm_us != self._pwm_us:
             self.servos.aim([self._engine.volume(pwm_us) if is_pulse(pwm_us) else self.volume])
             self._pwm_us = pwm_us
@@ -90,7 +90,7 @@ class Bladder:
 
 
 class DropWeight(NamedTuple):
-    """A weight that the vehicle can let go: its mass and volume (m³) are part of the vehicle's, at `position`.
+    """A weight that the vehicle can drop: its mass and volume (m³) are part of the vehicle's, at `position`.
 
     A pulse above 1700 us on its channel releases it, for good.
     """
@@ -106,12 +106,12 @@ class DropWeight(NamedTuple):
 
 
 class Release(NamedTuple):
-    """The drop weight `name` goes at `time` s of simulated time, whatever the pulses say."""
+    """The drop weight `name` is dropped at `time` s of simulated time, whatever the pulses."""
 
     name: str
     time: Annotated[float, Range(0.0, 1e7, "s")] = 0.0
 
 
 def is_release(pwm_us: int) -> bool:
-    """True if this pulse lets a weight go."""
+    """True if this pulse drops a weight."""
     return RELEASE_US < pwm_us <= PULSE_MAX_US

@@ -13,12 +13,12 @@ Volts = Annotated[float, Range(0.1, 1000.0)]
 class Battery(NamedTuple):
     """One battery pack.
 
-    `capacity_wh` (Wh) is what it gives from full to empty at open-circuit voltage. `open_circuit` (V) stands at
-    the fractions `charge` of its charge, straight lines between. `resistance` (ohm) is that of pack and wires,
-    `hotel_current` (A) what all but the thrusters take, `start` the fraction it begins with. It
-    switches off for good when empty, or when the terminals have stood below `cut_off` (V) for `cut_off_delay` (s)
-    without a break: a shorter sag, as when all thrusters start, is ridden out. The default is that of a monitor
-    of such packs (Texas Instruments bq77PL900, data sheet SLUS844B, UVD: 1 s, to be set from 1 to 8 s).
+    `capacity_wh` (Wh) is the energy from full to empty at open-circuit voltage. `open_circuit` (V) are the voltages at
+    the fractions `charge` of the charge, linear between. `resistance` (ohm) is that of pack and wires,
+    `hotel_current` (A) the current of everything but the thrusters, `start` the fraction at the start. The pack
+    switches off for good when it is empty, or when the terminals are below `cut_off` (V) for `cut_off_delay` (s)
+    without a break. A shorter sag, as when all thrusters start, does not switch it off. The default is that of a
+    monitor of such packs (Texas Instruments bq77PL900, data sheet SLUS844B, UVD: 1 s, to be set from 1 to 8 s).
     Not modelled: heat, ageing, relaxation after a load.
     """
 

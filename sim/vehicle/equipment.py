@@ -21,8 +21,8 @@ from sim.vehicle.vehicle import Vehicle
 class Equipment:
     """The equipment of one vehicle in water of `density` kg/m³ under `gravity` m/s², stepped every `dt` s.
 
-    `forces` is what of it pushes; `fins` and `bladder` are None if there are none; `aboard` the weights not dropped.
-    Raises ConfigError for a release of a weight that there is not.
+    `forces` are the forces of the equipment; `fins` and `bladder` are None if there are none; `aboard` are the weights
+    not yet dropped. Raises ConfigError for the release of an unknown weight.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Equipment:
         self.forces = self._forces(vehicle, density)
 
     def step(self, time_ns: int, pwm_us: Sequence[int]) -> list[DropWeight]:
-        """Take the pulses (us) of fins, engine and weights for one step; the weights that go now."""
+        """Do one step under the pulses (us) of fins, engine and weights; return the weights that are dropped now."""
         going = self.command(tuple(pwm_us))
         for part in (self.fins, self.bladder):
             if part:
@@ -51,7 +51,7 @@ class Equipment:
         return going
 
     def command(self, pwm_us: tuple[int, ...]) -> list[DropWeight]:
-        """Let fins and engine follow these pulses (us); the weights that they let go."""
+        """Set the targets of fins and engine to these pulses (us); return the weights that they drop."""
         count = len(self._fins)
         if self.fins:
             self.fins.command(pwm_us[:count])
@@ -63,11 +63,11 @@ class Equipment:
 
     @property
     def is_timed(self) -> bool:
-        """True if a weight goes at a set time."""
+        """True if a weight will be dropped at a set time."""
         return bool(self._releases)
 
     def remove_weight(self, name: str) -> DropWeight:
-        """Return the weight `name`, which is aboard no more. Raises ConfigError if it was not."""
+        """Remove the weight `name` and return it. Raises ConfigError if it is not aboard."""
         self._known(name)
         if name not in self.aboard:
             raise ConfigError(f"release: {name!r} has been dropped already")

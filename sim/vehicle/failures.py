@@ -12,7 +12,7 @@ from hil.common.schema import Range
 NOISE_TIME_CONSTANT = 0.05  # s
 
 Kind = Literal["off", "efficiency", "stuck", "delayed", "noisy", "repaired"]
-# Which key tells how much, of the kinds that have one.
+# The key with the amount, for those kinds of failure that have one.
 VALUES = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noisy": "noise"}
 
 
@@ -22,7 +22,7 @@ class Failure(NamedTuple):
     off: no output. efficiency: thrust times `efficiency`. stuck: runs at `pwm_us`, or if 0 at the pulse it then
     has. delayed: pulses act `delay` later. noisy: thrust times 1 + noise of standard deviation `noise`, of 50 ms
     correlation whatever the step. repaired: all failures of this thruster end. Kinds add up; a second one of a
-    kind replaces the first. Where several tell a pulse, off comes before stuck, stuck before delayed.
+    kind replaces the first. Where several change the pulse, off comes before stuck, stuck before delayed.
     """
 
     thruster: str
@@ -59,11 +59,11 @@ class _Faults:
         self.off = False
         self.efficiency = 1.0
         self.stuck_us: int | None = None
-        self.delayed: deque[int] | None = None  # the pulses under way, the next first
+        self.delayed: deque[int] | None = None  # pulses that have not acted yet, the next first
         self.noise = self.offset = 0.0
 
     def pulse(self, pwm_us: int) -> int:
-        """Return the pulse that acts when `pwm_us` comes."""
+        """Return the pulse that acts when `pwm_us` is commanded."""
         if self.delayed is not None:
             self.delayed.append(pwm_us)
             pwm_us = self.delayed.popleft()
@@ -72,7 +72,7 @@ class _Faults:
         return 0 if self.off else pwm_us
 
     def factor(self, decay: float) -> float:
-        """Return what share of the thrust there is; `decay` is how much of its noise a step leaves."""
+        """Return the factor on the thrust; `decay` is the share of the noise that remains after a step."""
         if self.noise:
             fresh = self.noise * sqrt(1.0 - decay * decay)
             self.offset = decay * self.offset + self.random.gauss(0.0, fresh)
@@ -106,24 +106,24 @@ class Failures:
         self._begin_due()
 
     def of(self, name: str) -> tuple[Failure, ...]:
-        """Return what is wrong with the thruster `name` now, as it was said. Raises ConfigError."""
+        """Return the present failures of the thruster `name`, as they were given. Raises ConfigError."""
         return tuple(self._faults[self._index(name)].known.values())
 
     def pulses(self, pwm_us: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the pulses that act in this step when these come."""
+        """Return the pulses that act in this step when these are commanded."""
         self._begin_due()
         self._step += 1
         if len(pwm_us) != len(self._names):
-            return pwm_us  # the thrusters refuse them
+            return pwm_us  # a wrong number of pulses: the thrusters raise the error
         self._last = tuple([faults.pulse(us) for faults, us in zip(self._faults, pwm_us, strict=True)])
         return self._last
 
     def thrusts(self, thrusts: Sequence[float]) -> list[float]:
-        """Return what is left of these thrusts (N) in this step."""
+        """Return these thrusts (N) as the failures of this step change them."""
         return [thrust * faults.factor(self._decay) for thrust, faults in zip(thrusts, self._faults, strict=True)]
 
     def _begin_due(self) -> None:
-        """Begin what is due with the next step."""
+        """Begin the failures that are due with the next step."""
         while self._due and self._due[-1][0] <= self._step:
             self._begin(self._due.pop()[2])
 

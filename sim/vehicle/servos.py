@@ -6,7 +6,7 @@ from collections.abc import Sequence
 class Servos:
     """Several servos that start at `values`, in any unit.
 
-    Per step each moves by its gain of what is missing to its target, and by no more than its `steps`.
+    In a step each moves by its gain times its distance from the target, and by no more than its entry in `steps`.
     """
 
     def __init__(self, values: Sequence[float], gains: Sequence[float], steps: Sequence[float]) -> None:
@@ -16,7 +16,7 @@ class Servos:
         self._steps = list(steps)
 
     def aim(self, targets: Sequence[float]) -> None:
-        """Let the steps from now on go towards these targets."""
+        """Set the targets of all following steps."""
         self._targets = list(targets)
 
     def follow(self) -> None:

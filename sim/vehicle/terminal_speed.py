@@ -10,7 +10,7 @@ from sim.vehicle.vehicle import Vehicle, displaced_volume
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _ROLL, _PITCH = 3, 4
-# What may come along on the other axes, as a share of the wrench asked for, where an axis counts as driven.
+# How much wrench on other axes is allowed, as a share of the wrench asked for, where an axis counts as driven.
 _MOST_ASTRAY = 0.01
 
 
@@ -49,11 +49,10 @@ def reaches(vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity:
 
     `inverse` says how thrust is shared: n rows of 6, the thrusts (N) for 1 N or 1 N m along each axis, as
     `hil.autonomy.control.allocation.pseudo_inverse` gives for the vehicle's wrench matrix. What the vehicle weighs in
-    water of `density` kg/m³ under `gravity` m/s² helps it down and hinders it up; propellers lose thrust with speed
-    where their curve says so, and hull and fins drag as sim/vehicle/equipment.py says. Left out: damping that
-    couples axes
-    or fades with the speed, lift of fins, and, for roll and pitch, the righting moment of weight and buoyancy, which
-    stops most vehicles from turning over at all.
+    water of `density` kg/m³ under `gravity` m/s² adds to the force down and reduces the force up; propellers lose
+    thrust with speed where their curve has a loss, and hull and fins have the drag of sim/vehicle/equipment.py. Left
+    out: damping that couples axes or decreases with the speed, lift of fins, and, for roll and pitch, the righting
+    moment of weight and buoyancy, which prevents most vehicles from turning over at all.
     """
     matrix = wrench_matrix(vehicle)
     linear, quadratic = square(vehicle.linear_damping, 6), square(vehicle.quadratic_damping, 6)

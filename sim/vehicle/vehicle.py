@@ -47,7 +47,7 @@ SIZES = {"inertia": 3, "added_mass": 6, "linear_damping": 6, "quadratic_damping"
 DAMPING = ("linear_damping", "quadratic_damping", "forward_speed_damping")
 TILT_NEVER = 3.2  # rad: more than a vehicle can tilt
 POINTS = ("dimensions", "center_of_gravity", "center_of_buoyancy", "munk_share")
-# What of a vehicle's file is described in sim/vehicle/equipment.py: most vehicles do without.
+# The keys of a vehicle's file that sim/vehicle/equipment.py describes: most vehicles have none of them.
 EQUIPMENT = (
     "fins", "lift", "cross_flow", "forward_speed_damping", "fading_damping", "buoyancy_engine", "drop_weights",
 )  # fmt: skip
@@ -56,8 +56,8 @@ EQUIPMENT = (
 class Vehicle(NamedTuple):
     """One vehicle. `source` says where its numbers come from.
 
-    `volume` is the displaced volume in m³; with `neutrally_buoyant` it is trimmed to weigh nothing in
-    whatever water it is in, as a crew does with ballast. `dimensions` are length, width and height.
+    `volume` is the displaced volume in m³. With `neutrally_buoyant` it is adjusted until the vehicle weighs nothing in
+    the water of its world, as a crew does with ballast. `dimensions` are length, width and height.
     `inertia` is about the centre of gravity, kg m²: three diagonal numbers, or all nine row after row.
     `added_mass` (kg, kg m, kg m²), `linear_damping` (N s/m ...) and `quadratic_damping` (N s²/m² ...):
     six diagonal numbers for surge, sway, heave, roll, pitch, yaw, or all 36 row after row.
@@ -65,10 +65,10 @@ class Vehicle(NamedTuple):
     fluid, 0 for an open frame, on which the flow separates everywhere.
     `attitude_limit_speed` is the highest surge up to which the model holds its attitude under its own controller;
     beyond it a scenario is warned of. Left out where it is level up to its top speed.
-    `battery` feeds those thrusters whose curve knows its current (sim/vehicle/battery.py); without one their supply
-    holds.
-    `meshes` are for pictures alone (sim/vehicle/meshes.py). `collision` says with what shape it touches things, and
-    how rough and hard it is (sim/vehicle/collision_shape.py); the shape follows from `dimensions` if left out.
+    `battery` supplies those thrusters whose curve has a current (sim/vehicle/battery.py); without a battery the supply
+    voltage is constant.
+    `meshes` are used in pictures only (sim/vehicle/meshes.py). `collision` is the shape for contacts, with friction and
+    restitution (sim/vehicle/collision_shape.py); the shape follows from `dimensions` if left out.
     Tilted from the vertical by more than `capsize_tilt` (rad, pi: never) it counts as capsized.
     `fins` and all below are described in sim/vehicle/equipment.py; mass, volume and inertia include the `drop_weights`.
     """
@@ -177,8 +177,8 @@ class Vehicle(NamedTuple):
 def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     """Return a preset of `sim/vehicles`, or a file ending in `.toml`: the vehicle, and its `[control]` table.
 
-    The table is the controller's; it is passed on unchanged, {} if absent. What all
-    thrusters have in common may stand once, in `[every_thruster]`, and for fins in `[every_fin]`. Raises ConfigError.
+    The table belongs to the controller; it is returned unchanged, {} if absent. Keys that all thrusters share may be
+    given once, in `[every_thruster]`, and those of fins in `[every_fin]`. Raises ConfigError.
     """
     path = find_preset("sim/vehicles", name_or_path)
     table = read_table(path)
@@ -191,7 +191,7 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     vehicle = parse(table, Vehicle, path)
     if any(models):
         from sim.vehicle.thrusters.tables import (
-            with_models,  # most vehicles do without, as they do without what follows
+            with_models,  # imported here, as the imports below: most vehicles have none
         )
 
         named = zip(vehicle.thrusters, models, strict=True)
@@ -257,7 +257,7 @@ def _with_common(table: dict[str, Any], key: str, every: str) -> list[dict[str, 
     """Return the tables under `key`, each with what all have in common, under `every`; put back into `table`."""
     common, rows = table.pop(every, {}), table.get(key)
     if not (isinstance(rows, list) and isinstance(common, dict) and all(isinstance(row, dict) for row in rows)):
-        return []  # parse says what is wrong
+        return []  # `parse` raises the error
     table[key] = rows = [{**common, **row} for row in rows]
     return rows
 
@@ -285,8 +285,8 @@ def displaced_volume(vehicle: Vehicle, density: float) -> float:
 def without(vehicle: Vehicle, weight: "DropWeight", density: float) -> Vehicle:
     """Return `vehicle` after it has dropped `weight`, a point mass, in water of `density` kg/m³.
 
-    Mass, volume, both centres and the inertia about the new centre of gravity change; how the water moves along does
-    not. A vehicle that was trimmed to weigh nothing is so no more.
+    Mass, volume, both centres and the inertia about the new centre of gravity change; the added mass does not. A
+    neutrally buoyant vehicle is neutrally buoyant no longer.
     """
     volume = displaced_volume(vehicle, density)
     mass, left = vehicle.mass - weight.mass, volume - weight.volume
