@@ -110,7 +110,7 @@ def make_fused_step(
         changing = None if water.is_steady else water.current
         wave_field, mass = getattr(water.wave_field, "twin", None), water.pushed_mass
     return FusedStep(
-        state, dynamics.kernel, thrusters.mixer, command or thrusters.command, dt_ns, (shape.reach, *shape.extent),
+        state, dynamics.kernel, thrusters.bank, command or thrusters.command, dt_ns, (shape.reach, *shape.extent),
         current, changing, wave_field, mass, ventilation,
     )  # fmt: skip
 

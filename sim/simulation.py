@@ -102,10 +102,10 @@ class Simulation:
         self._ventilation = Ventilation(vehicle, self.wave_field)
         self._aired = False  # whether thrust was reduced at the surface in the last step
         self._immerse(0)
-        self._coast = self._in_one()
+        self._fused = self._in_one()
         # Does one step of the motion. Returns the nu before the step if a contact is possible at its end, else None.
         self._advance: Callable[[Sequence[int]], Sequence[float] | None]
-        self._advance = self._coast.step if self._coast else self._term_by_term
+        self._advance = self._fused.step if self._fused else self._term_by_term
 
     @property
     def contacts(self) -> int:
@@ -146,9 +146,9 @@ class Simulation:
         Raises ConfigError for an unknown thruster, or what is no Failure.
         """
         require_events(failures)
-        if self._coast:  # the fused step has no failures: from now on each term is computed by itself
-            self._wrench, self._flow = self._coast.wrench, self._coast.flow
-            self._coast, self._advance, self._aired = None, self._term_by_term, True
+        if self._fused:  # the fused step has no failures: from now on each term is computed by itself
+            self._wrench, self._flow = self._fused.wrench, self._fused.flow
+            self._fused, self._advance, self._aired = None, self._term_by_term, True
         self._thrusters.fail(failures)
 
     def failures(self, name: str) -> "tuple[Failure, ...]":
@@ -217,11 +217,11 @@ class Simulation:
 
     def _acting(self, time_ns: int) -> tuple[Sequence[float], Sequence[float]]:
         """Return wrench and velocity of the water in the last step, which began at `time_ns`; forces are set to it."""
-        if self._coast is None:
+        if self._fused is None:
             return self._wrench, self._flow
         for force in self._forces:
             force.begin(time_ns)
-        return self._coast.wrench, self._coast.flow
+        return self._fused.wrench, self._fused.flow
 
     def _term_by_term(self, pwm_us: Sequence[int]) -> Sequence[float]:
         """Do one step of the motion, for any vehicle in any water; return the nu before it."""
@@ -255,8 +255,8 @@ class Simulation:
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
             now = self.time_ns
             self.events.hold("collision", now, now + self._dt_ns, state.position, self._contact.what)
-        if self._coast:
-            self._coast.watch(*self._contact.room())
+        if self._fused:
+            self._fused.watch(*self._contact.room())
         else:
             self._immerse(self.time_ns + self._dt_ns)
 
@@ -286,15 +286,15 @@ class Simulation:
         return len(self.vehicle.thrusters)
 
     def _drop(self, weight: "DropWeight") -> None:
-        """Remove `weight` from the vehicle; its velocity does not change, as the weight takes its own momentum along."""
+        """Remove `weight`, which takes its own momentum along: the velocity of the vehicle does not change."""
         self.vehicle = without(self.vehicle, weight, self.world.density)
         self._dynamics = self._build()
         self._contact.inverse_mass = self._dynamics.inverse_mass
         if self._water is not None:
             self._water.carry(self.vehicle, self.world.density)
-        if self._coast:
+        if self._fused:
             assert isinstance(self._dynamics, NativeDynamics)
-            self._coast.rebuild(self._dynamics.kernel, self._water.pushed_mass if self._water else None)
+            self._fused.rebuild(self._dynamics.kernel, self._water.pushed_mass if self._water else None)
 
     def _build(self) -> Dynamics:
         """Return the equations of motion of the vehicle in its present condition, with all forces on it."""

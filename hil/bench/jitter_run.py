@@ -32,7 +32,7 @@ keeper = RateKeeper(period, now_ns())
 end = now_ns() + seconds_ns(seconds)
 while keeper.deadline_ns < end:
     select.select((), (), (), keeper.timeout())
-    keeper.due(keeper.woken())
+    keeper.due(keeper.on_wakeup())
 late = keeper.lateness
 print(json.dumps({"p50": late.quantile(0.5), "p99": late.quantile(0.99), "p999": late.quantile(0.999),
                   "max": late.maximum}))

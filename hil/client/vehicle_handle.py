@@ -11,7 +11,7 @@ from hil.autonomy.paths.curves import Curve, Position, polyline
 from hil.autonomy.paths.spline import Spline
 from hil.autonomy.paths.trajectory import Limits, Trajectory
 from hil.autonomy.paths.waypoints import read_waypoints
-from hil.client import action as maneuver
+from hil.client import action as actions
 from hil.client import samples
 from hil.client.action import Action
 from hil.client.vehicle_state import VehicleState
@@ -44,7 +44,7 @@ class Vehicle(VehicleState):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._maneuver: Action | None = None
+        self._action: Action | None = None
         self._turn = threading.RLock()  # of telling the vehicle
         self._repeater = threading.Thread(target=self._repeat, name=f"commands {self.name}", daemon=True)
 
@@ -69,7 +69,7 @@ class Vehicle(VehicleState):
             self._check(name, value, MOST_SPEED, "rad/s" if name == "yaw_rate" else "m/s")
         self._check("depth", depth or 0.0, MOST_DEPTH, "m")
         self._check("heading", heading or 0.0, MOST_HEADING, "rad")
-        return self._start_action(maneuver.drive(VelocityCommand(**speeds, depth=depth, heading=heading), tolerance))
+        return self._start_action(actions.drive(VelocityCommand(**speeds, depth=depth, heading=heading), tolerance))
 
     def stop(self) -> Action:
         """Stand still in the water, at whatever depth and heading it has."""
@@ -98,7 +98,7 @@ class Vehicle(VehicleState):
             level = north - state.position[0], east - state.position[1]
             heading = atan2(level[1], level[0]) if hypot(*level) > FAR else state.heading
         self._check("heading", heading, MOST_HEADING, "rad")
-        return self._start_action(maneuver.hold_pose(PoseCommand((north, east, depth), heading), tolerance))
+        return self._start_action(actions.hold_pose(PoseCommand((north, east, depth), heading), tolerance))
 
     def follow(
         self,
@@ -117,17 +117,17 @@ class Vehicle(VehicleState):
         a vehicle with fins has to. Raises ConfigError, MissionError when the path breaks a limit.
         """
         if isinstance(path, Trajectory):
-            return self._start_action(maneuver.run_trajectory(path, limits, tolerance))
+            return self._start_action(actions.run_trajectory(path, limits, tolerance))
         if isinstance(path, str):
             curve = read_waypoints(path)
         elif isinstance(path, Sequence):
             points = self._points(path)
             if lookahead:
-                return self._start_action(maneuver.pursue(points, speed, lookahead, tolerance))
+                return self._start_action(actions.pursue(points, speed, lookahead, tolerance))
             curve = Spline(points) if smooth else polyline(points)
         else:
             curve = path
-        return self._start_action(maneuver.run_trajectory(Trajectory(curve, speed, limits), limits, tolerance))
+        return self._start_action(actions.run_trajectory(Trajectory(curve, speed, limits), limits, tolerance))
 
     def push(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, k: float = 0.0, m: float = 0.0, n: float = 0.0
@@ -136,7 +136,7 @@ class Vehicle(VehicleState):
         wrench = x, y, z, k, m, n
         for name, value in zip("xyzkmn", wrench, strict=True):
             self._check(name, value, MOST_FORCE, "N" if name in "xyz" else "N m")
-        return self._start_action(maneuver.repeat("cmd_wrench", encode_wrench(0, wrench)))
+        return self._start_action(actions.repeat("cmd_wrench", encode_wrench(0, wrench)))
 
     def thrust(self, *newtons: float) -> Action:
         """Let each thruster push with so many N, in the order of the vehicle file, each as far as it can."""
@@ -147,7 +147,7 @@ class Vehicle(VehicleState):
             )
         for number, value in enumerate(newtons, 1):
             self._check(f"thruster {number}", value, MOST_FORCE, "N")
-        return self._start_action(maneuver.repeat("cmd_thrusters", encode_thrusts(newtons)))
+        return self._start_action(actions.repeat("cmd_thrusters", encode_thrusts(newtons)))
 
     def release(self) -> None:
         """Send no more commands: the vehicle's deadman then sets the thrusters to neutral."""
@@ -194,9 +194,9 @@ class Vehicle(VehicleState):
         time.sleep(seconds)
 
     def _replace(self, new: Action | None) -> None:
-        if self._maneuver:
-            self._maneuver.end()
-        self._maneuver = new
+        if self._action:
+            self._action.end()
+        self._action = new
 
     def _repeat(self) -> None:
         while not self._closing.wait(PERIOD_S):
@@ -205,7 +205,7 @@ class Vehicle(VehicleState):
 
     def _step(self) -> None:
         """Send the current command once more, while the vehicle is present and accepts it."""
-        action, stamped = self._maneuver, self.client.latest.get("odom")
+        action, stamped = self._action, self.client.latest.get("odom")
         if action is None or stamped is None:
             return
         try:
@@ -221,4 +221,4 @@ class Vehicle(VehicleState):
 
     def _end_action(self, action: Action, error: HilError) -> None:
         action.end(error)
-        self._maneuver = None
+        self._action = None

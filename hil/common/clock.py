@@ -171,7 +171,7 @@ class RateKeeper:
         left = self.deadline_ns - self.lead_ns - now_ns()
         return left / NS_PER_S if left > 0 else 0.0
 
-    def woken(self) -> int:
+    def on_wakeup(self) -> int:
         """Return the instant (monotonic ns) after such a sleep; the caller, awake early, waits here.
 
         What waking up takes is learnt so that one in four comes early: the lateness is a third of what it was, and the

@@ -62,5 +62,5 @@ def serve_last(session: Session, node: str, catch_up: Callable[[], None] = _noth
 
 def fetch_last(session: Session, node: str, deliver: Deliver, topic: str = "*") -> None:
     """Call `deliver(topic name, payload, attachment)`, here and now, for the last message of each topic of the node."""
-    for key, payload, attachment in session.ask(last_key(node, topic), ANSWER_WITHIN_S):
+    for key, payload, attachment in session.query(last_key(node, topic), ANSWER_WITHIN_S):
         deliver(key.rpartition("/")[2], payload, attachment)

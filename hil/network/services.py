@@ -158,7 +158,7 @@ def call(
     reasons: list[str] = []
     answer, end_ns = None, now_ns() + seconds_ns(seconds)
     while answer is None and not reasons and (left_ns := end_ns - now_ns()) > 0:
-        answers = session.ask(key, left_ns / NS_PER_S, payload, attachment, reasons.append)
+        answers = session.query(key, left_ns / NS_PER_S, payload, attachment, reasons.append)
         answer = next((answer for _, answer, _ in answers), None)
         if answer is None and not reasons:
             time.sleep(AGAIN_S)

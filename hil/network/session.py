@@ -183,7 +183,7 @@ class Session:
         queue = self._shared_worker().open_queue(handler, ASKING)
         self._declare(lambda session: session.declare_queryable(keys, queue.callback))
 
-    def ask(
+    def query(
         self,
         keys: str,
         seconds: float,

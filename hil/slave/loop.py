@@ -124,7 +124,7 @@ class Loop:
             if link_fds is not self._link_fds:  # a lost link has gone, or come back
                 link_fds, fds = self._link_fds, own_fds + self._link_fds
             ready = select.select(fds, (), (), schedule.timeout())[0]
-            now = now_ns() if ready else schedule.woken()
+            now = now_ns() if ready else schedule.on_wakeup()
             if ready:  # mostly it is only time for the next step
                 if command_fd in ready:
                     self._apply_command(now)

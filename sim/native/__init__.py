@@ -78,7 +78,7 @@ class NativeThrusterSet(ThrusterSet):
 
         super().__init__(vehicle, dt, seed)
         numbers = self.numbers()
-        self.mixer = ThrusterBank(pack(f"{len(numbers)}d", *numbers))
+        self.bank = ThrusterBank(pack(f"{len(numbers)}d", *numbers))
 
     @property
     def works(self) -> bool:
@@ -88,27 +88,27 @@ class NativeThrusterSet(ThrusterSet):
     @property
     def thrusts(self) -> list[float]:
         """The present thrust of each in N."""
-        return self.mixer.pushes if self.works else self._thrusts
+        return self.bank.pushes if self.works else self._thrusts
 
     def immerse(self, shares: Sequence[float] | None) -> None:
         """Set the shares of thrust near the surface: see ThrusterSet."""
         super().immerse(shares)
-        self.mixer.immerse([1.0] * len(self._thrusters) if shares is None else shares)
+        self.bank.immerse([1.0] * len(self._thrusters) if shares is None else shares)
 
     def fail(self, failures: "Iterable[Failure]") -> None:
         """Plan failures: see ThrusterSet."""
         if self.works:  # until now
-            self._steps, self._shares = self.mixer.steps, self.mixer.shares
-            self._lagged, self._thrusts = self.mixer.thrusts, self.mixer.pushes
+            self._steps, self._shares = self.bank.steps, self.bank.shares
+            self._lagged, self._thrusts = self.bank.thrusts, self.bank.pushes
         super().fail(failures)
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
         """Set the commanded pulse widths (us): see ThrusterSet."""
         super().command(pwm_us)
-        self.mixer.aim(self._targets)
+        self.bank.aim(self._targets)
 
     def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
-        return self.mixer.step(nu_r) if self.works else super()._advance(nu_r)
+        return self.bank.step(nu_r) if self.works else super()._advance(nu_r)
 
 
 class NativeErrorBank(ErrorBank):

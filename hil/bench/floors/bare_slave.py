@@ -33,7 +33,7 @@ def _loop(put: Callable[[], None], step_ns: int, rate: float, seconds: float) ->
     schedule, sent = RateKeeper(step_ns, begun), 0
     while schedule.deadline_ns < begun + round(seconds * NS_PER_S):
         select.select((), (), (), schedule.timeout())
-        now = schedule.woken()
+        now = schedule.on_wakeup()
         schedule.due(now)
         if now >= send_ns:
             send_ns += PERIOD_NS

@@ -99,19 +99,19 @@ def main(arguments: list[str]) -> int:
     changing = [key for key, values in given.items() if len(values) > 1] or list(given)
     runs: dict[str, list[Result]] = {}
     labels: tuple[str, ...] = ()
-    endings = PartialFailures()
-    with endings.caught():
+    failures = PartialFailures()
+    with failures.caught():
         for number, (_, case) in enumerate(itertools.product(range(options.repeat), cases), 1):
             name = case.name(changing)
-            endings.place = f"{number} of {options.repeat * len(cases)}: {name}"
-            show(endings.place)
+            failures.place = f"{number} of {options.repeat * len(cases)}: {name}"
+            show(failures.place)
             result, labels = _measure(case, options, echo)
             runs.setdefault(name, []).append(result)
     show("")
     if not runs:
-        endings.raise_first()
-    broken = _report(runs, (*labels, *endings.labels), options)
-    endings.raise_first()
+        failures.raise_first()
+    broken = _report(runs, (*labels, *failures.labels), options)
+    failures.raise_first()
     return LIMIT_BROKEN if broken else 0
 
 

@@ -57,21 +57,21 @@ def main(arguments: list[str]) -> int:
     limits = limits if limits.cpus else limits._replace(cpus=(_last_cpu(),))
     by_rate: dict[float, list[Found]] = {}
     labels: tuple[str, ...] = ()
-    endings = PartialFailures()
-    with endings.caught(), ExitStack() as stack:
+    failures = PartialFailures()
+    with failures.caught(), ExitStack() as stack:
         benches = [_bench(rate, options, limits, stack) for rate in rates]
         labels = benches[0].labels
         for number in range(options.repeat):
             for rate, bench in zip(rates, benches, strict=True):
-                endings.place = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
-                run = _measure(bench, options.seconds, endings.place)
+                failures.place = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
+                run = _measure(bench, options.seconds, failures.place)
                 by_rate.setdefault(rate, []).append(run)
     show("")
     if not by_rate:
-        endings.raise_first()
+        failures.raise_first()
     print("\n".join(_table(by_rate)))
     if options.repeat > 1:
-        print(f"medians of {endings.most(options.repeat)} runs")
+        print(f"medians of {failures.most(options.repeat)} runs")
     print(f"pinned to processor {','.join(map(str, limits.cpus))}; behind: cycles that the schedule lacks at the end")
     print(NOTE)
     options_used = {key: getattr(options, key) for key in ("scenario", "set", "seconds", "repeat")}
@@ -79,11 +79,11 @@ def main(arguments: list[str]) -> int:
         name: figure for rate, runs in by_rate.items() for name, figure in _figures(f"{rate:g} Hz", runs).items()
     }
     options_used |= {"rates": rates, "cpus": limits.cpus}
-    save_record(new_record("jitter", options_used, figures, (*labels, *endings.labels)), options)
+    save_record(new_record("jitter", options_used, figures, (*labels, *failures.labels)), options)
     kept = all(run.slave.within >= WITHIN for runs in by_rate.values() for run in runs)
     if options.check and not kept:
         print(f"MISSED: less than {WITHIN:.0%} of the cycles were within 2 ms")
-    endings.raise_first()
+    failures.raise_first()
     return MISSED if options.check and not kept else 0
 
 

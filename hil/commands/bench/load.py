@@ -49,17 +49,17 @@ def main(arguments: list[str]) -> int:
     check_plot(options)
     plan, left_out = _plan(options)
     courses: list[Course] = []
-    endings = PartialFailures()
-    with endings.caught():
+    failures = PartialFailures()
+    with failures.caught():
         for number, setting in enumerate(plan, 1):
-            endings.place = f"{number} of {len(plan)}: {setting.name}"
-            courses.append(_run(setting, options, endings.place))
+            failures.place = f"{number} of {len(plan)}: {setting.name}"
+            courses.append(_run(setting, options, failures.place))
     show("")
     done, failed = [c for c in courses if c.cpu], [c for c in courses if c.failure]
     if not done:
-        endings.raise_first()
+        failures.raise_first()
         raise NetworkError(f"nothing could be measured: {failed[0].failure}")
-    record = _record(done, failed, left_out, options, endings)
+    record = _record(done, failed, left_out, options, failures)
     print("\n".join(_table(courses)))
     print("more: than the scenario as it is; in brackets what is within the noise; +-: the middle half's range\n")
     print("\n".join(_processes(done)))
@@ -70,7 +70,7 @@ def main(arguments: list[str]) -> int:
     save_record(record, options)
     if options.plot:
         _draw(done, record, options.plot)
-    endings.raise_first()
+    failures.raise_first()
     return FAILED if failed else 0
 
 
@@ -157,7 +157,7 @@ def _processes(courses: list[Course]) -> list[str]:
 
 
 def _record(
-    done: list[Course], failed: list[Course], left_out: dict[str, str], options: Any, endings: PartialFailures
+    done: list[Course], failed: list[Course], left_out: dict[str, str], options: Any, failures: PartialFailures
 ) -> Record:
     figures: dict[str, Figure] = {}
     for course in done:
@@ -179,7 +179,7 @@ def _record(
     details |= {course.setting.name: {"failure": course.failure} for course in failed}
     keys = ("scenario", "set", "each_sensor", "rates", "vehicles", "seconds")
     options_used = {key: getattr(options, key) for key in keys}
-    labels = *done[0].labels, *endings.labels
+    labels = *done[0].labels, *failures.labels
     return new_record("load", options_used, figures, labels, details | {"left out": left_out})
 
 

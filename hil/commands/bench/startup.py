@@ -48,31 +48,31 @@ def main(arguments: list[str]) -> int:
     add_limits(parser)
     add_results(parser)
     options = parser.parse_args(arguments)
-    endings = PartialFailures()
-    by_kind, how, labels = _measure(options, endings)
+    failures = PartialFailures()
+    by_kind, how, labels = _measure(options, failures)
     if not by_kind:
-        endings.raise_first()
+        failures.raise_first()
     print(_text(by_kind))
-    print(f"medians of {endings.most(options.repeat)} starts each, (range of the middle half); ms")
+    print(f"medians of {failures.most(options.repeat)} starts each, (range of the middle half); ms")
     for line in how:
         print(line)
     figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in by_kind.items() for row, v in rows.items()}
     settings = {key: getattr(options, key) for key in ("scenario", "set", "repeat", "drop_caches")}
-    save_record(new_record("startup", settings, figures, (*labels, *endings.labels), {"cold": how}), options)
+    save_record(new_record("startup", settings, figures, (*labels, *failures.labels), {"cold": how}), options)
     took = median(by_kind["warm"]["all"]) / 1e3
     broken = options.most is not None and not took <= options.most
     if broken:
         print(f"LIMIT BROKEN: a warm start takes {took:.3f} s, above {options.most:g} s")
-    endings.raise_first()
+    failures.raise_first()
     return LIMIT_BROKEN if broken else 0
 
 
-def _measure(options: Any, endings: PartialFailures) -> tuple[dict[str, Series], list[str], tuple[str, ...]]:
+def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series], list[str], tuple[str, ...]]:
     """Measure each kind of start; return the figures, how the cold start was made, and labels."""
     rows: dict[str, list[Row]] = {}
     labels: tuple[str, ...] = ()
     words = ""
-    with endings.caught(), Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+    with failures.caught(), Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
         labels = bench.labels
         show("the first start")
         start(bench)  # the next tells of each module, and would bury the reason of one that fails
@@ -82,8 +82,8 @@ def _measure(options: Any, endings: PartialFailures) -> tuple[dict[str, Series],
             kinds["cold"], words = coldness(files, options.drop_caches)
         for kind, before in kinds.items():
             for number in range(options.repeat):
-                endings.place = f"{kind}: {number + 1} of {options.repeat}"
-                show(endings.place)
+                failures.place = f"{kind}: {number + 1} of {options.repeat}"
+                show(failures.place)
                 row = _start(bench, before)
                 rows.setdefault(kind, []).append(row)
     show("")

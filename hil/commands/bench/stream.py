@@ -57,19 +57,19 @@ def main(arguments: list[str]) -> int:
         )
     runs: list[Listening] = []
     labels: tuple[str, ...] = ()
-    endings = PartialFailures()
-    with endings.caught():
+    failures = PartialFailures()
+    with failures.caught():
         for number in range(options.repeat):
-            endings.place = f"run {number + 1} of {options.repeat}"
-            received, labels = _listen(options, endings.place)
+            failures.place = f"run {number + 1} of {options.repeat}"
+            received, labels = _listen(options, failures.place)
             runs.append(received)
     show("")
     if not runs:
-        endings.raise_first()
+        failures.raise_first()
     streams = _by_topic(runs)
     print("\n".join(_table(streams)))
     if options.repeat > 1:
-        print(f"medians of {endings.most(options.repeat)} runs of {options.seconds:g} s")
+        print(f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s")
     dead = [topic for topic, of_runs in streams.items() if _dead(of_runs, options.seconds)]
     if dead:
         print(f"nothing came on {', '.join(dead)}, though a slave of this scenario should send it")
@@ -78,8 +78,8 @@ def main(arguments: list[str]) -> int:
         print(f"WARNING: {warning}")
     settings = {key: getattr(options, key) for key in ("scenario", "set", "connect", "seconds", "repeat")}
     figures = _figures(streams, bool(options.connect))
-    save_record(new_record("stream", settings, figures, (*labels, *endings.labels), {"warnings": warnings}), options)
-    endings.raise_first()
+    save_record(new_record("stream", settings, figures, (*labels, *failures.labels), {"warnings": warnings}), options)
+    failures.raise_first()
     return 0
 
 

@@ -70,21 +70,21 @@ def main(arguments: list[str]) -> int:
             f"command line: --set {inapplicable[0]}: a slave that runs elsewhere does not get it; set it there"
         )
     board = _board(options)
-    endings = PartialFailures()
-    record = _measure(options, endings)
+    failures = PartialFailures()
+    record = _measure(options, failures)
     ours = board_table.columns_of(record)
     columns = [*board_table.paper(), *earlier, *(_named(column) for column in ours)]
     print(board_table.text(columns))
     print(PAPER_NOTE)
     for line in filter(None, (_ratios(_named(column), record) for column in ours)):
         print(line)
-    print(f"medians of {endings.most(options.repeat)} runs of {options.seconds:g} s; (range of the middle half)")
+    print(f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s; (range of the middle half)")
     for line in (*board_table.remarks(earlier), *_description(record)):
         print(line)
     save_record(record, options)
     _write(columns, options)
     broken = _check(ours, record, board) if options.check else 0
-    endings.raise_first()
+    failures.raise_first()
     return broken
 
 
@@ -112,7 +112,7 @@ def _parser() -> Any:
     return parser
 
 
-def _measure(options: Any, endings: PartialFailures) -> Record:
+def _measure(options: Any, failures: PartialFailures) -> Record:
     """Return the record. What ended the runs of a slave before their time is raised when there is none at all."""
     changes = {"recording.master": False, **changes_of(options), "master.time_limit": options.seconds}
     measured: dict[str, Figure] = {}
@@ -121,10 +121,10 @@ def _measure(options: Any, endings: PartialFailures) -> Record:
     for endpoint in options.connect or [""]:
         name = endpoint or HERE
         runs: list[Run] = []
-        endings.place = f"{name}: run 1 of {options.repeat}"
-        with endings.caught(), Bench(options.scenario, changes, limits_of(options)) as bench:
+        failures.place = f"{name}: run 1 of {options.repeat}"
+        with failures.caught(), Bench(options.scenario, changes, limits_of(options)) as bench:
             labels += bench.labels
-            _repeat(bench, options.repeat, endpoint, runs, endings)
+            _repeat(bench, options.repeat, endpoint, runs, failures)
         show("")
         if runs:
             labels += labels_of(runs[-1].slave) if endpoint else ()
@@ -134,15 +134,15 @@ def _measure(options: Any, endings: PartialFailures) -> Record:
                 "notes": sorted({text for run in runs for text in run.notes}),
                 "warnings": sorted({text for run in runs for text in run.warnings}),
             }
-        if endings.stopped:
+        if failures.stopped:
             break
     if not measured:
-        endings.raise_first()
+        failures.raise_first()
     settings = {key: getattr(options, key) for key in ("scenario", "set", "connect", "repeat", "seconds")}
-    return new_record("table", settings, measured, dict.fromkeys((*labels, *endings.labels)), details)
+    return new_record("table", settings, measured, dict.fromkeys((*labels, *failures.labels)), details)
 
 
-def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], endings: PartialFailures) -> None:
+def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], failures: PartialFailures) -> None:
     """Add runs, one by one, so that those before one that fails are not lost. Raises HilError."""
     if not endpoint:
         show("warming the caches")
@@ -151,8 +151,8 @@ def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], endings: P
             await_vehicle(client, warm)
         warm.stop()
     for number in range(times):
-        endings.place = f"{endpoint or HERE}: run {number + 1} of {times}"
-        show(endings.place)
+        failures.place = f"{endpoint or HERE}: run {number + 1} of {times}"
+        show(failures.place)
         runs.append(fly(bench, number, endpoint))
 
 

@@ -110,20 +110,20 @@ def test_a_sleeper_learns_what_waking_up_takes(monkeypatch: pytest.MonkeyPatch) 
     keeper = RateKeeper(10**9, now_ns())
     for _ in range(100):  # each time too late
         keeper.deadline_ns = now_ns() - 1
-        keeper.woken()
+        keeper.on_wakeup()
     learnt = keeper.lead_ns
     assert learnt == 100 * LEARN_NS
     keeper.deadline_ns = now_ns() + 20_000
-    assert keeper.woken() >= keeper.deadline_ns, "a little early: it waits out the rest"
+    assert keeper.on_wakeup() >= keeper.deadline_ns, "a little early: it waits out the rest"
     assert keeper.lead_ns == learnt - 3 * LEARN_NS
     keeper.deadline_ns = now_ns() + 10**9
     before = keeper.lead_ns
-    assert keeper.woken() < keeper.deadline_ns, "far too early: something else has woken it"
+    assert keeper.on_wakeup() < keeper.deadline_ns, "far too early: something else has woken it"
     assert keeper.lead_ns == before
     assert keeper.timeout() == pytest.approx(1.0, abs=1e-4)
     for _ in range(1000):
         keeper.deadline_ns = now_ns() - 1
-        keeper.woken()
+        keeper.on_wakeup()
     assert keeper.lead_ns == MOST_LEAD_NS
     keeper.deadline_ns = now_ns() - 1
     assert keeper.timeout() == 0.0

@@ -21,7 +21,7 @@ __all__ = ["client", "fleet", "gateway", "own_state"]  # the fixtures
 def test_so_many_connections_and_no_more(gateway: JsonGateway) -> None:
     clients = [Client(gateway) for _ in range(MAX_CONNECTIONS)]
     try:
-        assert clients[-1].ask(do="vehicles")["ok"]
+        assert clients[-1].call(do="vehicles")["ok"]
         refused = Client(gateway)
         with refused:
             assert "32 connections are open already" in refused.read()["error"]
@@ -29,7 +29,7 @@ def test_so_many_connections_and_no_more(gateway: JsonGateway) -> None:
         clients.pop().close()
         assert wait_for(lambda: not gateway._connections[-1].is_alive)
         clients.append(Client(gateway))
-        assert clients[-1].ask(do="vehicles")["ok"], "there is room again"
+        assert clients[-1].call(do="vehicles")["ok"], "there is room again"
     finally:
         for client in clients:
             client.close()
@@ -39,7 +39,7 @@ def test_idle_connections_cost_nothing(gateway: JsonGateway) -> None:
     """The processor time of their threads is measured, which no other load changes."""
     clients = [Client(gateway) for _ in range(10)]
     try:
-        assert all(client.ask(do="vehicles")["ok"] for client in clients)
+        assert all(client.call(do="vehicles")["ok"] for client in clients)
         threads = [thread for connection in gateway._connections for thread in connection._threads]
         clocks = [time.pthread_getcpuclockid(thread.ident) for thread in threads if thread.ident]
         assert len(clocks) == 20
@@ -54,18 +54,18 @@ def test_idle_connections_cost_nothing(gateway: JsonGateway) -> None:
 def test_a_client_that_falls_silent_drives_no_longer(gateway: JsonGateway, fleet: Fleet) -> None:
     client = Client(gateway)
     with client:
-        assert client.ask(do="login", token=gateway.access.token, deadman=0.5)["ok"]
-        assert client.ask(do="drive", surge=0.3)["ok"]
+        assert client.call(do="login", token=gateway.access.token, deadman=0.5)["ok"]
+        assert client.call(do="drive", surge=0.3)["ok"]
         (connection,) = gateway._connections
         assert wait_for(lambda: "no line came for 0.5 s" in connection._stopped)
-        answer = client.ask(do="status")
+        answer = client.call(do="status")
         assert (answer["over"], answer["error"]) == (True, "stopped: no line came for 0.5 s, the deadman of this login")
         assert wait_for(lambda: abs(fleet["uuv1"].state.velocity[0]) < 0.05)
 
 
 def test_a_deadman_that_is_none_is_refused(client: Client, gateway: JsonGateway) -> None:
     for deadman in (0, -1, 1e9, "soon", None, True):
-        answer = client.ask(do="login", token=gateway.access.token, deadman=deadman)
+        answer = client.call(do="login", token=gateway.access.token, deadman=deadman)
         assert "deadman: " in answer["error"], deadman
 
 
@@ -73,8 +73,8 @@ def test_a_client_that_does_not_read_is_given_up(gateway: JsonGateway, fleet: Fl
     client = Client(gateway)
     client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     with client:
-        assert client.ask(do="login", token=gateway.access.token)["ok"]
-        assert client.ask(do="drive", surge=0.3)["ok"]
+        assert client.call(do="login", token=gateway.access.token)["ok"]
+        assert client.call(do="drive", surge=0.3)["ok"]
         (connection,) = gateway._connections
         with suppress(OSError):  # it hangs up while we still ask
             for _ in range(100_000):
@@ -90,7 +90,7 @@ def test_a_line_that_is_too_long_is_answered_once(client: Client, size: int) -> 
     """`size` bytes and the newline; the next line is understood."""
     answer = client.send(b" " * (size - 2) + b"{}")
     assert (answer["ok"], answer["error"]) == (False, "a line of more than 65536 bytes; send several")
-    assert client.ask(id=1, do="vehicles")["id"] == 1
+    assert client.call(id=1, do="vehicles")["id"] == 1
 
 
 def test_the_longest_line_is_understood(client: Client) -> None:
@@ -100,10 +100,10 @@ def test_the_longest_line_is_understood(client: Client) -> None:
 
 def test_what_nobody_foresaw_is_answered_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Vehicle, "release", lambda _: 1 / 0)
-    answer = client.ask(id=3, do="release")
+    answer = client.call(id=3, do="release")
     monkeypatch.undo()
     assert answer == {"id": 3, "ok": False, "error": "ZeroDivisionError: division by zero"}
-    assert client.ask(do="vehicles")["ok"], "and the connection goes on"
+    assert client.call(do="vehicles")["ok"], "and the connection goes on"
 
 
 def test_a_vehicle_is_stopped_whatever_ended_the_connection(
@@ -116,19 +116,19 @@ def test_a_vehicle_is_stopped_whatever_ended_the_connection(
         stopped.append(vehicle)
         raise NetworkError("gone")
 
-    assert client.ask(do="drive")["ok"]
-    assert fleet["uuv1"]._maneuver
+    assert client.call(do="drive")["ok"]
+    assert fleet["uuv1"]._action
     monkeypatch.setattr(Vehicle, "stop", stop)
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
     monkeypatch.setattr(Connection, "_send", lambda *_: 1 / 0)
     client.socket.sendall(b"{}\n")
-    assert wait_for(lambda: bool(stopped) and fleet["uuv1"]._maneuver is None)
+    assert wait_for(lambda: bool(stopped) and fleet["uuv1"]._action is None)
     assert stopped == [fleet["uuv1"]]
 
 
 def test_a_connection_is_watched(gateway: JsonGateway, client: Client) -> None:
     """The kernel's part of it; tests/system/netns lets a machine vanish."""
-    assert client.ask(do="vehicles")["ok"]
+    assert client.call(do="vehicles")["ok"]
     assert wait_for(lambda: bool(gateway._connections))
     (connection,) = gateway._connections
     for level, option, value in SOCKET_OPTIONS:

@@ -22,19 +22,19 @@ __all__ = ["client", "fleet", "gateway", "own_state"]  # the fixtures
 
 
 def test_questions_and_commands(client: Client, fleet: Fleet) -> None:
-    assert client.ask(id=7, do="vehicles") == {"id": 7, "ok": True, "vehicles": ["uuv1"]}
-    state = client.ask(id="a", vehicle="uuv1", do="get", sensor="state")
+    assert client.call(id=7, do="vehicles") == {"id": 7, "ok": True, "vehicles": ["uuv1"]}
+    state = client.call(id="a", vehicle="uuv1", do="get", sensor="state")
     assert state["id"] == "a"
     assert 0 <= state["age"] < 0.3
     north, east, depth = state["sample"]["position"]
     assert depth == state["sample"]["depth"]
-    assert client.ask(do="drive", surge=0.3, depth=depth)["ok"]
+    assert client.call(do="drive", surge=0.3, depth=depth)["ok"]
     assert wait_for(lambda: fleet["uuv1"].state.velocity[0] > 0.15)
-    assert client.ask(do="go_to", north=north + 0.5, east=east, depth=depth)["ok"]
-    assert wait_for(lambda: client.ask(do="status")["done"])
-    assert client.ask(do="follow", path=[north, east, depth], speed=0.5, lookahead=0.8, tolerance=0.5)["ok"]
-    assert client.ask(do="status") == {"id": None, "ok": True, "done": False, "over": False, "error": ""}
-    assert client.ask(do="thrust", newtons=[-5, -5, -5, -5, 0, 0])["ok"]
+    assert client.call(do="go_to", north=north + 0.5, east=east, depth=depth)["ok"]
+    assert wait_for(lambda: client.call(do="status")["done"])
+    assert client.call(do="follow", path=[north, east, depth], speed=0.5, lookahead=0.8, tolerance=0.5)["ok"]
+    assert client.call(do="status") == {"id": None, "ok": True, "done": False, "over": False, "error": ""}
+    assert client.call(do="thrust", newtons=[-5, -5, -5, -5, 0, 0])["ok"]
     assert wait_for(lambda: fleet["uuv1"].state.velocity[0] < -0.05)
     client.socket.close()
     client._lines.close()
@@ -42,8 +42,8 @@ def test_questions_and_commands(client: Client, fleet: Fleet) -> None:
 
 
 def test_samples_come_by_themselves(client: Client) -> None:
-    assert client.ask(do="subscribe", sensor="imu", rate=20)["ok"]
-    assert client.ask(do="subscribe", sensor="state", rate=5)["ok"]
+    assert client.call(do="subscribe", sensor="imu", rate=20)["ok"]
+    assert client.call(do="subscribe", sensor="state", rate=5)["ok"]
     times: dict[str, list[int]] = {"imu": [], "odom": []}
     while len(times["imu"]) < 20:
         message = client.read()
@@ -51,7 +51,7 @@ def test_samples_come_by_themselves(client: Client) -> None:
         times[message["sensor"]].append(message["sample"]["time_ns"])
     assert (times["imu"][-1] - times["imu"][0]) / 19 > 0.85 * 50e6, "no faster than asked"
     assert 3 <= len(times["odom"]) <= 7
-    client.ask(do="unsubscribe", sensor="imu")
+    client.call(do="unsubscribe", sensor="imu")
     client.samples.clear()
     for _ in range(3):
         client.samples.append(client.read())
@@ -100,7 +100,7 @@ def test_nonsense_is_answered(client: Client) -> None:
         answer = client.send(line)
         assert not answer["ok"], line
         assert words in answer["error"], line
-        assert client.ask(do="vehicles")["ok"], "and the connection goes on"
+        assert client.call(do="vehicles")["ok"], "and the connection goes on"
 
 
 POST = b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99\r\n\r\n"
@@ -115,14 +115,14 @@ def test_the_connection_ends_at_what_is_not_json(client: Client, fleet: Fleet, l
     assert "not a line of JSON" in answer["error"]
     with suppress(ConnectionResetError):
         assert client._lines.readline() == b""
-    assert fleet["uuv1"]._maneuver is None or fleet["uuv1"].state.velocity[0] < 0.05
+    assert fleet["uuv1"]._action is None or fleet["uuv1"].state.velocity[0] < 0.05
 
 
 @pytest.mark.parametrize("token", ["\ud800", "\xff", "", 7, None, ["a"], {}])
 def test_what_is_not_the_token_is_refused(gateway: JsonGateway, token: object) -> None:
     assert not gateway.access.admits(token)
     with Client(gateway) as outsider:
-        assert "not the token" in outsider.ask(do="login", token=token)["error"]
+        assert "not the token" in outsider.call(do="login", token=token)["error"]
 
 
 @pytest.mark.parametrize("login", [{}, {"token": ""}, {"token": "x" * 32}, {"token": None}, {"token": ["a"]}])
@@ -130,16 +130,16 @@ def test_nobody_commands_without_the_token(gateway: JsonGateway, login: dict[str
     client = Client(gateway)
     with client:
         if login:
-            answer = client.ask(do="login", **login)
+            answer = client.call(do="login", **login)
             assert "not the token" in answer["error"]
         for what in (*COMMANDS, *SERVICES):
-            answer = client.ask(do=what)
+            answer = client.call(do=what)
             assert not answer["ok"]
             assert '"do": "login"' in answer["error"]
             assert gateway.access.path in answer["error"]
-        assert client.ask(do="get")["ok"], "everybody may look"
-        assert client.ask(do="login", token=gateway.access.token)["ok"]
-        assert client.ask(do="stop")["ok"]
+        assert client.call(do="get")["ok"], "everybody may look"
+        assert client.call(do="login", token=gateway.access.token)["ok"]
+        assert client.call(do="stop")["ok"]
 
 
 def test_the_token_is_new_private_and_removed(tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_a_token_that_cannot_be_written_is_only_shown(tmp_path: Path, monkeypatc
 
 
 def test_what_is_no_number_is_null(client: Client) -> None:
-    sample = client.ask(do="get", sensor="diagnostics")
+    sample = client.call(do="get", sensor="diagnostics")
     assert sample["sample"]["thrusters"] == 6
     raw = json.dumps(sample)
     assert "NaN" not in raw

@@ -18,7 +18,7 @@ pytest.importorskip("numpy", reason="pictures and maps need numpy")
 
 
 def place(client: Client) -> list[float]:
-    position: list[float] = client.ask(do="get", sensor="ground_truth")["sample"]["position"]
+    position: list[float] = client.call(do="get", sensor="ground_truth")["sample"]["position"]
     return position
 
 
@@ -29,13 +29,13 @@ def distance(client: Client, north: float, east: float, depth: float) -> float:
 
 def test_a_pose_is_set_and_reset(client: Client, fleet: Fleet) -> None:
     """The command before it is over, or the vehicle would go back."""
-    assert client.ask(do="go_to", north=7, east=7, depth=2)["ok"]
-    answer = client.ask(do="set_pose", north=7, east=3, depth=1.5, heading=1.0)
+    assert client.call(do="go_to", north=7, east=7, depth=2)["ok"]
+    answer = client.call(do="set_pose", north=7, east=3, depth=1.5, heading=1.0)
     assert answer == {"id": None, "ok": True, "message": "put at (7, 3, 1.5) m"}
     assert wait_for(lambda: distance(client, 7, 3, 1.5) < 0.3)
-    assert client.ask(do="get", sensor="ground_truth")["sample"]["heading"] == pytest.approx(1.0, abs=0.3)
-    assert client.ask(do="status") == {"id": None, "ok": True, "done": False, "over": True, "error": ""}
-    assert "(4, 4, 2) m" in client.ask(do="reset")["message"]
+    assert client.call(do="get", sensor="ground_truth")["sample"]["heading"] == pytest.approx(1.0, abs=0.3)
+    assert client.call(do="status") == {"id": None, "ok": True, "done": False, "over": True, "error": ""}
+    assert "(4, 4, 2) m" in client.call(do="reset")["message"]
     assert wait_for(lambda: distance(client, 4, 4, 2) < 0.3)
 
 
@@ -47,24 +47,24 @@ def efforts(fleet: Fleet) -> dict[str, float]:
 
 def test_a_thruster_fails_and_is_repaired(client: Client, fleet: Fleet) -> None:
     names = list(efforts(fleet))
-    assert client.ask(do="thrust", newtons=[5.0] * len(names))["ok"]
+    assert client.call(do="thrust", newtons=[5.0] * len(names))["ok"]
     assert wait_for(lambda: min(efforts(fleet).values()) > 3)
-    assert client.ask(do="fail", thruster=names[0])["message"] == f"{names[0]} is off"
+    assert client.call(do="fail", thruster=names[0])["message"] == f"{names[0]} is off"
     assert wait_for(lambda: efforts(fleet)[names[0]] < 0.1)
     assert efforts(fleet)[names[1]] > 3
-    assert client.ask(do="fail", thruster=names[0], kind="efficiency", value=0.5)["ok"]
+    assert client.call(do="fail", thruster=names[0], kind="efficiency", value=0.5)["ok"]
     assert wait_for(lambda: 1.5 < efforts(fleet)[names[0]] < 3.5), "the one before it is over"
-    assert client.ask(do="fail", thruster=names[0], kind="repaired")["ok"]
+    assert client.call(do="fail", thruster=names[0], kind="repaired")["ok"]
     assert wait_for(lambda: efforts(fleet)[names[0]] > 3.5)
 
 
 def test_disarmed_it_refuses_and_armed_it_obeys(client: Client, fleet: Fleet) -> None:
-    assert client.ask(do="arm", on=False)["ok"]
+    assert client.call(do="arm", on=False)["ok"]
     assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
-    assert "is disarmed" in client.ask(do="drive", surge=0.1)["error"]
-    assert client.ask(do="arm")["ok"]
+    assert "is disarmed" in client.call(do="drive", surge=0.1)["error"]
+    assert client.call(do="arm")["ok"]
     assert wait_for(lambda: fleet["uuv1"].diagnostics.armed)
-    assert client.ask(do="drive", surge=0.1)["ok"]
+    assert client.call(do="drive", surge=0.1)["ok"]
 
 
 def test_while_another_master_commands_only_disarming_is_done(client: Client, fleet: Fleet) -> None:
@@ -73,13 +73,13 @@ def test_while_another_master_commands_only_disarming_is_done(client: Client, fl
         assert wait_for(fleet["uuv1"].client.refusal)
         for line in ({"do": "reset"}, {"do": "set_pose", "north": 4, "east": 4, "depth": 2}, {"do": "arm"}):
             assert "obeys another master" in client.send(json.dumps(line).encode())["error"]
-        assert client.ask(do="arm", on=False)["ok"]
+        assert client.call(do="arm", on=False)["ok"]
         assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
-    assert wait_for(lambda: client.ask(do="arm")["ok"])
+    assert wait_for(lambda: client.call(do="arm")["ok"])
 
 
 def sample(client: Client, sensor: str) -> Message:
-    answer = client.ask(do="get", sensor=sensor)
+    answer = client.call(do="get", sensor=sensor)
     assert answer["ok"], answer
     taken: Message = answer["sample"]
     return taken
@@ -105,7 +105,7 @@ def test_pictures_scans_and_the_map(client: Client) -> None:
 
 
 def test_pictures_come_by_themselves(client: Client) -> None:
-    assert client.ask(do="subscribe", sensor="camera/image_raw", rate=5)["ok"]
+    assert client.call(do="subscribe", sensor="camera/image_raw", rate=5)["ok"]
     messages = [client.read() for _ in range(3)]
     assert {message["sensor"] for message in messages} == {"camera/image_raw"}
     times = [message["sample"]["time_ns"] for message in messages]
@@ -113,4 +113,4 @@ def test_pictures_come_by_themselves(client: Client) -> None:
 
 
 def test_a_vehicle_without_a_camera_says_so_at_once(client: Client) -> None:
-    assert "has sent no 'side_scan/image' for 1." in client.ask(do="get", sensor="side_scan/image")["error"]
+    assert "has sent no 'side_scan/image' for 1." in client.call(do="get", sensor="side_scan/image")["error"]

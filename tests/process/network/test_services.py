@@ -111,7 +111,7 @@ def test_noise_is_counted_and_ends_without_an_answer(
 ) -> None:
     serving, master = both
     began = time.monotonic()
-    assert list(master.ask(key_of("/uuv1/arm"), 60.0, payload, attachment)) == []
+    assert list(master.query(key_of("/uuv1/arm"), 60.0, payload, attachment)) == []
     assert time.monotonic() - began < 30.0, "whoever asks is told at once that there is no answer"
     assert serving.server.malformed == 1
     assert serving.asked == []
@@ -121,7 +121,7 @@ def test_noise_is_counted_and_ends_without_an_answer(
 def test_a_call_that_comes_again_is_answered_and_not_done_again(both: tuple[Serving, Session]) -> None:
     serving, master = both
     requests = [ros.pack_attachment(1, 2, bytes(16))] * 2 + [ros.pack_attachment(1, 3, bytes(16))]
-    answers = [list(master.ask(key_of("/uuv1/arm"), 60.0, HEADER + b"\1", request)) for request in requests]
+    answers = [list(master.query(key_of("/uuv1/arm"), 60.0, HEADER + b"\1", request)) for request in requests]
     assert answers[0] == answers[1]
     assert all(answers)
     assert len(serving.asked) == 2
@@ -179,7 +179,7 @@ def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
             server.serve()
         assert sum(len(list(replies)) for replies in pending) == server.calls == services.WAITING
         server.close()
-        assert list(master.ask(key_of("/uuv1/arm"), 0.3, payload, ros.pack_attachment(1, 3, bytes(16)))) == []
+        assert list(master.query(key_of("/uuv1/arm"), 0.3, payload, ros.pack_attachment(1, 3, bytes(16)))) == []
 
 
 def test_one_call_is_answered_a_turn() -> None:
@@ -206,10 +206,10 @@ def test_a_large_request_is_refused_unread(both: tuple[Serving, Session], monkey
     serving, master = both
     payload, attachment = bytes(services.LARGEST + 1), ros.pack_attachment(1, 2, bytes(16))
     reasons: list[str] = []
-    assert list(master.ask(key_of("/uuv1/arm"), 60.0, payload, attachment, reasons.append)) == []
+    assert list(master.query(key_of("/uuv1/arm"), 60.0, payload, attachment, reasons.append)) == []
     assert reasons == ["a request of 8193 bytes is too large; ask for less at once, at most 8192 bytes"]
     assert (serving.server.oversized, serving.server.malformed, serving.asked) == (1, 0, [])
-    assert list(master.ask(key_of("/uuv1/arm"), 60.0, payload[1:], attachment, reasons.append)) == []
+    assert list(master.query(key_of("/uuv1/arm"), 60.0, payload[1:], attachment, reasons.append)) == []
     assert (serving.server.oversized, serving.server.malformed) == (1, 1)
     monkeypatch.setattr(services, "LARGEST", 4)
     with pytest.raises(NetworkError, match=r"/uuv1/arm \(std_srvs/srv/SetBool\) refuses: a request of 5 bytes"):

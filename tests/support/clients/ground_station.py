@@ -116,25 +116,25 @@ class GroundStation:
 
 def fly(run: AutopilotRun, station: GroundStation, mission: Mission, limit: float) -> None:
     """Step the run until the mission is over; fails when simulated time is beyond `limit` s."""
-    turns = _Turns(station, mission, limit)
+    mission_run = _MissionRun(station, mission, limit)
     due = 0.0
     while True:
         run.step()
         now = run.simulation.time_ns / 1e9
         if now >= due:
             due = now + POLL_S
-            if turns.is_over(now):
+            if mission_run.is_over(now):
                 return
 
 
 def fly_live(station: GroundStation, mission: Mission, limit: float) -> None:
     """Fly by the clock an autopilot whose vehicle is another process; fails after `limit` s."""
-    turns, began = _Turns(station, mission, limit), time.monotonic()
-    while not turns.is_over(time.monotonic() - began):
+    mission_run, began = _MissionRun(station, mission, limit), time.monotonic()
+    while not mission_run.is_over(time.monotonic() - began):
         time.sleep(POLL_S)
 
 
-class _Turns:
+class _MissionRun:
     """A mission and what it waits for."""
 
     def __init__(self, station: GroundStation, mission: Mission, limit: float) -> None:

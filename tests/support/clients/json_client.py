@@ -103,7 +103,7 @@ class Client:
             self.samples.append(message)
         return message
 
-    def ask(self, **request: object) -> Message:
+    def call(self, **request: object) -> Message:
         return self.send(json.dumps(request).encode())
 
 
@@ -111,5 +111,5 @@ class Client:
 def client(gateway: JsonGateway) -> Iterator[Client]:
     client = Client(gateway)
     with client:
-        assert client.ask(do="login", token=gateway.access.token)["ok"]
+        assert client.call(do="login", token=gateway.access.token)["ok"]
         yield client

@@ -10,7 +10,7 @@ from hil.autonomy.control.controller import VelocityCommand, wrap
 from hil.autonomy.paths.curves import Position, circle, polyline
 from hil.autonomy.paths.spline import Spline
 from hil.autonomy.paths.trajectory import Limits, Trajectory
-from hil.client import action as maneuver
+from hil.client import action as actions
 from hil.client.action import Action
 from hil.client.client import VehicleClient
 from hil.client.samples import State
@@ -60,7 +60,7 @@ def farthest(track: list[State], way: list[Position]) -> float:
 
 
 def test_depth_and_heading_are_done_when_they_are_there(client: Spoken) -> None:
-    reported = maneuver.drive(VelocityCommand(depth=3.0, heading=2.0), 0.1)
+    reported = actions.drive(VelocityCommand(depth=3.0, heading=2.0), 0.1)
     track = fly(client, reported, 20.0)
     assert reported.done
     assert abs(track[-1].depth - 3.0) <= 0.1
@@ -70,7 +70,7 @@ def test_depth_and_heading_are_done_when_they_are_there(client: Spoken) -> None:
 
 
 def test_a_pose_is_done_within_its_tolerance(client: Spoken) -> None:
-    reported = maneuver.hold_pose(PoseCommand((6.0, 6.0, 2.5), pi / 2), 0.2)
+    reported = actions.hold_pose(PoseCommand((6.0, 6.0, 2.5), pi / 2), 0.2)
     track = fly(client, reported, 30.0)
     assert reported.done
     assert dist(track[-1].position, (6.0, 6.0, 2.5)) <= 0.2
@@ -81,7 +81,7 @@ def test_a_pose_is_done_within_its_tolerance(client: Spoken) -> None:
 def test_a_way_is_followed_within_a_hand(client: Spoken, smooth: bool) -> None:
     points = [(4.0, 4.0, 2.0), (7.0, 4.0, 2.5), (7.0, 7.0, 3.0), (5.0, 7.0, 2.5)]
     curve = Spline(points) if smooth else polyline(points)
-    reported = maneuver.run_trajectory(Trajectory(curve, 0.4, LIMITS), LIMITS, 0.3)
+    reported = actions.run_trajectory(Trajectory(curve, 0.4, LIMITS), LIMITS, 0.3)
     track = fly(client, reported, 80.0)
     assert reported.done
     assert dist(track[-1].position, points[-1]) <= 0.3
@@ -92,7 +92,7 @@ def test_a_way_is_followed_within_a_hand(client: Spoken, smooth: bool) -> None:
 
 def test_a_trajectory_takes_its_time(client: Spoken) -> None:
     trajectory = Trajectory(circle((6.0, 4.0, 2.0), 2.0, turns=0.5, bearing=pi), 0.4, LIMITS)
-    reported = maneuver.run_trajectory(trajectory, LIMITS, 0.3)
+    reported = actions.run_trajectory(trajectory, LIMITS, 0.3)
     track = fly(client, reported, 80.0)
     took = (track[-1].time_ns - track[0].time_ns) / 1e9
     assert took == pytest.approx(trajectory.duration, abs=2.5)
@@ -101,7 +101,7 @@ def test_a_trajectory_takes_its_time(client: Spoken) -> None:
 
 def test_a_pursuit_turns_and_sails_ahead(client: Spoken) -> None:
     points = [(4.0, 4.0, 2.0), (7.0, 5.0, 3.0), (8.0, 8.0, 3.0)]
-    reported = maneuver.pursue(points, 0.4, 0.8, 0.4)
+    reported = actions.pursue(points, 0.4, 0.8, 0.4)
     track = fly(client, reported, 60.0)
     assert reported.done
     assert dist(track[-1].position, points[-1]) < 0.6
@@ -111,12 +111,12 @@ def test_a_pursuit_turns_and_sails_ahead(client: Spoken) -> None:
 
 
 def test_thrusts_are_done_at_once(client: Spoken) -> None:
-    reported = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
+    reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
     assert len(fly(client, reported, 5.0)) == 1
 
 
 def endless() -> Action:
-    return maneuver.drive(VelocityCommand(depth=500.0), 0.1)
+    return actions.drive(VelocityCommand(depth=500.0), 0.1)
 
 
 def test_waiting_tells_why_it_is_over() -> None:
@@ -135,7 +135,7 @@ def test_waiting_tells_why_it_is_over() -> None:
 
 def test_what_is_done_may_come_to_grief(client: Spoken) -> None:
     """Another master has taken over: nobody holds the vehicle there any more."""
-    reported = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
+    reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
     reported.step(client, client.bench.state)
     assert reported.wait(0.0).done
     reported.end()
@@ -147,7 +147,7 @@ def test_what_is_done_may_come_to_grief(client: Spoken) -> None:
 
 def test_it_can_be_awaited(client: Spoken) -> None:
     async def both() -> Action:
-        reported = maneuver.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
+        reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
         asyncio.get_running_loop().call_later(0.05, reported.step, client, client.bench.state)
         return await reported
 

@@ -106,8 +106,8 @@ WHOLE: list[tuple[str, str, Integrator]] = [
 def test_whole_steps_are_equal(name: str, world: str, integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
     """At some depth, half out of the water, and among waves; all of it in one call of C."""
     both = twins(monkeypatch, WORLDS[world], load_vehicle(name)[0], integrator)
-    assert both[1]._coast
-    assert not both[0]._coast
+    assert both[1]._fused
+    assert not both[0]._fused
     for depth in (4.0, 0.05, -0.2, 1.5):
         for simulation in both:
             simulation.state.position = [0.0, 0.0, depth]
@@ -120,7 +120,7 @@ def test_a_failure_among_waves_is_equal(monkeypatch: pytest.MonkeyPatch) -> None
     ride(both, 133)
     for simulation in both:
         simulation.fail(Failure("propeller", "efficiency", 0.0, efficiency=0.5))
-    assert both[1]._coast is None
+    assert both[1]._fused is None
     assert bits(both[0]) == bits(both[1])
     ride(both, 200, seed=2)
 
@@ -132,7 +132,7 @@ def test_a_dropped_weight_is_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     assert both[1].equipment.aboard
     ride(both, 100, seed=2, pulses=(1900,))
     assert not both[1].equipment.aboard
-    assert both[1]._coast
+    assert both[1]._fused
     ride(both, 100, seed=3)
 
 
@@ -154,7 +154,7 @@ def test_a_force_of_ones_own_keeps_all_in_python(integrator: Integrator, monkeyp
         monkeypatch.setenv("UUV_HIL_NATIVE", switch)
         place = (0.0, 0.0, 2.0)
         both.append(Simulation(REMUS, ROUGH, {}, 3, position=place, integrator=integrator, forces=[Tether()]))
-    assert both[1]._coast is None
+    assert both[1]._fused is None
     ride((both[0], both[1]), 200)
 
 
@@ -221,7 +221,7 @@ def test_a_sea_is_equal(depth: float) -> None:
 @pytest.mark.parametrize("name", preset_names("sim/vehicles"))
 def test_every_vehicle_is_whole_in_c(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """No vehicle of ours pays for Python between its steps."""
-    assert twins(monkeypatch, ROUGH, load_vehicle(name)[0])[1]._coast
+    assert twins(monkeypatch, ROUGH, load_vehicle(name)[0])[1]._fused
 
 
 def test_a_simulation_that_is_dropped_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,7 +117,7 @@ class Ride:
 def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pushed against walls, piles, a block and the seabed, and put elsewhere now and then, also into something."""
     ride = Ride(twins(monkeypatch, FIELD, integrator=integrator))
-    assert ride.both[1]._coast
+    assert ride.both[1]._fused
     for _ in range(40):
         ride.go(80)
         ride.place([ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-0.2, 6.2)])
@@ -170,7 +170,7 @@ def test_a_failure_in_the_middle_is_noticed(monkeypatch: pytest.MonkeyPatch) -> 
         assert simulation.forces().thrusters == wrench
         assert simulation.failures("front_left") == (failures[0],)
     assert all_of(ride.both[0]) == all_of(ride.both[1])
-    assert ride.both[1]._coast is None
+    assert ride.both[1]._fused is None
     ride.go(600)
     for simulation in ride.both:
         simulation.fail(*[Failure(failure.thruster, "repaired") for failure in failures])
@@ -179,7 +179,7 @@ def test_a_failure_in_the_middle_is_noticed(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_failures_from_the_start_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     ride = Ride(twins(monkeypatch, FIELD, failures=[Failure("front_left", "delayed", 0.2, delay=0.1)]))
-    assert ride.both[1]._coast is None
+    assert ride.both[1]._fused is None
     ride.go(500)
 
 
@@ -251,11 +251,11 @@ def test_steps_and_samples_leak_nothing(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_the_binary_checks_what_a_step_is_made_of() -> None:
     module = sys.modules["sim.native._native"]
-    state, mixer = make_state((0.0,) * 3, (1.0, 0.0, 0.0, 0.0)), module.ThrusterBank(bytes(144))
+    state, bank = make_state((0.0,) * 3, (1.0, 0.0, 0.0, 0.0)), module.ThrusterBank(bytes(144))
     with pytest.raises(TypeError):
-        module.FusedStep(State(), None, mixer, print, 1, 0.1, (0.0,) * 3, None, None, None, (0.0,) * 5)
+        module.FusedStep(State(), None, bank, print, 1, 0.1, (0.0,) * 3, None, None, None, (0.0,) * 5)
     with pytest.raises(TypeError):
-        module.FusedStep(state, None, mixer, print, 1, 0.1, (0.0,) * 3, None, None, None, (0.0,) * 5)
+        module.FusedStep(state, None, bank, print, 1, 0.1, (0.0,) * 3, None, None, None, (0.0,) * 5)
     with pytest.raises(ValueError, match="the errors of 9 quantities"):
         module.Imu(module.Errors(bytes(64), bytes(2500), None), ImuSample, (0.0,) * 3, 9.8)
     with pytest.raises(TypeError, match="a class of tuples"):
