@@ -62,7 +62,7 @@ COMMANDS = {
     ),
     "world": ("hil.commands.world", "build worlds from charts and soundings; draw and export them"),
     "board": ("hil.commands.board.command", "identify this board; install the slave as its service"),
-    "completion": ("hil.commands.completion", "let bash, zsh or fish complete commands and options"),
+    "completion": ("hil.commands.completion", "let bash, zsh or fish complete commands, options and keys"),
     "doctor": ("hil.commands.doctor", "check whether this machine can run a scenario, and what to change"),
 }
 

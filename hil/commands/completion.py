@@ -1,4 +1,4 @@
-"""`uuv-hil completion`: let the shell complete commands, options and the names of scenarios."""
+"""`uuv-hil completion`: let the shell complete commands, options, names of scenarios and the keys after --set."""
 
 import argparse
 import os
@@ -56,7 +56,7 @@ def parser_for(words: list[str], commands: dict[str, tuple[str, str]]) -> argpar
         actions.add_parser(name, help=purpose)
         if words[:1] == [name]:
             actions.choices[name] = _bench_parser(words[1:]) if name == "bench" else find_parser(module)
-            _complete_scenarios(actions.choices[name])
+            _add_completers(actions.choices[name])
     return parser
 
 
@@ -86,13 +86,14 @@ def _bench_parser(words: list[str]) -> argparse.ArgumentParser:
     return parser_for(words, BENCHMARKS)
 
 
-def _complete_scenarios(parser: argparse.ArgumentParser) -> None:
-    """Let an argument SCENARIO be completed by the installed names and by .toml files."""
+def _add_completers(parser: argparse.ArgumentParser) -> None:
+    """Let SCENARIO be completed by the installed names and by .toml files, KEY=... by the keys of a scenario."""
     for inner in subparsers(parser).values():
-        _complete_scenarios(inner)
+        _add_completers(inner)
     for action in parser._actions:
-        if action.metavar == "SCENARIO":
-            action.completer = _scenarios  # type: ignore[attr-defined]
+        completer = COMPLETERS.get(str(action.metavar).partition("=")[0])
+        if completer:
+            action.completer = completer  # type: ignore[attr-defined]
 
 
 def _scenarios(prefix: str, **_: Any) -> list[str]:
@@ -102,3 +103,12 @@ def _scenarios(prefix: str, **_: Any) -> list[str]:
     from hil.scenario.config import SCENARIOS
 
     return [*preset_names(SCENARIOS), *FilesCompleter(allowednames=["toml"])(prefix)]
+
+
+def _keys(prefix: str, **_: Any) -> list[str]:
+    from hil.schemas.files import dotted_keys
+
+    return [f"{key}=" for key in dotted_keys("scenario") if key.startswith(prefix)]
+
+
+COMPLETERS = {"SCENARIO": _scenarios, "KEY": _keys}  # by metavar, up to its "="

@@ -1,6 +1,6 @@
 """The JSON Schema of each kind of file: scenario, fleet, vehicle, world, board, frame."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any
 
@@ -44,6 +44,23 @@ def schema(kind: str) -> Schema:
     body = KINDS[kind](converter)
     title = f"uuv-hil: {kind} file"
     return {"$schema": DRAFT, "title": title, **body, "definitions": converter.definitions}
+
+
+def dotted_keys(kind: str) -> list[str]:
+    """Return all keys of a kind of file in KINDS, those in tables with dots, such as "master.speed". In file order.
+
+    An array of tables is one key. Raises ConfigError for another kind.
+    """
+    whole = schema(kind)
+    return list(dict.fromkeys(_keys_below(whole, whole["definitions"])))
+
+
+def _keys_below(node: Schema, definitions: Schema, prefix: str = "") -> Iterator[str]:
+    reference = node.get("$ref", "").rpartition("/")[2]
+    for part in [definitions[reference]] if reference else [*node.get("allOf", ()), *node.get("anyOf", ())]:
+        yield from _keys_below(part, definitions, prefix)
+    for name, inner in node.get("properties", {}).items():
+        yield from list(_keys_below(inner, definitions, f"{prefix}{name}.")) or [prefix + name]
 
 
 def _scenario(converter: Converter) -> Schema:

@@ -14,6 +14,9 @@ from pathlib import Path
 import pytest
 
 from hil.commands.completion import SHELLS
+from hil.common.errors import ConfigError
+from hil.scenario.config import load_scenario
+from hil.schemas.files import dotted_keys
 
 # How each shell starts without a person's own settings, and what it needs before it reads a script.
 STARTS = {
@@ -45,6 +48,27 @@ def test_commands_options_and_scenarios_are_completed(tmp_path: Path) -> None:
     assert completions("uuv-hil bench st", tmp_path) == ["startup", "stream"]
     assert "--hours" in completions("uuv-hil bench soak --h", tmp_path)
     assert completions("uuv-hil scenario ch", tmp_path) == ["check "]
+
+
+def test_keys_of_a_scenario_are_completed(tmp_path: Path) -> None:
+    assert "master.speed=" in completions("uuv-hil sim paper_field --set ma", tmp_path)
+    assert completions("uuv-hil sim --set sensors.dvl.max_r", tmp_path) == ["sensors.dvl.max_range="]
+    assert completions("uuv-hil sim --set modem.half", tmp_path) == ["modem.half_angle="], "of either kind of modem"
+    assert completions("uuv-hil scenario check mine.toml --set link.faults.dr", tmp_path) == ["link.faults.drop="]
+    assert completions("uuv-hil campaign --vary master.sp", tmp_path) == ["master.speed="]
+
+
+def test_every_key_that_is_offered_is_one() -> None:
+    keys = dotted_keys("scenario")
+    assert len(keys) == len(set(keys)) > 500
+    unknown = []
+    for key in keys:
+        try:
+            load_scenario("paper_field", {key: "nonsense"})
+        except ConfigError as error:
+            unknown += [key] if "no key" in str(error) else []
+    optical = {f"modem.{key}" for key in ("half_angle", "view", "attenuation", "reach")}
+    assert set(unknown) == optical, "paper_field's modems are acoustic"
 
 
 class Terminal:
@@ -96,3 +120,4 @@ def test_a_real_shell_completes(shell: str, tmp_path: Path) -> None:
         terminal.type(f"{before}source {script}; echo rea''dy\n", "ready")
         terminal.type("uuv-hil scenario ch\t", "scenario +check ")
         terminal.type("\x15uuv-hil slave path_pl\t", "slave +path_planning ")
+        terminal.type("\x15uuv-hil sim --set master.sp\t0.5", r"--set +master\.speed=0\.5")
