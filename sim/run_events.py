@@ -114,9 +114,9 @@ class RunMonitor:
     def observe(
         self, time_ns: int, position: Sequence[float], quaternion: Sequence[float], requested_depth: float | None = None
     ) -> None:
-        """Check the vehicle at `position` (NED, m) and attitude (w x y z, body to world), commanded to `asked` m depth.
+        """Check the vehicle at `position` (NED, m) and attitude (w x y z, body to world), commanded to `requested` m.
 
-        `asked` is None where no depth is commanded: then any depth is right.
+        `requested` is None where no depth is commanded: then any depth is right.
         """
         depth = position[2]
         if requested_depth is None or self._deepest == -inf:

@@ -159,7 +159,7 @@ class Tap:
                         messages.append(message)
             if line.is_stalled(now_ns()):
                 self._reopen(line)
-        messages.sort(key=_came)
+        messages.sort(key=_logged_time)
         return messages
 
     def complaint(self) -> str:
@@ -249,7 +249,7 @@ def _channel() -> Any:
     return zenoh.handlers.RingChannel(DEPTH)
 
 
-_came = attrgetter("logged_ns")
+_logged_time = attrgetter("logged_ns")
 
 
 def _read_key(key: str) -> tuple[str, str] | None:

@@ -176,7 +176,7 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
     sample = ImuSample(5, (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3), (0.0, 0.0, 9.8))
     ours, *others = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {ours})  # the listener is elsewhere, as a master is
-    command = foreign_command(sys.executable, __file__, "--hear", endpoint)
+    command = foreign_command(sys.executable, __file__, "--listen", endpoint)
     with listen(endpoint) as session, start_child(command) as listener:
         os.sched_setaffinity(listener.pid, others or [ours])
         sample_publisher = SamplePublisher(session, NODE, to_wall_ns(now_ns()))
@@ -272,12 +272,12 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=8.0, help="of each measurement [%(default)s]")
     parser.add_argument("--answer", metavar="ENDPOINT", help="be the slave's side only")
     parser.add_argument("--ask", metavar="ENDPOINT", help="be the master's side only, and print its figures")
-    parser.add_argument("--hear", metavar="ENDPOINT", help="be one who listens to everything")
+    parser.add_argument("--listen", metavar="ENDPOINT", help="subscribe to all topics")
     parser.add_argument("--bare", action="store_true", help="with bare zenoh")
     parser.add_argument("--camera", action="store_true", help="offer pictures")
     options = parser.parse_args()
-    if options.hear:
-        with open_master_session(options.hear) as session:
+    if options.listen:
+        with open_master_session(options.listen) as session:
             session.subscribe(NODE, "*", lambda *_: None, 64)
             time.sleep(options.seconds + 60)
     if options.answer:

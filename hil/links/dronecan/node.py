@@ -187,12 +187,12 @@ class DroneCanNode(Protocol):
         self._respond(GET_TRANSPORT_STATS, request, pack_transport_stats(stats))
 
     def _answer_get_set(self, request: Transfer) -> None:
-        asked = unpack_get_set(request.payload)
-        if asked is None:
+        requested = unpack_get_set(request.payload)
+        if requested is None:
             self.counters.malformed += 1
             return
-        answer = self.parameters.answer(asked)
-        if asked.value is not None:
+        answer = self.parameters.answer(requested)
+        if requested.value is not None:
             self._on_parameters()
         self._respond(GET_SET, request, pack_description(answer))
 

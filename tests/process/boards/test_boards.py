@@ -89,14 +89,16 @@ def test_the_clock_of_the_processor_is_reported(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_what_the_slave_took_is_what_the_readme_shows(name: str) -> None:
     """The recommendation leaves room above the measured memory."""
-    asked = boards.load_board(name).recommended
+    recommended = boards.load_board(name).recommended
     shown = (Path(boards.__file__).parents[1] / "README.md").read_text()
     (memory,), (cpu,) = (re.findall(rf"slave {row} .* ([0-9.]+){unit}", shown) for row, unit in
                          (("memory", " MiB,"), ("CPU", "% of a core")))  # fmt: skip
-    low, high, mib = map(float, *re.findall(r"took ([0-9]+) to ([0-9]+) % of a core .* and ([0-9]+) MiB", asked.source))
+    low, high, mib = map(
+        float, *re.findall(r"took ([0-9]+) to ([0-9]+) % of a core .* and ([0-9]+) MiB", recommended.source)
+    )
     assert low - 0.5 < float(cpu) < high + 0.5
     assert mib == pytest.approx(float(memory), abs=1.5)
-    assert asked.memory >= 2 * mib
+    assert recommended.memory >= 2 * mib
 
 
 @pytest.mark.parametrize("name", REAL)
@@ -131,10 +133,12 @@ def test_no_source_is_a_copy_of_unknown_origin(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_recommended_goes_with_the_slave(name: str) -> None:
-    asked = boards.load_board(name).recommended
-    slave = Slave(step=asked.step, control_period=asked.control_period)
+    recommended = boards.load_board(name).recommended
+    slave = Slave(step=recommended.step, control_period=recommended.control_period)
     assert slave.validate() is None
-    assert asked.control_period / asked.step == pytest.approx(round(asked.control_period / asked.step))
+    assert recommended.control_period / recommended.step == pytest.approx(
+        round(recommended.control_period / recommended.step)
+    )
 
 
 @pytest.mark.parametrize("name", recorded.NAMES)

@@ -34,8 +34,8 @@ class Vehicle:
     deaf = False
 
     def __init__(self, session: Session) -> None:
-        self.asked: list[tuple[int, ...]] = []
-        self.asked_by: list[Part] = []
+        self.pings: list[tuple[int, ...]] = []
+        self.ping_parts: list[Part] = []
         self.reported: list[tuple[int, ...]] = []
         self.answer = session.sender(ANSWER)
         session.receive(ASK, lambda payload: self._take(payload, "observer"), 16)
@@ -53,9 +53,9 @@ class Vehicle:
             self._take(payload, "master")
 
     def _take(self, payload: bytes, part: Part) -> None:
-        self.asked_by.append(part)
-        self.asked.append(PING.unpack(payload)[1:])
-        self.answer(self.pong(self.asked[-1][0], to_wall_ns(time.monotonic_ns()) + self.ahead_ns))
+        self.ping_parts.append(part)
+        self.pings.append(PING.unpack(payload)[1:])
+        self.answer(self.pong(self.pings[-1][0], to_wall_ns(time.monotonic_ns()) + self.ahead_ns))
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_a_master_tells_how_each_answer_came(ends: tuple[Vehicle, Session], part
     assert bool(wait_for(lambda: vehicle.reported, 60 if tells else 0.5)) is tells
     contact.end()
     for sent, answered, came in vehicle.reported:
-        assert any(asked <= came <= sent and asked + vehicle.ahead_ns <= answered for asked, *_ in vehicle.asked)
+        assert any(ping <= came <= sent and ping + vehicle.ahead_ns <= answered for ping, *_ in vehicle.pings)
 
 
 def test_a_master_known_as_one_asks_where_others_do_not(ends: tuple[Vehicle, Session]) -> None:
@@ -88,15 +88,15 @@ def test_a_master_known_as_one_asks_where_others_do_not(ends: tuple[Vehicle, Ses
     contact, _ = begin(session, "master")
     assert wait_for(lambda: contact.reported)
     time.sleep(0.3)  # for pings that are on their way
-    before = len(vehicle.asked_by)
-    assert wait_for(lambda: len(vehicle.asked_by) > before + 3)
-    assert set(vehicle.asked_by[before:]) == {"master"}
+    before = len(vehicle.ping_parts)
+    assert wait_for(lambda: len(vehicle.ping_parts) > before + 3)
+    assert set(vehicle.ping_parts[before:]) == {"master"}
     vehicle.deaf = True  # as after a restart with other rights
     vehicle.reported.clear()
     assert wait_for(lambda: contact.losses)
-    before = len(vehicle.asked_by)
-    assert wait_for(lambda: contact.present and len(vehicle.asked_by) > before + 3)
-    assert set(vehicle.asked_by[before:]) == {"observer"}
+    before = len(vehicle.ping_parts)
+    assert wait_for(lambda: contact.present and len(vehicle.ping_parts) > before + 3)
+    assert set(vehicle.ping_parts[before:]) == {"observer"}
     assert contact.losses == 1
     contact.end()
 
@@ -107,9 +107,9 @@ def test_answers_to_pings_that_others_sent_in_its_name_change_nothing(ends: tupl
     now = to_wall_ns(time.monotonic_ns())
     for sent in (now + 3600 * NS_PER_S, 0, (1 << 63) - 1):
         vehicle.answer(vehicle.pong(sent, now + vehicle.ahead_ns))
-        vehicle.answer(vehicle.pong(vehicle.asked[-1][0], (1 << 63) - 1))
-    answered = len(vehicle.asked)
-    assert wait_for(lambda: len(vehicle.asked) > answered + 1), "it is still there and asks on"
+        vehicle.answer(vehicle.pong(vehicle.pings[-1][0], (1 << 63) - 1))
+    answered = len(vehicle.pings)
+    assert wait_for(lambda: len(vehicle.pings) > answered + 1), "it is still there and asks on"
     contact.end()
     found = clock.at(now)
     assert found is not None
@@ -138,8 +138,8 @@ def test_a_restarted_vehicle_with_another_clock_is_not_gone(ends: tuple[Vehicle,
     with VehicleClient(session, "uuv1", part="observer") as client:
 
         def compare(ahead_ns: int) -> None:
-            asked = to_wall_ns(now_ns())
-            client.delays.clock.add(asked - 200_000, asked - 100_000 + ahead_ns, asked - 90_000 + ahead_ns, asked)
+            sent = to_wall_ns(now_ns())
+            client.delays.clock.add(sent - 200_000, sent - 100_000 + ahead_ns, sent - 90_000 + ahead_ns, sent)
 
         def deliver(gid: bytes, ahead_ns: int) -> float:
             sent_ns = to_wall_ns(now_ns()) + ahead_ns

@@ -38,13 +38,13 @@ class Runner(Tree):
     def __init__(self, answer: str | None, files: dict[str, str] | None = None) -> None:
         super().__init__("/")
         self.answer, self.files = answer, files or {}
-        self.asked: list[tuple[str, ...]] = []
+        self.requested: list[tuple[str, ...]] = []
 
     def text(self, name: str) -> str:
         return self.files.get(name, "")
 
     def run(self, *command: str) -> str | None:
-        self.asked.append(command)
+        self.requested.append(command)
         return self.answer
 
 
@@ -82,7 +82,7 @@ def test_root_asks_for_another_user(
     )
     found = list(doctor_board.realtime_limits(Case(tree, None, scenario(), other)))
     assert [row.level for row in found] == levels
-    assert tree.asked == [("runuser", "-u", "uuv", "--", "cat", "/proc/self/limits", "/proc/self/status")]
+    assert tree.requested == [("runuser", "-u", "uuv", "--", "cat", "/proc/self/limits", "/proc/self/status")]
 
 
 @pytest.mark.parametrize(("user", "level"), [("uuv", "note"), ("somebody", "problem")])

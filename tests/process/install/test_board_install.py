@@ -259,18 +259,18 @@ def test_the_slave_is_tried_as_its_user(
     """Python, the packages, and all that the scenario names have to be that user's to read."""
     monkeypatch.setattr(board_check, "VOLATILE", ("/nowhere/",))
     monkeypatch.setattr("os.geteuid", lambda: 0)
-    asked: dict[str, object] = {}
+    requested: dict[str, object] = {}
 
     def run(words: list[str], **how: object) -> subprocess.CompletedProcess[str]:
-        asked.update(how, words=words)
+        requested.update(how, words=words)
         return subprocess.CompletedProcess(words, 1, "", "warning\nmine.toml: cannot be read\n")
 
     monkeypatch.setattr(subprocess, "run", run)
     nobody = pwd.getpwnam("nobody")
     with pytest.raises(ConfigError, match=r"the slave would not start as nobody: mine\.toml: cannot be read$"):
         board_check.check(Tree("/"), service(Path(scenario)))
-    assert (asked["user"], asked["group"], asked["cwd"]) == (nobody.pw_uid, nobody.pw_gid, "/")
-    assert asked["words"] == python_command("-c", board_check.CODE, scenario, "", "")
+    assert (requested["user"], requested["group"], requested["cwd"]) == (nobody.pw_uid, nobody.pw_gid, "/")
+    assert requested["words"] == python_command("-c", board_check.CODE, scenario, "", "")
     with pytest.raises(SystemExit, match=r"nothing\.toml: no such file"):
         board_check.main(str(tmp_path / "nothing.toml"), "", "")
     board_check.main(scenario, "tcp/0.0.0.0:7447", "")

@@ -118,9 +118,9 @@ def test_who_may_listen_asks_for_the_time_but_pings_for_no_master(
 ) -> None:
     session, endpoint, _ = slave
     ask, _, masters = clock_keys("uuv1")
-    asked: list[bytes] = []
+    requested: list[bytes] = []
     reported: list[bytes] = []
-    session.receive(ask, asked.append, 64)
+    session.receive(ask, requested.append, 64)
     session.receive(masters, reported.append, 64)
     with (
         open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
@@ -134,9 +134,9 @@ def test_who_may_listen_asks_for_the_time_but_pings_for_no_master(
             next(viewers)(b"viewer")  # one at a time: many at once would be dropped as a flood, whatever they may do
             for send in laptops:
                 send(b"laptop")
-            return len(reported) > 20 and {b"viewer", b"laptop"} <= set(asked)
+            return len(reported) > 20 and {b"viewer", b"laptop"} <= set(requested)
 
-        assert wait_for(everyone_speaks), (asked, reported)
+        assert wait_for(everyone_speaks), (requested, reported)
     assert set(reported) == {b"laptop"}
 
 

@@ -29,10 +29,10 @@ SET_BOOL = "std_srvs/srv/SetBool"
 
 
 class Serving:
-    """A server whose loop is a thread; `asked` is what it was asked."""
+    """A server whose loop is a thread; `requested` is what it was asked."""
 
     def __init__(self, session: Session) -> None:
-        self.asked: list[Mapping[str, Any]] = []
+        self.requested: list[Mapping[str, Any]] = []
         self.server = Server(session, Node(session, "uuv1"))
         self.server.offer("/uuv1/arm", SET_BOOL, self._answer)
         self.server.offer("/uuv1/reset", "std_srvs/srv/Trigger", lambda _: {"success": True, "message": "ähm"})
@@ -41,7 +41,7 @@ class Serving:
         self._thread.start()
 
     def _answer(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
-        self.asked.append(request)
+        self.requested.append(request)
         return {"success": request["data"], "message": threading.current_thread().name}
 
     def _run(self) -> None:
@@ -77,7 +77,7 @@ def test_a_call_is_answered_in_the_servers_own_thread(both: tuple[Serving, Sessi
     assert response == {"success": True, "message": serving._thread.name}
     assert call(master, "/uuv1/arm", SET_BOOL)["success"] is False
     assert call(master, "/uuv1/reset", "std_srvs/srv/Trigger") == {"success": True, "message": "ähm"}
-    assert serving.asked == [{"data": True}, {"data": False}]
+    assert serving.requested == [{"data": True}, {"data": False}]
     assert serving.server.calls == 3
 
 
@@ -114,7 +114,7 @@ def test_noise_is_counted_and_ends_without_an_answer(
     assert list(master.query(key_of("/uuv1/arm"), 60.0, payload, attachment)) == []
     assert time.monotonic() - began < 30.0, "whoever asks is told at once that there is no answer"
     assert serving.server.malformed == 1
-    assert serving.asked == []
+    assert serving.requested == []
     assert call(master, "/uuv1/arm", SET_BOOL, {"data": True})["success"] is True
 
 
@@ -124,7 +124,7 @@ def test_a_call_that_comes_again_is_answered_and_not_done_again(both: tuple[Serv
     answers = [list(master.query(key_of("/uuv1/arm"), 60.0, HEADER + b"\1", request)) for request in requests]
     assert answers[0] == answers[1]
     assert all(answers)
-    assert len(serving.asked) == 2
+    assert len(serving.requested) == 2
 
 
 def test_a_call_waits_for_who_offers_it() -> None:
@@ -208,7 +208,7 @@ def test_a_large_request_is_refused_unread(both: tuple[Serving, Session], monkey
     reasons: list[str] = []
     assert list(master.query(key_of("/uuv1/arm"), 60.0, payload, attachment, reasons.append)) == []
     assert reasons == ["a request of 8193 bytes is too large; ask for less at once, at most 8192 bytes"]
-    assert (serving.server.oversized, serving.server.malformed, serving.asked) == (1, 0, [])
+    assert (serving.server.oversized, serving.server.malformed, serving.requested) == (1, 0, [])
     assert list(master.query(key_of("/uuv1/arm"), 60.0, payload[1:], attachment, reasons.append)) == []
     assert (serving.server.oversized, serving.server.malformed) == (1, 1)
     monkeypatch.setattr(services, "LARGEST", 4)

@@ -138,14 +138,14 @@ def test_after_an_open_loop_the_controller_begins_again(bench: Bench) -> None:
     ],
 )
 def test_what_cannot_be_meant_is_counted_and_harmless(bench: Bench, topic: str, payload: bytes) -> None:
-    bench.tell(topic, payload)
+    bench.send(topic, payload)
     assert bench.command_receiver.malformed == 1
     assert bench.command_receiver.take_latest() is None
     assert bench.command_receiver.master == b""
 
 
 def test_the_wrong_number_of_thrusts_is_reported(bench: Bench) -> None:
-    bench.tell("cmd_thrusters", encode_thrusts((1.0,) * 5))
+    bench.send("cmd_thrusters", encode_thrusts((1.0,) * 5))
     assert bench.command_receiver.fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
 
 
@@ -173,30 +173,30 @@ def test_a_pose_keeps_place_and_heading_on_its_way_through_enu() -> None:
 
 def test_one_master_has_one_number_line_a_topic(bench: Bench) -> None:
     bench.command_receiver.ranks[GID] = bench.command_receiver.ranks[OTHER] = 0
-    bench.tell("cmd_vel", twist())
-    bench.tell("cmd_depth", encode_number(2.0))
+    bench.send("cmd_vel", twist())
+    bench.send("cmd_depth", encode_number(2.0))
     assert (bench.command_receiver.refused, bench.command_receiver.disordered) == (0, 0)
-    bench.tell("cmd_pose", encode_pose(PoseCommand((0.0, 0.0, 2.0), 0.0), 0), OTHER)
+    bench.send("cmd_pose", encode_pose(PoseCommand((0.0, 0.0, 2.0), 0.0), 0), OTHER)
     assert bench.command_receiver.refused == 1, "another master, on whatever topic"
 
 
 def test_nodes_that_do_not_say_who_they_are_share_a_vehicle_by_topic(bench: Bench) -> None:
     """Two ROS 2 publishers, one of speeds and one of depths, are as good as one master; two of speeds are not."""
-    bench.tell("cmd_depth", encode_number(3.0), OTHER)
-    bench.tell("cmd_vel", twist(surge=0.2))
+    bench.send("cmd_depth", encode_number(3.0), OTHER)
+    bench.send("cmd_vel", twist(surge=0.2))
     taken = bench.command_receiver.take_latest()
     assert taken is not None
     assert taken.command == VelocityCommand(surge=0.2, depth=3.0)
-    bench.tell("cmd_vel", twist(surge=0.9), OTHER)
+    bench.send("cmd_vel", twist(surge=0.9), OTHER)
     assert bench.command_receiver.refused == 1
-    bench.tell("cmd_depth", encode_number(2.0), GID)
+    bench.send("cmd_depth", encode_number(2.0), GID)
     assert bench.command_receiver.refused == 2
 
 
 def test_a_hold_of_the_master_before_is_forgotten(bench: Bench) -> None:
     bench.command_receiver.ranks.update({GID: 0, OTHER: 1})
-    bench.tell("cmd_depth", encode_number(3.0))
-    bench.tell("cmd_vel", twist(surge=0.2), OTHER)
+    bench.send("cmd_depth", encode_number(3.0))
+    bench.send("cmd_vel", twist(surge=0.2), OTHER)
     taken = bench.command_receiver.take_latest()
     assert taken is not None
     assert taken.command == VelocityCommand(surge=0.2)

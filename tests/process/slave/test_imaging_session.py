@@ -54,20 +54,20 @@ def arrives(imaging: Session, *masters: Session) -> list[set[int]]:
 
 
 def test_masters_hear_it_through_the_slave(stack: ExitStack) -> None:
-    asked = scenario(f"tcp/0.0.0.0:{free_port()}")
-    stack.enter_context(listen(asked.slave.listen, pictures=True))
-    master = stack.enter_context(open_master_session(asked.slave.listen.replace("0.0.0.0", "127.0.0.1")))
-    assert arrives(stack.enter_context(join(asked)), master) == [{len(PICTURE)}]
+    given = scenario(f"tcp/0.0.0.0:{free_port()}")
+    stack.enter_context(listen(given.slave.listen, pictures=True))
+    master = stack.enter_context(open_master_session(given.slave.listen.replace("0.0.0.0", "127.0.0.1")))
+    assert arrives(stack.enter_context(join(given)), master) == [{len(PICTURE)}]
 
 
 def test_with_a_router(stack: ExitStack) -> None:
     router = f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=router)
-    asked = scenario(f"tcp/127.0.0.1:{free_port()}", network)
+    given = scenario(f"tcp/127.0.0.1:{free_port()}", network)
     stack.enter_context(open_router_session(router, network))
-    stack.enter_context(listen(asked.slave.listen, network))
+    stack.enter_context(listen(given.slave.listen, network))
     master = stack.enter_context(open_master_session(router, network=network))
-    assert arrives(stack.enter_context(join(asked)), master) == [{len(PICTURE)}]
+    assert arrives(stack.enter_context(join(given)), master) == [{len(PICTURE)}]
 
 
 def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
@@ -78,34 +78,34 @@ def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
     def security(master: str) -> Security:
         return Security(str(tmp_path / "uuv1"), str(tmp_path / master), ("laptop",))
 
-    asked = scenario(f"tcp/127.0.0.1:{free_port()}", security=security("laptop"))
-    stack.enter_context(listen(asked.slave.listen, security=asked.security, pictures=True))
+    given = scenario(f"tcp/127.0.0.1:{free_port()}", security=security("laptop"))
+    stack.enter_context(listen(given.slave.listen, security=given.security, pictures=True))
     masters = [
-        stack.enter_context(open_master_session(asked.slave.listen, security=security(name)))
+        stack.enter_context(open_master_session(given.slave.listen, security=security(name)))
         for name in ("laptop", "outsider")
     ]
-    assert arrives(stack.enter_context(join(asked)), *masters) == [{len(PICTURE)}, set()]
+    assert arrives(stack.enter_context(join(given)), *masters) == [{len(PICTURE)}, set()]
 
 
 def test_subscribers_are_known_although_a_link_was_not_read(stack: ExitStack) -> None:
     """The library never reads one if its time limit for opening it ends while it tells a listener who is slow."""
-    asked = scenario(f"tcp/127.0.0.1:{free_port()}")
+    given = scenario(f"tcp/127.0.0.1:{free_port()}")
     opened: list[str] = []
 
     def be_slow(event: zenoh.LinkEvent) -> None:
-        if event.kind == zenoh.SampleKind.PUT and event.link.dst.startswith(asked.slave.listen):
+        if event.kind == zenoh.SampleKind.PUT and event.link.dst.startswith(given.slave.listen):
             opened.append(event.link.dst)
             if len(opened) == 1:
                 time.sleep(0.7)  # the limit is 0.3 s
 
-    with listen(asked.slave.listen, pictures=True):
-        imaging = stack.enter_context(join(asked))
+    with listen(given.slave.listen, pictures=True):
+        imaging = stack.enter_context(join(given))
         handler = zenoh.handlers.Callback(be_slow, indirect=False)
         listener = imaging._session.info.declare_link_events_listener(handler)
-    stack.enter_context(listen(asked.slave.listen, pictures=True))
+    stack.enter_context(listen(given.slave.listen, pictures=True))
     assert wait_for(lambda: len(opened) > 1), "the first was cut"
     listener.undeclare()  # type: ignore[no-untyped-call]
-    master = stack.enter_context(open_master_session(asked.slave.listen))
+    master = stack.enter_context(open_master_session(given.slave.listen))
     assert arrives(imaging, master) == [{len(PICTURE)}]
 
 

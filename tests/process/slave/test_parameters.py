@@ -55,13 +55,13 @@ class Asker:
 
     def set(self, *pairs: tuple[str, Any], atomically: bool = False) -> Any:
         """Return the results of `name, text` pairs; a value that is no text is a ParameterValue."""
-        asked = [
+        parameters = [
             {"name": name, "value": {"type": STRING, "string_value": value} if isinstance(value, str) else value}
             for name, value in pairs
         ]
         if atomically:
-            return self.call("set_parameters_atomically", "SetParametersAtomically", parameters=asked)["result"]
-        return self.call("set_parameters", "SetParameters", parameters=asked)["results"]
+            return self.call("set_parameters_atomically", "SetParametersAtomically", parameters=parameters)["result"]
+        return self.call("set_parameters", "SetParameters", parameters=parameters)["results"]
 
 
 class Flown:
@@ -145,12 +145,12 @@ def test_gains_of_the_cascade_are_numbers_that_can_be_set(asker: Asker) -> None:
 
 
 def test_types_values_and_descriptions_in_the_order_asked_for(asker: Asker) -> None:
-    asked = ["failures.rear_left", "use_sim_time", "failures.front_left"]
-    assert asker.call("get_parameter_types", "GetParameterTypes", names=asked)["types"] == bytes((STRING, 0, STRING))
-    values = asker.call("get_parameters", "GetParameters", names=asked)["values"]
+    names = ["failures.rear_left", "use_sim_time", "failures.front_left"]
+    assert asker.call("get_parameter_types", "GetParameterTypes", names=names)["types"] == bytes((STRING, 0, STRING))
+    values = asker.call("get_parameters", "GetParameters", names=names)["values"]
     assert [value["type"] for value in values] == [STRING, 0, STRING]
-    descriptors = asker.call("describe_parameters", "DescribeParameters", names=asked)["descriptors"]
-    assert [(each["name"], each["type"]) for each in descriptors] == list(zip(asked, (STRING, 0, STRING), strict=True))
+    descriptors = asker.call("describe_parameters", "DescribeParameters", names=names)["descriptors"]
+    assert [(each["name"], each["type"]) for each in descriptors] == list(zip(names, (STRING, 0, STRING), strict=True))
     assert descriptors[0]["description"] == "what is wrong with the thruster 'rear_left'"
     assert 'kind = "efficiency", efficiency = 0.5' in descriptors[0]["additional_constraints"]
     assert not descriptors[0]["read_only"]

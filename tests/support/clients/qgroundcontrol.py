@@ -116,8 +116,8 @@ class Station(Ground):
     def ftp_answer(self, opcode: int) -> tuple[int, bool, bytes]:
         """Return the next answer to us: its kind, whether a burst is complete, and its data."""
         payload = bytes(self.wait("FILE_TRANSFER_PROTOCOL", lambda packet: packet.target_system == 255).payload)
-        sequence, session, answer, size, asked, complete, _ = HEADER.unpack_from(payload)
-        assert (sequence, session, asked) == (self.expected, 0, opcode)
+        sequence, session, answer, size, requested, complete, _ = HEADER.unpack_from(payload)
+        assert (sequence, session, requested) == (self.expected, 0, opcode)
         return answer, bool(complete), payload[HEADER.size : HEADER.size + size]
 
     def plan(self, kind: int) -> list[Any]:

@@ -38,7 +38,7 @@ class Program:
             chip.tick()
         chip.time.now_ns = end_ns
 
-    def asked_for(self, interrupt: int) -> bool:
+    def is_pending(self, interrupt: int) -> bool:
         return bool(self.chip.nvic.pending >> FIRST_INTERRUPT + interrupt & 1)
 
     def full_speed(self) -> None:

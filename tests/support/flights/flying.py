@@ -37,25 +37,25 @@ class Bench:
         self.state = State(*self.simulation.truth())
         self._sequence = 0
 
-    def tell(self, topic: str, payload: bytes, gid: bytes = GID) -> None:
-        """Deliver a message."""
+    def send(self, topic: str, payload: bytes, gid: bytes = GID) -> None:
+        """Pass a message to the command receiver."""
         self._sequence += 1
         stamp = ros.pack_attachment(self._sequence, to_wall_ns(now_ns()), gid)
         self.command_receiver.on_message(topic, payload, stamp)
 
     def fly(self, seconds: float, **messages: bytes) -> OdometrySample:
-        """Say the same all the time; where the vehicle then is."""
+        """Repeat these messages for so long; return where the vehicle then is."""
 
-        def say(_: State) -> None:
+        def command(_: State) -> None:
             for topic, payload in messages.items():
-                self.tell(topic, payload)
+                self.send(topic, payload)
 
-        return self.lead(seconds, say)
+        return self.lead(seconds, command)
 
-    def lead(self, seconds: float, say: Callable[[State], object]) -> OdometrySample:
-        """Call `say` with the navigation's state ten times a second, until it gives True."""
+    def lead(self, seconds: float, command: Callable[[State], object]) -> OdometrySample:
+        """Call `command` with the navigation's state ten times a second, until it gives True."""
         for step in range(round(400 * seconds)):
-            if step % 40 == 0 and self._receive(say):
+            if step % 40 == 0 and self._receive(command):
                 break
             sample: Any
             for topic, sample in self.simulation.step(self.pulses):
@@ -65,8 +65,8 @@ class Bench:
                 self.pulses = self.pilot.update(self.simulation.time_ns, 0.02)[0].pwm_us
         return self.simulation.truth()
 
-    def _receive(self, say: Callable[[State], object]) -> bool:
-        over = say(self.state) is True
+    def _receive(self, command: Callable[[State], object]) -> bool:
+        over = command(self.state) is True
         taken = self.command_receiver.take_latest()
         if taken:
             self.pilot.command(taken.command, self.simulation.time_ns)

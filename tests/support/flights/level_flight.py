@@ -44,9 +44,9 @@ def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = i
     given = load_scenario(scenario)
     depth = given.start.depth
     limit = min(seconds, 60.0 + 75.0 / speed)
-    asked = given._replace(vehicle=name, master=given.master._replace(speed=speed, depth=depth, time_limit=limit))
-    plan = prepare(asked)
-    vehicle = SimulatedVehicle(asked, plan.world)
+    requested = given._replace(vehicle=name, master=given.master._replace(speed=speed, depth=depth, time_limit=limit))
+    plan = prepare(requested)
+    vehicle = SimulatedVehicle(requested, plan.world)
     found = LevelFlight(0.0, 0.0, 0.0, 0.0, 0.0)
 
     def watch(vehicle: SimulatedVehicle) -> None:
@@ -62,7 +62,7 @@ def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = i
         now = degrees(abs(pitch)), degrees(abs(roll)), degrees(acos(upright)), off, truth.nu[0]
         found = LevelFlight(*map(max, now, found))
 
-    fly(asked, plan, vehicle, [watch])
+    fly(requested, plan, vehicle, [watch])
     return found
 
 

@@ -57,16 +57,16 @@ def test_a_bare_loop_wakes_early_as_the_slave_does() -> None:
 
 def test_a_bare_loop_has_the_slaves_limits() -> None:
     with Bench("paper_field", changes_for(400.0), Limits(cpus=(ONE,))) as bench:
-        start, asked = bench.start, []
+        start, requested = bench.start, []
 
         def watched(name: str, command: list[str], limited: bool = False) -> Process:
             process = start(name, command, limited)
-            asked.append(os.sched_getaffinity(process.pid))
+            requested.append(os.sched_getaffinity(process.pid))
             return process
 
         bench.start = watched  # type: ignore[method-assign]
         bare_loop(bench, 0.2)
-    assert asked == [{ONE}]
+    assert requested == [{ONE}]
 
 
 def test_a_late_wake_up_counts_for_each_period_it_missed() -> None:

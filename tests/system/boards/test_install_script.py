@@ -41,8 +41,8 @@ echo "from: $(tr '\0' ' ' </proc/$(systemctl show -P MainPID uuv-hil)/cmdline)"
 
 
 @pytest.fixture(autouse=True)
-def asked_for(request: pytest.FixtureRequest) -> None:
-    """Skips what nobody asked for."""
+def requires_marker(request: pytest.FixtureRequest) -> None:
+    """Skip the test unless its marker was selected with -m."""
     if "board" not in str(request.config.option.markexpr):
         pytest.skip("boots a whole emulated board: pytest -m board")
 

@@ -22,8 +22,8 @@ pytestmark = [
 
 
 @pytest.fixture(autouse=True)
-def asked_for(request: pytest.FixtureRequest) -> None:
-    """Skips what nobody asked for."""
+def requires_marker(request: pytest.FixtureRequest) -> None:
+    """Skip the test unless its marker was selected with -m."""
     if "board" not in str(request.config.option.markexpr):
         pytest.skip("boots a whole emulated board: pytest -m board")
 

@@ -233,7 +233,7 @@ def campaign(folder: Path, scenario: Path, engine: str, environment: dict[str, s
 
 
 @pytest.fixture
-def asked_for(request: pytest.FixtureRequest) -> None:
+def requires_marker(request: pytest.FixtureRequest) -> None:
     if "cluster" not in str(request.config.option.markexpr):
         pytest.skip("starts clusters, for a minute: pytest -m cluster")
 

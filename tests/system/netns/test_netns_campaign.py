@@ -26,7 +26,7 @@ RAY = ("-m", "ray.scripts.scripts", "start", "--block", "--disable-usage-stats")
 
 
 @pytest.fixture(autouse=True)
-def asked_for(request: pytest.FixtureRequest) -> None:
+def requires_marker(request: pytest.FixtureRequest) -> None:
     if "cluster" not in str(request.config.option.markexpr):
         pytest.skip("starts clusters, for a minute: pytest -m cluster")
 

@@ -38,14 +38,14 @@ def asked_and_answered(folder: Path, camera: tuple[str, ...]) -> dict[str, float
     """Times of commands and their answers between two machines, ms."""
     folder.mkdir(exist_ok=True)
     tool = "tools/costs/network_cost.py"
-    with Network("slave", "master") as network, closing(Lines(folder / "asked.txt")) as asked:
+    with Network("slave", "master") as network, closing(Lines(folder / "asked.txt")) as requested:
         for machine in ("slave", "master"):
             network.slow(machine, 20)
         endpoint = ENDPOINT.format(network.address("slave"))
         network.start("slave", tool, "--answer", endpoint, *camera, "--seconds", 60)
-        network.start("master", tool, "--ask", endpoint, "--seconds", 5, output=asked.file).wait(60)
-        asked.first("round_trip", 0.0, time.monotonic() + 60)
-        figures: dict[str, float] = json.loads(asked.seen[-1][1])
+        network.start("master", tool, "--ask", endpoint, "--seconds", 5, output=requested.file).wait(60)
+        requested.first("round_trip", 0.0, time.monotonic() + 60)
+        figures: dict[str, float] = json.loads(requested.seen[-1][1])
     return figures
 
 

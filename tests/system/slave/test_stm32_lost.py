@@ -66,13 +66,13 @@ class Slow:
 
     def __init__(self) -> None:
         self.opened: list[BenchLink] = []
-        self.asked, self.may = threading.Event(), threading.Event()
+        self.requested, self.may = threading.Event(), threading.Event()
         self.driver = ExternalDriver(self._open, 6, NS_PER_S, lambda _: None, end_s=5.0)
 
     def lose(self) -> None:
         self.opened[-1].broken = True
         self.driver.service(now_ns())
-        assert self.asked.wait(60)
+        assert self.requested.wait(60)
 
     @property
     def closed(self) -> list[BenchLink]:
@@ -80,7 +80,7 @@ class Slow:
 
     def _open(self) -> Ends:
         if self.opened:
-            self.asked.set()
+            self.requested.set()
             self.may.wait()
         self.opened.append(BenchLink())
         return self.opened[-1].ends()

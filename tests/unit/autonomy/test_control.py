@@ -266,7 +266,7 @@ def test_on_a_vehicle_that_cannot_pitch_the_rest_works_and_nothing_winds_up() ->
 
     def six(wrench: Wrench) -> tuple[Wrench, Wrench]:
         _, residual = allocator.allocate(wrench)
-        x, y, z, k, m, n = (asked - lack for asked, lack in zip(wrench, residual, strict=True))
+        x, y, z, k, m, n = (requested - lack for requested, lack in zip(wrench, residual, strict=True))
         return (x, y, z, k, m, n), residual
 
     plant = Plant(from_euler(0.3, 0.2, 0.0))

@@ -36,9 +36,9 @@ def test_filling_agrees_with_asking_each_point() -> None:
     edges = (star[4:][::-1], box(-6.2, -5.1, 7.3, 4.4), star[:5])
     north, east = np.linspace(-50.0, 50.0, 83), np.linspace(-45.0, 52.0, 71)
     nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(north, east, indexing="ij")])
-    asked = contains(edges, nodes).reshape(83, 71)
-    assert (filled(edges, north, east) == asked).all()
-    area = asked.mean() * 100.0 * 97.0 * (83 * 71) / (82 * 70)
+    requested = contains(edges, nodes).reshape(83, 71)
+    assert (filled(edges, north, east) == requested).all()
+    area = requested.mean() * 100.0 * 97.0 * (83 * 71) / (82 * 70)
     points = star[:-1]
     shoelace = 0.5 * abs(np.sum(points[:, 0] * np.roll(points[:, 1], -1) - np.roll(points[:, 0], -1) * points[:, 1]))
     assert area == pytest.approx(shoelace - 13.5 * 9.5, rel=0.03)

@@ -30,7 +30,7 @@ class Spoken(VehicleClient):
 
     def send(self, topic: str, payload: bytes) -> int:
         self.topics.add(topic)
-        self.bench.tell(topic, payload)
+        self.bench.send(topic, payload)
         return 0
 
 

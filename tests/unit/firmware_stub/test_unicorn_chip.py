@@ -114,10 +114,10 @@ def test_interrupts_are_enabled_chosen_and_shown(program: Program) -> None:
     assert program.get(NVIC_IABR + 4) == 1 << 5
     assert program.get(ICSR) & 0x1FF == FIRST_INTERRUPT + 29
     nvic.leave()
-    assert program.asked_for(29), "a line that stays raised asks again"
+    assert program.is_pending(29), "a line that stays raised asks again"
     nvic.set_line(FIRST_INTERRUPT + 29, False)
     program.put(NVIC_ICPR, 1 << 29)
-    assert not program.asked_for(29)
+    assert not program.is_pending(29)
 
 
 def start_pwm(program: Program, timer: int = TIM3) -> None:
@@ -170,13 +170,13 @@ def test_a_timer_counts_flags_and_asks(program: Program) -> None:
     assert program.get(TIM3 + 0x24) == 5000
     program.wait_until(20 * MS)
     assert (program.get(TIM3 + 0x24), program.get(TIM3 + 0x10)) == (0, 1)
-    assert not program.asked_for(TIM3_IRQ)
+    assert not program.is_pending(TIM3_IRQ)
     program.put(TIM3 + 0x10, 0)
     program.put(TIM3 + 0x0C, 1)
     program.wait_until(40 * MS - 1)
-    assert not program.asked_for(TIM3_IRQ)
+    assert not program.is_pending(TIM3_IRQ)
     program.wait_until(40 * MS)
-    assert program.asked_for(TIM3_IRQ)
+    assert program.is_pending(TIM3_IRQ)
     program.put(TIM3 + 0x14, 1)
     assert program.get(TIM3 + 0x24) == 0
 

@@ -31,7 +31,7 @@ def test_bytes_wait_for_the_program_that_reads_them(program: Program) -> None:
     received = b""
     for group in (16, 4):
         assert port.deliver()
-        assert program.asked_for(USART1_IRQ)
+        assert program.is_pending(USART1_IRQ)
         while program.get(USART1) & 1 << 5:
             received += bytes([program.get(USART1 + 4)])
         assert len(received) % 16 == group % 16
@@ -63,7 +63,7 @@ def test_a_port_that_is_off_hears_and_says_nothing(program: Program) -> None:
 
 def test_sending_asks_for_more(program: Program) -> None:
     open_usart(program, interrupts=1 << 7)
-    assert program.asked_for(USART1_IRQ)
+    assert program.is_pending(USART1_IRQ)
     program.put(USART1 + 4, ord("o"), size=1)
     program.put(USART1 + 4, ord("k"), size=2)
     assert program.chip.usarts["USART1"].take_output() == b"ok"
@@ -139,7 +139,7 @@ def test_frames_come_in_through_the_fifo_and_none_is_lost(program: Program) -> N
     frames = [CanFrame(i, bytes([i])) for i in range(10)] + [STANDARD]
     program.chip.can.receive(frames)
     program.chip.can.deliver()
-    assert program.asked_for(CAN1_RX0_IRQ)
+    assert program.is_pending(CAN1_RX0_IRQ)
     assert program.get(CAN1 + 0x0C) & 0x1B == 0b01011, "three in it: full"
     assert read_fifo(program) == frames
 
@@ -168,8 +168,8 @@ def test_a_filter_chooses_the_fifo(program: Program) -> None:
     open_can(program, 1, 0, 0, fifo=1)
     program.chip.can.receive([EXTENDED])
     program.chip.can.deliver()
-    assert program.asked_for(CAN1_RX1_IRQ)
-    assert not program.asked_for(CAN1_RX0_IRQ)
+    assert program.is_pending(CAN1_RX1_IRQ)
+    assert not program.is_pending(CAN1_RX0_IRQ)
     assert read_fifo(program, 1) == [EXTENDED]
 
 
@@ -190,7 +190,7 @@ def test_frames_go_out_of_three_mailboxes(program: Program, btr: int, out: int, 
     assert program.chip.can.take_output() == sent * out
     program.chip.can.deliver()
     assert read_fifo(program) == sent * back
-    assert program.asked_for(CAN1_TX_IRQ)
+    assert program.is_pending(CAN1_TX_IRQ)
     assert program.get(CAN1 + 8) & 0x030303 == 0x030303, "three completed, three well"
     program.put(CAN1 + 8, 0x010101)
     assert program.get(CAN1 + 8) & 0xFFFFFF == 0

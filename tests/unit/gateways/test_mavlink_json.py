@@ -43,8 +43,8 @@ def test_letters_may_be_a_list_as_older_ones_send_them() -> None:
     )
     packet = decode_message(text.encode())
     assert packet is not None
-    asked = dialect.MAVLink(None).decode(bytearray(packet))
-    assert (asked.param_id, asked.param_index, asked.target_component) == ("SYSID_THISMAV", -1, 0)
+    requested = dialect.MAVLink(None).decode(bytearray(packet))
+    assert (requested.param_id, requested.param_index, requested.target_component) == ("SYSID_THISMAV", -1, 0)
 
 
 def test_nothing_else_makes_a_packet_or_raises() -> None:

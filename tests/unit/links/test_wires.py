@@ -310,12 +310,12 @@ def test_rs485_where_the_driver_has_none() -> None:
 
 def test_rs485_asks_the_driver_to_switch_direction(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pty's driver cannot; this one says yes to TIOCGRS485 and TIOCSRS485 and is otherwise the pty's."""
-    asked: list[tuple[int, bytes]] = []
+    requested: list[tuple[int, bytes]] = []
 
     def driver(fd: int, request: int, *arguments: Any) -> Any:
         if request not in (0x542E, 0x542F):
             return ioctl(fd, request, *arguments)
-        asked.append((request, bytes(arguments[0])))
+        requested.append((request, bytes(arguments[0])))
         return 0
 
     ioctl = fcntl.ioctl
@@ -323,7 +323,7 @@ def test_rs485_asks_the_driver_to_switch_direction(monkeypatch: pytest.MonkeyPat
     device = PtyWire()
     UartWire(device.path, rs485=True).close()
     device.close()
-    request, settings = asked[-1]
+    request, settings = requested[-1]
     flags = int.from_bytes(settings[:4], sys.byteorder)
     enabled, rts_on_send, rts_after_send = 1, 2, 4  # linux/serial.h: struct serial_rs485
     assert request == 0x542F

@@ -76,8 +76,8 @@ def test_a_wrong_value_of_any_key(folder: str, name: str, monkeypatch: pytest.Mo
     compiled: dict[Any, Any] = {}  # the frames that are kept, by path
     monkeypatch.setattr("hil.links.frame.protocol._compiled", compiled)
 
-    def read_changed(asked: str) -> dict[str, Any]:
-        return copy(bad[0]) if asked == path else read(asked)
+    def read_changed(requested: str) -> dict[str, Any]:
+        return copy(bad[0]) if requested == path else read(requested)
 
     for module in (
         "hil.common.schema",

@@ -34,10 +34,10 @@ def monitor(tilt: float = pi / 3) -> RunMonitor:
     return RunMonitor(EventLog(), tilt, half_height=0.2, margin=1.0)
 
 
-def dive(judge: RunMonitor, *depths: float, asked: float | None = None) -> list[RunEvent]:
+def dive(judge: RunMonitor, *depths: float, requested: float | None = None) -> list[RunEvent]:
     """Return the events of a dive that is observed every 50 ms."""
     for number, depth in enumerate(depths):
-        judge.observe(number * TICK, (1.0, 2.0, depth), LEVEL, asked)
+        judge.observe(number * TICK, (1.0, 2.0, depth), LEVEL, requested)
     return list(judge.log.events())
 
 
@@ -69,15 +69,15 @@ def test_a_vehicle_that_is_tilted_too_far_has_capsized(degrees: float, capsized:
 
 
 def test_a_vehicle_at_the_surface_that_was_to_be_deeper_has_surfaced() -> None:
-    up = dive(monitor(), 5.0, 3.0, 0.21, 0.19, 0.1, 3.0, asked=5.0)
+    up = dive(monitor(), 5.0, 3.0, 0.21, 0.19, 0.1, 3.0, requested=5.0)
     assert [(event.kind, event.start_ns, event.duration_ns) for event in up] == [("surfaced", 3 * TICK, TICK)]
     assert up[0].place == (1.0, 2.0, 0.19)
 
 
 def test_depths_that_were_asked_for_are_none_of_its_faults() -> None:
-    assert not dive(monitor(), 0.1, 0.1, 3.0, 0.1, asked=5.0), "it began at the surface"
+    assert not dive(monitor(), 0.1, 0.1, 3.0, 0.1, requested=5.0), "it began at the surface"
     assert not dive(monitor(), 5.0, 0.0, 9.0, 0.0), "it was asked for no depth"
-    assert not dive(monitor(), 5.0, 5.9, 4.0, asked=2.0), "within the margin"
+    assert not dive(monitor(), 5.0, 5.9, 4.0, requested=2.0), "within the margin"
     judge = monitor()
     judge.observe(0, (0.0, 0.0, 9.0), LEVEL, 0.1)
     judge.observe(TICK, (0.0, 0.0, 0.1), LEVEL, 9.0)
@@ -85,7 +85,7 @@ def test_depths_that_were_asked_for_are_none_of_its_faults() -> None:
 
 
 def test_a_vehicle_that_sinks_is_too_deep() -> None:
-    down = dive(monitor(), 5.0, 6.0, 6.1, 8.0, asked=4.0)
+    down = dive(monitor(), 5.0, 6.0, 6.1, 8.0, requested=4.0)
     assert [(event.kind, event.start_ns) for event in down] == [("too_deep", 2 * TICK)]
 
 

@@ -65,9 +65,9 @@ class RecordedServer:
         """Return the response, with request and response on the wire in between."""
         type_name, answer = self.offered[name]
         request_type, response_type = f"{type_name}_Request", f"{type_name}_Response"
-        asked = ros_message.decode(request_type, ros_message.encode(request_type, request or {}))
-        assert asked is not None
-        return ros_message.decode(response_type, ros_message.encode(response_type, answer(asked)))
+        requested = ros_message.decode(request_type, ros_message.encode(request_type, request or {}))
+        assert requested is not None
+        return ros_message.decode(response_type, ros_message.encode(response_type, answer(requested)))
 
 
 class Vehicle:

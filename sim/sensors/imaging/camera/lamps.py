@@ -46,10 +46,10 @@ class Lamps:
             beams.append(Beam(ranges, facing))
         return beams
 
-    def _lit(self, rays: RayScene, lamp: Any, way: Floats, ranges: Floats, asked: NDArray[np.bool_]) -> Floats:
+    def _lit(self, rays: RayScene, lamp: Any, way: Floats, ranges: Floats, requested: NDArray[np.bool_]) -> Floats:
         """Return 1 where nothing stands between the lamp and what is seen, by a ray to each that faces it."""
         lit = np.ones(len(ranges), np.float32)
-        chosen = np.flatnonzero(asked & (ranges < self._reach))
+        chosen = np.flatnonzero(requested & (ranges < self._reach))
         for first in range(0, len(chosen), _BLOCK):
             some = chosen[first : first + _BLOCK]
             toward = np.ascontiguousarray((way[:, some] / ranges[some]).T, np.float64)

@@ -351,12 +351,12 @@ def test_who_insists_on_c_gets_all_of_it_or_none(name: str) -> None:
 @pytest.mark.usefixtures("native")
 def test_every_binary_is_asked_for_in_one_way() -> None:
     """All use `has_native`, so that Python never replaces a demanded C silently."""
-    asked = {"sim.native._native"}
+    found = {"sim.native._native"}
     for path in (ROOT / name for name in ("sim/assembly.py", "sim/native/__init__.py", "hil/slave/native/firmware.py")):
         text = path.read_text()
-        asked |= set(re.findall(r'has_native\("([\w.]+)"\)', text))
+        found |= set(re.findall(r'has_native\("([\w.]+)"\)', text))
         assert text.count("except ImportError") <= 2, path
-    assert asked == {c_extensions.module(path) for path in c_extensions.SOURCES} == {"sim.native._native", *EXTENSIONS}
+    assert found == {c_extensions.module(path) for path in c_extensions.SOURCES} == {"sim.native._native", *EXTENSIONS}
 
 
 def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -173,8 +173,8 @@ def test_our_allocator_gives_their_request_a_number(bench: Bench) -> None:
     wire, received = bench.bus.wire(), listen(bench.node(99), uavcan.protocol.dynamic_node_id.Allocation)
     host.receive()
     for stage, part in enumerate((unique_id[:6], unique_id[6:12], unique_id[12:])):
-        asked = uavcan.protocol.dynamic_node_id.Allocation(first_part_of_unique_id=stage == 0, unique_id=part)
-        transfer = dronecan.transport.Transfer(payload=asked, transfer_id=stage, discriminator=77)
+        requested = uavcan.protocol.dynamic_node_id.Allocation(first_part_of_unique_id=stage == 0, unique_id=part)
+        transfer = dronecan.transport.Transfer(payload=requested, transfer_id=stage, discriminator=77)
         cut = [CanFrame(frame.message_id, bytes(frame.bytes)) for frame in transfer.to_frames()]
         wire.write(records(cut))
         host.receive()

@@ -79,15 +79,15 @@ def test_a_route_follows_it_at_an_altitude() -> None:
 
 
 def test_only_what_is_near_of_a_long_one_is_looked_at() -> None:
-    asked: list[float] = []
+    requested: list[float] = []
 
     def seabed(north: float, _: float) -> float:
-        asked.append(north)
+        requested.append(north)
         return 20.0
 
     cable = Pipeline(((-50_000.0, 0.0), (50_000.0, 0.0)), 0.1, kind="cable")
     pieces = list(cable.pieces(seabed, 5.0, 1000.0, 3.0, 60.0))
-    assert len(asked) < 40
+    assert len(requested) < 40
     assert min(one[0] for one, _ in pieces) <= 940.0
     assert max(other[0] for _, other in pieces) >= 1060.0
 
