@@ -239,7 +239,7 @@ def requires_marker(request: pytest.FixtureRequest) -> None:
 
 
 @pytest.mark.cluster
-@pytest.mark.usefixtures("asked_for")
+@pytest.mark.usefixtures("requires_marker")
 @pytest.mark.timeout(3 * START_S)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_two_workers_of_each_engine_give_the_rows_of_joblib(engine: str, tmp_path: Path) -> None:
@@ -276,7 +276,7 @@ def dask_cluster(folder: Path) -> Iterator[str]:
 
 
 @pytest.mark.cluster
-@pytest.mark.usefixtures("asked_for")
+@pytest.mark.usefixtures("requires_marker")
 @pytest.mark.timeout(3 * START_S)
 def test_a_cluster_of_dask_that_was_there_before(tmp_path: Path) -> None:
     scenario = write_own(tmp_path / "user", "campaign_own_elsewhere")
@@ -288,7 +288,7 @@ def test_a_cluster_of_dask_that_was_there_before(tmp_path: Path) -> None:
 
 
 @pytest.mark.cluster
-@pytest.mark.usefixtures("asked_for")
+@pytest.mark.usefixtures("requires_marker")
 @pytest.mark.timeout(3 * START_S)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_nothing_of_a_cluster_outlives_the_command(engine: str, tmp_path: Path) -> None:
