@@ -197,10 +197,11 @@ def save_threads(pictures: bool) -> None:
 
     Little comes in: one thread reads it, and waits for it, where by default each message wakes one that wakes another.
     A second one where there are pictures to forward: a thread that does may wait a second for room on the way out, and
-    those that accept connections and look what comes on them are then kept apart.
+    those that accept connections and look what comes on them are then kept apart. What the environment says does not
+    hold: with a recorder's single thread the slave would pass on no message of several batches, such as a sonar's.
     """
     few = "(rx: (worker_threads: 2))" if pictures else "(rx: (worker_threads: 1), acc: (handover: rx))"
-    os.environ.setdefault("ZENOH_RUNTIME", few)
+    os.environ["ZENOH_RUNTIME"] = few
 
 
 def json5(value: Any) -> str:

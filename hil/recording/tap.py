@@ -42,7 +42,7 @@ COMPLAINT_PERIOD_NS = 60 * NS_PER_S
 
 def save_processor() -> None:
     """Reduce this process's cost of receiving by a third; call it before the first session opens."""
-    os.environ.setdefault("ZENOH_RUNTIME", ONE_THREAD)
+    os.environ["ZENOH_RUNTIME"] = ONE_THREAD  # whatever a slave that started this process has chosen for itself
     if hasattr(os, "sched_setscheduler"):  # Linux
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # lets others finish first, takes more at once
 

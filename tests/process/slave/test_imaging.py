@@ -16,6 +16,7 @@ from PIL import Image
 from hil.client.client import VehicleClient
 from hil.network.opening import listen
 from hil.recording.reader import read_messages
+from hil.recording.tap import ONE_THREAD
 from hil.ros.diagnostics import or_nan
 from hil.scenario.config import load_scenario
 from hil.slave.imaging.process import join
@@ -44,8 +45,11 @@ def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
 
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VehicleClient]:
-    """A master that has every picture of a slave which nobody harms."""
-    program, endpoint = start(tmp_path_factory.mktemp("watched"))
+    """Provide a master that has every picture of a slave which nobody harms.
+
+    The environment exports a recorder's single thread of the library, with which no sonar's image would be passed on.
+    """
+    program, endpoint = start(tmp_path_factory.mktemp("watched"), environment={"ZENOH_RUNTIME": ONE_THREAD})
     with program, VehicleClient(endpoint, "uuv1") as client:
         client.watch(*PICTURES)
         assert wait_for(lambda: has_all(client)), program.output
