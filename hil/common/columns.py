@@ -1,12 +1,17 @@
-"""Format text that fits the terminal: tables whose columns are as wide as their widest cell, and paragraphs."""
+"""Format text that fits the terminal: tables whose columns are as wide as their widest cell, paragraphs, and help."""
 
+import argparse
 import re
 from collections.abc import Sequence
+from itertools import groupby
+from typing import Any
 
-from hil.common.text import clean
+from hil.common.text import clean, wrap_command
 
 GAP = "  "
 PIECES = re.compile(r" +|[^ /]*/|[^ /]+")  # what stays on one line if it can
+COLOUR = re.compile(r"\x1b\[[\d;]*m")  # as Python 3.14 and later write it into a usage
+OPTION_VALUE = re.compile(r"(?<![\w-])(--?[\w-]+) (?=[^\[| ])")  # the space between an option and its value
 LEAST = 6  # letters; a column is never made narrower
 
 
@@ -34,6 +39,52 @@ def paragraph(text: str, indent: str = "") -> str:
     from textwrap import fill  # by few commands
 
     return fill(text, terminal_width(), subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
+
+
+class HelpFormatter(argparse.HelpFormatter):
+    """Wrap the paragraphs of a text to the terminal; keep its indented lines, such as those of examples."""
+
+    def _format_usage(self, *arguments: Any) -> str:
+        """Return the usage; argparse lets the parts of a narrow one, and options that exclude each other, overflow."""
+        usage = super()._format_usage(*arguments)
+        plain = COLOUR.sub("", usage)
+        if max(map(len, plain.split("\n"))) <= self._width:
+            return usage
+        known = len(f"usage: {self._prog} ")
+        indent = known if known <= self._width // 3 else 4
+        return f"{self._broken(plain, self._width, ' ' * indent)}\n\n"
+
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        """Return the names of an option with its value, which argparse lets overflow if it has many choices."""
+        text = super()._format_action_invocation(action)
+        width = self._width - self._current_indent
+        return text if len(COLOUR.sub("", text)) <= width else self._broken(text, width, " " * 6)
+
+    def _broken(self, text: str, width: int, indent: str) -> str:
+        """Return options as lines, an option and its value on one if they fit there, else broken at commas."""
+        words = OPTION_VALUE.sub("\\1\0", " ".join(COLOUR.sub("", text).split())).split(" ")
+        room = width - len(indent)
+        parts = [word if len(word) <= room else word.replace("\0", " ").replace(",", ", ") for word in words]
+        return "\n".join(self._split_lines(" ".join(parts), width, indent)).replace("\0", " ")
+
+    def start_section(self, heading: str | None) -> None:
+        """Begin a group of options."""
+        super().start_section("\n".join(self._split_lines(heading, self._width - 1)) if heading else heading)
+
+    def _split_lines(self, text: str, width: int, indent: str = "") -> list[str]:
+        """Return the lines of an option's help; argparse breaks file names and commands at their hyphens."""
+        from textwrap import wrap  # by argparse, too, only where help is asked for
+
+        return wrap(" ".join(text.split()), width, subsequent_indent=indent, break_on_hyphens=False)
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        lines: list[str] = []
+        for is_prose, group in groupby(text.splitlines(), lambda line: line[:1] not in ("", " ")):
+            if is_prose:
+                lines += [f"{indent}{line}" for line in self._split_lines(" ".join(group), width - len(indent))]
+            else:
+                lines += [piece for line in group for piece in wrap_command(line, width)]
+        return "\n".join(lines)
 
 
 def terminal_width() -> int:

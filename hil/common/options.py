@@ -10,14 +10,12 @@ import math
 import re
 import sys
 from collections.abc import Callable
-from itertools import groupby
 from typing import Any, NoReturn
 
 from hil.common.endpoint import full_endpoint
 from hil.common.errors import EXIT_CODES, ConfigError, HilError
 from hil.common.schema import UNITS, nearest, shortened, with_unit
 from hil.common.tables import output_file, settings
-from hil.common.text import wrap_command
 
 UNKNOWN = "unrecognized arguments: "  # how argparse begins what it says of words and options that it does not know
 LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # where a slave of this machine listens, unless its scenario says otherwise
@@ -28,38 +26,6 @@ YEAR_S = 366.0 * DAY_S
 HOST = re.compile(r"(?=.{1,253}\Z)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9_][A-Za-z0-9_-]{0,62})*\.?\Z")
 
 
-class HelpFormatter(argparse.HelpFormatter):
-    """Wrap the paragraphs of a text to the terminal; keep its indented lines, such as those of examples."""
-
-    def _format_usage(self, *arguments: Any) -> str:
-        """Return the usage; argparse leaves a group of options that exclude each other on one line."""
-        lines = super()._format_usage(*arguments).split("\n")
-        width = self._width + 2
-        shorter = []
-        for line in lines:
-            indent = " " * (len(line) - len(line.lstrip()) + 1)
-            while len(line) > width and (cut := line.rfind("| ", len(indent), width) + 1):
-                shorter.append(line[:cut])
-                line = f"{indent}{line[cut:].lstrip()}"
-            shorter.append(line)
-        return "\n".join(shorter)
-
-    def _split_lines(self, text: str, width: int) -> list[str]:
-        """Return the lines of an option's help; argparse breaks file names and commands at their hyphens."""
-        from textwrap import wrap  # by argparse, too, only where help is asked for
-
-        return wrap(" ".join(text.split()), width, break_on_hyphens=False)
-
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        lines: list[str] = []
-        for is_prose, group in groupby(text.splitlines(), lambda line: line[:1] not in ("", " ")):
-            if is_prose:
-                lines += [f"{indent}{line}" for line in self._split_lines(" ".join(group), width - len(indent))]
-            else:
-                lines += [piece for line in group for piece in wrap_command(line, width)]
-        return "\n".join(lines)
-
-
 class Parser(argparse.ArgumentParser):
     """An argument parser that raises ConfigError, one line, where argparse prints its usage and exits.
 
@@ -68,7 +34,7 @@ class Parser(argparse.ArgumentParser):
     """
 
     def __init__(self, *args: Any, **settings: Any) -> None:
-        super().__init__(*args, **{"formatter_class": HelpFormatter, **settings})
+        super().__init__(*args, **settings)
         self.register("action", "parsers", _Subcommands)
 
     def add_subparsers(self, **settings: Any) -> Any:
@@ -76,6 +42,12 @@ class Parser(argparse.ArgumentParser):
         group: Any = super().add_subparsers(**settings)
         group.examples = self.epilog or ""
         return group
+
+    def _get_formatter(self) -> argparse.HelpFormatter:
+        from hil.common.columns import HelpFormatter  # only where help is asked for
+
+        self.formatter_class = HelpFormatter
+        return super()._get_formatter()
 
     def format_help(self) -> str:
         """Return the help: what argparse makes of the options, then what each exit code means."""

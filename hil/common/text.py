@@ -61,4 +61,8 @@ def wrap_command(line: str, width: int) -> list[str]:
             lines[-1] += "\\"
             lines.append(f"{indent}    ")
         lines[-1] += f"{word} "
-    return [piece.rstrip() for piece in lines] + ([f"{indent}    # {remark}"] if remark else [])
+    from textwrap import wrap  # by few commands
+
+    begin = f"{indent}    # "
+    about = wrap(remark, width, initial_indent=begin, subsequent_indent=begin, break_long_words=False)
+    return [piece.rstrip() for piece in lines] + about
