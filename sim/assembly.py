@@ -18,7 +18,7 @@ from sim.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from sim.environment.contact.impulses import Blow, Separate
+    from sim.environment.contact.impulses import ApplyImpulses, Separate
     from sim.environment.water import FluidMotion
     from sim.environment.waves import WaveField
     from sim.forces import Force
@@ -134,18 +134,18 @@ def make_error_bank(models: Iterable[ErrorModel], period: float, random: Random)
     return (NativeErrorBank if has_native() else ErrorBank)(models, period, random)
 
 
-def make_impulses() -> "tuple[Blow, Separate]":
-    """Return what computes the blow of a vehicle that touches things, and how it is put back; in C or else as `choose`.
+def make_impulses() -> "tuple[ApplyImpulses, Separate]":
+    """Return the functions that solve the impulses and the position correction of a collision; in C or as `choose`.
 
-    Loaded with the first touch.
+    They are imported at the first contact.
     """
     if has_native():
         from sim.native import impulses as native
 
-        return native.blow, native.separate
+        return native.apply_impulses, native.separate
     from sim.environment.contact import impulses
 
-    return impulses.blow, impulses.separate
+    return impulses.apply_impulses, impulses.separate
 
 
 def make_caster(geometry: "Geometry") -> "Caster | None":

@@ -21,7 +21,7 @@ AXES = ("x_n", "y_n", "z_n", "k_nm", "m_nm", "n_nm")
 class Flight:
     """Record of a simulation: 20 rows a second of its time, and one in the first step of each contact.
 
-    So no blow is missed, however short.
+    So no contact is missed, however short.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -35,7 +35,7 @@ class Flight:
         self.title = f"{simulation.vehicle.name} in {simulation.world.name}"
         self._due_ns = 0
         self._touched_ns = -PERIOD_NS
-        self._blows: list[int] = []  # the rows in which it hits something
+        self._contacts: list[int] = []  # the rows in which it hits something
 
     def record(self, simulation: Simulation) -> None:
         """Record the present state if the period has passed, or at a new contact."""
@@ -47,7 +47,7 @@ class Flight:
         if now >= self._due_ns:
             self._due_ns += PERIOD_NS
         if hits:
-            self._blows.append(len(self.rows))
+            self._contacts.append(len(self.rows))
         state = simulation.state
         attitude = to_euler(state.quaternion)
         pose = [simulation.time_ns / NS_PER_S, *state.position, *attitude, *state.nu]
@@ -92,7 +92,7 @@ class Flight:
         ):
             curves = {term.replace("_", " "): f"{term}_{axis}" for term in Forces._fields}
             self._lines(panel, curves, quantity, title)
-            self._cut_blows(panel, f"contact_{axis}")
+            self._leave_out_contacts(panel, f"contact_{axis}")
         figure.suptitle(self.title)
         save_figure(figure, path)
 
@@ -101,19 +101,19 @@ class Flight:
         axes.plot(*[self._column(name)[0] for name in ("east_m", "north_m")], "o", color=START, label="start", zorder=3)
         axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title="track from above")
 
-    def _cut_blows(self, axes: Any, contact: str) -> None:
-        """Leave out of the axis' range what blows reach, a hundred times all other forces, and write it there."""
-        if not self._blows or not axes.lines:
+    def _leave_out_contacts(self, axes: Any, contact: str) -> None:
+        """Limit the axis to the other forces, a hundredth of those of contacts, which are written as numbers."""
+        if not self._contacts or not axes.lines:
             return
-        calm = [y for line in axes.lines for row, y in enumerate(line.get_ydata()) if row not in self._blows]
+        calm = [y for line in axes.lines for row, y in enumerate(line.get_ydata()) if row not in self._contacts]
         low, high = min(calm, default=0.0), max(calm, default=0.0)
         slack = 0.05 * (high - low) or 1.0
         axes.set_ylim(low - slack, high + slack)
         times, forces = self._column("time_s"), self._column(contact)
-        for row in self._blows:
+        for row in self._contacts:
             if not low - slack <= forces[row] <= high + slack:
                 edge = low if forces[row] < 0.0 else high
-                axes.annotate(f" blow of {forces[row]:.0f}", (times[row], edge), fontsize="x-small", rotation=90,
+                axes.annotate(f" contact {forces[row]:.0f}", (times[row], edge), fontsize="x-small", rotation=90,
                               va="bottom" if edge == low else "top")  # fmt: skip
 
     def _lines(self, axes: Any, curves: dict[str, str], quantity: str, title: str) -> None:

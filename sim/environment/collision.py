@@ -1,16 +1,16 @@
 """Resolve collisions of a vehicle with obstacles and the seabed.
 
-A step that ends with a part of the hull inside something gets a blow (sim/environment/contact/impulses.py), which takes
-the velocity into it away at each place that touches, with friction and restitution, and turns the vehicle where it is
-off the centre. The blow acts when the hull met the thing: the way since then is gone over again with the velocity after
-it. What is left of the depth is undone by the least way that does, in the measure of the mass. So no stiffness has to
-be chosen, no step is too long, and a vehicle at rest stays where it is.
+When a step ends with a part of the hull inside something, impulses are applied at the points of contact
+(sim/environment/contact/impulses.py). They stop the motion into it, with friction and restitution, and turn the vehicle
+where a point is off the centre. They act at the time of the impact within the step: the vehicle moves with the new
+velocity from then on. The penetration that remains is removed by the displacement with the least mass-weighted norm.
+So there is no contact stiffness to choose, no step is too long, and a vehicle at rest stays where it is.
 
-The hull is what sim/vehicle/collision_shape.py makes of the vehicle: a capsule, a box or spheres, at its present
-attitude. Against upright obstacles and the flat seabed it is met wherever it touches; against relief at the ends of its
-rods and places between (contact/seabed.py), against meshes at places of its surface (contact/meshes.py). From a step of
-the seabed (the edge of the grid, a cell without data) it goes back to where it came from. Not modelled: a bed or a wall
-that gives way, friction that resists turning on the spot about one point.
+The hull has the shape of sim/vehicle/collision_shape.py: a capsule, a box or spheres, at the present attitude. Contact
+with upright obstacles and the flat seabed is found anywhere on it; contact with relief at the ends of its rods and at
+places between (contact/seabed.py); contact with meshes at places of its surface (contact/meshes.py). At a step of the
+seabed (the edge of the grid, a cell without data) the vehicle is moved back to where it came from. Not modelled: a
+seabed or a wall that deforms, friction that resists turning on the spot about one point.
 """
 
 from collections.abc import Sequence
@@ -34,23 +34,24 @@ if TYPE_CHECKING:
     from sim.environment.contact.meshes import MeshContact
     from sim.environment.contact.seabed import SeabedContact
 
-_PASSES = 4  # of putting back in a step: each way is found as if nothing turned
+_PASSES = 4  # of the position correction in a step: each one neglects that the vehicle turns
 _ROUNDING = 1e-3  # m
-_NEAR = 20.0  # m: obstacles farther away are left out until the vehicle has come half that far
-_FAR = 500.0  # m: those farther away are not measured
-_TOUCHING = 2e-5  # m: what lies so near touches, or rounding would lift it now and then
+_NEAR = 20.0  # m: obstacles farther away are left out until the vehicle has moved half of it
+_FAR = 500.0  # m: the distance to obstacles farther away is not computed
+_TOUCHING = 2e-5  # m: a gap so small counts as contact, or rounding would interrupt contacts
 _MOST_TOUCHES = 8
 _DEPTH_LEFT = 1e-6  # m
-_MOST_TURN = 0.05  # rad that a vehicle is turned by being put back
+_MOST_TURN = 0.05  # rad that the position correction may turn a vehicle
 SEABED = "the seabed"
 
 
 class Contact:
-    """Contact of one vehicle with one world. `touching` is that of the last step, `count` the contacts so far.
+    """Contact of one vehicle with one world.
 
-    `what` names the thing that it touched last, `impulse` (N s and N m s about the origin, body axes) is what that gave
-    in the last step in which it touched something. `inverse_mass` is the inverse of M = M_RB + M_A, 6x6; it changes
-    with what the vehicle drops. `dt` is the time of a step in s, `radius` (m) how far the hull reaches from the origin.
+    `touching` is whether there was contact in the last step, `count` the number of contacts so far, `what` the name of
+    the thing touched last, and `impulse` (N s and N m s about the origin, body axes) the impulse in the last step with
+    contact. `inverse_mass` is the inverse of M = M_RB + M_A, 6x6; it changes when the vehicle drops a weight. `dt` is
+    the duration of a step in s, `radius` (m) how far the hull reaches from the origin.
     """
 
     def __init__(self, vehicle: Vehicle, world: World, inverse_mass: Matrix, dt: float = 0.0) -> None:
@@ -64,7 +65,7 @@ class Contact:
         self.inverse_mass = inverse_mass
         self._friction, self._restitution = keys.friction, keys.restitution
         self._dt = dt
-        self._blow, self._separate = make_impulses()
+        self._solve_impulses, self._separate = make_impulses()
         self._seabed = world.depth
         self._floor = world.depth - _TOUCHING
         self._relief: SeabedContact | None = None
@@ -72,7 +73,7 @@ class Contact:
             from sim.environment.contact import seabed
 
             self._relief = seabed.SeabedContact(world.terrain, self.shape)
-        # Where it was free, and the most (m) that a slope can be in the hull since.
+        # The last place without contact, and how deep (m) a slope can be in the hull at most after the way from there.
         self._last: tuple[Sequence[float], Sequence[float]] | None = None
         self._share = inf
         self._world = world
@@ -81,16 +82,16 @@ class Contact:
             from sim.environment.contact import meshes
 
             self._meshes = meshes.MeshContact(world, self.shape)
-        # Those within _NEAR m of that place, and how far all others are at least from there.
+        # The obstacles within _NEAR m of `_near_place`, and the least distance of all others from there.
         self._near: list[Obstacle] = []
         self._near_place = (inf, inf)
         self._beyond = 0.0
-        # As long as the vehicle is within `_free` m of this place it cannot touch any of them.
+        # As long as the vehicle is within `_free` m of this place it cannot touch an obstacle.
         self._north = self._east = 0.0
         self._free = 0.0 if world.obstacles() else inf
 
     def resolve(self, state: State) -> bool:
-        """Move `state` out of whatever it is in; True if it was in something. A new touch counts once."""
+        """Resolve the contacts of `state`; return True if there were any. A contact counts once, in its first step."""
         before, self.touching = self.touching, False
         relief = self._relief
         is_far = relief is not None and relief.is_far(state.position)
@@ -104,16 +105,16 @@ class Contact:
         return self.touching
 
     def room(self) -> tuple[float, float, float, float]:
-        """Return north and east of a place, a distance from it, and a depth (all m): where `resolve` would do nothing.
+        """Return where `resolve` is not needed: north, east and radius of a circle, and a depth (all m).
 
-        That is less than so far from the place, with the lower end of the vehicle no deeper. -inf is no depth: after a
-        touch, which the next `resolve` has to end, and over relief.
+        It does nothing while the vehicle is in that circle and its lower end is no deeper than that depth. The depth is
+        -inf after a contact, which the next `resolve` has to end, and over relief.
         """
         apart = self.touching or self._relief is not None
         return self._north, self._east, self._free, -inf if apart else self._floor
 
     def find(self, state: State) -> list[Touch]:
-        """Return where the hull is in something, the deepest first; nothing if it only comes near."""
+        """Return the points of contact, the deepest penetration first; none if the hull is only near something."""
         rotation, position = rotations.matrix(state.quaternion), state.position
         xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
         places = [
@@ -143,7 +144,7 @@ class Contact:
         ]
 
     def _is_low(self, state: State) -> bool:
-        """Return True if the seabed may be as shallow as the hull is deep: a quick look, as that of the FusedStep."""
+        """Return False if the hull is surely above the seabed: a quick check, the same as that of the FusedStep."""
         down = state.position[2]
         if self._relief is None and not down + self.radius > self._floor:
             return False
@@ -155,14 +156,14 @@ class Contact:
         return not self._relief.is_clear(state.position, lowest + _TOUCHING)
 
     def _is_near(self, state: State) -> bool:
-        """Return True if an obstacle may be as near as the hull reaches."""
+        """Return False if all obstacles are surely out of reach of the hull."""
         if self._free == inf:
             return False
         away_north, away_east = state.position[0] - self._north, state.position[1] - self._east
         return away_north * away_north + away_east * away_east >= self._free * self._free
 
     def is_inside(self, state: State) -> bool:
-        """Return True if the hull is in something by more than its skin: one that rests on the seabed is not."""
+        """Return True if the hull is in something by more than SKIN: a hull that rests on the seabed is not."""
         if any(touch.depth > SKIN for touch in self.find(state)):
             return True
         if self._relief is None:
@@ -171,7 +172,7 @@ class Contact:
         return self._relief.sunk(state.position, places) > SKIN
 
     def _settle(self, state: State, relief: "SeabedContact | None") -> None:
-        """Give the vehicle the blow of what it touches, and put it back; out of the steps of `relief` too."""
+        """Apply the impulses of all contacts and correct the position; also at steps of the seabed in `relief`."""
         self._share = self._motion(state)
         if relief is not None:
             self._leave_step(relief, state)
@@ -179,62 +180,64 @@ class Contact:
         if not touches and not self.touching:
             return
         if touches:
-            self._strike_in_step(state, touches)
+            self._collide(state, touches)
         for _ in range(_PASSES):
             touches = self.find(state)
             if not touches or touches[0].depth <= _DEPTH_LEFT:
                 break
-            if not self.touching:  # by what the first half of the way made of it
-                self._strike(state, touches)
-            self._put_back(state, touches)
+            if not self.touching:  # there was no contact at the end of the step, only after a correction
+                self._apply_impulses(state, touches)
+            self._correct_position(state, touches)
         if relief is not None and self._leave_step(relief, state):  # a slope has pushed it there
             places = relief.places(rotations.matrix(state.quaternion))
             north, east, down = state.position
             state.position = [north, east, down - max(0.0, relief.sunk(state.position, places))]
 
-    def _strike_in_step(self, state: State, touches: Sequence[Touch]) -> None:
-        """Give the blow when the hull met the thing, and go the rest of the step's way again."""
+    def _collide(self, state: State, touches: Sequence[Touch]) -> None:
+        """Apply the impulses at the time of the impact, and repeat the rest of the step with the new velocity."""
         before, since = state.nu, 0.0
         for touch in touches:
             closing = -_speed(touch, before)
             if closing > 0.0 and touch.depth > 0.0:
                 since = max(since, touch.depth / closing)
         since = min(since, self._dt)
-        if self._restitution and since:  # what the step's acceleration has added since then does not bounce
+        if self._restitution and since:  # the velocity gained after the impact has no restitution
             gained = [since * x for x in state.nu_dot]
             state.nu = [a - b for a, b in zip(before, gained, strict=True)]
-            self._strike(state, touches)
+            self._apply_impulses(state, touches)
             state.nu = [a + b for a, b in zip(state.nu, gained, strict=True)]
-            self._strike(state, touches, 0.0)
+            self._apply_impulses(state, touches, 0.0)
         else:
-            self._strike(state, touches)
+            self._apply_impulses(state, touches)
         if since:
             self._move(state, [since * (a - b) for a, b in zip(state.nu, before, strict=True)])
 
-    def _strike(self, state: State, touches: Sequence[Touch], most: float = 1.0) -> None:
-        """Stop the motion into what it touches, with at most `most` of a restitution."""
-        if not self.touching:  # the first in this step
+    def _apply_impulses(self, state: State, touches: Sequence[Touch], most: float = 1.0) -> None:
+        """Stop the motion into what it touches, with a restitution of at most `most`."""
+        if not self.touching:  # the first contact in this step
             self.impulse = (0.0,) * 6
         self.touching, self.what = True, touches[0].what
-        state.nu, given = self._blow(touches, self.inverse_mass, state.nu, self._friction, min(self._restitution, most))
+        state.nu, given = self._solve_impulses(
+            touches, self.inverse_mass, state.nu, self._friction, min(self._restitution, most)
+        )
         self.impulse = [a + b for a, b in zip(self.impulse, given, strict=True)]
 
-    def _put_back(self, state: State, touches: Sequence[Touch]) -> None:
+    def _correct_position(self, state: State, touches: Sequence[Touch]) -> None:
         way = self._separate(touches, self.inverse_mass)
-        if max(map(abs, way[3:])) > _MOST_TURN:  # it is far inside, as nothing gets by moving
+        if max(map(abs, way[3:])) > _MOST_TURN:  # deeper inside than motion can bring it: it was placed there
             depth, normal = touches[0][:2]
             way = [*(depth * x for x in normal), 0.0, 0.0, 0.0]
         self._move(state, way)
 
     def _move(self, state: State, way: Sequence[float]) -> None:
-        """Move and turn the vehicle by so much (m, rad, body axes)."""
+        """Move and turn the vehicle by `way` (m, rad, body axes)."""
         moved = rotations.rotate(state.quaternion, way[:3])
         state.position = [a + b for a, b in zip(state.position, moved, strict=True)]
         if any(way[3:]):
             state.quaternion = rotations.integrate(state.quaternion, way[3:], 1.0)
 
     def _motion(self, state: State) -> float:
-        """Return how far (m) any place of the hull has come at most since it was free."""
+        """Return how far (m) any point of the hull has moved at most since the last place without contact."""
         if self._last is None:
             return inf
         position, quaternion = self._last
@@ -243,7 +246,10 @@ class Contact:
         return _ROUNDING + way + 2.0 * turn * self.radius
 
     def _leave_step(self, relief: "SeabedContact", state: State) -> bool:
-        """Move out of a step: back in north, in east, in both, or turn back too: the first that does; True if so."""
+        """Move the hull out of a step of the seabed; return True if it was in one.
+
+        It tries the last north, the last east, and both; then the last place and attitude without contact.
+        """
         assert self._last is not None
         rotation = rotations.matrix(state.quaternion)
         places = relief.places(rotation)
@@ -266,14 +272,14 @@ class Contact:
             if back:
                 normal = [0.0, 0.0, 0.0]
                 normal[axis] = 1.0 if back > 0.0 else -1.0
-                self._strike(state, [Touch(0.0, _to_body(rotation, normal), lever, SEABED)])
+                self._apply_impulses(state, [Touch(0.0, _to_body(rotation, normal), lever, SEABED)])
         state.position = list(position)
         return True
 
     def _find_solids(
         self, state: State, places: Sequence[tuple[float, float, float, float]], rotation: Rotation
     ) -> list[tuple[float, Vector3, Vector3, str]]:
-        """Return the touches of what is near, and find how far it may go before there is one."""
+        """Return the contacts with obstacles; update how far the vehicle may move before the next one is possible."""
         self._free = self._find_near(state)
         position = self._north, self._east, down = state.position
         found: list[tuple[float, Vector3, Vector3, str]] = []
@@ -293,7 +299,7 @@ class Contact:
         return found
 
     def _find_near(self, state: State) -> float:
-        """Look again for what is near, once the vehicle is half out of it; return how far (m) the rest is at least."""
+        """Update the list of near obstacles where needed; return the least distance (m) of all others."""
         north, east, _ = state.position
         (from_north, from_east), limit = self._near_place, self.radius + _NEAR
         away = hypot(north - from_north, east - from_east)
@@ -315,7 +321,7 @@ class Contact:
 
 
 def _speed(touch: Touch, nu: Sequence[float]) -> float:
-    """Return how fast (m/s) a place of the hull leaves what it touches."""
+    """Return the speed (m/s) at which a point of contact moves away from what it touches."""
     (a, b, c), (x, y, z), (u, v, w, p, q, r) = touch.normal, touch.lever, nu
     return a * (u + q * z - r * y) + b * (v + r * x - p * z) + c * (w + p * y - q * x)
 

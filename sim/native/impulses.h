@@ -1,4 +1,4 @@
-/* The blow of a vehicle that touches things: sim/environment/contact/impulses.py says what is computed and why. */
+/* Collision impulses of a vehicle: sim/environment/contact/impulses.py says what is computed and why. */
 
 #define MOST_TOUCHES 8
 #define ROUNDS 30
@@ -100,7 +100,7 @@ static int impulses_read(PyObject *touches, PyObject *matrix, double *numbers, d
     return read_numbers(touches, numbers, size) && read_numbers(matrix, mass, 36) ? (int)(size / 7) : -1;
 }
 
-static PyObject *impulses_blow(PyObject *module, PyObject *arguments)
+static PyObject *apply_impulses(PyObject *module, PyObject *arguments)
 {
     PyObject *given, *matrix, *before;
     double numbers[7 * MOST_TOUCHES], mass[36], start[6], nu[6], friction, restitution, total[6] = {0.0};
@@ -167,8 +167,8 @@ static PyObject *impulses_separate(PyObject *module, PyObject *arguments)
 }
 
 static PyMethodDef impulses_functions[] = {
-    {"blow", impulses_blow, METH_VARARGS,
-     "blow(touches, inverse_mass, nu, friction, restitution): nu and impulse after a blow. `touches` are 7 numbers each,\n"
+    {"apply_impulses", apply_impulses, METH_VARARGS,
+     "apply_impulses(touches, inverse_mass, nu, friction, restitution): nu and impulse after a collision. `touches` are 7 numbers each,\n"
      "depth, normal, lever; `inverse_mass` 36 numbers."},
     {"separate", impulses_separate, METH_VARARGS, "separate(touches, inverse_mass): the least way that undoes all depths."},
     {NULL, NULL, 0, NULL},

@@ -1,4 +1,4 @@
-"""The blow of a vehicle that touches things, in C (sim/native/impulses.h). Raises ImportError where there is none."""
+"""Solve the impulses of a collision in C (sim/native/impulses.h). Raises ImportError where it was not compiled."""
 
 from collections.abc import Sequence
 
@@ -7,11 +7,13 @@ from sim.matrices import Matrix
 from sim.native import _native
 
 
-def blow(
+def apply_impulses(
     touches: Sequence[Touch], inverse_mass: Matrix, nu: Sequence[float], friction: float, restitution: float
 ) -> tuple[list[float], list[float]]:
-    """Return nu and impulse after a blow: see sim.environment.contact.impulses."""
-    return _native.blow(_numbers(touches), [x for row in inverse_mass for x in row], nu, friction, restitution)
+    """Return nu and impulse after a collision: see sim.environment.contact.impulses."""
+    return _native.apply_impulses(
+        _numbers(touches), [x for row in inverse_mass for x in row], nu, friction, restitution
+    )
 
 
 def separate(touches: Sequence[Touch], inverse_mass: Matrix) -> list[float]:

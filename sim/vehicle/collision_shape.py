@@ -26,8 +26,8 @@ class Collision(NamedTuple):
     """The keys of how a vehicle touches things: see the top of this module.
 
     `friction` is Coulomb's coefficient, of sliding and of sticking alike, against whatever it touches; `restitution`
-    the share of the closing speed that is left after a blow, the other way. Both are our choice: wet plastic or steel
-    on sand or concrete has 0.3 to 0.6, and a blow under water leaves less than one in air.
+    the share of the closing speed that is left after a collision, in the other direction. Both are our choice: wet
+    plastic or steel on sand or concrete has 0.3 to 0.6, and the restitution under water is less than in air.
     """
 
     shape: Literal["auto", "capsule", "box", "spheres"] = "auto"

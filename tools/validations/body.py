@@ -1,4 +1,4 @@
-"""The rigid body: energy of what turns, heavy added mass, blows against obstacles."""
+"""The rigid body: energy of what turns, heavy added mass, collisions with obstacles."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -189,7 +189,7 @@ def _largest_speed() -> float:
     return largest
 
 
-# -- blows ------------------------------------------------------------------------------------------------------------
+# -- collisions --------------------------------------------------------------------------------------------------------
 
 PLACES = {
     "on the seabed": (-8.0, -8.0, 2.0), "on a stump": (-5.0, 0.1, 2.0), "on its edge": (-5.0, 1.6, 2.0),
@@ -197,7 +197,7 @@ PLACES = {
 }  # fmt: skip
 
 
-def blows(panels: Sequence[Axes]) -> list[Finding]:
+def collisions(panels: Sequence[Axes]) -> list[Finding]:
     """A vehicle that is 5 kg too heavy falls on an obstacle without drag, and slides off it with friction. A
     contact takes energy at every length of the step, because it is computed by impulses and not by a stiff spring."""
     depth, total = panels
@@ -232,5 +232,5 @@ def _fall(place: Sequence[float]) -> tuple[list[float], Energies]:
 SHEETS = [
     Sheet("Energy of what turns", energy),
     Sheet("Added mass beyond the mass", added_mass),
-    Sheet("Blows", blows),
+    Sheet("Collisions", collisions),
 ]

@@ -1,1 +1,1 @@
-"""The touches of a hull, and the blows it gets: parts of sim/environment/collision.py, which alone uses them."""
+"""Find the contacts of a hull and solve their impulses: parts of sim/environment/collision.py, their only user."""

@@ -1,13 +1,13 @@
-"""The blow that a vehicle gets where it touches things: impulses with Coulomb friction and restitution.
+"""Solve the impulses of a collision, with Coulomb friction and restitution.
 
-Each touch is a point of the hull with a normal, and takes two impulses: one along the normal that only pushes, and one
-against the sliding, at most `friction` times the other. They are found one after the other, again and again
-(projected Gauss-Seidel; Catto 2005, "Iterative dynamics with temporal coherence"), with the whole 6x6 mass matrix, so a
-nose that touches turns the vehicle, and its added mass takes part in the blow.
+Each contact is a point of the hull with a normal, and has two impulses: one along the normal that only pushes, and one
+against the sliding, at most `friction` times the other. They are solved one after the other, repeatedly (projected
+Gauss-Seidel; Catto 2005, "Iterative dynamics with temporal coherence"), with the whole 6x6 mass matrix. So a contact at
+the nose turns the vehicle, and the added mass takes part in the collision.
 
-Energy. What impulses give is sum(impulse * (speed before + speed after) / 2) of their points, without the mass
-matrix. Restitution as Newton has it can make energy where there is friction (Kane & Levinson 1985); a blow that would
-is found again without restitution and friction, where each impulse is that which leaves the least energy.
+Energy. The work of the impulses is sum(impulse * (speed before + speed after) / 2) over their points, without the mass
+matrix. Newton's restitution can add energy where there is friction (Kane & Levinson 1985). A collision that would add
+energy is solved again without restitution and friction, which leaves the least energy.
 
 This is the specification; sim/native/impulses.h is its C twin, equal to the last bit.
 """
@@ -19,19 +19,22 @@ from typing import NamedTuple
 from hil.common.vectors import Vector3
 from sim.matrices import Matrix
 
-SKIN = 1e-4  # m: where a hull touches, what is so near touches too; else it would rock from one step to the next
+SKIN = 1e-4  # m: in a contact, points so near count as contacts too, or the hull would rock from step to step
 _ROUNDS = 30
-_ENOUGH = 1e-4  # of the greatest closing speed: a round that changes less is the last
+_ENOUGH = 1e-4  # of the greatest closing speed: an iteration that changes less is the last
 _LEAST = 1e-12  # m/s
-_QUIET = 0.03  # m/s: what closes slower does not bounce, so that a vehicle comes to rest
+_QUIET = 0.03  # m/s: a slower contact has no restitution, so that a vehicle comes to rest
 
 Six = Sequence[float]
-Blow = Callable[["Sequence[Touch]", Matrix, Six, float, float], tuple[list[float], list[float]]]
+ApplyImpulses = Callable[["Sequence[Touch]", Matrix, Six, float, float], tuple[list[float], list[float]]]
 Separate = Callable[["Sequence[Touch]", Matrix], list[float]]
 
 
 class Touch(NamedTuple):
-    """A point of the hull in something: how deep (m, across), the normal out of it, and the point, in body axes."""
+    """A point of contact: the penetration (m, along the normal), the normal out of the obstacle, and the point (m).
+
+    Normal and point are along the body axes.
+    """
 
     depth: float
     normal: Vector3
@@ -40,7 +43,7 @@ class Touch(NamedTuple):
 
 
 class _Row:
-    """One impulse: along a unit vector at a point of the hull. `answer` is the nu that an impulse of 1 N s gives."""
+    """One impulse, along a unit vector at a point of the hull. `answer` is the change of nu by an impulse of 1 N s."""
 
     __slots__ = ("answer", "before", "impulse", "inertia", "row", "target")
 
@@ -60,10 +63,10 @@ class _Row:
         return a * nu[0] + b * nu[1] + c * nu[2] + d * nu[3] + e * nu[4] + f * nu[5]
 
 
-def blow(
+def apply_impulses(
     touches: Sequence[Touch], inverse_mass: Matrix, nu: Six, friction: float, restitution: float
 ) -> tuple[list[float], list[float]]:
-    """Return the nu after a blow at these touches, and the impulse about the origin (N s, N m s, body axes)."""
+    """Return the nu after a collision at these points, and the impulse about the origin (N s, N m s, body axes)."""
     normals = [_Row(touch.normal, touch.lever, inverse_mass, nu) for touch in touches]
     if min([row.before for row in normals]) >= 0.0:
         return list(nu), [0.0] * 6
@@ -88,7 +91,7 @@ def blow(
 
 
 def separate(touches: Sequence[Touch], inverse_mass: Matrix) -> list[float]:
-    """Return the least way (m, rad, body axes; least in the measure of the mass) that undoes all these depths."""
+    """Return the displacement (m, rad, body axes) of least mass-weighted norm that removes all these penetrations."""
     rest = [0.0] * 6
     rows = [_Row(touch.normal, touch.lever, inverse_mass, rest) for touch in touches]
     for row, touch in zip(rows, touches, strict=True):
@@ -97,7 +100,7 @@ def separate(touches: Sequence[Touch], inverse_mass: Matrix) -> list[float]:
 
 
 def _sliding(touch: Touch, normal: _Row, inverse_mass: Matrix, nu: Six) -> _Row | None:
-    """Return the impulse along which a point slides; None if it does not."""
+    """Return the friction impulse of a point, along its sliding velocity; None if it does not slide."""
     u, v, w, p, q, r = nu
     x, y, z = touch.lever
     a, b, c = touch.normal
@@ -110,7 +113,10 @@ def _sliding(touch: Touch, normal: _Row, inverse_mass: Matrix, nu: Six) -> _Row 
 
 
 def _solve(normals: Sequence[_Row], slides: Sequence[_Row | None], nu: Six, friction: float) -> list[float]:
-    """Set the impulses so that no point moves in slower than its target, and none slides that friction can hold."""
+    """Set the impulses; return the nu after them.
+
+    Each point then leaves at its target speed or faster, and does not slide where friction can hold it.
+    """
     nu = list(nu)
     closing = max([row.target - row.before for row in normals])
     for _ in range(_ROUNDS):

@@ -25,8 +25,8 @@ _DEEP = 1e5  # m: no seabed is met
 class MeshContact:
     """Finds where the hull `shape` is in a mesh of `world`.
 
-    Looked at are the rays from its middle to places of its surface: along edges, in rings around rods with a radius.
-    What is thinner than the distance of two such places may come between them.
+    Rays are cast from its middle to places of its surface: along edges, and in rings around rods with a radius. A thing
+    that is thinner than the distance of two such places may be missed.
     """
 
     def __init__(self, world: World, shape: HullShape) -> None:
@@ -41,9 +41,10 @@ class MeshContact:
         self._reach = max(self._lengths)
 
     def touches(self, position: Sequence[float], rotation: Rotation) -> Iterator[tuple[float, Vector3, Vector3, str]]:
-        """Yield where a mesh reaches into the hull.
+        """Yield each place where a mesh is in the hull.
 
-        How far (m, across its surface), the normal there, the place of the hull from its origin (NED), and which mesh.
+        That is the penetration (m, along the normal), the normal, the place relative to the hull's origin (m, NED), and
+        the name of the mesh.
         """
         hits = self._scene.hits(position, self._directions, self._reach, rotation)
         xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation

@@ -1,4 +1,4 @@
-"""Contact of a hull with a seabed that has relief: which places of it are in the seabed, and how deep."""
+"""Contact of a hull with a seabed that has relief: find the places of the hull in the seabed, and how deep they are."""
 
 from collections.abc import Sequence
 from math import ceil, inf
@@ -12,7 +12,7 @@ from sim.vehicle.collision_shape import HullShape
 if TYPE_CHECKING:
     from sim.environment.terrain import Terrain
 
-_ROAM = 2.0  # m: how far the shallowest seabed around is known
+_ROAM = 2.0  # m: half side of the square of which the shallowest seabed is stored
 _PER_CELL = 2  # places along a rod for each cell of the grid
 _MOST_PLACES = 8  # along a rod
 _ASIDE = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
@@ -26,7 +26,7 @@ class Places(NamedTuple):
 
 
 class SeabedContact:
-    """The hull `shape` over `terrain`. On relief the ends of its rods are looked at, and places between them."""
+    """The hull `shape` over `terrain`. The ends of its rods are checked, and places between them."""
 
     def __init__(self, terrain: "Terrain", shape: HullShape) -> None:
         self._terrain = terrain
@@ -40,11 +40,11 @@ class SeabedContact:
                 share = k / count
                 x, y, z, radius = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
                 self._spheres.append((x, y, z, radius))
-        # Within _ROAM m of this place nothing reaches up to this depth.
+        # Within _ROAM m of this place the seabed is nowhere as shallow as this depth.
         self._north, self._east, self._shallowest = inf, inf, 0.0
 
     def is_far(self, position: Sequence[float]) -> bool:
-        """Return True if nothing around is as shallow as the hull can reach down: the quickest look."""
+        """Return True if the seabed around is deeper than the hull can reach at any attitude: the quickest check."""
         north, east, down = position
         away_north, away_east = north - self._north, east - self._east
         if away_north * away_north + away_east * away_east > _ROAM * _ROAM:
@@ -53,7 +53,7 @@ class SeabedContact:
         return down + self._reach < self._shallowest
 
     def is_clear(self, position: Sequence[float], lowest: float) -> bool:
-        """Return True if nothing around is as shallow as `lowest` m, the depth of the lower end: a quick look."""
+        """Return True if the seabed around is deeper than `lowest` m, the depth of the hull's lower end."""
         if self.is_far(position) or lowest <= self._shallowest:
             return True
         return lowest <= self._terrain.shallowest(position[0], position[1], self._reach)
@@ -72,9 +72,9 @@ class SeabedContact:
         return Places(spheres, points)
 
     def touches(self, position: Sequence[float], places: Places, most: float) -> list[tuple[float, Vector3, Vector3]]:
-        """Return what is in the seabed: how deep (m, across it), the seabed's normal there, and the place.
+        """Return the places in the seabed: the penetration (m, along the normal), the seabed's normal, and the place.
 
-        What is in by more than `most` m has come into a step, and does not count.
+        A place that is deeper than `most` m in it is in a step of the seabed, and is left out.
         """
         north, east, down = position
         found: list[tuple[float, Vector3, Vector3]] = []
@@ -97,7 +97,7 @@ class SeabedContact:
         return None
 
     def sunk(self, position: Sequence[float], places: Places) -> float:
-        """Return how far straight up in m the hull would have to go to be free; negative if it is."""
+        """Return how far up (m) the hull would have to move to be above the seabed; negative if it is above."""
         return max(self._sunk(position, place) for place in places.points)
 
     def _sunk(self, position: Sequence[float], place: Vector3) -> float:

@@ -16,7 +16,7 @@ Surface = tuple[float, float, float, float]  # distance (m, negative inside) and
 
 
 def distance_to(obstacle: Obstacle, north: float, east: float, down: float) -> Surface:
-    """Return how far a place (NED, m) is from an obstacle, and the way out."""
+    """Return the distance of a place (NED, m) from an obstacle, and the direction out of it."""
     side, out_north, out_east = obstacle.separation(north, east)
     above, below = obstacle.top - down, down - obstacle.bottom
     end, up = (above, -1.0) if above >= below else (below, 1.0)
@@ -29,10 +29,10 @@ def distance_to(obstacle: Obstacle, north: float, east: float, down: float) -> S
 def touches(
     obstacle: Obstacle, shape: HullShape, position: Sequence[float], places: Sequence[Place]
 ) -> Iterator[tuple[float, Vector3, Vector3]]:
-    """Yield where the hull is in the obstacle: how deep (m, across), the normal, and the place from its origin.
+    """Yield each place of the hull in the obstacle: penetration (m, along the normal), normal, and the place (m, NED).
 
-    `places` are the points of `shape`, turned. An obstacle is convex, so along a rod the distance to it has one least
-    value: it is looked for by halving.
+    `places` are the points of `shape` relative to the origin, along NED. An obstacle is convex, so along a rod the
+    distance to it has one minimum, which is found by halving.
     """
     north, east, down = position
     surfaces = [distance_to(obstacle, north + x, east + y, down + z) for x, y, z, _ in places]

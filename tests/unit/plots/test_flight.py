@@ -45,7 +45,7 @@ def test_the_table_tells_why_it_moves(flown: Flight, tmp_path: Path) -> None:
 
 
 def test_in_contact_the_forces_still_add_up_to_mass_times_acceleration(tmp_path: Path) -> None:
-    """Ahead into the north wall and against it for seconds: no force is missing, not even that of the first blow."""
+    """Ahead into the north wall and against it for seconds: no force is missing, not even that of the first contact."""
     vehicle = load_vehicle("paper_six")[0]
     simulation = Simulation(vehicle, load_world("pool"), {}, position=(7.5, 0.0, 2.0))
     flight, felt = Flight(simulation), []
@@ -63,11 +63,11 @@ def test_in_contact_the_forces_still_add_up_to_mass_times_acceleration(tmp_path:
             columns = [row[f"{term}_{axis}"] for term in Forces._fields if term != "total"]
             assert row[f"total_{axis}"] == pytest.approx(sum(columns), rel=1e-6, abs=1e-6)
             moved = sum(a * b for a, b in zip(line, felt[number], strict=True))
-            # The other forces are those after the step, and the speed that a blow takes they have lost with it.
+            # The other forces are those after the step, without the speed that the contact has taken.
             slack = max(0.5, (0.05 if number == touched[0] else 0.005) * abs(row["contact_x_n"]))
             assert sum(columns) == pytest.approx(moved, abs=slack), (number, axis)
-    blow, pressed = rows[touched[0]], rows[-1]
-    assert blow["contact_x_n"] < -1000.0, "the mean of one step of 2.5 ms"
+    apply_impulses, pressed = rows[touched[0]], rows[-1]
+    assert apply_impulses["contact_x_n"] < -1000.0, "the mean of one step of 2.5 ms"
     assert pressed["contact_x_n"] == pytest.approx(-pressed["thrusters_x_n"], rel=0.05)
     assert pressed["thrusters_x_n"] > 10.0
 

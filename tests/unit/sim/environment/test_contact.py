@@ -29,19 +29,19 @@ def kinetic(mass: list[list[float]], nu: Sequence[float]) -> float:
     return 0.5 * sum(v * sum(m * x for m, x in zip(row, nu, strict=True)) for row, v in zip(mass, nu, strict=True))
 
 
-def test_a_blow_never_adds_energy() -> None:
+def test_a_collision_never_adds_energy() -> None:
     """Random states inside things, an uneven mass matrix: energy falls or stays."""
     skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
     dynamics = Dynamics(skewed, 1025.0, 9.8)
-    random, blows = Random(1), 0
+    random, contacts = Random(1), 0
     for _ in range(2000):
         contact = Contact(skewed, SEA, dynamics.inverse_mass)
         place = (random.uniform(-8, 8), random.uniform(-8, 8), random.uniform(4, 10.5))
         state = State(place, normalise([random.gauss(0, 1) for _ in range(4)]), [random.gauss(0, 2) for _ in range(6)])
         before = kinetic(dynamics.mass, state.nu)
-        blows += contact.resolve(state)
+        contacts += contact.resolve(state)
         assert kinetic(dynamics.mass, state.nu) <= before * (1.0 + 1e-12)
-    assert blows > 200
+    assert contacts > 200
 
 
 def closing(touch: Touch, nu: Sequence[float]) -> float:
@@ -51,7 +51,7 @@ def closing(touch: Touch, nu: Sequence[float]) -> float:
     return -sum(a * b for a, b in zip(touch.normal, velocity, strict=True))
 
 
-def test_after_a_blow_nothing_closes() -> None:
+def test_after_a_collision_nothing_closes() -> None:
     dynamics = Dynamics(VEHICLE, 1025.0, 9.8)
     contact = Contact(VEHICLE, SEA, dynamics.inverse_mass)
     state = State((1.75, 0.0, 5.0), normalise((1.0, 0.2, 0.1, 0.4)), (1.0, -0.8, 0.2, 0.1, 0.0, 0.3))

@@ -51,19 +51,19 @@ def sinking() -> Vehicle:
     )  # fmt: skip
 
 
-def test_a_blow_never_adds_kinetic_energy() -> None:
+def test_a_collision_never_adds_kinetic_energy() -> None:
     """Random states in rough ground, an uneven mass matrix."""
     skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
     world, dynamics = world_of(Fractal(8.0, 1.0, seed=2)), Dynamics(skewed, 1025.0, 9.8)
-    chance, blows = Random(1), 0
+    chance, contacts = Random(1), 0
     for _ in range(500):
         contact = Contact(skewed, world, dynamics.inverse_mass)
         place = (chance.uniform(-8, 8), chance.uniform(-8, 8), chance.uniform(4, 10.5))
         state = State(place, normalise([chance.gauss(0, 1) for _ in range(4)]), [chance.gauss(0, 2) for _ in range(6)])
         before = kinetic(dynamics.mass, state.nu)
-        blows += contact.resolve(state)
+        contacts += contact.resolve(state)
         assert kinetic(dynamics.mass, state.nu) <= before * (1.0 + 1e-12)
-    assert blows > 100
+    assert contacts > 100
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, -2.2])

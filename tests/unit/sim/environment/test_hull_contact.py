@@ -174,7 +174,7 @@ TUMBLES = [
 def test_tumbling_on_the_seabed_makes_no_energy(restitution: float, friction: float, attitude: Sequence[float]) -> None:
     """A box that falls on a corner, tumbles and bounces without any drag; 48 J are to be lost.
 
-    A step may add what its own way is worth, a blow that returns all speed a little more: over the whole no energy.
+    A single step may add a little, as much as the way of that step; over the whole fall no energy is added.
     """
     vehicle = ball(Collision(restitution=restitution, friction=friction))
     vehicle = vehicle._replace(collision=Collision(friction=friction, restitution=restitution))
