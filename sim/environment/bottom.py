@@ -1,4 +1,4 @@
-"""The material of a seabed: the `[bottom]` of a world, for all that looks at it.
+"""The material of a seabed: the `[bottom]` of a world, for sonars and cameras.
 
 [bottom]
 kind = "sand"
@@ -6,8 +6,8 @@ ripple_height = 0.03           # m, from trough to crest
 ripple_length = 0.4
 ripple_heading = "30 deg"      # across the crests
 
-A grid of depths says nothing of what is smaller than its cells. sim/environment/texture.py makes that up from this
-record, the same for sonars and cameras, in every run, and from wherever it is seen.
+A grid of depths has nothing that is smaller than its cells. sim/environment/texture.py generates such detail from this
+record: the same for sonars and cameras, in every run, and from every side.
 """
 
 from math import pi

@@ -14,8 +14,8 @@ depth = 12.0
 slope = 0.1
 
 The file is row after row of little-endian 32-bit floats: row i lies at north = north_min + i resolution, column j at
-east = east_min + j resolution, each value is the depth of the seabed in m, land negative. It is mapped, not read, so
-that a chart of any size costs only the pages that are looked at.
+east = east_min + j resolution, each value is the depth of the seabed in m, land negative. The file is memory-mapped, so
+that a chart of any size takes only the memory of the pages in use.
 
 Beyond the grid the seabed is flat, at the world's `depth`. A node without data is NaN; the cells around it are a wall
 from the seabed to `NO_DATA` m, because nobody knows whether there is a way.
@@ -94,9 +94,9 @@ class Terrain:
         return least
 
     def unmap(self) -> None:
-        """Give back the pages of a mapped file; they come again where they are looked at.
+        """Release the pages of a mapped file; the kernel reads them again where they are needed.
 
-        The kernel maps 64 KiB around each place, so looks at places all over a large world add up.
+        It maps 64 KiB around each place, so places all over a large world take much memory together.
         """
         if isinstance(self.depths, memoryview):
             import mmap

@@ -16,7 +16,7 @@ _FAR_M2 = 0.0625  # m², from where the motion was computed last
 
 
 class FluidMotion:
-    """Currents and waves as one vehicle feels them at its origin.
+    """Currents and waves at the origin of one vehicle.
 
     The velocity of the water goes into the equations of motion as that of the current does. Water that
     accelerates pushes besides, on what it would itself fill of the hull and on the added mass:
@@ -35,7 +35,7 @@ class FluidMotion:
         self._mass = pushed_mass(vehicle, world.density)
 
     def carry(self, vehicle: Vehicle, density: float) -> None:
-        """Push `vehicle` from now on: what it was, without what it has dropped."""
+        """Use the mass and shape of `vehicle` from now on, after it has dropped a weight."""
         self._mass = pushed_mass(vehicle, density)
 
     def act(self, time_ns: int, state: State, wrench: Sequence[float]) -> tuple[Velocity, Sequence[float]]:
@@ -69,10 +69,10 @@ class FluidMotion:
 
 
 class SampledWaves:
-    """A sea whose motion is computed every `hold` s where the vehicle is then; its velocity grows linearly in between.
+    """Waves whose motion is computed every `hold` s at the place of the vehicle; the velocity is linear in between.
 
-    So it is off by about (omega hold)² / 2 of each wave's at most, where one that is kept as it was is by omega hold.
-    It is computed again where the vehicle is more than 0.25 m away, as one that is put elsewhere.
+    Its error is at most about (omega hold)² / 2 of each wave's velocity; that of a constant one would be omega hold.
+    The motion is also computed again when the vehicle has moved more than 0.25 m, as when it is placed elsewhere.
     """
 
     def __init__(self, waves: Waves, world: World, seed: int) -> None:

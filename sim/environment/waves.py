@@ -9,10 +9,10 @@ With z the depth, h that of the seabed, and theta = k . (north, east) - omega t 
     pressure             rho g a cosh(k (h - z)) / cosh(k h) cos(theta), on top of that of calm water
     omega² = g k tanh(k h)
 
-which in deep water is a motion in circles that dies away as exp(-k z). The drift of what goes along with the
-water comes by itself. Not modelled: what is of second order in the height of the single waves (sharper crests,
-bound waves), breaking, wave and current together, the sea's calm behind obstacles, motion above the mean
-surface: there that at the surface is given. Pressure alone follows the surface up and down.
+In deep water this is a circular motion that decreases as exp(-k z). The Stokes drift of a body that moves with the
+water results from it. Not modelled: terms of second order in the height of the single waves (sharper crests, bound
+waves), breaking, the interaction of waves and current, the shelter behind obstacles, motion above the mean surface,
+where that at the surface is used. Pressure alone follows the surface up and down.
 """
 
 from itertools import pairwise
@@ -26,7 +26,7 @@ from sim.interpolation import PiecewiseLinear
 # Frequencies from and to, as multiples of the peak's: a thousandth of the energy is above. Cells of the integral
 # for each component: so many that even at the sharpest peak no two components fall into one and beat no more.
 _LOWEST, _HIGHEST, _CELLS = 0.3, 6.0, 40
-# So far from where and when it was sampled, s and m² over the ground, the surface is taken to be a plane that rises.
+# Within this time (s) and this square of the distance (m²) of the last sample, the surface is taken as a moving plane.
 _NEAR_S, _NEAR_M2 = 0.2, 1.0
 
 
@@ -169,7 +169,7 @@ class WaveField:
     def motion(self, time: float, north: float, east: float, depth: float) -> WaterMotion:
         """Return how the water moves at a place (m, NED) at `time` s.
 
-        Costs about half a microsecond a component: callers hold it for some milliseconds.
+        It takes about half a microsecond for each component: callers reuse a result for some milliseconds.
         """
         depth = min(max(depth, 0.0), self.depth)
         v_north = v_east = v_down = a_north = a_east = a_down = 0.0
@@ -178,7 +178,7 @@ class WaveField:
         for kn, ke, k, omega, phase, speed, echo, to_north, to_east, amplitude in self._rows:
             theta = kn * north + ke * east - omega * time + phase
             decay = exp(-k * depth)
-            rise = echo / decay if echo else 0.0  # what the seabed sends back; not there in deep water
+            rise = echo / decay if echo else 0.0  # reflection by the seabed; none in deep water
             level, steep = speed * (decay + rise), speed * (decay - rise)
             cosine, sine = cos(theta), sin(theta)
             along, falling = level * cosine, amplitude * sine

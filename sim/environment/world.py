@@ -68,7 +68,7 @@ class World(NamedTuple):
     box: tuple[Box, ...] = ()
     bottom: Bottom | None = None
     zones: str = ""
-    ocean: "Ocean | None" = None  # these are read by load_world, each with a schema of its own
+    ocean: "Ocean | None" = None  # load_world reads this and the following, each with a schema of its own
     terrain: "Terrain | None" = None
     mesh: "tuple[MeshObstacle, ...]" = ()
     pipeline: "tuple[Pipeline, ...]" = ()
@@ -102,7 +102,7 @@ class World(NamedTuple):
         return (*self.cylinder, *self.box, *self._walls())
 
     def within(self, north: float, east: float, distance: float) -> list[Obstacle]:
-        """Return the upright obstacles but for those that are farther than so many m from a place, by a quick look."""
+        """Return the upright obstacles within `distance` m of a place, and a few more: a quick selection."""
         piles = [o for o in self.cylinder if abs(o[0] - north) < distance + o[2] and abs(o[1] - east) < distance + o[2]]
         blocks = [
             o for o in self.box
@@ -216,7 +216,7 @@ def load_world(name_or_path: str) -> World:
             path + _CHECKED, stamp, ({**rest, **sections}, [*map(tuple, world.cylinder)], [*map(tuple, world.box)], now)
         )
     if world.terrain is not None:
-        world.terrain.unmap()  # what the obstacles stand on
+        world.terrain.unmap()  # the pages below the obstacles, which were read to check them
     return world
 
 
@@ -228,7 +228,7 @@ def _stamp_of_bed(terrain: "dict[str, Any] | None", path: str) -> "Stamp | None"
 
 
 def _with_sections(world: World, sections: dict[str, Any], path: str) -> World:
-    """Return the world with what has a schema of its own: most worlds do without these, and start sooner."""
+    """Return the world with the sections that have a schema of their own; each is imported only where it is used."""
     if "mesh" in sections:
         from sim.environment.mesh import read_meshes
 

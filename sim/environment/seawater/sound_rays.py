@@ -32,7 +32,7 @@ class Ray(NamedTuple):
 class SoundRays:
     """Rays in water with `speeds` (m/s) at growing `depths` (m), linear in between and constant beyond them.
 
-    `bottom` (m) is a level bed. Of several rays the one without a turning point is taken, else the one that is there
+    `bottom` (m) is a level seabed. Of several rays the one without a turning point is used, else the one that arrives
     first. Not modelled: reflected rays, sound that is scattered or diffracted into a shadow, caustics.
     """
 

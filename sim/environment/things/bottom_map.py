@@ -102,7 +102,7 @@ class BottomMap:
 
     def _bytes(self) -> "mmap":
         if self._mapped is None:
-            from mmap import ACCESS_READ, mmap  # when somebody looks: not while a vehicle starts
+            from mmap import ACCESS_READ, mmap  # at the first use, not while a vehicle starts
 
             with open(self.path, "rb") as file:
                 self._mapped = mmap(file.fileno(), 0, access=ACCESS_READ)

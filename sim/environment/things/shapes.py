@@ -6,8 +6,8 @@ north = 20.0
 east = 5.0
 diameter = 20.0                # keys of the kind, which differ
 
-They are meshes for all that meets them, as `[[mesh]]` is. A net is a lattice of twines: a ray of light or sound that
-comes between them goes on, and a vehicle does not pass.
+Sensors, contact, planners and the view treat them as they treat a `[[mesh]]`. A net is a lattice of twines: rays of
+light and sound pass between the twines, vehicles do not.
 """
 
 from collections.abc import Callable
@@ -36,7 +36,7 @@ _PLACES = 65  # of a rope or chain that hangs
 
 
 class Part(NamedTuple):
-    """Triangles of one look: colour, echo (dB above other objects), and a net's lattice, None for what is tight."""
+    """Triangles with one colour, one echo (dB above other objects), and the lattice of a net or None."""
 
     triangles: list[Triangle]
     colour: Colour
@@ -45,7 +45,7 @@ class Part(NamedTuple):
 
 
 class Placing(NamedTuple):
-    """The keys that every `[[shape]]` has; what else it takes is its kind's.
+    """The keys that every `[[shape]]` has; each kind has others besides.
 
     `depth` is that of its origin, the seabed's there if left out, or the surface for what hangs (rope, chain, net,
     net_pen). `orientation` is roll, pitch and yaw: without them forward is north. `colour` and `echo` (dB more than its

@@ -5,8 +5,9 @@ kind = "restricted"
 outline = [[-40.0, 0.0], [0.0, 10.0], [60.0, -10.0]]   # north and east of its corners
 name = "reserve"
 
-Worlds of charts keep theirs in a file of their own, which `zones` names and which holds such tables; it is read by who
-asks for it. A zone stops nobody: planners go round those that `avoid_zones` of a scenario's `[master]` names.
+Worlds made from charts have their zones in a separate file with such tables, which the key `zones` names; it is read
+where zones are needed. A zone does not stop a vehicle: planners avoid those that `avoid_zones` of a scenario's
+`[master]` names.
 """
 
 import os
