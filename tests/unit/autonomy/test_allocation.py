@@ -148,7 +148,7 @@ def test_what_cannot_be_a_vehicle_is_refused() -> None:
 
 @given(WRENCHES, st.lists(st.floats(0.1, 10.0), min_size=8, max_size=8))
 def test_thruster_weights_give_the_least_cost(wrench: tuple[float, ...], weights: list[float]) -> None:
-    """Still exact; and of all exact answers that with the least sum of weight x thrust²."""
+    """The answer is still exact, and of all exact answers it has the least sum of weight x thrust²."""
     plain = Allocator(HEAVY, [1e6] * 8, [1e6] * 8, thruster_weights=weights)
     thrusts, _ = plain.allocate(wrench)
     assert made(HEAVY, thrusts) == pytest.approx(wrench, abs=1e-7)
@@ -158,7 +158,7 @@ def test_thruster_weights_give_the_least_cost(wrench: tuple[float, ...], weights
 
 
 def test_a_thruster_of_weight_four_does_a_quarter_of_the_work() -> None:
-    """Two side by side on one axis; and equal weights, however large, change nothing."""
+    """Two thrusters side by side push along one axis; equal weights, however large, change nothing."""
     side_by_side = [[1.0, 1.0], *[[0.0, 0.0]] * 5]
     spared = Allocator(side_by_side, [90.0] * 2, [90.0] * 2, thruster_weights=[1.0, 4.0])
     assert spared.allocate((50.0, 0, 0, 0, 0, 0))[0] == pytest.approx([40.0, 10.0])
@@ -168,7 +168,7 @@ def test_a_thruster_of_weight_four_does_a_quarter_of_the_work() -> None:
 
 
 def test_axis_weights_say_what_matters_where_not_all_can_be_had() -> None:
-    """One thruster a metre to starboard: surge comes with yaw. Least squares by hand: f = w² / (w² + v²) X."""
+    """A thruster a metre to starboard couples surge and yaw. Least squares by hand: f = w² / (w² + v²) X."""
     lone = [[1.0], [0.0], [0.0], [0.0], [0.0], [-1.0]]
     for surge, yaw in ((1.0, 1.0), (1.0, 0.01), (0.01, 1.0)):
         one = Allocator(lone, [900.0], [900.0], axis_weights=[surge, 1.0, 1.0, 1.0, 1.0, yaw])

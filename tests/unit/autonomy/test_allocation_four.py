@@ -30,8 +30,9 @@ def test_it_is_the_general_answer_for_its_geometry(name: str, surge: float, sway
 
 
 def test_it_is_not_for_levers_that_differ() -> None:
-    """BlueROV2: 164 mm in front, 171 mm astern. By the closed form a sway force turns it, by 5 N m for each kN;
-    in the general answer the pair astern does less and nothing turns."""
+    """The closed form turns a BlueROV2, whose levers are 164 mm in front and 171 mm astern, by 5 N m for each kN of
+    sway. In the general answer the pair astern does less and nothing turns.
+    """
     vehicle, _ = load_vehicle("bluerov2")
     signs = (-1.0, -1.0, 1.0, 1.0)  # its two in front push astern
     matrix = wrench_matrix(vehicle)
@@ -47,7 +48,7 @@ def test_it_is_not_for_levers_that_differ() -> None:
 
 
 def test_it_knows_no_limits_where_the_allocator_does() -> None:
-    """Full yaw and full surge together: the closed form asks 85 N of thrusters that have 73.5 N and 49 N."""
+    """The closed form asks 85 N of thrusters that have 73.5 N and 49 N, for full yaw and full surge together."""
     vehicle, _ = load_vehicle("paper_six")
     wrench = (150.0, 0.0, 0.0, 0.0, 0.0, 23.0)
     closed = four_vectored(150.0, 0.0, 23.0, (0.14 + 0.11) / sqrt(2.0))

@@ -36,7 +36,7 @@ def random_grid(seed: int) -> tuple[OccupancyGrid, list[tuple[int, int]]]:
 
 
 def shortest(grid: OccupancyGrid, start: tuple[int, int], goal: tuple[int, int]) -> float:
-    """Dijkstra over every line between two free cells that touches nothing: the best way over centres of cells."""
+    """Return the length of the best way over centres of cells: Dijkstra over every free line between two cells."""
     made: nx.Graph[tuple[int, int]] = nx.Graph()
     sight = Sight(~grid.cells)
     nodes = [(int(row), int(column)) for row, column in np.argwhere(~grid.cells)]
@@ -64,7 +64,7 @@ def test_it_touches_nothing_and_is_no_longer_than_the_grids_way(seed: int) -> No
 
 
 def test_near_the_true_shortest() -> None:
-    """On 25 maps; the grid's own way, with its turns of 45 degrees, is several per cent longer."""
+    """The searches go over 25 maps; the grid's own way, with turns of 45 degrees, is several per cent longer."""
     ratios: list[float] = []
     straight: list[float] = []
     for seed in range(120):
@@ -98,7 +98,7 @@ def test_lines_of_sight_are_those_of_the_grid(seed: int) -> None:
 
 
 def test_round_a_wall_by_hand() -> None:
-    """A wall of 10 cells across the straight line: one bend at either end of it, 2 hypotenuses long."""
+    """The way round a wall of 10 cells across the straight line is two hypotenuses with a bend at each end."""
     cells = np.zeros((21, 21), bool)
     cells[10, 5:16] = True
     grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))

@@ -20,7 +20,7 @@ MOVES = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
 
 
 def neighbours(cells: NDArray[np.bool_], cell: Cell) -> list[tuple[Cell, float]]:
-    """Free neighbours and the way to them; a diagonal needs both cells beside it."""
+    """Return the free neighbours and the way to them; a diagonal needs both cells beside it."""
 
     def free(row: int, column: int) -> bool:
         return 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1] and not cells[row, column]
@@ -34,7 +34,7 @@ def neighbours(cells: NDArray[np.bool_], cell: Cell) -> list[tuple[Cell, float]]
 
 
 def distances(cells: NDArray[np.bool_], start: Cell) -> dict[Cell, float]:
-    """Dijkstra's algorithm: the shortest way to every cell that can be reached."""
+    """Return the shortest way to every cell that can be reached, by Dijkstra's algorithm."""
     found: dict[Cell, float] = {}
     queue = [(0.0, start)]
     while queue:
@@ -97,7 +97,7 @@ def test_neither_the_path_nor_its_smoothed_form_touches_an_obstacle(seed: int) -
 
 
 def test_smoothing_leaves_the_turns_at_the_corners_only() -> None:
-    """Two walls with gaps at opposite ends: the taut line has two bends and is 15 % shorter than the grid's way."""
+    """The taut line past two walls with gaps at opposite ends has two bends and is 15 % shorter than the grid's way."""
     cells = np.zeros((60, 60), bool)
     cells[20, :50] = True
     cells[40, 10:] = True
@@ -152,7 +152,7 @@ def test_impossible_ends_are_named_with_the_nearest_free_cell() -> None:
 
 
 def test_a_large_map_with_a_detour() -> None:
-    """A bag with its mouth away from the goal, where a search that looks at every cell takes long."""
+    """The map is a bag with its mouth away from the goal, where a search that looks at every cell takes long."""
     cells = np.zeros((120, 120), bool)
     cells[90, 15:105] = cells[6:90, 15] = cells[6:90, 104] = True
     grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))

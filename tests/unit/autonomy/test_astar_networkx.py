@@ -18,7 +18,7 @@ else:
 
 
 def graph(cells: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> "nx.Graph[tuple[int, int]]":
-    """Free cells, joined to their 8 neighbours; a diagonal one needs both cells beside it."""
+    """Return the graph of free cells, joined to their 8 neighbours; a diagonal needs both cells beside it free."""
     made: nx.Graph[tuple[int, int]] = nx.Graph()
     free = {(int(row), int(column)) for row, column in np.argwhere(~cells)}
     made.add_nodes_from(free)
@@ -54,7 +54,7 @@ def test_the_cost_is_optimal_on_two_hundred_random_maps(batch: int) -> None:
 
 
 def test_the_graph_is_the_one_meant() -> None:
-    """2 x 2 with one cell occupied: two straight edges, no diagonal past the corner."""
+    """A map of 2 x 2 with one cell occupied has two straight edges, and no diagonal past the corner."""
     cells = np.array([[False, True], [False, False]])
     assert {frozenset(edge) for edge in graph(cells).edges} == {
         frozenset({(0, 0), (1, 0)}),

@@ -126,7 +126,7 @@ def test_depth_becomes_heave_within_its_limit() -> None:
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (0.0, -0.4), (-0.2, 0.3)])
 def test_depth_is_held_when_tilted(roll: float, pitch: float) -> None:
-    """With the heave the loop asks for, the vertical speed is what the depth error asks for."""
+    """The heave that the loop asks for gives the vertical speed that the depth error asks for."""
     orientation = from_euler(roll, pitch, 0.7)
     navigation = Navigation(orientation, STILL, (0.3, 0.1, 0.0), 5.0)
     heave = once(P_ONLY, VelocityCommand(depth=5.2), navigation)[2] / (2.0 * INERTIA[2])
@@ -143,7 +143,7 @@ def test_heading_takes_the_short_way_within_its_limit(heading: float, wanted: fl
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.0), (0.5, 0.0), (0.0, 0.6), (-0.4, 0.5)])
 def test_rates_turn_about_the_vertical_and_level(roll: float, pitch: float) -> None:
-    """A short turn at the rates asked for changes heading as wanted, roll and pitch as their loops say."""
+    """The rates asked for, over a short time, change heading as wanted, roll and pitch as their loops say."""
     orientation = from_euler(roll, pitch, 1.0)
     navigation = AT_REST._replace(orientation=orientation)
     moments = once(P_ONLY, VelocityCommand(yaw_rate=0.3), navigation)[3:]
@@ -215,7 +215,7 @@ def everything(wrench: Wrench) -> tuple[Wrench, Wrench]:
 
 
 def fly(plant: Plant, command: VelocityCommand, seconds: float, forces: Forces = everything) -> list[Navigation]:
-    """Close the loop with the default gains; the vehicle's state at each step."""
+    """Close the loop with the default gains; return the vehicle's state at each step."""
     controller, residual, history = CascadedController(Gains(), INERTIA), NO_RESIDUAL, []
     for _ in range(round(seconds / DT)):
         history.append(plant.navigation())
@@ -252,7 +252,7 @@ def test_a_tilted_vehicle_is_levelled() -> None:
 
 
 def test_on_a_vehicle_that_cannot_pitch_the_rest_works_and_nothing_winds_up() -> None:
-    """Six thrusters: the pitch moment is dropped by the allocator and comes back as the residual."""
+    """The allocator of six thrusters drops the pitch moment, which comes back as the residual."""
     s = math.sqrt(0.5)
     matrix = [
         [s, s, s, s, 0.0, 0.0],
@@ -280,7 +280,7 @@ def test_on_a_vehicle_that_cannot_pitch_the_rest_works_and_nothing_winds_up() ->
 
 
 def test_a_vehicle_at_a_wall_pushes_no_harder_than_its_drag_can_be() -> None:
-    """Its integral holds the drag at the commanded speed and a current; stopped, that in the current alone."""
+    """The integral holds at most the drag at the commanded speed and a current; stopped, that in the current alone."""
     drag, gains = Drag(12.0, 40.0), Gains()
     controller = CascadedController(gains, INERTIA, [drag, drag])
 
@@ -313,7 +313,7 @@ def test_a_vehicle_holds_its_place_in_the_current_of_its_gains() -> None:
 
 
 def test_a_weak_vehicle_recovers_quickly_from_a_command_beyond_its_power() -> None:
-    """Saturated for 20 s; then asked for a speed it can make it must not run on with a full integral."""
+    """A vehicle that was saturated for 20 s does not run on with a full integral when asked for a speed it can make."""
 
     def weak(wrench: Wrench) -> tuple[Wrench, Wrench]:
         x = max(-20.0, min(20.0, wrench[0]))

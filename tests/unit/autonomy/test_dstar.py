@@ -43,7 +43,7 @@ def test_as_short_as_a_star_while_the_map_changes_and_the_vehicle_moves(seed: in
 
 
 def test_a_repair_is_less_work_than_a_plan() -> None:
-    """A wall turns up near the vehicle: a small share of the first plan's cells are gone on from again."""
+    """A wall that turns up near the vehicle makes the search go on from a small share of the first plan's cells."""
     cells = np.zeros((150, 150), bool)
     cells[60:90, 40:110] = True
     grid, goal = OccupancyGrid(cells, 1.0, (0.0, 0.0)), (145.5, 75.5)

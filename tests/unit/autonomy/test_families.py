@@ -81,7 +81,7 @@ class TestRestoringPd(ControllerContract):
 
 
 class TestFins(ControllerContract):
-    """A torpedo has no sway and no heave, and does not go slowly astern: of the contract what is left."""
+    """The rest of the contract for a torpedo, which has no sway and no heave, and does not go slowly astern."""
 
     limits = limits(10.0, 0.0, 0.0, 20.0, 20.0, 20.0)
     pushes = ((0, 1.0),)
@@ -91,7 +91,7 @@ class TestFins(ControllerContract):
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_it_turns_to_the_heading_and_dives_to_the_depth(self, sign: float) -> None:
-        """It dives by its pitch, bow down."""
+        """A torpedo dives by its pitch, bow down."""
         moving = AT_REST._replace(velocity=(1.0, 0.0, 0.0))
         wrench = self.make().update(VelocityCommand(surge=1.0, heading=sign * 0.5, depth=5.0 + sign), moving, DT)
         assert sign * wrench[5] > 0.0
@@ -118,7 +118,7 @@ def test_the_output_never_changes_faster_than_its_slew(calls: list[tuple[float, 
 
 
 def test_a_ramp_by_hand_and_no_windup_on_it() -> None:
-    """4 m/s² wanted at 2 m/s³: 0.04 m/s² more each 20 ms, the integral at rest till it is there."""
+    """A wish of 4 m/s² at 2 m/s³ is met by 0.04 m/s² more each 20 ms, with the integral at rest until it is there."""
     gains = Gains()._replace(surge=AxisGains(p=4.0, i=6.0, slew=2.0))
     controller = CascadedController(gains, INERTIA)
     forces = [controller.update(VelocityCommand(surge=1.0), AT_REST, DT)[0] / INERTIA[0] for _ in range(120)]
@@ -137,7 +137,7 @@ def test_without_a_slew_limit_the_first_output_is_the_whole() -> None:
 
 @pytest.mark.parametrize("name", ["bluerov2_heavy", "paper_six", "bluerov2"])
 def test_the_load_is_what_holds_the_simulated_vehicle_steady(name: str) -> None:
-    """Drag, weight, lift and Coriolis of the simulator, term by term, at an attitude and a speed of no symmetry."""
+    """The load equals the simulator's drag, weight, lift and Coriolis, term by term, in a state of no symmetry."""
     vehicle, _ = load_vehicle(name)
     plant = plant_of(vehicle, 1025.0, 9.81)
     attitude = from_euler(0.3, -0.4, 1.0)
@@ -159,7 +159,7 @@ def sliding(surface: Surface, plant: Plant = BARE) -> SlidingMode:
 
 @pytest.mark.parametrize(("speed", "push"), [(0.0, 2.0), (0.45, 0.5), (0.5, 0.0), (0.55, -0.5), (2.0, -2.0)])
 def test_the_push_saturates_outside_the_layer_and_is_linear_within(speed: float, push: float) -> None:
-    """2 m/s² beyond a layer of 0.2 m/s, without a slide."""
+    """The push is 2 m/s² beyond a layer of 0.2 m/s, without a slide."""
     controller = sliding(Surface(strength=2.0, layer=0.2, slide=0.0))
     force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
     assert force == pytest.approx(push * INERTIA[0])
@@ -178,7 +178,7 @@ def test_it_does_not_wind_up_outside_the_layer_nor_where_force_lacks() -> None:
 
 
 def test_it_overcomes_whatever_is_weaker_than_its_strength() -> None:
-    """A mass of its own, half as heavy again, pushed back by 1.2 m/s²: no error is left, and no oscillation."""
+    """A mass half as heavy again, pushed back by 1.2 m/s², is left with no error and no oscillation."""
     controller, speed, speeds = sliding(Surface(strength=2.0, layer=0.4, slide=1.5)), 0.0, []
     for _ in range(1000):
         force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
@@ -193,7 +193,7 @@ def test_it_overcomes_whatever_is_weaker_than_its_strength() -> None:
 
 
 def test_pd_by_hand() -> None:
-    """d times the error times the inertia, and weight less lift at rest: 1 N heavy, held up."""
+    """The force is d times the error times the inertia, and weight less lift at rest: 1 N heavy, held up."""
     controller = RestoringPd(HEAVY, Gains(), PdSettings(surge=Damper(3.0)))
     wrench = controller.update(VelocityCommand(), AT_REST._replace(velocity=(-0.1, 0.0, 0.0)), DT)
     assert wrench[0] == pytest.approx(3.0 * 0.1 * INERTIA[0])
@@ -202,7 +202,7 @@ def test_pd_by_hand() -> None:
 
 
 def test_pd_leaves_the_error_it_says() -> None:
-    """Against a push f the velocity error is f / (inertia d)."""
+    """The velocity error against a push f is f / (inertia d)."""
     controller, speed = RestoringPd(BARE, Gains(), PdSettings(surge=Damper(5.0))), 0.0
     for _ in range(1000):
         force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
@@ -249,7 +249,7 @@ def test_fins_are_for_the_cascade() -> None:
 
 
 def test_the_word_in_the_vehicles_file_is_what_flies() -> None:
-    """The same flight, other wrenches; and a table of a family that is not chosen does not matter."""
+    """The same flight gives other wrenches; and a table of a family that is not chosen does not matter."""
     vehicle, control = load_vehicle("paper_six")
     command = VelocityCommand(surge=0.3)
     wrenches = {}

@@ -96,7 +96,7 @@ def fly(name: str, seconds: float, command: Callable[[float], VelocityCommand]) 
 
 @pytest.mark.parametrize("name", TORPEDOES)
 def test_speed_heading_and_depth(name: str) -> None:
-    """To 1 m/s, a quarter turn and 3 m deeper, all at once; measured with noise and a gyro's turn-on error."""
+    """It reaches 1 m/s, a quarter turn and 3 m deeper, all at once, measured with noise and a gyro's turn-on error."""
     simulation, _ = fly(name, 90.0, lambda t: VelocityCommand(surge=1.0, heading=1.5, depth=8.0))
     roll, pitch, yaw = to_euler(simulation.state.quaternion)
     assert simulation.state.nu[0] == pytest.approx(1.0, abs=0.05)
@@ -133,7 +133,7 @@ def test_a_wrong_gain_is_named() -> None:
 
 @pytest.mark.parametrize("name", ["lauv"])
 def test_it_crosses_the_open_water(name: str) -> None:
-    """The scenario as it is delivered, but for a coarser step: it arrives, and nothing comes nearer than 5 m."""
+    """The scenario as delivered, but for a coarser step, brings it to its goal, and nothing comes nearer than 5 m."""
     scenario = load_scenario("open_water", {"vehicle": name, "slave.step": STEP})
     plan = prepare(scenario)
     boat = simulated.SimulatedVehicle(scenario, plan.world)

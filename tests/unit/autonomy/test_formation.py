@@ -27,7 +27,7 @@ ORIGIN = (0.0, 0.0)
 
 
 def downhill(potential: Callable[[Vector], float], at: Vector, step: float = 1e-5) -> Vector:
-    """Minus the gradient by central differences."""
+    """Return minus the gradient, by central differences."""
     north, east = at
     return (
         (potential((north - step, east)) - potential((north + step, east))) / (2.0 * step),
@@ -36,14 +36,16 @@ def downhill(potential: Callable[[Vector], float], at: Vector, step: float = 1e-
 
 
 def test_attraction_by_hand() -> None:
-    """0.6 1/s: 0.3 m from the place 0.18 m/s; 5 m away no more than at 0.5 m, 0.3 m/s, along 3-4-5."""
+    """A gain of 0.6 1/s gives 0.18 m/s at 0.3 m from the place; 5 m away the limit of 0.3 m/s holds, along 3-4-5."""
     assert attraction(ORIGIN, (0.3, 0.0), 0.6, 0.5) == pytest.approx((0.18, 0.0))
     assert attraction(ORIGIN, (3.0, 4.0), 0.6, 0.5) == pytest.approx((0.18, 0.24))
     assert attraction(ORIGIN, ORIGIN, 0.6, 0.5) == (0.0, 0.0)
 
 
 def test_repulsion_by_hand() -> None:
-    """Rim 0.5 m away, reach 1 m, place 2 m behind the body: (1/0.5 - 1) 2² / 0.5² = 16 away, (2 - 1)² 2 = 2 back."""
+    """A rim 0.5 m away within a reach of 1 m, the place 2 m behind the body, pushes by the formula's two parts:
+    (1/0.5 - 1) 2² / 0.5² = 16 away from the body, and (2 - 1)² 2 = 2 back.
+    """
     body = Body((1.0, 0.0), 0.5)
     assert repulsion(ORIGIN, (2.0, 0.0), body, 1.0, 1.0) == pytest.approx((-16.0 + 2.0, 0.0))
     assert repulsion((0.0, 0.0), (0.0, 0.0), body, 1.0, 1.0) == pytest.approx((0.0, 0.0))  # it is where it belongs
@@ -51,7 +53,9 @@ def test_repulsion_by_hand() -> None:
 
 
 def test_communication_by_hand() -> None:
-    """Range 6 m, comfortable to 4: at 5 m (1/1 - 1/2) / 1² = 0.5 towards the neighbour; nothing nearer or beyond."""
+    """A neighbour at 5 m, of a range of 6 m that is comfortable to 4 m, pulls by (1/1 - 1/2) / 1² = 0.5.
+    Nothing pulls nearer or beyond.
+    """
     assert communication(ORIGIN, (0.0, 5.0), 1.0, 4.0, 6.0) == pytest.approx((0.0, 0.5))
     assert communication(ORIGIN, (3.0, 4.0), 1.0, 4.0, 6.0) == pytest.approx((0.3, 0.4))
     assert communication(ORIGIN, (0.0, 4.0), 1.0, 4.0, 6.0) == (0.0, 0.0)
@@ -147,7 +151,7 @@ def test_no_direction_is_special(
 
 @given(POINTS, st.floats(0.0, 4.9), st.floats(0.01, 5.0), st.floats(-math.pi, math.pi))
 def test_fields_pull_and_push_the_right_way(position: Vector, near: float, more: float, bearing: float) -> None:
-    """To the place; off a body, the harder the nearer; to a neighbour about to be lost, the harder the farther."""
+    """The fields pull to the place and to a neighbour about to be lost, the farther the harder, and push off a body."""
 
     def ahead(distance: float) -> Vector:
         return position[0] + distance * math.cos(bearing), position[1] + distance * math.sin(bearing)
@@ -169,7 +173,7 @@ def test_fields_pull_and_push_the_right_way(position: Vector, near: float, more:
 
 @given(POINTS, st.lists(POINTS, min_size=1, max_size=3))
 def test_who_is_not_kept_does_not_pull(position: Vector, neighbours: list[Vector]) -> None:
-    """Without links it is as if the field of communication had no gain; repulsion stays."""
+    """The velocity without links is that without a gain of the field of communication; repulsion stays."""
     mute = FieldSettings(communication=0.0)
     bodies = [Body(n, 0.5, stays_in_range=False) for n in neighbours]
     loose = resultant(position, ORIGIN, ORIGIN, bodies, [], FieldSettings())
@@ -178,7 +182,7 @@ def test_who_is_not_kept_does_not_pull(position: Vector, neighbours: list[Vector
 
 @pytest.mark.parametrize("seed", range(20))
 def test_four_that_change_places_crosswise_do_not_meet(seed: int) -> None:
-    """Each goes to the far corner of a square, all at once, 0.05 m unsure of everyone: the fields' worst case."""
+    """Each of four goes to the far corner of a square at once, 0.05 m unsure of everyone: the fields' worst case."""
     settings, noise, step, min_separation = FieldSettings(), LocalisationNoise(0.05, seed), 0.1, 0.5
     positions: list[Vector] = [(0.0, 0.2), (3.1, 0.0), (3.0, 3.0), (-0.2, 3.0)]
     places = [(3.0, 3.0), (0.0, 3.0), (0.0, 0.0), (3.0, 0.0)]
@@ -198,7 +202,7 @@ def test_four_that_change_places_crosswise_do_not_meet(seed: int) -> None:
 
 
 def test_a_neighbour_is_not_lost() -> None:
-    """One runs for a place 9 m away, the other stays at home: the link's range is 5 m, and it holds."""
+    """The link's range of 5 m holds although one runs for a place 9 m away and the other stays at home."""
     settings, step = FieldSettings(), 0.1
     runner, other = (3.5, 0.0), (0.0, 0.0)
     for _ in range(600):

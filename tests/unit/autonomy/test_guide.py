@@ -64,7 +64,7 @@ def clearance(discs: list[Disc], position: Point) -> float:
 
 
 def obstacles(seed: int, count: int, keep: tuple[Point, ...]) -> list[Disc]:
-    """Discs with 2 m of water between them, and 2.5 m to the points to keep free."""
+    """Return discs with 2 m of water between them, and 2.5 m to the points to keep free."""
     generator, discs = random.Random(seed), list[Disc]()
     while len(discs) < count:
         disc = generator.uniform(1.0, 24.0), generator.uniform(1.0, 24.0), generator.uniform(0.4, 1.5)
@@ -127,7 +127,7 @@ def test_with_all_half_or_nothing_on_the_map(search: Search, share: float, seed:
 
 
 def test_out_of_a_dead_end_that_vfh_alone_does_not_leave() -> None:
-    """A horseshoe, open to the start: the map that grows finds the way back and round."""
+    """The map that grows from scans finds the way back out of a horseshoe, open to the start, and round it."""
     wall = [(12.0 + 5.0 * math.cos(a), 12.0 + 5.0 * math.sin(a), 0.4) for a in np.linspace(-1.1, 2.7, 40)]
     discs = [(n, e, r) for n, e, r in wall]
     start, goal = (10.0, 10.0), (25.0, 25.0)
@@ -156,7 +156,7 @@ def test_walled_in_it_stays_and_says_so() -> None:
 
 
 def test_a_map_from_scans_lies_where_the_obstacles_are() -> None:
-    """Two discs that no mirror image hides, seen from several places; what a beam passed is free again."""
+    """The map shows two discs that no mirror image hides, seen from several places; what a beam passed is free."""
     discs: list[Disc] = [(6.0, 2.0, 1.0), (2.0, 7.0, 0.5)]
     drawn = LaserMap(OccupancyGrid.empty(Extent(-2.0, -2.0, 10.0, 12.0), 0.1), 7.0)
     places: list[Any] = [

@@ -23,7 +23,7 @@ def plan_of(name: str) -> HuntPlan:
 
 
 class Hunt:
-    """Point masses that follow the wanted velocity with a lag; each knows itself and others with noise."""
+    """Point masses that follow the wanted velocity with a lag; each measures itself and others with noise."""
 
     def __init__(self, name: str, seed: int, deviation: float = 0.05, fields: FieldSettings = FIELDS) -> None:
         self.plan = plan_of(name)
@@ -84,7 +84,7 @@ def test_the_plan_itself(name: str) -> None:
 
 
 def test_all_wait_for_one_who_is_held_up() -> None:
-    """A vehicle stands still for 20 s: those who hear it, directly or through others, slow down with it."""
+    """A vehicle stands still for 20 s: those who receive its reports, directly or through others, slow down with it."""
     hunt, free = Hunt("line", 3), Hunt("line", 3)
     for _ in range(int(20.0 / STEP)):
         hunt.step(holds=0)
@@ -128,7 +128,7 @@ def test_whatever_is_received_the_clock_goes_on_and_the_speed_is_kept(
 
 
 def test_a_clock_that_stands_holds_its_place() -> None:
-    """With no time to go on, and at the end of the plan, the place does not move and neither does who is there."""
+    """A place does not move, nor does who is there, with no time to go on or at the end of the plan."""
     plan = plan_of("diamond")
     hunter = Hunter(plan, 2, FIELDS, SEPARATION)
     assert hunter.update(plan.starts[2], [], 0.0) == (0.0, 0.0)
@@ -150,7 +150,7 @@ def test_the_bow_turns_to_the_target() -> None:
 
 
 def test_a_referee_by_hand() -> None:
-    """Three on the ring, the fourth 0.5 m outside of it, two of them 0.4 m apart once."""
+    """The referee judges three on the ring, the fourth 0.5 m outside of it, and two of them 0.4 m apart once."""
     plan = plan_of("diamond")
     referee = Referee(plan, Criteria(SEPARATION))
     referee.watch([(0.0, 0.0), (0.0, 0.4), (3.0, 0.0), (6.0, 0.0)], plan.duration)

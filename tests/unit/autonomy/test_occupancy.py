@@ -33,7 +33,7 @@ def picture_of(grid: OccupancyGrid) -> tuple[str, ...]:
 
 
 def test_rasterise_an_asymmetric_world() -> None:
-    """One round obstacle in the north-west, seen by its distance; scalar and vectorised functions agree."""
+    """The map has one round obstacle in the north-west, by its distance; scalar and vectorised functions agree."""
     extent = Extent(south=-10.0, west=20.0, north=10.0, east=50.0)
 
     def scalar(north: float, east: float) -> float:
@@ -136,7 +136,7 @@ def test_line_of_sight_agrees_with_walking_the_line(
 
 
 def test_pgm_is_what_map_server_reads(tmp_path: Any) -> None:
-    """Byte by byte: north at the top, west at the left, 254 free, 0 occupied."""
+    """The file has north at the top, west at the left, 254 for free and 0 for occupied, byte by byte."""
     path = os.path.join(tmp_path, "reef.pgm")
     grid_of(PICTURE, 0.25, (-3.0, 7.5)).write_pgm(path)
     with open(path, "rb") as file:
@@ -166,7 +166,7 @@ def test_read_gives_back_what_was_written(tmp_path: Any) -> None:
 
 
 def test_read_a_file_of_another_hand(tmp_path: Any) -> None:
-    """Comments in both files, unknown (205) taken as occupied, a raster that begins with what looks like blanks."""
+    """The file has comments in both parts, unknown cells (205, occupied) and a raster that begins like blanks."""
     with open(os.path.join(tmp_path, "m.pgm"), "wb") as image:
         image.write(b"P5\n# CREATOR: map_saver.cpp 0.050 m/pix\n3 2\n255\n" + bytes([32, 254, 254, 205, 0, 254]))
     with open(os.path.join(tmp_path, "m.yaml"), "w", encoding="utf-8") as text:
@@ -252,7 +252,7 @@ def test_files_that_cannot_be_opened_are_named(tmp_path: Any) -> None:
 
 
 def test_a_large_map_is_made_in_strips_and_a_too_large_one_refused() -> None:
-    """No more of it is looked at together than STRIP cells, in strips of two rows at least."""
+    """The map is made in pieces of no more than STRIP cells, in strips of two rows at least."""
     sizes: list[tuple[int, int]] = []
 
     def clearance(north: Any, east: Any) -> Any:

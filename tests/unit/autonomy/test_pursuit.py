@@ -65,8 +65,9 @@ def test_straight_path_is_followed_and_the_end_reached() -> None:
 
 
 def test_a_command_by_hand() -> None:
-    """1 m to port of a path to the north, lookahead 2 m: the aim is 2 m north, 1 m east. Coulter's curvature
-    2 sin(error) / lookahead for small errors, at 0.5 m/s: a gain of 0.5 rad/s for each rad."""
+    """A vehicle 1 m to port of a path to the north with lookahead 2 m aims 2 m north and 1 m east. Coulter's curvature
+    is 2 sin(error) / lookahead for small errors: at 0.5 m/s a gain of 0.5 rad/s for each rad.
+    """
     pursuit = PurePursuit([(0.0, 0.0), (30.0, 0.0)], lookahead=2.0, speed=0.5)
     command = pursuit.update((1.0, -1.0), 0.0)
     assert pursuit.aim == pytest.approx(math.atan2(1.0, 2.0))
@@ -117,7 +118,7 @@ def test_a_right_angle_is_rounded_inside_of_a_third_of_the_lookahead() -> None:
 
 
 def test_a_hairpin_is_driven_to_its_end() -> None:
-    """Out and back over the same line: no short cut, although both ways lie on each other."""
+    """The vehicle drives out and back over the same line without a short cut, although both ways lie on each other."""
     pursuit = PurePursuit([(0.0, 0.0), (15.0, 0.0), (0.0, 0.0)], lookahead=2.0, speed=0.6, tolerance=0.4)
     track = follow(pursuit, (0.0, 0.0), 0.0)
     assert pursuit.done

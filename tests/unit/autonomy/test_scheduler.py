@@ -54,7 +54,7 @@ def states(scheduler: Scheduler) -> list[str]:
 
 
 def test_the_three_tasks_and_home() -> None:
-    """Fresh battery: acquisition, transmission once there are data, home; charging never needed."""
+    """The vehicle has a fresh battery, acquires, transmits once there are data and goes home; it never charges."""
     world = World(Scheduler(MISSION), drain=0.0)
     world.run()
     assert states(world.scheduler) == [

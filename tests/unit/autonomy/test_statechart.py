@@ -1,4 +1,4 @@
-"""Hierarchical states: who is left and entered, in which order, and by what."""
+"""Hierarchical states: which are left and entered, in which order, and by which event."""
 
 import os
 from typing import Any, NamedTuple

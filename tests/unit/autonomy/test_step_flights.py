@@ -106,8 +106,9 @@ def test_sliding_mode_does_not_chatter(name: str) -> None:
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_it_comes_back_from_more_than_it_can(family: str, name: str) -> None:
-    """10 s of asking for a speed beyond its thrusters, then for a slow one: it is there in seconds, not when an
-    integral has run down; depth is kept meanwhile."""
+    """It is at a slow speed within seconds after 10 s beyond its thrusters, not only when an integral has run down.
+    Depth is held meanwhile.
+    """
     vehicle = rig(family, name)
     vehicle.fly(3.0, lambda time: STILL)
     beyond = vehicle.fly(10.0, lambda time: STILL._replace(sway=4.0))
@@ -124,7 +125,7 @@ THRUSTER_DRIVEN = [name for name in preset_names("sim/vehicles") if not load_veh
 
 @pytest.mark.parametrize("name", THRUSTER_DRIVEN)
 def test_every_preset_holds_depth_and_heading_and_follows(name: str) -> None:
-    """With the gains of its file: 0.3 m/s ahead, 2 m deeper and a turn of 1 rad at once; then it stays."""
+    """The vehicle goes to 0.3 m/s ahead, 2 m deeper and a turn of 1 rad at once by its file's gains, and stays."""
     vehicle = rig("cascade", name)
     hold = vehicle.fly(4.0, lambda time: STILL)
     assert late(hold)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.05)

@@ -39,7 +39,7 @@ def wrapped(angle: float) -> float:
 
 @pytest.mark.parametrize("name", CURVES)
 def test_places_agree_with_each_other(name: str) -> None:
-    """Direction, turn and length by finite differences of the position: the curve is what it says of itself."""
+    """Direction, turn and length of the curve equal finite differences of its position."""
     curve, step = CURVES[name], 1e-4
     corners = curve.corners()
     for number in range(1, 200):
@@ -74,7 +74,7 @@ def test_a_trajectory_is_run_over_from_rest_to_rest(name: str) -> None:
 
 
 def test_a_trapezoid_by_hand() -> None:
-    """10 m at 1 m/s with 0.5 m/s²: 2 s and 1 m of ramp at both ends, 12 s in all; 1 m never gets that fast."""
+    """A way of 10 m at 1 m/s with 0.5 m/s² has ramps of 2 s and 1 m and takes 12 s; one of 1 m never gets that fast."""
     limits = WIDE._replace(acceleration=0.5)
     run = Trajectory(polyline([(0.0, 0.0, 5.0), (10.0, 0.0, 5.0)]), 1.0, limits)
     assert run.duration == pytest.approx(12.0)
@@ -87,7 +87,7 @@ def test_a_trapezoid_by_hand() -> None:
 
 
 def test_corners_are_turned_on_the_spot() -> None:
-    """Two legs of 10 m with a right angle between: 2 x 12 s, and a quarter turn at 0.5 rad/s."""
+    """Two legs of 10 m with a right angle between take 2 x 12 s and a quarter turn at 0.5 rad/s."""
     limits = WIDE._replace(acceleration=0.5, yaw_rate=0.5)
     run = Trajectory(polyline([(0.0, 0.0, 5.0), (10.0, 0.0, 5.0), (10.0, -10.0, 5.0)]), 1.0, limits)
     assert run.duration == pytest.approx(24.0 + math.pi)
@@ -131,7 +131,7 @@ def test_a_spline_passes_through_its_points_without_jumps(points: list[tuple[flo
 
 @pytest.mark.parametrize("points", [WAY, TO_AND_FRO, STRAIGHT_BACK], ids=["open", "narrow bends", "cusps"])
 def test_a_spline_knows_its_length(points: list[tuple[float, float, float]]) -> None:
-    """Against the chords between 200,000 points of it, which near a cusp no rule of a few nodes can tell."""
+    """The length is that of the chords between 200,000 points, which near a cusp no rule of a few nodes can tell."""
     numpy = pytest.importorskip("numpy")
     curve, length = Spline(points), 0.0
     chords = [math.dist(a, b) for a, b in pairwise(points)]
@@ -181,7 +181,7 @@ def test_dubins_arrives_within_radius_and_slope(
 def test_no_other_three_pieces_are_shorter_than_dubins(
     north: float, east: float, heading: float, toward: float
 ) -> None:
-    """Brute force over first arcs: from where each ends, the way on is no shorter than the whole path says."""
+    """The way on from the end of any first arc, by brute force, is no shorter than the whole path says."""
     if math.hypot(north, east) < 0.1:
         return
     goal = Pose((north, east, 0.0), toward)
@@ -200,7 +200,7 @@ def test_no_other_three_pieces_are_shorter_than_dubins(
 
 
 def test_dubins_by_hand() -> None:
-    """Straight on; a U-turn of two radii; a climb that needs two rounds more than the plane way of 10 m."""
+    """The cases are straight on, a U-turn of two radii, and a climb that needs two rounds more than the way of 10 m."""
     ahead = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((10.0, 0.0, 0.0), 0.0), 2.0)
     assert len(ahead.pieces) == 1
     assert ahead.length == pytest.approx(10.0)
@@ -274,7 +274,7 @@ def test_a_vehicle_that_follows_the_commands_stays_on_the_curve(name: str) -> No
 
 
 def test_track_by_hand() -> None:
-    """Bound north at 0.4 m/s, 1 m too far west, bow to the east: half ahead for the error, the rest to port."""
+    """A vehicle bound north at 0.4 m/s, bow to the east, 1 m too far west, goes half ahead, half to port."""
     wanted = Setpoint((5.0, 5.0, 3.0), (0.4, 0.0, 0.1), 0.0, 0.2)
     command = track(wanted, (5.0, 4.0, 3.5), math.pi / 2.0, Limits(), 0.5)
     assert (command.surge, command.sway, command.heave) == pytest.approx((0.5, -0.4, -0.15))
@@ -283,7 +283,7 @@ def test_track_by_hand() -> None:
 
 @pytest.mark.parametrize("name", ["circle", "helix", "dubins", "straight"])
 def test_what_is_just_within_turn_radius_and_climb_angle_is_allowed(name: str) -> None:
-    """3 m round, helix and circle; 2 m of Dubins; and 0.3 rad is steeper than any of them."""
+    """A helix and a circle of 3 m and Dubins' 2 m are allowed, and 0.3 rad is steeper than any of them."""
     radius = 2.0 if name == "dubins" else 3.0
     trajectory = Trajectory(CURVES[name], 0.3, WIDE._replace(turn_radius=radius, climb_angle=0.3))
     assert trajectory.duration == Trajectory(CURVES[name], 0.3, WIDE).duration
@@ -317,7 +317,7 @@ def write(path: str, text: str) -> str:
 
 
 def test_a_waypoint_file_as_csv(tmp_path: Any) -> None:
-    """Columns in any order, a comment, an empty line, a byte order mark and numbers with their unit."""
+    """The file has columns in any order, a comment, an empty line, a byte order mark and numbers with their unit."""
     rows = "".join(f"{d} m, {n},{e}\n" for n, e, d in WAY)
     way = read_waypoints(write(os.path.join(tmp_path, "way.csv"), f"\ufeffdepth,north, east\n# my way\n\n{rows}"))
     assert way.length == polyline(WAY).length

@@ -47,7 +47,7 @@ def test_open_water_leads_straight_to_the_target() -> None:
 
 
 def test_an_obstacle_is_widened_by_the_safety_distance() -> None:
-    """At 1 m by 30 degrees to both sides: sectors from 330 to 30 degrees; its magnitude is 1 - 1/16."""
+    """An obstacle at 1 m blocks 30 degrees to both sides: sectors from 330 to 30; its magnitude is 1 - 1/16."""
     vfh = Vfh(SETTINGS)
     vfh.steer(echo(0, 1.0 - 1e-9), 0.0, 0.0)
     assert blocked(vfh) == [0, 10, 20, 30, 330, 340, 350]
@@ -56,14 +56,14 @@ def test_an_obstacle_is_widened_by_the_safety_distance() -> None:
 
 
 def test_the_free_side_nearest_the_target_is_taken_at_half_the_wide_opening() -> None:
-    """Blocked to 35 degrees on either side: past it at 35 + 20 degrees, on the target's side."""
+    """The heading past 35 blocked degrees on either side is at 35 + 20 degrees, on the target's side."""
     for target, expected in ((10.0, 55.0), (-10.0, -55.0), (90.0, 90.0), (-170.0, -170.0)):
         vfh = Vfh(SETTINGS)
         assert degrees(vfh.steer(echo(0, 1.0 - 1e-9), 0.0, target * DEGREE)) == pytest.approx(expected)
 
 
 def test_a_narrow_opening_is_passed_in_its_middle() -> None:
-    """Pass midway between two posts at 1 m, 50 degrees to port and to starboard: three sectors are free."""
+    """The heading is midway between two posts at 1 m, 50 degrees to port and to starboard: three sectors are free."""
     vfh = Vfh(SETTINGS)
     heading = vfh.steer(echoes({-50: 1.0 - 1e-9, 50: 1.0 - 1e-9}), 0.0, 8.0 * DEGREE)
     assert blocked(vfh) == [20, 30, 40, 50, 60, 70, 80, 280, 290, 300, 310, 320, 330, 340]
@@ -71,7 +71,7 @@ def test_a_narrow_opening_is_passed_in_its_middle() -> None:
 
 
 def test_sectors_are_fixed_to_the_world() -> None:
-    """The same post, seen after a turn of 70 degrees to starboard: 70 degrees to port now, the same sectors."""
+    """A post that is seen after a turn of 70 degrees to starboard is 70 degrees to port, in the same sectors."""
     vfh = Vfh(SETTINGS)
     vfh.steer(echo(0, 1.0 - 1e-9), 0.0, 0.0)
     before = blocked(vfh)
@@ -80,7 +80,7 @@ def test_sectors_are_fixed_to_the_world() -> None:
 
 
 def test_hysteresis_between_the_two_distances() -> None:
-    """Free at 2.5 m coming near, blocked at 1.9 m, still blocked at 2.5 m going away, free at 3.1 m."""
+    """A sector is free at 2.5 m coming near, blocked at 1.9 m and still at 2.5 m going away, and free at 3.1 m."""
     vfh, states = Vfh(SETTINGS), []
     for distance in (3.1, 2.5, 1.9, 2.5, 2.9, 3.1, 2.5):
         vfh.steer(echo(0, distance), 0.0, 0.0)
@@ -99,8 +99,9 @@ def test_what_is_out_of_sight_keeps_its_state() -> None:
 
 
 def test_a_turning_circle_masks_what_lies_behind_an_obstacle_beside() -> None:
-    """A post 40 degrees to starboard at 1.5 m. The circle of 1 m to starboard has its centre at 1 m abeam; the post
-    is 1.15 m from it, within 1 m + 0.5 m: no way round that side. To port all is free."""
+    """A post 40 degrees to starboard at 1.5 m blocks that side. The circle of 1 m to starboard has its centre at 1 m
+    abeam; the post is 1.15 m from it, within 1 m + 0.5 m: no way round that side. To port all is free.
+    """
     vfh = Vfh(SETTINGS._replace(turning_radius=1.0))
     heading = degrees(vfh.steer(echo(40, 1.5), 0.0, 120.0 * DEGREE))
     assert [10 * k for k, masked in enumerate(vfh.masked) if masked] == [50, 60, 70, 80, 90, *range(100, 180, 10)]
@@ -110,7 +111,7 @@ def test_a_turning_circle_masks_what_lies_behind_an_obstacle_beside() -> None:
 
 
 def test_the_last_choice_holds_where_two_are_equal() -> None:
-    """Blocked ahead: once it went to starboard it stays there, though the target is a bit to port now."""
+    """A vehicle blocked ahead that once went to starboard stays there, though the target is a bit to port now."""
     scan = echo(0, 1.0 - 1e-9)
     vfh = Vfh(SETTINGS)
     assert degrees(vfh.steer(scan, 0.0, 2.0 * DEGREE)) == pytest.approx(55.0)
@@ -119,7 +120,7 @@ def test_the_last_choice_holds_where_two_are_equal() -> None:
 
 
 def test_the_speed_falls_with_the_water_ahead() -> None:
-    """Full speed from block_within (2 m) on, none at the clearance (0.5 m), linear between. Only echoes ahead count."""
+    """The speed is full from block_within (2 m) on, zero at the clearance (0.5 m), linear between, by echoes ahead."""
     far = SETTINGS._replace(safety=0.2)
     for distance, share in ((3.5, 1.0), (2.0, 1.0), (1.25, 0.5), (0.5, 0.0), (0.4, 0.0)):
         vfh = Vfh(far)

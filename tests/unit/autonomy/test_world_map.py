@@ -62,7 +62,7 @@ def test_only_what_reaches_up_to_the_vehicle_is_on_the_map(world: World) -> None
 
 
 def test_the_image_shows_north_up_and_east_right(world: World, tmp_path: Any) -> None:
-    """By map_server's own rule: pixel (column, row from the top) is x = origin + column, y = origin + height - row."""
+    """Pixel (column, row from the top) is x = origin + column, y = origin + height - row, by map_server's own rule."""
     path = os.path.join(tmp_path, "asymmetric.pgm")
     map_of(world, 12.0, 0.5).write_pgm(path)
     with open(path, "rb") as file:
@@ -82,7 +82,7 @@ def test_the_image_shows_north_up_and_east_right(world: World, tmp_path: Any) ->
 
 
 def test_clearance_never_falls_below_the_inflation(world: World) -> None:
-    """Along a way planned on the inflated map, by the world's own measure, to half a cell's diagonal."""
+    """The clearance along a way on the inflated map holds by the world's own measure, to half a cell's diagonal."""
     from itertools import pairwise
     from math import dist
 

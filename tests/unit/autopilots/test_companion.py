@@ -63,7 +63,7 @@ class Bench:
         self.stream = MavlinkStream(1, 1, Counters())
 
     def messages(self, time_ns: int) -> list[Any]:
-        """Advance to this time; what the autopilot then gets."""
+        """Advance to this time; return the messages that the autopilot then gets."""
         self.companion.advance(time_ns, TRUTH, "127.0.0.1")
         if self.peer is None:
             self.peer, _ = self.listener.accept()

@@ -33,7 +33,7 @@ def wrench(vehicle: Vehicle, outputs: tuple[int, ...]) -> list[float]:
 
 
 def assert_along(found: list[float], axis: int, sign: int) -> None:
-    """Along one axis, with a fifth of it at most in the other axes of its kind: astern a thruster gives less."""
+    """Assert a motion along one axis, with at most a fifth of it in the others: astern a thruster gives less."""
     assert found[axis] * sign > 1.0
     kind = range(3) if axis < 3 else range(3, 6)
     assert all(abs(found[other]) < 0.25 * abs(found[axis]) for other in kind if other != axis), found
@@ -84,7 +84,7 @@ def test_a_frame_that_does_not_fit_names_the_motor() -> None:
 
 
 def test_two_thrusters_that_are_swapped_do_not_fit_unnoticed() -> None:
-    """With its right and left wires swapped a motor is another thruster: the frame finds it by where it is."""
+    """A motor with its right and left wires swapped is another thruster: the frame finds it by its position."""
     vehicle, _ = load_vehicle("bluerov2")
     first, second, *others = vehicle.thrusters
     swapped = map_motors("vectored", vehicle._replace(thrusters=(second, first, *others)))

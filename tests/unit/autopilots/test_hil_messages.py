@@ -69,7 +69,7 @@ def test_controls_become_pulse_widths() -> None:
 @needs_captures
 @pytest.mark.parametrize("airframe", ["1021", "1022"])
 def test_a_recorded_flight(airframe: str) -> None:
-    """All of both directions decodes; nothing is output before arming; the thrusts are those that were recorded."""
+    """All messages of both directions decode; nothing is output before arming; thrusts are those recorded."""
     counters = Counters()
     streams = {way: MavlinkStream(255, 1, counters) for way in ("ap>sim", "sim>ap")}
     actuators, sensors = [], 0

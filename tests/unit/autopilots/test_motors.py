@@ -32,7 +32,7 @@ def test_disarmed_is_neutral_whatever_the_widths_say() -> None:
 
 
 def test_a_wrong_frame_is_reported_once() -> None:
-    """An ArduSub with six motors before a vehicle with eight: outputs 7 and 8 are 0 while others turn."""
+    """An ArduSub with six motors before a vehicle with eight leaves outputs 7 and 8 at 0 while others turn."""
     reports: list[str] = []
     motors = make(reports, "bluerov2_heavy")
     for step in range(100):
