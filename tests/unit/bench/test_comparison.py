@@ -25,7 +25,7 @@ def starts(values: list[float], unit: str = "ms", better: Better = "lower") -> F
 
 
 def runs(seed: str, count: int, size: int, middle: float = 20.0) -> Figure:
-    """Starts that lie apart, each with commands of which neighbours are alike: AR(1), 0.5."""
+    """Return starts that lie apart, each with commands of which neighbours are alike: AR(1), 0.5."""
     generator, found = random.Random(seed), []
     for _ in range(count):
         at, offset = 0.0, generator.gauss(0.0, 1.0)
@@ -72,7 +72,7 @@ def test_chance_is_seldom_taken_for_real() -> None:
 
 
 def test_starts_are_counted_and_not_their_commands() -> None:
-    """Five starts of one program against five more: nearly never real, though their commands differ."""
+    """Five starts of one program against five more are nearly never a real difference, though their commands differ."""
     pairs = [(runs(f"a{seed}", 5, 40), runs(f"b{seed}", 5, 40)) for seed in range(60)]
     wrong = [pair for pair in pairs if difference("x", *pair, 0.0, 0.95).verdict != "same"]
     assert len(wrong) <= 6, "some 3 of 60 are nominal"

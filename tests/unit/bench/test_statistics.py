@@ -23,7 +23,7 @@ def test_nearest_rank(share: float, value: float) -> None:
 
 @pytest.mark.parametrize("count", [1, 7, 100, 1000, 4096])
 def test_every_share_of_whole_percents_is_that_rank(count: int) -> None:
-    """In whole numbers, which floats do not round: 0.07 * 100 is 7.000000000000001."""
+    """Ranks are computed in whole numbers, which floats do not round: 0.07 * 100 is 7.000000000000001."""
     values = list(range(1, count + 1))
     for percent in range(101):
         exact = max(-(-percent * count // 100), 1)
@@ -98,7 +98,7 @@ def wander(generator: random.Random, count: int, alike: float) -> list[float]:
 
 
 def test_neighbours_that_are_alike_are_drawn_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two series of one process: of a hundred pairs some five may seem to differ, not a quarter."""
+    """Two series of one process seem to differ in some five of a hundred pairs, not in a quarter."""
     monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 150)  # sooner done
     generator, trials = random.Random(7), 60
     wrong = {True: 0, False: 0}

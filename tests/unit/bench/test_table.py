@@ -104,7 +104,7 @@ def test_text() -> None:
     ],
 )
 def test_what_a_uart_would_add_where_there_is_none(health: dict[str, Any], added: str) -> None:
-    """On a wire that has the speed of a UART, or is held to one, it is in the delays already."""
+    """The delays have it already on a wire that has the speed of a UART or is held to one."""
     text = table.render(build(**health))
     assert ("would add" in text) == bool(added)
     assert added in text
@@ -133,7 +133,7 @@ def test_a_slave_that_ran_before_has_no_startup_time() -> None:
 
 
 def test_a_slave_that_was_started_again_has_no_share_of_a_core() -> None:
-    """Its processor time begins again at 0: the difference would be less than nothing."""
+    """The processor time of such a slave begins again at 0: the difference would be less than nothing."""
     result = build(exec_wall_ns=1_050_000_000)
     assert math.isnan(result.slave_cpu_core)
     assert "restarted" in result.notes[0]
@@ -160,7 +160,7 @@ def test_two_machines_are_said_to_be_two() -> None:
 
 @pytest.mark.parametrize("offset_ns", [-5_000_000, 5_000_000, 5_000_000_000])
 def test_a_clock_that_was_set_on_one_machine_is_said(offset_ns: int) -> None:
-    """The slave was started before the clock was set: same boot, another time."""
+    """A slave started before the clock was set reports the same boot and another time, and the table says so."""
     result = build(offset_ns=offset_ns)
     assert result.clock_offset_ms == pytest.approx(offset_ns / 1e6, abs=1.0)
     assert any(note.startswith("one machine whose clock was set between the two starts") for note in result.notes)

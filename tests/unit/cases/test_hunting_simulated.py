@@ -65,7 +65,7 @@ def test_a_seed_says_all() -> None:
 
 
 def test_the_ends_of_the_line_do_not_hear_each_other() -> None:
-    """3 m apart each, and 5 m is the range: next neighbours only, until the ring is smaller than the range."""
+    """Vehicles 3 m apart, with a range of 5 m, receive next neighbours only until the ring is smaller than that."""
     simulated, watch = hunt("line")
     run(simulated, 10.0)
     assert [planner.neighbours for planner in simulated.planners] == [
@@ -81,7 +81,7 @@ def test_the_ends_of_the_line_do_not_hear_each_other() -> None:
 
 
 def test_what_is_said_out_of_range_changes_nothing() -> None:
-    """To the bit, whether the far end of the line is drowned out or heard; what the next one says changes a lot."""
+    """The flight is equal to the bit without the reports of the line's far end; without the next one's it is not."""
     tracks = {}
     for unreceived in ("", "uuv4", "uuv2"):
         simulated, watch = hunt("line")
@@ -101,7 +101,7 @@ def test_what_is_said_out_of_range_changes_nothing() -> None:
 
 
 def test_what_a_vehicle_says_of_itself_is_wrong_by_zero_mean_noise_of_its_own() -> None:
-    """Each axis of each vehicle: mean 0, the stated 5 cm, no relation to any other."""
+    """The noise of each axis of each vehicle has mean 0, the stated 5 cm, and no relation to any other."""
     simulated, _ = hunt("line")
     still = {ODOMETRY: OdometrySample(0, (1.0, 2.0, 2.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)}
     columns: list[list[float]] = []
@@ -134,7 +134,7 @@ def test_nobody_sets_out_before_all_neighbours_have_reported() -> None:
 
 
 def test_who_falls_silent_is_not_waited_for() -> None:
-    """Its last report lapses after a second; the others go on without it."""
+    """The last report of a silent vehicle lapses after a second; the others go on without it."""
     simulated, watch = hunt("diamond")
     run(simulated, 5.0)
     simulated.planners[2].report = lambda: b""  # type: ignore[method-assign]
@@ -146,7 +146,7 @@ def test_who_falls_silent_is_not_waited_for() -> None:
 
 
 def test_a_stray_vehicle_fails_the_hunt() -> None:
-    """The watch judges by the truth: one vehicle carried away is a ring with a gap, whatever its clock says."""
+    """The watch judges by true positions: one vehicle carried away is a ring with a gap, whatever its clock says."""
     scenario = load_scenario("target_hunting_diamond")
     watch = HuntWatch(scenario)
     plan = watch.plan
@@ -172,7 +172,7 @@ def test_a_hunt_that_does_not_end_is_over_at_the_limit() -> None:
 
 
 def test_the_shortest_ways_by_hand() -> None:
-    """Four on a circle of 5.5 m that could go straight in to 1.5 m: 4 m each; turned by 45 degrees nobody is nearer."""
+    """Four on a circle of 5.5 m that go straight in to 1.5 m go 4 m each; turned by 45 degrees none is nearer."""
     starts = [(5.5, 0.0), (0.0, 5.5), (-5.5, 0.0), (0.0, -5.5)]
     assert shortest_paths(HuntPlan(starts, (0.0, 0.0), 1.5, 0.4)) == pytest.approx(16.0)
     for scenario in SCENARIOS.values():

@@ -26,7 +26,7 @@ NEAR = slice(4700, 5301)  # rows and columns that hold water, 30 m deep; all els
 
 
 def scenario(folder: Path, wall: float = 0.0, **master: Any) -> Scenario:
-    """In water of 3 km x 3 km; a wall through the middle begins at the south edge and is `wall` m long."""
+    """Return a scenario in water of 3 km x 3 km; a wall `wall` m long through the middle begins at the south edge."""
     depths = np.full((NEAR.stop - NEAR.start, NEAR.stop - NEAR.start), 30.0, "<f4")
     if wall:
         depths[: int(wall / STEP), 298:303] = 1.0
@@ -57,7 +57,7 @@ def peak_mb(work: Callable[[], Any]) -> float:
 
 
 def test_a_path_is_planned_on_the_part_about_start_and_goal(tmp_path: Path) -> None:
-    """The map of all of it would have 625 million cells, and was refused."""
+    """A map of the whole world would have 625 million cells, and was refused."""
     plan = prepare(scenario(tmp_path))
     assert path_length(plan.planner.path) == pytest.approx(800.0)
     assert plan.request.map.cells.size < 500_000
@@ -94,7 +94,7 @@ def test_no_path_names_what_was_looked_at(tmp_path: Path) -> None:
 
 
 def test_far_places_are_planned_between_in_coarser_cells(tmp_path: Path) -> None:
-    """In cells of 0.25 m the part about them had 19 million."""
+    """A map of the part about the places would have 19 million cells of 0.25 m."""
     far = scenario(tmp_path, wall=1300.0, goal=[-100.0, 700.0], resolution=0.25)
     plan = prepare(far)
     assert plan.request.map.resolution == 1.0

@@ -74,7 +74,7 @@ def test_every_world_has_the_map_of_its_clearance() -> None:
 
 
 def test_clearance_over_relief() -> None:
-    """A plane has straight contours: the distance is known. Beyond `within` there is nothing."""
+    """The distance to the straight contours of a plane is known. Beyond `within` there is nothing."""
     slope = load_world("slope")
     (to_north, to_east), here = slope.terrain.gradient(3.3, -7.1), slope.seabed(3.3, -7.1)  # type: ignore[union-attr]
     steep = hypot(to_north, to_east)
@@ -96,7 +96,7 @@ def test_clearance_over_relief() -> None:
 def test_no_place_that_is_too_shallow_is_nearer_than_that(
     depths: list[float], north: float, east: float, depth: float, outside: float
 ) -> None:
-    """On any terrain, looked at densely: nothing too shallow is nearer, but for a contour's bend within a cell.
+    """Nothing too shallow is nearer on any terrain, looked at densely, but for a contour's bend within a cell.
 
     Where the seabed of a cell is too shallow anywhere, it is at a corner: no further from there than the diagonal.
     """
@@ -113,7 +113,7 @@ def test_no_place_that_is_too_shallow_is_nearer_than_that(
 
 
 def test_a_hill_is_gone_round(tmp_path: Path) -> None:
-    """Planned, flown in simulated time, and judged by the terrain itself."""
+    """The way round is planned, flown in simulated time, and judged by the terrain itself."""
     scenario = {
         "vehicle": "paper_six",
         "world": str(hilly(tmp_path)),
@@ -143,7 +143,7 @@ def test_what_is_hidden_is_on_no_map() -> None:
 
 
 def test_a_map_from_a_file_is_planned_on(tmp_path: Path) -> None:
-    """Written, named in a scenario, read, and the same way found; none through what the file alone shows."""
+    """A map that is written, named in a scenario and read gives the same way, round all that the file shows."""
     field = load_scenario("paper_field")
     straight = prepare(field)
     straight.request.map.write_pgm(str(tmp_path / "field.pgm"))
@@ -171,7 +171,7 @@ def test_too_deep_for_a_flat_seabed() -> None:
 
 
 def test_nothing_thin_slips_between_the_middles_of_cells() -> None:
-    """A pile of 8 cm and a plate of 4 cm on cells of 1 m, wherever they stand."""
+    """A pile of 8 cm and a plate of 4 cm occupy cells of 1 m wherever they stand."""
     for shift in np.linspace(0.0, 1.0, 21):
         pile = Cylinder(5.0 + shift, 5.0 + 0.7 * shift, 0.04)
         plate = Box(14.0, 5.0 + shift, 6.0, 0.04, heading=0.3)

@@ -1,4 +1,4 @@
-"""Planners by themselves: within limits whatever they are told, and the same over the network as without."""
+"""Planners by themselves: within limits whatever they get, and the same over the network as without."""
 
 import math
 from itertools import pairwise
@@ -80,7 +80,7 @@ def planners() -> list[Planner]:
 @examples(40)
 @given(piles, st.lists(st.tuples(places, st.floats(-4.0, 4.0), st.lists(ranges, min_size=2, max_size=40)), max_size=6))
 def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], reported: list[Any]) -> None:
-    """Any place, heading and scan, in any order, echoes that are no numbers among them."""
+    """Any place, heading and scan comes, in any order, with echoes that are no numbers among them."""
     for planner in planners():
         try:
             planner.begin(request(pool(cylinders)))
@@ -126,7 +126,7 @@ def test_no_way_leads_through_an_obstacle_or_nearer_than_it_may(cylinders: list[
 @settings(examples(6), phases=(Phase.generate,))  # a flight is too long to shrink
 @given(piles.filter(bool), st.integers(0, 2**31), st.sampled_from(["known", "unknown"]))
 def test_a_vehicle_so_led_touches_nothing(cylinders: list[Cylinder], seed: int, text: str) -> None:
-    """Flown in simulated time, all noise on, among any piles with room between, on the map or not."""
+    """The vehicle flies in simulated time, with all noise on, among any piles with room between, on the map or not."""
     apart = [a for i, a in enumerate(cylinders) if all(gap(a, b) > 2.2 for b in cylinders[:i])]
     scenario = load_scenario("path_planning", {"master.goal": [19.0, 18.0], "master.map": text})._replace(seed=seed)
     world = pool(apart)._replace(extent=(-3.0, 23.0, -3.0, 23.0))
@@ -149,9 +149,9 @@ def gap(a: Cylinder, b: Cylinder) -> float:
 
 
 class Sent(Planner):
-    """Passes samples on as they are after they have been bytes on the network, and compares what comes of it.
+    """A planner that passes samples on after they have been bytes on the network, and compares what comes of it.
 
-    Only what the planner listens to is sent there.
+    Only what the planner subscribes to is sent there.
     """
 
     def __init__(self, here: Planner, there: Planner) -> None:
@@ -195,7 +195,7 @@ def test_what_is_no_topic_is_refused_before_the_flight(monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("name", ["path_planning", "task_scheduling"])
 def test_over_the_network_the_planner_says_the_same(name: str) -> None:
-    """Twice the same class: one told the simulator's records, one what of them comes out of ROS 2 messages."""
+    """One planner gets the simulator's records, another of its class what comes of them out of ROS 2 messages."""
     scenario = load_scenario(name, {"master.time_limit": 40.0})
     plan, other = prepare(scenario), prepare(scenario)
     both = Sent(plan.planner, other.planner)
@@ -239,7 +239,7 @@ def test_walled_in_it_gives_up_and_says_why() -> None:
 
 
 def test_tasks_break_off_for_an_urgent_one() -> None:
-    """The battery falls below its limit on the way: it charges first, then goes on, and home at the end."""
+    """A battery below its limit on the way makes the vehicle charge first, then go on, and home at the end."""
     planner = Tasks(home=[1.0, 1.0], task=TASKS)
     planner.begin(request(pool([])))
     place, heading, charge = [1.0, 1.0], 0.0, 7.0

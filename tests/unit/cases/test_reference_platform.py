@@ -74,7 +74,7 @@ def test_the_vehicle_has_seven_thrusters_four_of_them_at_right_angles() -> None:
 
 
 def printed_13(angle: float, radius: float, surge: float, sway: float, yaw: float) -> list[float]:
-    """Equation (13): thrusters 1 to 4."""
+    """Return the thrusts of thrusters 1 to 4 by equation (13)."""
     cot, lever = 1.0 / tan(angle), radius * (tan(angle) + 1.0) / tan(angle)
     rows = ((1, cot, -lever), (1, -cot, lever), (1, -cot, -lever), (1, cot, lever))
     return [a * surge + b * sway + c * yaw for a, b, c in rows]
@@ -92,7 +92,7 @@ def test_equation_13_at_45_degrees_has_our_patterns(axis: int) -> None:
 
 
 def test_equation_12_contradicts_equation_13() -> None:
-    """Thruster 3: (12) has + V_y and + W_z, (13) - V_y and - W_z."""
+    """Thruster 3 has + V_y and + W_z in (12), - V_y and - W_z in (13)."""
     angle, radius = pi / 3.0, 0.2
     lever = radius * (tan(angle) + 1.0) / tan(angle)
     for motion, twelve in (((0.0, 1.0, 0.0), 1.0 / tan(angle)), ((0.0, 0.0, 1.0), lever)):
@@ -132,7 +132,7 @@ def test_equation_8_as_printed_jumps_and_ours_does_not() -> None:
 
 
 def test_equation_2_with_its_n_forgets_its_start() -> None:
-    """With n' = -1/tau, as printed, a bias of 1 would be at 1 - t / tau, wherever it began."""
+    """A bias of 1 would be at 1 - t / tau wherever it began, with n' = -1/tau as printed."""
     process = ErrorProcess(ErrorModel(bias=1.0, bias_time=10.0), 1.0, Random(2))
     bias = [process.measure(0.0) for _ in range(20_000)]
     mean = sum(bias) / len(bias)

@@ -28,7 +28,7 @@ def filled(edges: tuple[Array, ...], north: Array, east: Array) -> NDArray[np.bo
 
 
 def test_filling_agrees_with_asking_each_point() -> None:
-    """A star with a hole, its edges in pieces, any order and direction; nodes on no edge."""
+    """The area is a star with a hole, its edges in pieces, of any order and direction; nodes lie on no edge."""
     angles = np.linspace(0.0, 2.0 * np.pi, 11)
     radius = np.where(np.arange(11) % 2, 40.0, 17.0)
     star = np.column_stack([radius * np.cos(angles), radius * np.sin(angles)])
@@ -91,7 +91,7 @@ def jagged(depths: Array) -> float:
 
 
 def test_limits_make_no_cliff_along_their_border() -> None:
-    """A level bed of 6 m, and an oblique border beyond which it is 10 m or more: a ramp before it, not a stair."""
+    """The bed rises by a ramp, not a stair, from an oblique border of 10 m or more to a level of 6 m."""
     north, east = np.meshgrid(np.arange(60.0), np.arange(60.0), indexing="ij")
     beyond = north + 0.6 * east > 48.0
     low = np.where(beyond, 10.0, 0.0)
@@ -105,7 +105,7 @@ def test_limits_make_no_cliff_along_their_border() -> None:
 
 
 def test_a_dredged_channel_has_sides() -> None:
-    """Flats of at most 2 m around a channel of at least 9 m: within what the chart is drawn to, the sides slope."""
+    """The sides of a channel of at least 9 m in flats of at most 2 m slope, within what the chart is drawn to."""
     low = np.full((40, 40), 0.0)
     low[:, 15:25] = 9.0
     low[:, 0] = np.inf  # land

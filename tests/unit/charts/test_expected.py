@@ -7,7 +7,7 @@ from hil.charts.sources.survey import DepthArea, Sheet, Survey
 
 
 def test_the_mean_of_a_normal_distribution_that_is_cut_off() -> None:
-    """Against draws of it: on a limit, beyond it (which counts as on it), between both, and with no limit."""
+    """The mean equals that of draws: on a limit, beyond it (which counts as on it), between both, and with no limit."""
     draws = np.random.default_rng(1).standard_normal(400_000)
     for depth, low, high in ((10.0, 10.0, 50.0), (4.0, 10.0, 50.0), (12.0, 10.0, 13.0), (30.0, -np.inf, 31.0)):
         middle = min(max(depth, low), high)
@@ -30,7 +30,7 @@ def square(side: float) -> tuple[np.ndarray, ...]:
 
 
 def test_a_basin_without_soundings_is_deeper_than_its_contour() -> None:
-    """Soundings slope down to a contour of 10 m around an area of 10 to 30 m: no terrace of 10 m within.
+    """The bed from a contour of 10 m to an area of 10 to 30 m, with soundings that slope down, has no terrace.
 
     The bed leaves the contour by a slope, not a cliff, and keeps to its limits and soundings.
     """

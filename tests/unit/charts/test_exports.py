@@ -27,7 +27,7 @@ NORTH, EAST = np.arange(12)[:, None], np.arange(17)
 
 
 def sloping(hole: bool = True) -> Grid:
-    """Deeper to the north, shoaler to the east, land in the south-east."""
+    """Return a bed that is deeper to the north and shoaler to the east, with land in the south-east."""
     depths = (10.0 + 1.5 * NORTH - 1.0 * EAST).astype(np.float32)
     if hole:
         depths[9, 3] = np.nan
@@ -55,7 +55,7 @@ def test_the_grid_of_a_world() -> None:
 
 
 def test_a_mesh_of_too_many_triangles_is_refused_with_what_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not made until memory ends: a world of 10,001 x 10,001 nodes would have 200 million triangles."""
+    """A world of 10,001 x 10,001 nodes, 200 million triangles, is refused before memory ends."""
     large = Grid(np.broadcast_to(np.float32(5.0), (10_001, 10_001)), 0.0, 0.0, 5.0)
     with pytest.raises(ConfigError, match=r"--resolution: 5 m makes a mesh of 10001 x 10001 nodes.*take 26 m"):
         triangulate(large)

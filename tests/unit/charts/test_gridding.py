@@ -45,7 +45,7 @@ def test_a_plane_stays_nearly_a_plane_and_a_level_bed_is_level() -> None:
 
 
 def test_no_creases_between_patches() -> None:
-    """Along a fine section through many patches no step, and slopes that change little from one mm to the next."""
+    """A fine section through many patches has no step, and slopes that change little from one mm to the next."""
     points, depths = scattered(6 * LEAF)
     surface = Surface(points, depths)
     centres = 0.5 * np.linspace(20.0, 80.0, 9)
@@ -61,7 +61,7 @@ def test_no_creases_between_patches() -> None:
 
 
 def test_held_out_is_what_leaving_out_gives() -> None:
-    """Against fits really made without those points, in one patch, whose frame the kept corners hold in place."""
+    """Held-out errors equal those of fits really made without the points, in one patch whose corners hold its frame."""
     points, depths = scattered(LEAF - 4)
     corners = np.array([[0.0, 0.0], [0.0, 100.0], [100.0, 0.0], [100.0, 100.0]])
     points, depths = np.vstack([points, corners]), np.append(depths, [1.0, 2.0, 3.0, 4.0])
@@ -123,7 +123,7 @@ def test_only_what_is_wanted_is_found() -> None:
 
 
 def test_a_known_bed_is_found_better_than_by_triangles() -> None:
-    """300 soundings, then with contours each 10 m: far better than linear interpolation of the soundings."""
+    """A bed from 300 soundings with contours each 10 m is far better than their linear interpolation."""
     from scipy.interpolate import LinearNDInterpolator
 
     bed = known_bed()

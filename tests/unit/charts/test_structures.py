@@ -13,7 +13,7 @@ SHORE = 60.0  # m north; beyond is land
 
 
 def placed(kind: str, lines: Lines = (), is_area: bool = False, **attributes: float) -> Placed:
-    """In water 8 m deep up to the shore; a grid of 5 m."""
+    """Return a chart's structures in water 8 m deep up to the shore, on a grid of 5 m."""
     depths = np.full((21, 21), 8.0, np.float32)
     depths[13:] = -1.0
     grid = Grid(depths, 0.0, 0.0, 5.0)
@@ -30,7 +30,7 @@ def ring(*corners: tuple[float, float]) -> Lines:
 
 
 def test_a_pier_stands_in_the_water_and_a_quay_is_the_land_s_edge() -> None:
-    """From the shore 40 m to the south; the wall along the shore has water on one side alone."""
+    """The pier reaches from the shore 40 m to the south; the wall along the shore has water on one side alone."""
     pier, quay = ((58.0, 50.0), (20.0, 50.0)), ((59.0, 10.0), (59.0, 90.0))
     for kind in ("SLCONS", "CAUSWY", "DAMCON"):
         (box,) = placed(kind, (pier, quay), WATLEV=2.0).boxes
@@ -59,7 +59,7 @@ def test_a_pontoon_floats_above_the_bed() -> None:
 
 
 def test_marks_stand_or_float_and_a_platform_stands() -> None:
-    """A beacon and a platform reach from the bed into the air; a buoy, and a mooring that is one, a metre down."""
+    """A beacon and a platform reach from the bed into the air, a buoy, and a mooring that is one, a metre down."""
     for kind in ("BCNLAT", "BCNSPP", "OFSPLF", "FSHFAC"):
         (mark,) = placed(kind).cylinders
         assert (mark.top, mark.bottom) == (OUT_OF_WATER, STANDING)
@@ -76,7 +76,7 @@ def test_marks_stand_or_float_and_a_platform_stands() -> None:
 
 
 def test_an_area_that_is_no_rectangle_keeps_its_outline() -> None:
-    """Two fingers of 2 m on a stem: between them there is water."""
+    """Two fingers of 2 m on a stem have water between them."""
     comb = ring(
         (10.0, 10.0), (40.0, 10.0), (40.0, 12.0), (12.0, 12.0), (12.0, 40.0), (40.0, 40.0), (40.0, 42.0), (10.0, 42.0)
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Maneuvers, from what they say to where the vehicle then is, without network and clock."""
+"""Actions, from their messages to where the vehicle then is, without network and clock."""
 
 import asyncio
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ def client() -> Iterator[Spoken]:
 
 
 def fly(client: Spoken, reported: Action, seconds: float) -> list[State]:
-    """Until it is done; where the vehicle was on the way."""
+    """Advance until it is done; return where the vehicle was on the way."""
     track: list[State] = []
 
     def say(state: State) -> bool:
@@ -134,7 +134,7 @@ def test_waiting_tells_why_it_is_over() -> None:
 
 
 def test_what_is_done_may_come_to_grief(client: Spoken) -> None:
-    """Another master has taken over: nobody holds the vehicle there any more."""
+    """The vehicle is held by nobody once another master has taken over."""
     reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
     reported.step(client, client.bench.state)
     assert reported.wait(0.0).done

@@ -15,7 +15,7 @@ LEASE_S = 0.8
 
 
 class Clock:
-    """Monotonic, and waits by it. `held_up`: from which instant on the process is held up, and for how long (s).
+    """A monotonic clock whose waits end by it. `held_up`: when and for how long (s) the process is held up.
 
     `every` is called at the end of each wait, but not of one in which the process was held up, nor of a short one
     after it: others catch up as slowly.
@@ -87,7 +87,7 @@ def run(
 ) -> list[tuple[float, str]]:
     """Ping for so long a vehicle that is there; it answers and sends samples when that is true.
 
-    Returns what was reported, and when.
+    Return what was reported, and when.
     """
     reported: list[tuple[float, str]] = []
     began_s = clock.now_s
@@ -171,7 +171,7 @@ def test_a_vehicle_that_a_router_knows_of_opens_the_session_again(clock: Clock, 
 
 
 def test_another_client_of_the_session_may_open_it_again(clock: Clock) -> None:
-    """Silence from before that is no reason for another attempt."""
+    """The silence from before that is no reason for another attempt."""
     session, began_s = Nobody("slave"), clock.now_s
 
     def samples() -> bool:

@@ -150,7 +150,7 @@ def test_every_option_says_what_it_is() -> None:
 
 
 def test_no_option_repeats_its_name_as_its_value() -> None:
-    """`--role {host,device}`, `--host ADDRESS`; only SCENARIO is called the same where it is an argument."""
+    """Help has `--role {host,device}`, `--host ADDRESS`; only SCENARIO is called the same where it is an argument."""
     for parser in LEAVES:
         for name, action in options(parser).items():
             words = " ".join(action.metavar) if isinstance(action.metavar, tuple) else action.metavar or ""

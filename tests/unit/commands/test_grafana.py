@@ -37,7 +37,7 @@ def test_panels_do_not_cover_each_other() -> None:
 
 
 def test_grafana_knows_every_key_and_unit() -> None:
-    """Read by Grafana's own types, and written again: a key that they do not know would be lost."""
+    """Grafana's own types read the dashboard and write it again: a key that they do not know would be lost."""
     types = pytest.importorskip(f"{TYPES}.models.dashboard", reason="needs grafana-foundation-sdk, of Python 3.11")
     plugins, encoder = (pytest.importorskip(f"{TYPES}.cog.{name}") for name in ("plugins", "encoder"))
     plugins.register_default_plugins()

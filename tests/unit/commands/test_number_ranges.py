@@ -53,7 +53,7 @@ def numbers(annotation: Any) -> Iterator[Range | None]:
 
 @pytest.fixture(scope="module")
 def keys() -> list[tuple[type[Any], str]]:
-    """The keys with numbers. Found here and not above: to import all modules would make every collection slow."""
+    """Return the keys with numbers. Found here and not above: an import of all modules slows every collection."""
     return [
         (record, key)
         for record in sorted(set(records()), key=lambda record: (record.__module__, record.__name__))

@@ -26,11 +26,11 @@ VALUES = ["nan", "inf", "-inf", "-1", "0", "1e12", "x", "", "9" * 5000, "0x10", 
 
 
 class CapturedError(Exception):
-    """The parser of a command, before it reads anything."""
+    """An error that holds the parser of a command, before it reads anything."""
 
 
 class AcceptedError(Exception):
-    """Raised with what a parser made of a command line."""
+    """An error that holds what a parser made of a command line."""
 
 
 class Option(NamedTuple):

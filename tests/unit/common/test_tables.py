@@ -1,4 +1,4 @@
-"""A TOML file that was read is kept parsed, and never used when it should not be."""
+"""A TOML file that was read is cached parsed, and never used when it should not be."""
 
 import os
 import sys
@@ -121,7 +121,7 @@ def test_an_output_is_tried_and_not_left_behind(tmp_path: Path) -> None:
     ],
 )
 def test_an_output_that_cannot_be(tmp_path: Path, place: str, reason: str) -> None:
-    """At once, also for a pipe that nobody reads; and no folder is made."""
+    """The output is refused at once, also a pipe that nobody reads; and no folder is made."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("")
     os.mkfifo(tmp_path / "pipe.json")
@@ -134,7 +134,7 @@ def test_an_output_that_cannot_be(tmp_path: Path, place: str, reason: str) -> No
 
 
 def test_what_others_read_meanwhile_is_no_such_pipe() -> None:
-    """`>(gzip > flight.csv.gz)` of a shell, and /dev/stdout."""
+    """The pipe may be `>(gzip > flight.csv.gz)` of a shell, or /dev/stdout."""
     reader, writer = os.pipe()
     try:
         assert output_file(f"/proc/self/fd/{writer}")

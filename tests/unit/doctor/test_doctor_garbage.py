@@ -83,7 +83,7 @@ def can(details: object) -> str:
     ],
 )
 def test_odd_files(board: Path, path: str, text: str) -> None:
-    """No traceback, and no problem out of what cannot be understood."""
+    """There is no traceback, and no problem out of what cannot be understood."""
     healthy = {row.topic for row in examine(Tree(str(board))) if row.level == "problem"}
     assert {"CAN"}.isdisjoint(healthy)
     plant(board, path, text)

@@ -31,7 +31,7 @@ def rows_of(flight: Flight, path: Path) -> list[dict[str, float]]:
 
 
 def test_the_table_tells_why_it_moves(flown: Flight, tmp_path: Path) -> None:
-    """20 rows a second; the forces add up, and their sum over the mass is the change of speed."""
+    """The table has 20 rows a second; the forces add up, and their sum over the mass is the change of speed."""
     rows = rows_of(flown, tmp_path / "flight.csv")
     assert [row["time_s"] for row in rows] == pytest.approx([0.0025, *(k * 0.05 for k in range(1, 41))])
     terms = [term for term in Forces._fields if term != "total"]
@@ -45,7 +45,7 @@ def test_the_table_tells_why_it_moves(flown: Flight, tmp_path: Path) -> None:
 
 
 def test_in_contact_the_forces_still_add_up_to_mass_times_acceleration(tmp_path: Path) -> None:
-    """Ahead into the north wall and against it for seconds: no force is missing, not even that of the first contact."""
+    """A vehicle pushes into the north wall for seconds: no force is missing, not even that of the first contact."""
     vehicle = load_vehicle("paper_six")[0]
     simulation = Simulation(vehicle, load_world("pool"), {}, position=(7.5, 0.0, 2.0))
     flight, felt = Flight(simulation), []

@@ -43,7 +43,7 @@ def test_what_is_none(tmp_path: Path) -> None:
 
 
 def test_a_mesh_comes_with_the_urdf(tmp_path: Path) -> None:
-    """On a turned link; its corners in FRD are those of FLU with two signs changed; and through the TOML file."""
+    """The mesh is on a turned link; its corners in FRD are those of FLU with two signs changed, also through TOML."""
     (tmp_path / "pack" / "meshes").mkdir(parents=True)
     stl = tmp_path / "pack" / "meshes" / "hull.stl"
     stl.write_bytes(binary())

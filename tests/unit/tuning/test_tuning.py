@@ -32,7 +32,7 @@ def respond(share: Any, seconds: float = 20.0, size: float = 2.0) -> Response:
 
 
 def test_figures_of_a_first_order_lag() -> None:
-    """1 - exp(-t/T): rise T ln 9, settling to 5 % at T ln 20, cost T."""
+    """A lag 1 - exp(-t/T) has a rise of T ln 9, settles to 5 % at T ln 20, and costs T."""
     figures = respond(lambda t: 1.0 - math.exp(-t / 1.5)).figures()
     assert figures.rise == pytest.approx(1.5 * math.log(9.0), abs=0.03)
     assert figures.settling == pytest.approx(1.5 * math.log(20.0), abs=0.03)
@@ -139,7 +139,7 @@ def test_good_gains_stay() -> None:
 
 
 def test_the_identified_process_is_that_of_the_vehicle() -> None:
-    """RexROV has little drag for its 2.6 t: slope 1, hardly any damping, and a delay of its lag and its sensors."""
+    """The process of RexROV, 2.6 t with little drag, has slope 1, little damping, and a delay of lag and sensors."""
     vehicle, control = load_vehicle("rexrov")
     (tuned,) = Tuner("rexrov", vehicle, control).tune(["sway"])
     assert tuned.process.slope == pytest.approx(1.0, abs=0.1)
