@@ -29,7 +29,7 @@ class Bench:
         assert wait_readable(self.end.link.wire)
 
     def received(self, count: int) -> list[ThrusterTelemetry]:
-        """Exactly `count` reports."""
+        """Return exactly `count` reports."""
         reports = read_messages(self.host, count) + self.host.receive()
         assert len(reports) == count
         return [report for report in reports if isinstance(report, ThrusterTelemetry)]

@@ -214,7 +214,7 @@ class MemoryWire(Wire):
 
 
 def run_python(events: list[Event], end_ms: int) -> tuple[list[ThrusterTelemetry], list[list[int]]]:
-    """Reports of the firmware's specification in Python, and its pulses after each event."""
+    """Return reports of the firmware's specification in Python, and its pulses after each event."""
     wire = MemoryWire()
     end = Stm32End(Stm32(6), ThrusterLink(wire, uuv_hil()))
     pulses = []
@@ -343,7 +343,7 @@ def test_the_pins_are_those_of_the_wiring_that_people_are_told(chip: str, board:
 def test_all_clocks_are_right_with_the_crystal_and_without(
     chip: str, crystal: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The chip's times as the program sets it: a pulse of 1500 us, a bit of serial and of CAN, a millisecond."""
+    """The chip's times are as the program sets it: a pulse of 1500 us, a bit of serial and of CAN, a millisecond."""
     if not crystal:
         ready, write = 1 << 17, Rcc.write
 
@@ -365,7 +365,7 @@ def test_all_clocks_are_right_with_the_crystal_and_without(
 
 
 def test_half_of_the_smallest_stack_is_never_used() -> None:
-    """The F103's has 5 KiB. Frames, MAVLink with its answers, noise, watchdog, CAN."""
+    """The F103's 5 KiB hold frames, MAVLink with its answers, noise, the watchdog and CAN."""
     chip = "f103"
     board = power_up(chip)
     bottom = 0x2000_0C80  # behind the variables: 3152 bytes

@@ -74,7 +74,7 @@ def test_a_command_is_answered_and_moves_the_timers(bench: Bench) -> None:
 
 
 def test_it_is_seen_when_the_outputs_take_a_command(bench: Bench) -> None:
-    """On the machine's own clock, by the timers' registers; bytes that mean nothing change none."""
+    """The instant is read on the machine's own clock, by the timers' registers; bytes that mean nothing change none."""
     before = now_ns()
     bench.send(command(1))
     obeyed = bench.end.command_ns
@@ -122,7 +122,7 @@ def test_a_machine_that_slept_is_no_silent_host(bench: Bench) -> None:
 
 
 def test_a_flood_is_taken_in_portions(bench: Bench) -> None:
-    """However much comes, no service takes long, and what is meant is heard behind it."""
+    """A service never takes long however much comes, and a command behind it all is received."""
     taken = bench.send(random.Random(4).randbytes(3500) + bytes(300) + command(9))
     assert taken == UnicornEnd.AT_ONCE
     assert bench.end.deadline_ns == bench.now_ns, "there is more"

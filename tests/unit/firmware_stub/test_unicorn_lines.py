@@ -103,7 +103,7 @@ def test_a_paced_byte_too_late_to_be_read_is_lost() -> None:
 
 
 def open_can(program: Program, scale: int, mode: int, first: int, second: int = 0, fifo: int = 0, btr: int = 0) -> None:
-    """Initialise with one filter, in bank 3."""
+    """Initialise the controller with one filter, in bank 3."""
     program.put(CAN1, 1)
     assert program.get(CAN1 + 4) & 3 == 1, "initialisation is acknowledged"
     program.put(CAN1 + 0x1C, 0x1C_0003 | btr)
@@ -119,7 +119,7 @@ def open_can(program: Program, scale: int, mode: int, first: int, second: int = 
 
 
 def read_fifo(program: Program, fifo: int = 0) -> list[CanFrame]:
-    """Empty it as a program does."""
+    """Empty the FIFO as a program does; return its frames."""
     frames = []
     base = CAN1 + 0x1B0 + 0x10 * fifo
     while program.get(CAN1 + 0x0C + 4 * fifo) & 3:

@@ -58,7 +58,7 @@ def test_the_layout_names_the_topics_of_its_vehicle() -> None:
 
 
 def test_the_layout_has_panels_for_what_the_vehicle_has() -> None:
-    """Without a camera, sonar or battery there is no panel for it."""
+    """A vehicle without a camera, sonar or battery has no panel for it."""
     usual = json.loads(layout("uuv1"))["configById"]
     assert not any(panel.startswith("Image!") for panel in usual)
     assert "Plot!turn" in usual

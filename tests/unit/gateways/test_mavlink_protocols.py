@@ -263,7 +263,7 @@ def test_each_stream_of_the_camera_is_described() -> None:
 
 
 def test_what_is_asked_of_the_camera_the_camera_answers() -> None:
-    """The old commands of QGroundControl's camera manager are answered; it takes no answer of another component."""
+    """The device answers the old commands of QGroundControl's camera manager, which takes no other's answer."""
     bench = Bench()
     bench.dispatcher.picture = camera.CameraInfo((camera.h264(5600),), 640, 480, 5.0, 60.0)
     expected = {

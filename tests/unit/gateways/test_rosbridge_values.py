@@ -52,7 +52,7 @@ def test_bytes_are_base64_in_json_and_bytes_in_cbor() -> None:
 
 
 def test_numbers_in_cbor_are_typed_arrays() -> None:
-    """RFC 8746: 85 is float32, 86 float64, each little-endian."""
+    """RFC 8746 says: 85 is float32, 86 float64, each little-endian."""
     scan = ros_message.decode(
         "sensor_msgs/msg/LaserScan", ros_message.encode("sensor_msgs/msg/LaserScan", {"ranges": (1.0, 2.5)})
     )

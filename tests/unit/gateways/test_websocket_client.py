@@ -11,7 +11,7 @@ from hil.gateways.websocket_client import SendQueue, SocketClient
 
 
 class Socket:
-    """Takes what is sent to it while it is `read`."""
+    """A socket that takes what is sent to it while it is `read`."""
 
     def __init__(self) -> None:
         self.read = asyncio.Event()
@@ -77,7 +77,7 @@ def test_the_oldest_is_dropped_first() -> None:
 
 
 class Gone(SocketClient):
-    """A client that has nothing more to say, and to whom nothing can be sent."""
+    """A client that sends nothing more, and to whom nothing can be sent."""
 
     async def _read(self) -> None:
         await asyncio.sleep(0)

@@ -11,7 +11,7 @@ from tests.support.links.link_contract import nothing_leaks
 
 @pytest.fixture
 def opened() -> Iterator[ExitStack]:
-    """Closes what a test opens; nothing leaks."""
+    """Close what a test opens; nothing leaks."""
     with nothing_leaks(), ExitStack() as stack:
         yield stack
 

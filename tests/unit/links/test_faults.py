@@ -172,7 +172,7 @@ class TestOnCan:
         assert near_share(tally.corrupted_bytes, 0.05, (640 - tally.dropped) * 8)
 
     def test_a_frame_takes_its_bits(self, opened: ExitStack) -> None:
-        """At 20 kbit/s an extended frame with 8 bytes, 131 bits, takes 6.55 ms and a standard empty one 2.35 ms."""
+        """An extended frame with 8 bytes, 131 bits, takes 6.55 ms at 20 kbit/s, and a standard empty one 2.35 ms."""
         far, near = can_pair(opened, Faults(baud=20_000))
         for frame, wire_time_ms in ((CanFrame(1, bytes(8)), 6.55), (CanFrame(1, b"", extended=False), 2.35)):
             took = cross(near, far, pack_frame(frame))[1] / 1e6

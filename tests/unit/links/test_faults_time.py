@@ -17,7 +17,7 @@ from tests.support.links.link_contract import EVERY_BYTE, wait_readable
 
 @contextmanager
 def one_cpu() -> Iterator[None]:
-    """Both ends on one CPU: a wake-up on another one can cost as much as a frame."""
+    """Keep both ends on one CPU: a wake-up on another one can cost as much as a frame."""
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {max(before)})
     try:
@@ -45,7 +45,7 @@ def least_ns(opened: ExitStack, baud: int, downward: bool) -> int:
 @pytest.mark.parametrize("downward", [True, False])
 @retried_when_busy("when bytes come, by the clock", attempts=10)
 def test_throughput_is_that_of_the_baud_rate(opened: ExitStack, downward: bool) -> None:
-    """The best of five: a machine that others use too may be late, never early."""
+    """The best of five counts: a machine that others use too may be late, never early."""
     far, near = pty_pair(opened, Faults(baud=230_400))
     data = EVERY_BYTE * 40
     sender, receiver = (near, far) if downward else (far, near)

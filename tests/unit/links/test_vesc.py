@@ -70,7 +70,7 @@ def test_golden_reports(vector: dict[str, Any]) -> None:
 
 
 def test_the_documents_example() -> None:
-    """51 A to VESC 23 is 0x0117 with 00 00 C7 38: no thruster is ruled by amperes here, so it is refused."""
+    """The example, 51 A to VESC 23, is 0x0117 with 00 00 C7 38; no thruster is set by amperes: it is refused."""
     receiver = device(1, first_id=23)
     assert receiver.feed(records([CanFrame(0x0117, bytes.fromhex("0000c738"))])) == []
     assert receiver.counters.malformed == 1

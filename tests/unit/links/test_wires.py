@@ -56,7 +56,7 @@ def test_one_process_at_a_time_holds_a_name(link_path: Path) -> None:
 
 
 def test_the_name_is_never_held_twice(link_path: Path) -> None:
-    """Many come and go at once: removing the lock file must not let two of them in."""
+    """Many processes come and go at once: removing the lock file must not let two of them in."""
     holders, most, opened = 0, 0, 0
     guard = threading.Lock()
 
@@ -169,7 +169,7 @@ def wait_for_unread(wire: PtyWire, count: int) -> None:
 
 
 def fill(wire: PtyWire) -> int:
-    """Write until the wire refuses, each time after the last bytes have arrived; the bytes it took."""
+    """Write until the wire refuses, each time after the last bytes have arrived; return the bytes it took."""
     written = 0
     while taken := wire.write(b"o" * 32):
         written += taken
@@ -182,7 +182,7 @@ def fill(wire: PtyWire) -> int:
 def test_a_terminal_without_bytes_is_not_asked(
     open_host: Callable[[str], Wire], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """To read or to poll one makes the kernel wait for a thread of normal priority, and a real-time loop with it."""
+    """A read or a poll of one makes the kernel wait for a thread of normal priority, and a real-time loop with it."""
     with closing(PtyWire()) as device, closing(open_host(device.path)) as host:
         host.write(b"ping")
         assert read_bytes(device, 4) == b"ping"
@@ -238,7 +238,7 @@ def test_what_has_been_read_makes_room_again() -> None:
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
 class TestCannotOpen:
-    """Each message is one line that names the device and what to do."""
+    """Devices that cannot be opened: each message is one line that names the device and what to do."""
 
     def failure(self, open_host: Callable[[str], Wire], path: object) -> str:
         with pytest.raises(DeviceError) as caught:
@@ -283,7 +283,7 @@ class TestCannotOpen:
 
 @pytest.mark.parametrize("when", ["__init__", "_reset_input_buffer"])
 def test_a_device_that_is_pulled_out_while_it_is_opened(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Behind pyserial's set-up and within it: both find no terminal any more, and say so by an error of their own."""
+    """Pyserial's set-up finds no terminal any more, and so do we behind it; both give an error of their own."""
     device = PtyWire()
     step = getattr(serial.Serial, when)
 
@@ -309,7 +309,7 @@ def test_rs485_where_the_driver_has_none() -> None:
 
 
 def test_rs485_asks_the_driver_to_switch_direction(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A pty's driver cannot; this one says yes to TIOCGRS485 and TIOCSRS485 and is otherwise the pty's."""
+    """The driver of a pty cannot; this one accepts TIOCGRS485 and TIOCSRS485 and is otherwise the pty's."""
     requested: list[tuple[int, bytes]] = []
 
     def driver(fd: int, request: int, *arguments: Any) -> Any:

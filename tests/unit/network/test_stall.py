@@ -8,7 +8,7 @@ LOOK_MS = 200
 
 
 class Bed:
-    """A detector that is asked five times a second by a clock of its own."""
+    """A detector that is checked five times a second by a clock of its own."""
 
     def __init__(self) -> None:
         self.detector = StallDetector(LEASE_S)

@@ -20,7 +20,7 @@ def test_a_link_is_unread_when_nothing_is_taken_for_two_leases() -> None:
 
 
 def test_a_process_that_was_held_up_has_not_read_a_sound_link() -> None:
-    """However long: a look after the pause counts as one second, and by the next something was read."""
+    """A check after the pause counts as one second, however long it was, and by the next something was read."""
     links, sound = UnreadLinks(LEASE_S), (1, 2)
     assert LONGEST_CHECK_NS < 2 * LEASE_S * NS_PER_S
     for pause in range(100):
@@ -50,7 +50,7 @@ def test_one_link_of_two_for_two_leases_is_half_a_session() -> None:
 
 @pytest.mark.parametrize("is_seen_lost", [True, False], ids=["seen lost", "back by the next look"])
 def test_a_master_has_two_links_or_half_a_session(is_seen_lost: bool) -> None:
-    """From the beginning; and as the other port may be out of reach for good, each time it waits twice as long."""
+    """The session is half from the beginning; it waits twice as long each time, as a port may be out of reach."""
     links, reported = UnreadLinks(LEASE_S, has_pairs=True), []
     for tick in range(1200):
         if links.find_halves(LOOK_NS, ["half"]) == {"half"}:

@@ -188,7 +188,7 @@ def test_11_bit_frames_are_others() -> None:
 
 
 def test_what_each_second_of_six_thrusters_takes_of_a_bus() -> None:
-    """At 50 Hz, in frames: 2 a command, 3 a status, and little besides."""
+    """Six thrusters at 50 Hz take 2 frames a command, 3 a status, and little besides."""
     board = Board()
     output: list[bytes] = []
     board.bus.taps.append(output.append)

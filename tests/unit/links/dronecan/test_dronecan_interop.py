@@ -123,7 +123,7 @@ def test_their_battery_reaches_our_host(bench: Bench) -> None:
 
 
 def test_our_host_commands_their_controllers(bench: Bench) -> None:
-    """Two nodes of three controllers each, as DroneCAN motor controllers behave."""
+    """Two nodes of three controllers each behave as DroneCAN motor controllers do."""
     host = bench.host(own_device=False)
     armings = []
     for number in range(2):
@@ -168,7 +168,7 @@ def test_their_allocator_gives_our_device_a_number(bench: Bench, preferred: int)
 
 
 def test_our_allocator_gives_their_request_a_number(bench: Bench) -> None:
-    """Their frames of a request, as the package has no asking node."""
+    """The frames of a request are the package's, which has no asking node."""
     host, unique_id = bench.host(allocate=True), list(range(1, 17))
     wire, received = bench.bus.wire(), listen(bench.node(99), uavcan.protocol.dynamic_node_id.Allocation)
     host.receive()
@@ -186,7 +186,7 @@ def test_our_allocator_gives_their_request_a_number(bench: Bench) -> None:
 
 
 def test_an_exchange_costs_a_fraction_of_the_packages() -> None:
-    """Six thrusters: a command and its reports, both ways, in functions called. Printed with -s."""
+    """A command to six thrusters and its reports, both ways, are judged by functions called. Printed with -s."""
     master, end = open_dronecan("host", 6), open_dronecan("device", 6)
     command = ThrusterCommand(1, True, PULSES)
     report = ThrusterTelemetry(0, True, False, PULSES, 0, 0, 0, 0)

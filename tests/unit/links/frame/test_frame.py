@@ -43,7 +43,7 @@ def message_of(vector: dict[str, Any]) -> Message:
 
 
 def crc_bit_by_bit(data: bytes) -> int:
-    """CRC-16/CCITT-FALSE from its definition."""
+    """Return the CRC-16/CCITT-FALSE from its definition."""
     register = 0xFFFF
     for byte in data:
         for bit in range(7, -1, -1):
@@ -118,7 +118,7 @@ def test_whatever_comes_in_is_counted_and_never_raises(chunks: list[bytes]) -> N
 @settings(max_examples=200, derandomize=True)  # one noise in 65536 has the right checksum by chance
 @given(st.lists(st.tuples(noise, commands), min_size=1, max_size=5), st.integers(1, 40))
 def test_a_sound_frame_is_never_held_back(stream: list[tuple[bytes, ThrusterCommand]], chunk: int) -> None:
-    """It is there with its last byte, whatever came before and however the bytes were cut up."""
+    """A frame is there with its last byte, whatever came before and however the bytes were cut up."""
     protocol, sender = uuv_hil(), uuv_hil()
     for before, message in stream:
         data = before + sender.encode(message)
@@ -131,7 +131,7 @@ def test_a_sound_frame_is_never_held_back(stream: list[tuple[bytes, ThrusterComm
 
 @pytest.mark.parametrize("vector", GOLDEN["sound"], ids=lambda vector: vector["name"])
 def test_one_wrong_byte_never_passes(vector: dict[str, Any]) -> None:
-    """Every byte of a frame, replaced by every other value; and the frame behind it always arrives at once."""
+    """Every byte of a frame is replaced by every other value; and the frame behind it always arrives at once."""
     data, good = bytes.fromhex(vector["hex"]), command(77)
     behind = uuv_hil().encode(good)
     protocol = uuv_hil()

@@ -33,7 +33,7 @@ def test_a_crc_is_its_definition_and_goes_on(name: str, first: bytes, second: by
 
 @given(st.sampled_from([8, 16, 32]), st.data(), bytes_of)
 def test_any_parameters(width: int, data: st.DataObject, body: bytes) -> None:
-    """Start values are given unreflected in the catalogue; with those that read the same both ways it is one."""
+    """Start values are drawn of those that read the same both ways: the catalogue gives them unreflected."""
     polynomial, final_xor = (data.draw(st.integers(0, (1 << width) - 1)) for _ in range(2))
     start = data.draw(st.sampled_from([0, (1 << width) - 1]))
     crc = Crc(width, polynomial, start, data.draw(st.booleans()), final_xor)

@@ -75,7 +75,7 @@ def test_commands_cross_as_the_peer_packs_them(name: str, command: ThrusterComma
 @settings(max_examples=40, derandomize=True)  # a sum of 8 bits is right by chance once in 256
 @given(st.lists(st.tuples(noise, commands), min_size=1, max_size=4), st.integers(1, 40))
 def test_a_sound_frame_is_never_held_back(name: str, stream: list[tuple[bytes, ThrusterCommand]], chunk: int) -> None:
-    """It is there with its last byte, whatever came before and however the bytes were cut up."""
+    """A frame is there with its last byte, whatever came before and however the bytes were cut up."""
     protocol, sender = opened(name), opened(name)
     for before, command in stream:
         data = before + sender.encode(command)
@@ -86,7 +86,7 @@ def test_a_sound_frame_is_never_held_back(name: str, stream: list[tuple[bytes, T
 
 @pytest.mark.parametrize("name", NAMES)
 def test_one_wrong_byte_never_passes(name: str) -> None:
-    """Every byte of a frame, replaced by every other value; and the frame behind it always arrives at once."""
+    """Every byte of a frame is replaced by every other value; and the frame behind it always arrives at once."""
     protocol, good = opened(name), ThrusterCommand(77, True, (1400, 1500, 1600))
     behind = protocol.encode(good)
     for message in (
@@ -119,7 +119,7 @@ def test_every_byte_is_accounted_for(name: str, chunks: list[bytes]) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_host_learns_which_command_a_report_answers(name: str) -> None:
-    """Through the STM32's twin, also past a wrap of the sequence number, whatever the frame carries of it."""
+    """The STM32's twin answers, also past a wrap of the sequence number, whatever the frame carries of it."""
     host, device, stm32 = open_frame("host", 4, name), open_frame("device", 4, name), Stm32(4)
     for number in range(65_500, 65_600):
         sequence = number % 65_536
@@ -144,7 +144,7 @@ def test_disarmed_means_neutral(name: str) -> None:
 
 
 def test_modbus_request_and_acknowledgement() -> None:
-    """Both are passed over: by the end that hears them, not counted as an error; and the request tells its count."""
+    """Both are passed over, and not counted as an error, by the end that receives them; the request gives its count."""
     host, device = open_frame("host", 6, "modbus_like"), open_frame("device", 6, "modbus_like")
     assert host.deadline_ns == 0
     request = host.tick(0)

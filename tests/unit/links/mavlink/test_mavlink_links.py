@@ -40,7 +40,7 @@ class TestSignedActuatorControlsOnPty(TestActuatorControlsOnPty):
 
 
 class TestServoOutputsOnPty(LinkContract):
-    """Both ends know already that the device is armed: otherwise the first command is two."""
+    """Servo outputs on a pty: both ends know already that the device is armed; else the first command is two."""
 
     open_wires = staticmethod(pty_pair)
     protocol = "mavlink"
@@ -84,7 +84,7 @@ Served = Callable[..., Stm32End]
 
 @pytest.fixture
 def served() -> Iterator[Served]:
-    """Starts STM32s that serve themselves on a pty, each in a thread; they end with the test."""
+    """Start STM32s that serve themselves on a pty, each in a thread; they end with the test."""
     stop_read, stop_write = os.pipe()
     threads: list[threading.Thread] = []
 
@@ -106,7 +106,7 @@ def served() -> Iterator[Served]:
 
 @pytest.fixture
 def connect(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Stm32End], Any]]:
-    """Opens pymavlink's mavutil, what ground stations in Python are made of, on an STM32's port."""
+    """Open pymavlink's mavutil, of which ground stations in Python are made, on an STM32's port."""
     monkeypatch.setenv("MAVLINK20", "1")
     from pymavlink import mavutil  # reads the environment as it is imported
 
@@ -125,7 +125,7 @@ def connect(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Stm32End], An
 
 
 def ask(ground: Any, number: int, *params: float) -> Any:
-    """COMMAND_LONG as a ground station sends it; its acknowledgement."""
+    """Send COMMAND_LONG as a ground station does; return its acknowledgement."""
     seven = [*params, *[0] * (7 - len(params))]
     ground.mav.command_long_send(ground.target_system, ground.target_component, number, 0, *seven)
     return ground.recv_match(

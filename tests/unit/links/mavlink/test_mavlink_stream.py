@@ -128,7 +128,7 @@ def mutated(rng: random.Random, packet: bytes) -> bytes:
 
 
 def mended(data: bytes) -> bytes:
-    """With the length and checksum that its message wants, if it has one."""
+    """Return the packet with the length and checksum that its message wants, if it has one."""
     kind = dialect.mavlink_map.get(int.from_bytes(data[7:10], "little")) if len(data) > 12 else None
     if kind is None:
         return data
@@ -145,7 +145,7 @@ def every_message(rng: random.Random) -> bytes:
 
 
 def test_nothing_that_comes_in_raises_or_piles_up() -> None:
-    """40 000 inputs (noise, mutations, any contents): to a device, half to a host, half to a signed device."""
+    """A device gets 40 000 inputs (noise, mutations, any contents), a host half of them, a signed device the others."""
     rng = random.Random(1)
     mix = [[0.5, 0.5, 0.5, 0.5]] * 4
     guarded = device_end(signing_key="k")
@@ -182,7 +182,7 @@ def test_noise_never_raises_and_is_all_accounted_for(first: bytes, second: bytes
 
 
 def test_the_worst_noise_costs_no_more_a_byte_the_longer_it_is() -> None:
-    """A read full of headers that all promise 255 bytes: 4096 bytes are 44 ms of a line at 921600 baud."""
+    """A read full of headers that all promise 255 bytes is the worst: 4096 bytes are 44 ms of a line at 921600 baud."""
     header = b"\xfd\xff\x00\x00\x00\x01\xbf" + (36).to_bytes(3, "little")
     calls = {}
     for headers in (205, 410):
@@ -196,7 +196,7 @@ def test_the_worst_noise_costs_no_more_a_byte_the_longer_it_is() -> None:
 
 
 def signed_peer(secret: bytes = KEY, timestamp: int = NOW, system: int = 1, component: int = 191) -> Peer:
-    """Signs as plain pymavlink does."""
+    """Return a peer that signs as plain pymavlink does."""
     peer = Peer(system, component)
     peer.mavlink.signing.secret_key = secret
     peer.mavlink.signing.timestamp = timestamp
@@ -285,7 +285,7 @@ def test_our_timestamps_rise_with_every_packet_and_never_go_back() -> None:
 
 
 def test_pymavlinks_own_check_is_silenced_by_a_forged_timestamp() -> None:
-    """This is why we check signatures: the test fails the day pymavlink is mended, and ours can go."""
+    """We check signatures for this reason: the test fails the day pymavlink is mended, and ours can go."""
     receiver = signed_peer()
     good = signed_peer()
     assert receiver.names(good.arm()) == ["COMMAND_LONG"]
