@@ -30,14 +30,14 @@ def bare(matrix: list[float], **changes: Any) -> Vehicle:
 
 
 def coriolis(vehicle: Vehicle, nu: list[float]) -> list[float]:
-    """C(nu) nu, read out of the accelerations."""
+    """Return C(nu) nu, read out of the accelerations."""
     dynamics = Dynamics(vehicle, 1000.0, 9.8)
     nu_dot = dynamics.acceleration(DEEP, LEVEL, nu, NOTHING, STILL)
     return [-row[0] for row in product(dynamics.mass, [[x] for x in nu_dot])]
 
 
 def test_coriolis_anchor() -> None:
-    """C_A for M_A = diag(1..6) and nu = 1..6 (Fossen 2021, eq. 6.43, by hand)."""
+    """The matrix is C_A for M_A = diag(1..6) and nu = 1..6 (Fossen 2021, eq. 6.43, by hand)."""
     C = [
         [0, 0, 0, 0, 9, -4],
         [0, 0, 0, -9, 0, 1],
@@ -96,7 +96,7 @@ def test_added_mass_six_times_the_mass_is_stable(integrator: Integrator) -> None
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 def test_a_current_carries_everything_along(integrator: Integrator) -> None:
-    """Galileo: in a steady current all happens as in still water, seen from the water, turning included."""
+    """All happens in a steady current as in still water, seen from the water, turning included (Galileo)."""
     current, dt, steps = (0.4, -0.3, 0.1), 0.002, 2000
     q, nu = from_euler(0.3, -0.2, 0.9), [0.5, -0.2, 0.1, 0.4, -0.3, 0.8]
     moving = [a + b for a, b in zip(nu[:3], rotate_inverse(q, current), strict=True)] + nu[3:]
@@ -149,7 +149,7 @@ def test_off_diagonal_damping_acts() -> None:
 
 
 def test_free_body_keeps_energy_and_momentum() -> None:
-    """No force, no drag, an uneven mass matrix: kinetic energy stays; so does the momentum, seen from the world."""
+    """A body without force or drag, with an uneven mass matrix, keeps its kinetic energy and its world momentum."""
     matrix = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
               0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
     dynamics = Dynamics(bare([float(x) for x in matrix]), 1000.0, 9.8, "rk4")
@@ -169,7 +169,7 @@ def test_free_body_keeps_energy_and_momentum() -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 def test_munk_moment_goes_with_its_share(share: float) -> None:
-    """About each axis: the moment of two speeds, (A_jj - A_ii) v_i v_j in ideal fluid (Lamb 1932, article 124)."""
+    """The moment of two speeds about each axis is (A_jj - A_ii) v_i v_j in ideal fluid (Lamb 1932, article 124)."""
     a, b, c = HEAVY.added_mass[:3]
     for axis, ideal, nu in (
         (3, (c - b) * 0.3 * 0.2, [0.0, 0.3, 0.2, 0.0, 0.0, 0.0]),
@@ -185,7 +185,7 @@ def test_munk_moment_goes_with_its_share(share: float) -> None:
 
 @pytest.mark.parametrize("shares", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.7, 0.1, 0.4)])
 def test_no_share_of_the_munk_moment_makes_energy(shares: tuple[float, float, float]) -> None:
-    """The work of moments and forces on a free body cancels, without drag and with coupled added mass."""
+    """The moments' and forces' work on a free body cancels, without drag and with coupled added mass."""
     matrix = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
               0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
     dynamics = Dynamics(bare([float(x) for x in matrix], munk_share=shares), 1000.0, 9.8, "rk4")
@@ -233,10 +233,10 @@ def test_forces_are_the_terms_of_the_equation(full: bool, depth: float) -> None:
 
 
 class Tow:
-    """A spring to the origin, and a drag of its own."""
+    """A spring to the origin, with a drag of its own."""
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time."""
+        """Do nothing: it does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: rotations.Rotation, nu_r: Sequence[float]) -> list[float]:
         north, east, down = position
@@ -266,7 +266,7 @@ def test_a_force_is_integrated_like_the_rest(integrator: Integrator, order: int)
 
 
 def test_each_force_does_its_own_work() -> None:
-    """Coriolis does none, damping takes energy whatever the motion; level and deep, weight is along z alone."""
+    """Coriolis forces do no work, damping takes energy whatever the motion; level and deep, weight is along z alone."""
     dynamics = Dynamics(HEAVY, 1025.0, 9.82)
     for nu in ([0.8, -0.5, 0.3, 0.6, -0.4, 0.9], [-1.0, 0.2, -0.7, -0.1, 0.5, -0.3]):
         forces = dynamics.forces(State((0.0, 0.0, DEEP), nu=nu), NOTHING, STILL)

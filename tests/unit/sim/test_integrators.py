@@ -27,7 +27,7 @@ SECONDS = 10.0
 
 
 class Euler(Dynamics):
-    """Velocities first, then the pose with the new velocities."""
+    """An integrator that advances the velocities first, then the pose with the new velocities."""
 
     def step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         rotation = rotations.matrix(state.quaternion)
@@ -51,7 +51,7 @@ class Away(NamedTuple):
 
 
 def flown(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> list[tuple[list[float], list[float]]]:
-    """Position and quaternion after each step of `dt`, from rest."""
+    """Return position and quaternion after each step of `dt`, from rest."""
     state, found = State((0.0, 0.0, 50.0)), []
     for _ in range(round(SECONDS / dt)):
         dynamics.step(state, wrench, STILL, dt)
@@ -60,7 +60,7 @@ def flown(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> list[tuple[
 
 
 def errors(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> Away:
-    """Against Runge-Kutta with half the step."""
+    """Return the greatest errors against Runge-Kutta with half the step."""
     true = flown(RK4, wrench, 0.5 * dt)[1::2]
     apart = [
         [max(abs(a - b) for a, b in zip(mine[i], theirs[i], strict=True)) for i in (0, 1)]
@@ -84,14 +84,14 @@ def errors(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> Away:
 def test_the_errors_are_those_of_the_table(
     method: str, wrench: Sequence[float], dt: float, position: float, quaternion: float
 ) -> None:
-    """The rows at 10 ms, and of those at 2.5 ms the one of the default in a turn."""
+    """The rows at 10 ms are compared, and of those at 2.5 ms the one of the default in a turn."""
     found = errors(METHODS[method], wrench, dt)
     assert found.position == pytest.approx(position, rel=0.05)
     assert found.quaternion == pytest.approx(quaternion, rel=0.05)
 
 
 def test_position_from_rest_is_that_of_a_constant_acceleration() -> None:
-    """a t² / 2 without drag, to rounding; semi-implicit Euler has a dt t / 2 more."""
+    """The position without drag is a t² / 2, to rounding; semi-implicit Euler has a dt t / 2 more."""
     vehicle, dt, seconds, acceleration = bare([10.0] * 3 + [1.0] * 3), 0.0025, 2.0, 0.4
     ends = []
     for kind in (Dynamics, Euler):
@@ -104,7 +104,7 @@ def test_position_from_rest_is_that_of_a_constant_acceleration() -> None:
 
 
 def test_a_tumbling_body_keeps_its_energy() -> None:
-    """Ten seconds of an uneven body without drag, at 2.5 ms: semi-implicit Euler makes 13 % more of it."""
+    """An uneven body without drag keeps it for ten seconds at 2.5 ms: semi-implicit Euler makes 13 % more of it."""
     gains = []
     for kind in (Dynamics, Euler):
         dynamics = kind(bare([10.0, 20.0, 30.0, 5.0, 15.0, 25.0]), 1000.0, 9.8)
@@ -124,7 +124,7 @@ def test_a_tumbling_body_keeps_its_energy() -> None:
 
 @pytest.mark.parametrize("rate", [50.0, 150.0, 190.0])
 def test_damping_quicker_than_a_step_stays_stable(rate: float) -> None:
-    """To a rate of 2 / dt, where Euler's step begins to diverge as well: a terminal speed is held, not swung about."""
+    """A terminal speed is held, not oscillated about, to a rate of 2 / dt, where Euler's step begins to diverge too."""
     inertia, dt = 1.0, 0.01
     dynamics = Dynamics(bare([inertia] * 6, linear_damping=(rate,) * 6), 1000.0, 9.8)
     state, speeds = State((0.0, 0.0, DEEP)), []

@@ -42,8 +42,7 @@ def coriolis(vehicle: Vehicle, nu: Sequence[float]) -> list[float]:
 
 
 def test_position_noise_is_on_both_sides() -> None:
-    """Eq. 10 of the source paper, a exp(+mu²/(2 c²)), is never below a, and has no bound. Ours has mean zero and
-    the size it is said to have."""
+    """The source paper's eq. 10, a exp(+mu²/(2 c²)), is never below a and unbounded; ours has mean 0 and its size."""
     a, c, random = 0.1, 1.0, Random(1)
     red = [a * exp(random.gauss(0.0, 1.0) ** 2 / (2.0 * c**2)) for _ in range(20_000)]
     assert min(red) >= a
@@ -75,7 +74,7 @@ def test_coriolis_is_skew_symmetric() -> None:
 
 
 def test_dvl_altitude_is_not_the_mean_of_the_slants() -> None:
-    """uuv_simulator gives the mean slant range for the altitude; level, that is 10 % too much at 25 degrees."""
+    """The altitude of uuv_simulator is the mean slant range: 10 % too much when level, at 25 degrees."""
     world = World("sea", "test", (-9.0, 9.0, -9.0, 9.0), 25.0)
     scene = Simulation(HEAVY, world, {}, position=(0.0, 0.0, 5.0))
     model = DvlModel(velocity=ErrorModel(), range=ErrorModel())
@@ -95,7 +94,7 @@ def test_dvl_altitude_is_not_the_mean_of_the_slants() -> None:
 
 
 def test_every_axis_has_its_own_added_mass() -> None:
-    """Stonefish takes one mean added mass for all three axes: heave would start 1.4 times as fast."""
+    """A single mean added mass for all three axes, as in Stonefish, would start heave 1.4 times as fast."""
     mean = sum(HEAVY.added_mass[:3]) / 3.0
     averaged = HEAVY._replace(added_mass=(mean,) * 3 + HEAVY.added_mass[3:])
     still = State((0.0, 0.0, DEEP))
@@ -216,8 +215,9 @@ def test_the_third_thruster_of_von_benzon() -> None:
 
 
 def test_a_torpedo_may_go_astern() -> None:
-    """remus100.m of MSS takes sqrt(u^1 + v^2) for the speed, which going astern is no real number. Ours is the
-    magnitude of the velocity: all forces are finite, and turn about with it."""
+    """The speed of MSS's remus100.m is sqrt(u^1 + v^2), which going astern is no real number. Ours is the magnitude of
+    the velocity: all forces are finite, and turn about with it.
+    """
     red = complex(-1.5 + 0.2**2) ** 0.5
     assert abs(red.imag) > 1.0
     vehicle, _ = load_vehicle("remus100")

@@ -36,7 +36,7 @@ def test_a_message_goes_along_the_bent_ray() -> None:
 
 @pytest.mark.parametrize(("bounces", "fate"), [(0, "shadowed"), (1, "delivered")])
 def test_into_a_shadow_only_an_echo_leads(bounces: int, fate: str) -> None:
-    """Both 3 m deep, 550 m apart, under sound that bends down."""
+    """The modems are both 3 m deep, 550 m apart, under sound that bends down."""
     places = {"a": (0.0, 0.0, 3.0), "b": (550.0, 0.0, 3.0)}
     model = EXACT._replace(bounces=bounces, source_level=190.0)
     channel = AcousticChannel(model, 100.0, seed=1, column=SLOWER_BELOW)

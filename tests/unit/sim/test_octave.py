@@ -29,21 +29,21 @@ def body(whole: list[list[float]], **changes: Any) -> Vehicle:
 
 
 def force(vehicle: Vehicle, nu: list[float]) -> list[float]:
-    """M nu', read out of the accelerations."""
+    """Return M nu', read out of the accelerations."""
     dynamics = Dynamics(vehicle, 1000.0, 10.0)
     nu_dot = dynamics.acceleration(DEEP, LEVEL, nu, NOTHING, STILL)
     return [row[0] for row in product(dynamics.mass, [[x] for x in nu_dot])]
 
 
 def test_coriolis_of_a_full_matrix() -> None:
-    """m2c: C(nu) nu of any symmetric M."""
+    """The product C(nu) nu of any symmetric M is that of m2c."""
     case = ORACLE["m2c_full"]
     expected = [-row[0] for row in product(case["C"], [[x] for x in case["nu"]])]
     assert force(body(case["M"]), case["nu"]) == pytest.approx(expected, rel=EXACT, abs=EXACT)
 
 
 def test_coriolis_of_added_mass() -> None:
-    """imlay61: C_A(nu) nu of a prolate spheroid."""
+    """The product C_A(nu) nu of a prolate spheroid is that of imlay61."""
     case = ORACLE["imlay61"]
     expected = [-row[0] for row in product(case["CA"], [[x] for x in case["nu"]])]
     diagonal = square(case["MA_diag"], 6)
@@ -51,7 +51,7 @@ def test_coriolis_of_added_mass() -> None:
 
 
 def test_rigid_body() -> None:
-    """spheroid: M_RB about an origin off the centre of gravity, and C_RB(nu) nu when it only turns."""
+    """The matrix M_RB about an origin off the centre of gravity, and C_RB(nu) nu in a turn, are those of spheroid."""
     case = ORACLE["spheroid"]
     mass, lever = case["MRB"][0][0], case["r_bg"][2]
     inertia = (case["MRB"][3][3] - mass * lever**2, case["MRB"][4][4] - mass * lever**2, case["MRB"][5][5])
@@ -64,7 +64,7 @@ def test_rigid_body() -> None:
 
 
 def test_restoring() -> None:
-    """gvect: W 1000 N, B 1010 N, both centres off the origin."""
+    """The forces of W 1000 N and B 1010 N, both centres off the origin, are those of gvect."""
     case = ORACLE["gvect"]
     vehicle = body(
         square([500.0] * 3 + [50.0] * 3, 6), mass=100.0, volume=0.101, neutrally_buoyant=False,
@@ -79,7 +79,7 @@ def test_restoring() -> None:
 
 
 def test_attitude() -> None:
-    """Rzyx and the quaternion of the same angles."""
+    """The matrix Rzyx equals that of the quaternion of the same angles."""
     case = ORACLE["Rzyx"]
     q = from_euler(case["phi"], case["theta"], case["psi"])
     assert q == pytest.approx(case["q"], rel=EXACT)

@@ -49,7 +49,7 @@ def plus(*wrenches: Six) -> Six:
 
 
 def their_propeller(n: float, nu: Six) -> Six:
-    """Advance by the speed over ground, sideways too; a torque of its own, a tenth of what KQ says."""
+    """Return their propeller's force, by the speed over ground, sideways too; its torque is a tenth of what KQ says."""
     advance = 0.944 * sqrt(nu[0] ** 2 + nu[1] ** 2 + nu[2] ** 2)
     thrust = 1026 * 0.14**4 * (0.4566 * n * n + (0.1798 - 0.4566) / 0.6632 * advance / 0.14 * n)
     torque = 1026 * 0.14**5 * (0.07 * n * n + (0.0312 - 0.07) / 0.6632 * advance / 0.14 * n)
@@ -57,7 +57,7 @@ def their_propeller(n: float, nu: Six) -> Six:
 
 
 def their_fins(rudder: float, planes: float, nu_r: Six) -> Six:
-    """By the speed in the horizontal plane or the vertical one."""
+    """Return their fins' forces, by the speed in the horizontal plane or the vertical one."""
     u, v, w, *_ = nu_r
     flat, steep = 0.5 * 1026 * 0.0133 * 0.5 * (u * u + v * v), 0.5 * 1026 * 0.0133 * 0.7 * (u * u + w * w)
     y, z = -flat * rudder, -steep * planes
@@ -75,7 +75,7 @@ DNV = [(10211.0405297256, 1.20769), (15543.5423211490, 1.20369), (24434.86815409
 
 
 def their_cross_flow(nu_r: Six) -> Six:
-    """21 strips of a twentieth of the length, sway and heave each by itself, Reynolds' number by the length."""
+    """Return their cross-flow drag of 21 strips, a twentieth of the length each; Reynolds' number is by the length."""
     _, v, w, _, q, r = nu_r
     reynolds = sqrt(v * v + w * w) * 1.6 * 1e6
     drag = DNV[0][1]
@@ -94,7 +94,7 @@ def their_cross_flow(nu_r: Six) -> Six:
 
 
 def their_surge_damping(nu: Six, nu_r: Six) -> Six:
-    """Fades with the root of what is called the speed over ground there: u, not its square."""
+    """Return their damping of surge: it fades with the root of what they call speed over ground, u, not u²."""
     return [-32.76381711084337 / 20 * exp(-3 * sqrt(nu[0] + nu[1] ** 2)) * nu_r[0], 0.0, 0.0, 0.0, 0.0, 0.0]
 
 
@@ -117,7 +117,7 @@ class Sample:
         self.nu_r = [a - b for a, b in zip(self.nu, [*self.flow, 0.0, 0.0, 0.0], strict=True)]
 
     def slope_of(self, dynamics: Dynamics, wrench: Six) -> Six:
-        """Ours, with their rate of the current: they leave out what roll and pitch do to it."""
+        """Return our derivative with their rate of the current: they leave out what roll and pitch do to it."""
         place = (0.0, 0.0, 100.0)
         pushed = dynamics.push(place, self.rotation, self.nu, wrench, self.current)
         found = dynamics.acceleration(100.0, self.rotation, self.nu, pushed, self.current)
@@ -220,7 +220,7 @@ def test_each_of_our_terms_is_theirs_where_they_mean_the_same() -> None:
 
 
 def test_how_far_our_derivatives_are_from_theirs() -> None:
-    """All terms ours: the root of the mean square, m/s² and rad/s², and as a share of theirs.
+    """The difference of all our terms is stated as a root of the mean square, m/s² and rad/s², and a share of theirs.
 
     Without a current: in one their propeller meets the water at the speed over ground. Most of what is left is the
     cross-flow drag, of sway and heave together, and that yaw and pitch are near balance in these states.
@@ -247,7 +247,7 @@ def test_how_far_our_derivatives_are_from_theirs() -> None:
 
 
 def instant(vehicle: Vehicle) -> Vehicle:
-    """Without lags, as their inputs are."""
+    """Return the vehicle without lags, as their inputs are."""
     thrusters = tuple([thruster._replace(time_constant=0.0) for thruster in vehicle.thrusters])
     return vehicle._replace(thrusters=thrusters, fins=tuple([fin._replace(time_constant=0.0) for fin in vehicle.fins]))
 
@@ -279,7 +279,7 @@ class Run:
 
 
 def test_surge_step() -> None:
-    """1525 rpm from rest: the speed over a minute within 0.015 m/s, at the end 2.540 m/s in both."""
+    """The speed at 1525 rpm from rest is within 0.015 m/s over a minute, at the end 2.540 m/s in both."""
     run = Run(1525.0, 0.0)
     furthest = 0.0
     rows = rows_of("surge_step_1525rpm")
@@ -311,8 +311,9 @@ def their_coast(speed: float, seconds: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("start", [0.5, 1.5, 2.5])
 def test_coasting(start: float) -> None:
-    """With the propeller stopped for 60 s: the same way and speed as theirs. Without the damping of slow motion it
-    would go 9.5 to 21 % farther; the reference's own terms are held by the derivatives above."""
+    """The way and speed over 60 s with the propeller stopped are theirs. Without the damping of slow motion it would go
+    9.5 to 21 % farther; the reference's own terms are held by the derivatives above.
+    """
     run = Run(0.0, start)
     run.step(60.0)
     way, speed = their_coast(start, 60.0)
@@ -321,7 +322,7 @@ def test_coasting(start: float) -> None:
 
 
 def test_slow_damping_is_by_the_speed_through_the_water() -> None:
-    """Six numbers of their own, less of them the faster; astern as ahead, and never any energy."""
+    """Six numbers of its own damp a vehicle less the faster it is, astern as ahead, and never give energy."""
     fading = FadingDamping((2.0, 4.0, 6.0, 1.0, 2.0, 3.0), rate=3.0)
     still = SlowDamping(fading).wrench((0.0, 0.0, 9.0), SAMPLES[0].rotation, [0.0, 0.0, 0.0, 0.5, -0.5, 1.0])
     assert list(still) == pytest.approx([0.0, 0.0, 0.0, -0.5, 1.0, -3.0])
@@ -332,7 +333,7 @@ def test_slow_damping_is_by_the_speed_through_the_water() -> None:
 
 
 def test_turning_circle() -> None:
-    """20 degrees of rudder at 1200 rpm: ours is 5.5 % wider, as the rudder feels 1.86 m/s ahead and not 1.89 m/s."""
+    """The circle by 20 degrees of rudder at 1200 rpm is 5.5 % wider: the rudder feels 1.86 m/s ahead, not 1.89."""
     run = Run(1200.0, 1.5)
     run.step(20.0)
     run.step(120.0, rudder=20.0)
@@ -357,7 +358,7 @@ def test_dive() -> None:
 
 
 def test_zigzag() -> None:
-    """20/20: over to 20 degrees of rudder as soon as the heading, looked at every 0.04 s, has turned by 20 degrees.
+    """The rudder goes to the other 20 degrees once the heading, read every 0.04 s, has turned by 20 degrees.
 
     As many swings in 100 s, the same overshoot, the place within 1.5 m after 230 m.
     """

@@ -8,7 +8,7 @@ from sim.rotations import down_axis, from_euler, integrate, multiply, normalise,
 
 
 def test_the_frames() -> None:
-    """Yaw 90 deg turns the bow east; a positive pitch lifts it (z down); a positive roll lowers starboard."""
+    """A yaw of 90 deg turns the bow east; a positive pitch lifts it (z down); a positive roll lowers starboard."""
     assert rotate(from_euler(0, 0, pi / 2), (1, 0, 0)) == pytest.approx((0, 1, 0))
     assert rotate(from_euler(0, pi / 6, 0), (1, 0, 0)) == pytest.approx((cos(pi / 6), 0, -0.5))
     assert rotate(from_euler(pi / 6, 0, 0), (0, 1, 0)) == pytest.approx((0, cos(pi / 6), 0.5))
@@ -32,7 +32,7 @@ def test_multiply_composes() -> None:
 
 
 def test_integrate_turns_about_body_axes() -> None:
-    """A second at 2 rad/s about a slanted body axis against the exact quaternion of that rotation."""
+    """The quaternion after a second at 2 rad/s about a slanted body axis is the exact one of that rotation."""
     start, axis = from_euler(0.4, -1.1, 2.2), (0.6, 0.0, 0.8)
     q = start
     for _ in range(400):
@@ -43,7 +43,7 @@ def test_integrate_turns_about_body_axes() -> None:
 
 
 def test_the_short_ways_are_the_long_ones_to_the_bit() -> None:
-    """Down is the matrix's last row, and a step the product with (1, half the angles), normalised."""
+    """The short way down is the matrix's last row, a step's the product with (1, half the angles), normalised."""
     random = Random(3)
     for _ in range(500):
         q = normalise([random.uniform(-1.0, 1.0) for _ in range(4)])

@@ -33,7 +33,7 @@ def at_rest(keys: TetherKeys, world: World = WORLD, steps: int = 10_000) -> tupl
 
 
 def test_it_hangs_as_the_elastic_catenary() -> None:
-    """Irvine 1981, Cable Structures, eqs 1.26 and 1.27: pull at both ends, from the distance of the ends."""
+    """The pull at both ends follows from their distance (Irvine 1981, Cable Structures, eqs 1.26 and 1.27)."""
 
     def misses(pull: Any) -> tuple[float, float]:
         h, v = pull  # horizontal, and vertical at the anchor
@@ -52,7 +52,7 @@ def test_it_hangs_as_the_elastic_catenary() -> None:
 
 
 def test_it_bends_in_a_current_as_an_integration_says() -> None:
-    """0.8 m/s across: d(pull)/ds = -(weight + drag), d(place)/ds along the pull, shot from the anchor to the end."""
+    """The tether in 0.8 m/s across equals an integration of d(pull)/ds = -(weight + drag), shot from the anchor."""
     world = WORLD._replace(current=(0.0, 0.8, 0.0))
     flow = np.array(world.current)
 
@@ -78,7 +78,7 @@ def test_it_bends_in_a_current_as_an_integration_says() -> None:
 
 @pytest.mark.parametrize(("length", "stiffness"), [(1.0, 1e3), (1.0, 1e7), (30.0, 1e5), (300.0, 1e3), (300.0, 1e7)])
 def test_it_is_stable_and_loses_its_energy(stiffness: float, length: float) -> None:
-    """Soft or stiff, short (and taut) or long: it comes to rest, and its joints never get fast."""
+    """A tether comes to rest, soft or stiff, short (and taut) or long, and its joints never get fast."""
     end = (0.9 * length, 0.0, 0.3 * length)
     tether, fastest = Tether(KEYS._replace(length=length, stiffness=stiffness), WORLD, 0.0025), 0.0
     for step in range(2000):
@@ -107,7 +107,7 @@ def test_the_winch_pays_out_at_its_speed_and_the_pull_falls() -> None:
 
 
 def test_a_vehicle_cannot_leave_its_tether_and_runs_alike_twice() -> None:
-    """Carried off by a current with 10 m paid out: it is held; the same numbers twice."""
+    """A vehicle with 10 m paid out, carried off by a current, is held; two runs have the same numbers."""
     vehicle, _ = load_vehicle("bluerov2_heavy")
 
     def flight() -> Simulation:

@@ -44,7 +44,7 @@ class LeftOut:
         self.current = current
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time."""
+        """Do nothing: it does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> list[float]:
         xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
@@ -56,7 +56,7 @@ class LeftOut:
 
 
 def test_state_derivatives() -> None:
-    """At 300 random states, of which 100 in still water, to 1e-8; in a current without what those authors leave out."""
+    """The derivatives agree to 1e-8 at 300 random states, 100 of them in still water, but for what is left out."""
     in_current = 0
     for row in rows_of("vonbenzon_fossen_xdot.csv"):
         current = pick(row, "vcN vcE vcD")
@@ -114,7 +114,7 @@ def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[State,
 )
 @pytest.mark.parametrize("name", CASES)
 def test_trajectories(name: str, integrator: Integrator, splits: int, within: float) -> None:
-    """Position, attitude and speeds (m, rad, m/s, rad/s) each second for 15 to 40 s.
+    """Positions, attitudes and speeds (m, rad, m/s, rad/s) agree each second for 15 to 40 s.
 
     Step for step with their Runge-Kutta to 1e-4: 1e-7 but for the sines, 5e-5. With the default integrator and
     step, 2.5 ms, to 9e-5.
@@ -136,9 +136,9 @@ def test_trajectories(name: str, integrator: Integrator, splits: int, within: fl
     ids=["surge", "sway", "heave"],
 )
 def test_published_speeds(axis: int, force: float, published: float, within: float) -> None:
-    """The speeds of table 4 of the paper, within 1 %; the vehicle is 1 N heavy, which it counts in.
+    """The speeds are those of table 4 of the paper, within 1 %; the vehicle is 1 N heavy, which it counts in.
 
-    Surge within 1.5 %: the paper's own damping, (13.7 + 141 u) u = 85, gives 0.729 where it prints 0.72.
+    Surge is within 1.5 %: the paper's own damping, (13.7 + 141 u) u = 85, gives 0.729 where it prints 0.72.
     """
     dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=axis != 2), DENSITY, GRAVITY)
     wrench = [force if i == axis else 0.0 for i in range(6)]

@@ -43,7 +43,7 @@ def test_the_nearest_node_counts_and_nothing_is_known_beyond(tmp_path: Path) -> 
 
 
 def test_a_sonar_hears_rock_above_mud(tmp_path: Path) -> None:
-    """Ahead to port the bed is mud, to starboard rock; the true picture has means alone."""
+    """The bed ahead to port is mud, to starboard rock; the true picture has means alone."""
     world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
     sonar = ForwardSonar(
         ForwardSonarModel(ground_truth=True, beams=64, max_range=40.0, surface_strength=-200.0), Mounting(), 1,
@@ -58,7 +58,7 @@ def test_a_sonar_hears_rock_above_mud(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("width", [0.0, 0.02])
 def test_a_profiler_hears_what_lies_below_each_beam(tmp_path: Path, width: float) -> None:
-    """To port the bed is mud, to starboard rock; its strengths are without the cosine of the other side."""
+    """The bed to port is mud, to starboard rock; its strengths are without the cosine of the other side."""
     world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 2.0))
     profiler = Profiler(ProfilerModel(ground_truth=True, beams=41, beam_width=width), Mounting(), 1, scene)

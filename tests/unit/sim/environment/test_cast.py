@@ -37,7 +37,7 @@ def profile(folder: Path, text: str, origin: str = "") -> Profile:
 
 
 def mackenzie(temperature: float, salinity: float, depth: float) -> float:
-    """Mackenzie 1981, J. Acoust. Soc. Am. 70(3): m/s, to 0.07 of Del Grosso's."""
+    """Return Mackenzie's speed of sound (1981, J. Acoust. Soc. Am. 70(3)), m/s, to 0.07 of Del Grosso's."""
     t, s, d = temperature, salinity - 35.0, depth
     return (
         1448.96 + 4.591 * t - 5.304e-2 * t**2 + 2.374e-4 * t**3 + 1.340 * s + 1.630e-2 * d + 1.675e-7 * d**2

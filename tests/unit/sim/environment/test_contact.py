@@ -30,7 +30,7 @@ def kinetic(mass: list[list[float]], nu: Sequence[float]) -> float:
 
 
 def test_a_collision_never_adds_energy() -> None:
-    """Random states inside things, an uneven mass matrix: energy falls or stays."""
+    """Energy falls or stays in random states inside things, with an uneven mass matrix."""
     skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
     dynamics = Dynamics(skewed, 1025.0, 9.8)
     random, contacts = Random(1), 0
@@ -68,7 +68,7 @@ def test_after_a_collision_nothing_closes() -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 1.5, 2.6, 4.0])
 def test_nothing_gets_through(heading: float) -> None:
-    """Ahead at 1 m/s on one heading for 20 s within walls: it slides along things, never into them."""
+    """A vehicle that goes ahead at 1 m/s on one heading for 20 s within walls slides along things, never into them."""
     world = SEA._replace(walls=True)
     simulation = Simulation(VEHICLE, world, QUIET, dt_ns=STEP_NS, position=(0.0, 0.0, 5.0), heading=heading)
     for step in range(4000):
@@ -82,7 +82,7 @@ def test_nothing_gets_through(heading: float) -> None:
 
 
 def sinking(**changes: object) -> Vehicle:
-    """Frictionless, 5 kg too heavy, and with nothing that would turn it."""
+    """Return a frictionless vehicle, 5 kg too heavy, with nothing that would turn it."""
     vehicle = VEHICLE._replace(
         neutrally_buoyant=False, volume=4.7 / 1025.0, center_of_buoyancy=(0.0, 0.0, 0.0),
         added_mass=(6.0, 6.0, 6.0, 0.1, 0.1, 0.1),
@@ -93,7 +93,7 @@ def sinking(**changes: object) -> Vehicle:
 
 @pytest.mark.parametrize("place", [(-8.0, -8.0, 2.0), (-5.0, 0.1, 2.0), (-5.0, 1.6, 2.0), (0.0, 4.9, 2.0)])
 def test_falling_never_gains_energy(place: tuple[float, float, float]) -> None:
-    """On the seabed, on top of a stump, on its edge, down along a box: total energy falls step by step."""
+    """Total energy falls step by step on the seabed, on top of a stump, on its edge and down along a box."""
     vehicle = sinking()
     dynamics = make_dynamics(vehicle, SEA.density, SEA.gravity, "rk4")
     contact = Contact(vehicle, SEA, dynamics.inverse_mass)
@@ -132,7 +132,7 @@ def test_over_a_stump_there_is_a_way() -> None:
 
 
 def test_it_passes_below_what_hangs_and_stops_at_its_underside() -> None:
-    """A pontoon 2 m deep: clear of it below, pushed down from it when it rises, and out of its side from beside."""
+    """A vehicle is clear below a pontoon 2 m deep, pushed down when it rises, and out of its side from beside."""
     pontoon = Box(0.0, 0.0, 6.0, 6.0, top=-1.0, bottom=2.0)
     world = World("harbour", "test", (-20.0, 20.0, -20.0, 20.0), 10.0, box=(pontoon,))
     inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
@@ -154,7 +154,7 @@ def test_it_passes_below_what_hangs_and_stops_at_its_underside() -> None:
 
 
 def test_what_is_met_on_a_long_way_does_not_depend_on_what_was_near_before() -> None:
-    """Across 300 piles in 400 m: the same contacts as with a Contact that has never been elsewhere."""
+    """A way across 300 piles in 400 m has the same contacts as with a Contact that has never been elsewhere."""
     random = Random(3)
     piles = tuple(Cylinder(random.uniform(-200, 200), random.uniform(-200, 200), 1.0) for _ in range(300))
     world = World("piles", "test", (-200.0, 200.0, -200.0, 200.0), 30.0, cylinder=piles)

@@ -43,7 +43,7 @@ def deepest(contact: Contact, state: State) -> float:
 
 
 def sinking() -> Vehicle:
-    """Frictionless, 5 kg too heavy, and with nothing that would turn it."""
+    """Return a frictionless vehicle, 5 kg too heavy, with nothing that would turn it."""
     return VEHICLE._replace(
         neutrally_buoyant=False, volume=4.7 / 1025.0, center_of_buoyancy=(0.0, 0.0, 0.0),
         added_mass=(6.0, 6.0, 6.0, 0.1, 0.1, 0.1),
@@ -52,7 +52,7 @@ def sinking() -> Vehicle:
 
 
 def test_a_collision_never_adds_kinetic_energy() -> None:
-    """Random states in rough ground, an uneven mass matrix."""
+    """The states are random in rough ground, with an uneven mass matrix."""
     skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
     world, dynamics = world_of(Fractal(8.0, 1.0, seed=2)), Dynamics(skewed, 1025.0, 9.8)
     chance, contacts = Random(1), 0
@@ -87,7 +87,7 @@ def test_on_a_slope_it_is_put_back_along_the_normal(heading: float) -> None:
 
 
 def test_it_slides_down_a_slope() -> None:
-    """Without friction it gains speed along the slope as a body on an incline does, added mass included."""
+    """The vehicle, without friction, gains speed along the slope as a body on an incline does, added mass included."""
     vehicle = sinking()
     simulation = Simulation(vehicle, world_of(Slope(6.0, 0.3)), {}, position=(-10.0, 0.0, 2.0))
     speeds = []
@@ -113,9 +113,9 @@ RULES = [
 
 @pytest.mark.parametrize(("rule", "holes"), RULES, ids=lambda value: type(value).__name__)
 def test_a_ride_over_relief_makes_no_energy(rule: Slope, holes: int) -> None:
-    """Falls on it, slides, meets walls. Where a slope gets steeper a step may add what its own way is worth: no more.
+    """It falls on relief, slides and meets walls. Where a slope gets steeper a step may add what its own way is worth.
 
-    Over the whole ride energy is lost, and nothing is in the seabed, of which every fourth step is asked.
+    Over the whole ride energy is lost, and nothing is in the seabed, which is checked at every fourth step.
     """
     world, vehicle = world_of(rule, holes), sinking()
     dynamics = make_dynamics(vehicle, world.density, world.gravity, "rk4")
@@ -145,7 +145,7 @@ def test_a_ride_over_relief_makes_no_energy(rule: Slope, holes: int) -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 1.2, 4.0])
 def test_nothing_gets_through_steps(heading: float) -> None:
-    """Ahead on one heading in a basin with an edge and pillars without data: along them, never into them."""
+    """A vehicle goes ahead in a basin with an edge and pillars without data, on one heading: along them, never in."""
     grid = Grid(-6.0, -6.0, 1.0, 13, 13)
     depths = array("f", [9.0] * 169)
     depths[6 * 13 + 9] = depths[9 * 13 + 5] = nan
@@ -162,7 +162,7 @@ def test_nothing_gets_through_steps(heading: float) -> None:
 
 
 def test_it_lies_where_it_fell() -> None:
-    """In a hollow, with the water's drag: at rest, and that is one touch."""
+    """It comes to rest in a hollow, with the water's drag, and that is one touch."""
     vehicle = sinking()._replace(linear_damping=(20.0,) * 6)
     simulation = Simulation(vehicle, world_of(Sinusoid(8.0, 1.0, 10.0)), {}, dt_ns=STEP_NS, position=(-2.0, 0.0, 5.0))
     for _ in range(3000):

@@ -66,7 +66,7 @@ def sampled(current: Current, dt_ns: int, seconds: float) -> list[float]:
 
 
 def test_the_formula_of_others_depends_on_the_step_and_forgets_its_mean() -> None:
-    """Red: sd 2.04, 0.646, 0.205 m/s of one and the same current at steps of 1, 10, 100 ms."""
+    """The same current has an sd of 2.04, 0.646 and 0.205 m/s at steps of 1, 10 and 100 ms by the formula of others."""
     sizes = [gazebo_spread(0.1, 0.1, dt) for dt in (0.001, 0.01, 0.1)]
     assert sizes == pytest.approx([2.04, 0.646, 0.205], rel=0.005)
     assert pstdev(gazebo_path(0.1, 0.1, 0.1, 0.0, 20_000.0)) == pytest.approx(sizes[2], rel=0.1)
@@ -74,7 +74,7 @@ def test_the_formula_of_others_depends_on_the_step_and_forgets_its_mean() -> Non
 
 
 def test_a_wandering_current_keeps_its_mean_and_size_at_every_step() -> None:
-    """Green: the same seed is the same current, whatever the step, and its mean and size are those asked for."""
+    """The same seed is the same current, whatever the step, and its mean and size are those asked for."""
     paths = {rate: sampled(Wandering(MODEL, 3), step, 1500.0) for rate, step in RATE_STEPS.items() if rate != 1000}
     paths[1000] = sampled(Wandering(MODEL, 3), RATE_STEPS[1000], 100.0)
     assert paths[100][::10] == paths[10]
@@ -110,13 +110,13 @@ def test_seeds_of_a_wandering_current() -> None:
 
 
 def dave_tide(level: float, flood: float, ebb: float) -> tuple[float, float]:
-    """tidal_oscillation.cc of dave: the velocity keeps its sign, and the heading changes besides."""
+    """Return the velocity by tidal_oscillation.cc of dave: it keeps its sign, and the heading changes besides."""
     heading = flood if level > 0.0 else ebb
     return -cos(radians(heading)) * level, -sin(radians(heading)) * level
 
 
 def test_the_tide_turns() -> None:
-    """Red: dave's flood and ebb, with its headings of 255 and 69 deg, flow the same way. Green: ours turn about."""
+    """The flood and ebb of dave, with its headings of 255 and 69 deg, flow the same way; ours turn about."""
     (flood_n, flood_e), (ebb_n, ebb_e) = dave_tide(1.0, 255.0, 69.0), dave_tide(-1.0, 255.0, 69.0)
     assert flood_n * ebb_n + flood_e * ebb_e > 0.99
     current = tidal([Tide("M2", 0.6, radians(75.0))])
@@ -142,7 +142,7 @@ SUN, MOON, PERIGEE = 0.0410686, 0.5490165, 0.0046418  # mean motion in degrees a
     ],
 )
 def test_periods_of_the_constituents(name: Constituent, speed: float, hours: float) -> None:
-    """From the motions of sun, moon and the moon's perigee; and in hours, as every almanac has them."""
+    """Periods follow from the motions of sun, moon and the moon's perigee; in hours they are those of every almanac."""
     assert TIDAL_SPEEDS[name] == pytest.approx(speed, abs=1.5e-7)
     assert 360.0 / TIDAL_SPEEDS[name] == pytest.approx(hours, abs=6e-5)
     current = tidal([Tide(name, 1.0, 0.0)])

@@ -73,7 +73,7 @@ def test_keys_that_cannot_be(keys: dict[str, object]) -> None:
 
 
 def test_a_nose_that_is_pitched_into_the_seabed_touches_it() -> None:
-    """69 degrees down, with the origin half a metre above the seabed: the nose is 0.25 m in it."""
+    """The nose of a vehicle 69 degrees down, with its origin half a metre above the seabed, is 0.25 m in it."""
     down = from_euler(0.0, radians(-69.0), 0.0)
     assert starts_inside(TORPEDO, SEA, (0.0, 0.0, 19.5), down)
     assert not starts_inside(TORPEDO, SEA, (0.0, 0.0, 19.5))
@@ -94,7 +94,7 @@ def test_a_nose_or_stern_that_touches_turns_the_vehicle_level(pitch: float) -> N
 
 
 def test_it_turns_from_a_pile_that_its_flank_hits() -> None:
-    """Sideways against a thin pile between its ends, ahead of the middle: the bow is held, the stern goes on."""
+    """A vehicle that goes sideways meets a thin pile ahead of its middle: the bow is held, the stern goes on."""
     world = SEA._replace(cylinder=(Cylinder(0.4, 1.0, 0.05),))
     contact = Contact(TORPEDO, world, Dynamics(TORPEDO, 1025.0, 9.8).inverse_mass, DT)
     state = State((0.0, 1.0 - 0.05 - 0.094, 5.0), nu=(0.0, 0.5, 0.0, 0.0, 0.0, 0.0))
@@ -132,7 +132,7 @@ def test_sliding_along_a_wall_costs_speed(friction: float) -> None:
 
 
 def test_friction_stops_a_slide_on_the_seabed() -> None:
-    """From 1 m/s, flat on the seabed: it comes to rest within v^2 / (2 mu g'), and stays."""
+    """A vehicle at 1 m/s, flat on the seabed, comes to rest within v^2 / (2 mu g'), and stays."""
     keys: dict[str, Any] = {
         "linear_damping": (0.0,) * 6,
         "quadratic_damping": (0.0,) * 6,
@@ -172,7 +172,7 @@ TUMBLES = [
 
 @pytest.mark.parametrize(("restitution", "friction", "attitude"), TUMBLES)
 def test_tumbling_on_the_seabed_makes_no_energy(restitution: float, friction: float, attitude: Sequence[float]) -> None:
-    """A box that falls on a corner, tumbles and bounces without any drag; 48 J are to be lost.
+    """A box falls on a corner, tumbles and bounces without any drag; 48 J are to be lost.
 
     A single step may add a little, as much as the way of that step; over the whole fall no energy is added.
     """
@@ -211,7 +211,7 @@ def test_what_lies_on_the_seabed_is_quiet() -> None:
 
 
 def test_of_many_obstacles_those_far_away_are_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Thousands are on a chart; those within 500 m are found, wherever the vehicle comes from."""
+    """Obstacles within 500 m, of thousands on a chart, are found wherever the vehicle comes from."""
     piles = tuple(Cylinder(20.0 * k, 40.0, 1.0) for k in range(1000))
     measured: list[float] = []
     separation = Cylinder.separation

@@ -66,7 +66,7 @@ def test_yaw_turns_it_clockwise_and_pitch_raises_its_front(tmp_path: Path) -> No
 
 
 def test_rays_meet_it_as_they_meet_a_block(tmp_path: Path) -> None:
-    """Against a block of the same outline, from all around; object numbers follow piles and blocks."""
+    """Rays meet it as a block of the same outline, from all around; object numbers follow piles and blocks."""
     trimesh.creation.box(SIZES).export(str(tmp_path / "plain.stl"))
     meshed = world_with(tmp_path, "plain.stl", orientation=(0.0, 0.0, 0.4))
     boxed = EMPTY._replace(box=(Box(10.0, 0.0, 4.0, 2.0, 0.4, 7.5, bottom=8.5),))

@@ -18,7 +18,7 @@ TYPES = [name for name in get_args(WaterType) if name != "clear"]
 
 
 def test_a_picture_by_hand() -> None:
-    """Two pixels, at 2 m and at 10 m: each term of the equation on its own."""
+    """Each term of the equation counts on its own, for two pixels at 2 m and at 10 m."""
     picture, ways = np.array([[[0.8, 0.6, 0.4], [1.0, 0.5, 0.0]]]), np.array([[2.0, 10.0]])
     wet = underwater(picture, ways, WATER)
     for column, way in enumerate((2.0, 10.0)):
@@ -30,7 +30,7 @@ def test_a_picture_by_hand() -> None:
 
 
 def test_jaffe_mcglamery_is_the_case_of_one_coefficient() -> None:
-    """I = J e^-cz + B (1 - e^-cz): a picture of the veil's own colour does not change."""
+    """The equation I = J e^-cz + B (1 - e^-cz) leaves a picture of the veil's own colour as it is."""
     water = jaffe_mcglamery((0.3, 0.2, 0.1), (0.1, 0.2, 0.3))
     assert water.attenuation == water.backscatter
     wet = underwater(np.full((4, 3), (0.1, 0.2, 0.3)), [0.0, 1.0, 7.0, 400.0], water)
@@ -75,7 +75,7 @@ def test_jerlovs_types_are_those_a_camera_may_name() -> None:
 
 
 def test_of_one_wavelength_the_coefficients_are_those_of_the_water(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A camera that sees 650, 550 and 450 nm alone: both coefficients are a + b there, and the veil 0.3125 b E / c."""
+    """A camera of 650, 550 and 450 nm alone has a + b for both coefficients there, and the veil 0.3125 b E / c."""
     lines = {"red": (650.0, 0.1), "green": (550.0, 0.1), "blue": (450.0, 0.1)}
     monkeypatch.setattr(optics, "_SENSITIVITY", lines)
     water = jerlov("III", depth=2.0, distance=3.0, forward=0.0)
@@ -100,7 +100,7 @@ def test_of_broad_colours_scene_and_veil_go_different_ways() -> None:
 
 @pytest.mark.parametrize("name", TYPES)
 def test_natural_waters(name: str) -> None:
-    """Turbid ones weaken more; deeper it is darker, and red goes before what the type lets through best."""
+    """Turbid types weaken more; deeper it is darker, and red goes before what the type lets through best."""
     shallow, deep = jerlov(name, 1.0), jerlov(name, 20.0)
     assert all(a > b for a, b in zip(shallow.light, deep.light, strict=True))
     assert all(0.0 < x < 1.0 for x in (*shallow.light, *shallow.veil, *deep.veil))

@@ -159,7 +159,7 @@ def test_a_world_file_has_pipelines(tmp_path: Path) -> None:
 
 
 def test_on_a_coarse_map_a_cell_is_occupied_where_any_part_of_a_pipeline_may_be() -> None:
-    """A thick one, whose edge reaches 0.2 m into cells of 2 m, not to their middles."""
+    """A thick pipeline reaches 0.2 m into cells of 2 m with its edge, not to their middles."""
     world = FLAT._replace(pipeline=(Pipeline(((-100.0, 0.0), (100.0, 0.0)), 4.4),))
     coarse = map_at(world, 18.5, 0.5, 2.0, is_coarse=True)
     assert not any(coarse.is_free((north, east)) for north in (-51.0, 9.0) for east in (-3.0, -1.0, 1.0, 3.0))

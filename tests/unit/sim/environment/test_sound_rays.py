@@ -25,7 +25,7 @@ def linear(gradient: float, deepest: float = 5000.0, bottom: float = inf) -> Sou
     (1000.0, 200.0, 200.001),
 ])  # fmt: skip
 def test_a_linear_gradient_bends_rays_to_circles(gradient: float, level: float, start: float, end: float) -> None:
-    """Its travel time is that of a geodesic in a half plane, its length that of the arc over the chord."""
+    """The travel time is that of a geodesic in a half plane, the length that of the arc over the chord."""
     ray = linear(gradient).between(level, start, end)
     assert ray is not None
     chord = hypot(level, end - start)
@@ -63,7 +63,7 @@ def test_snells_law_and_the_way_back(level: float, start: float, end: float) -> 
     ("level", "start", "end"), [(900.0, 100.0, 1200.0), (2500.0, 800.0, 900.0), (400.0, 1290.0, 60.0)]
 )
 def test_a_ray_ends_where_it_is_to(level: float, start: float, end: float) -> None:
-    """Followed in small steps by its slope at the start."""
+    """A ray that is followed in small steps by its slope at the start ends at its target."""
     rays = SoundRays(*CHANNEL, 5000.0)
     ray = rays.between(level, start, end)
     assert ray is not None
@@ -84,7 +84,7 @@ def test_a_ray_ends_where_it_is_to(level: float, start: float, end: float) -> No
 
 
 def test_there_is_a_shadow_beyond_the_ray_that_grazes_the_surface() -> None:
-    """In water that slows sound down with depth it begins at sqrt(2 R z1) + sqrt(2 R z2), R the radius of the rays."""
+    """The shadow begins at sqrt(2 R z1) + sqrt(2 R z2), R the radius of rays, in water that slows sound below."""
     rays, radius = linear(-0.1), 1500.0 / 0.1
     edge = sum(sqrt(2.0 * radius * z - z * z) for z in (10.0, 40.0))
     near = rays.between(edge - 1.0, 10.0, 40.0)

@@ -1,4 +1,4 @@
-"""Seabeds with relief: the surface between the nodes, the rules, the file, and what a world says of them."""
+"""Seabeds with relief: the surface between the nodes, the rules, the file, and what a world reports of them."""
 
 from array import array
 from itertools import pairwise
@@ -29,7 +29,7 @@ def world_file(folder: Path, text: str) -> str:
 
 
 def test_between_the_nodes_it_is_bilinear() -> None:
-    """d = 3 + 2 x + y + x y / 2 in rows and columns is what any bilinear cell keeps; nodes are 2 m apart."""
+    """A bilinear cell has d = 3 + 2 x + y + x y / 2 in rows and columns exactly; nodes are 2 m apart."""
     nodes = array("f", [3.0 + 2.0 * i + j + 0.5 * i * j for i in range(4) for j in range(5)])
     terrain = Terrain(Grid(10.0, -4.0, 2.0, 4, 5), nodes, 99.0)
     for i in range(25):
@@ -101,7 +101,7 @@ def test_rough_ground_has_its_mean_its_size_and_its_seed() -> None:
 
 
 def test_a_higher_hurst_exponent_is_smoother() -> None:
-    """From node to node it changes by much less, though the whole is as high."""
+    """The depth changes by much less from node to node, though the whole is as high."""
     grid = covering((0.0, 128.0, 0.0, 128.0), 1.0)
 
     def roughness(hurst: float) -> float:

@@ -22,7 +22,7 @@ def test_a_place_looks_the_same_from_wherever_it_is_seen() -> None:
 
 
 def test_slopes_are_the_derivative_of_a_relief_of_its_roughness() -> None:
-    """Along a line the integral of the slope is the relief: its deviation is that of the keys."""
+    """The integral of the slope along a line is the relief: its deviation is that of the keys."""
     north = np.arange(0.0, 20.48, 0.04) + 0.02
     heights = []
     for east in np.arange(0.02, 20.0, 0.8):

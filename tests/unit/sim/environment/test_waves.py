@@ -49,7 +49,7 @@ def test_jonswap_with_gamma_one_is_pierson_moskowitz() -> None:
 
 
 def test_pierson_moskowitz_against_its_first_form() -> None:
-    """0.0081 g² / omega⁵ exp(-0.74 (g / (U omega))⁴) (Pierson and Moskowitz 1964), for its own Hs and Tp."""
+    """The spectrum is 0.0081 g² / omega⁵ exp(-0.74 (g / (U omega))⁴) (Pierson and Moskowitz 1964), for its Hs, Tp."""
     wind = 12.0
     peak = (4.0 * 0.74 / 5.0) ** 0.25 * G / wind
     height = 4.0 * sqrt(0.0081 * G * G / (4.0 * 0.74) * (wind / G) ** 4)
@@ -61,7 +61,7 @@ def test_pierson_moskowitz_against_its_first_form() -> None:
 
 @pytest.mark.parametrize(("count", "gamma"), [(5, 3.3), (50, 3.3), (50, 1.0), (200, 10.0)])
 def test_components_carry_the_energy(count: int, gamma: float) -> None:
-    """Elevation: sum of a²/2 = Hs²/16. Its rate: sum of (a omega)²/2 = the second moment of the spectrum."""
+    """The elevation's sum of a²/2 is Hs²/16; its rate's sum of (a omega)²/2 is the second moment of the spectrum."""
     waves = Waves(1.5, 7.0, gamma=gamma, components=count)
     made = components(waves, 50.0, G, 3)
     assert len(made) == count
@@ -82,7 +82,7 @@ def test_a_flat_sea_is_still() -> None:
 
 
 def test_variance_of_the_elevation() -> None:
-    """Two hours at one place: a standard deviation of Hs/4, a mean of zero; the same by the spread of seeds."""
+    """The elevation at one place has a deviation of Hs/4 and a mean of zero over two hours, and over many seeds."""
     wave_field = WaveField(SEA, 30.0, G, 5)
     heights = [wave_field.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
     assert 4.0 * pstdev(heights) == pytest.approx(1.5, rel=0.04)
@@ -104,7 +104,7 @@ def test_seeds_and_directions() -> None:
 
 
 def test_dispersion() -> None:
-    """omega² = g k tanh(k h), from ripples over the deep sea to swell over a puddle."""
+    """Every wave has omega² = g k tanh(k h), from ripples over the deep sea to swell over a puddle."""
     for depth in (0.1, 1.0, 5.0, 30.0, 300.0, 11_000.0):
         for omega in (0.05, 0.2, 0.5, 1.0, 2.0, 6.0, 40.0):
             k = wave_number(omega, depth, G)
@@ -122,7 +122,9 @@ def test_limits_of_the_dispersion() -> None:
 
 @pytest.mark.parametrize("depth", DEPTHS)
 def test_velocity_is_the_gradient_of_the_potential(depth: float) -> None:
-    """phi = sum of a g / omega cosh(k (h - z)) / cosh(k h) sin(theta): potential flow, and Laplace's equation holds."""
+    """The flow is that of phi = sum of a g / omega cosh(k (h - z)) / cosh(k h) sin(theta), and Laplace's equation
+    holds.
+    """
     wave_field = WaveField(SEA, depth, G, 2)
 
     def potential(time: float, north: float, east: float, z: float) -> float:
@@ -166,7 +168,7 @@ def test_no_water_is_made_or_turned(depth: float) -> None:
 
 @pytest.mark.parametrize("depth", DEPTHS)
 def test_acceleration_is_that_of_a_bit_of_water(depth: float) -> None:
-    """The rate of the velocity, seen by one that goes with the water; at a fixed place it is another."""
+    """The acceleration is that of a bit of water that moves along; at a fixed place it is another."""
     wave_field, step = WaveField(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4
     place = (5.0, 6.0, 1.0)
     for time in (0.0, 12.0, 100.0):
@@ -194,14 +196,14 @@ def test_the_surface_goes_with_the_water() -> None:
 
 
 def orbit(wave_field: WaveField, z: float) -> tuple[float, float]:
-    """Greatest horizontal and vertical speed of a sea of one wave at `z`."""
+    """Return the greatest horizontal and vertical speed of a sea of one wave at `z`."""
     wave = wave_field.components[0]
     motions = [wave_field.motion(i * pi / wave.omega / 200.0, 0.0, 0.0, z).velocity for i in range(400)]
     return max(abs(v[0]) for v in motions), max(abs(v[2]) for v in motions)
 
 
 def test_decay_in_deep_water() -> None:
-    """Circles of a omega exp(-k z): half a wave's length down 4 % are left."""
+    """Orbits are circles of a omega exp(-k z): half a wave's length down 4 % are left."""
     wave_field = single(4000.0)
     wave = wave_field.components[0]
     for z in (0.0, 5.0, pi / wave.wave_number):
@@ -211,7 +213,7 @@ def test_decay_in_deep_water() -> None:
 
 
 def test_decay_over_a_near_seabed() -> None:
-    """Ellipses that are flat at the seabed: cosh and sinh of k (h - z)."""
+    """Orbits are ellipses that are flat at the seabed: cosh and sinh of k (h - z)."""
     wave_field = single(5.0)
     wave = wave_field.components[0]
     k = wave.wave_number
@@ -225,7 +227,7 @@ def test_decay_over_a_near_seabed() -> None:
 
 
 def test_far_below_short_waves() -> None:
-    """No overflow where exp(k z) would be beyond all numbers."""
+    """Nothing overflows where exp(k z) would be beyond all numbers."""
     wave_field = WaveField(Waves(0.1, 1.0), 11_000.0, G, 1)
     assert wave_field.motion(1.0, 0.0, 0.0, 10_999.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-300)
     assert any(wave_field.motion(1.0, 0.0, 0.0, 0.0).velocity)

@@ -32,7 +32,7 @@ def test_clearance_of_a_cylinder() -> None:
 
 
 def test_clearance_of_a_turned_box_against_its_outline() -> None:
-    """The nearest of many points of its outline, at many places; the sign by the box's own axes."""
+    """The clearance is that to the nearest of many points of its outline; the sign is by the box's own axes."""
     box = Box(1.0, -2.0, 4.0, 1.0, pi / 6)
     c, s = cos(box.heading), sin(box.heading)
     sides = [(4.0 * t, 0.5 * e) for t in [i / 400 - 0.5 for i in range(401)] for e in (-1, 1)]
@@ -84,7 +84,7 @@ def test_wrong_worlds_are_named(text: str, words: str, tmp_path: Path) -> None:
 
 
 def reachable(world: World, margin: float, step: float = 0.5) -> bool:
-    """Is there a way from (0, 0) to (50, 50) that keeps `margin` m of clearance?"""
+    """Return whether there is a way from (0, 0) to (50, 50) that keeps `margin` m of clearance."""
     count = round(50 / step)
     free = {
         (i, j) for i in range(count + 1) for j in range(count + 1) if world.clearance(i * step, j * step) >= margin
@@ -113,7 +113,7 @@ def test_the_field_is_a_problem_with_a_solution() -> None:
 
 
 def test_gaps_of_the_field() -> None:
-    """Between any two obstacles there are 1.5 m or more."""
+    """Any two obstacles have 1.5 m or more between them."""
     field = load_world("paper_field")
     obstacles = field.obstacles()
     for one in field.cylinder:
@@ -139,7 +139,7 @@ def test_a_thing_ends_below_its_top(tmp_path: Path) -> None:
 
 @pytest.fixture
 def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The file of a world with many obstacles on a bed in a file."""
+    """Write the file of a world with many obstacles on a bed in a file; return its path."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path = tmp_path / "crowded.toml"
     piles = [f"[[cylinder]]\nnorth = {i % 20}.0\neast = {i // 20}.0\nradius = 0.5\ntop = 8.0\n" for i in range(150)]

@@ -39,7 +39,7 @@ def attitude(chance: random.Random) -> tuple[float, ...]:
 
 
 def random_world(seed: int) -> World:
-    """Rough or flat, coarse or fine, deeper or shallower than what is around it, with holes in its data."""
+    """Return a world that is rough or flat, coarse or fine, deeper or shallower than what is around it, with holes."""
     chance = random.Random(seed)
     depth = chance.choice([12.0, 5.0, 30.0])
     world = World(
@@ -73,7 +73,7 @@ def random_scene(seed: int, engine: Engine) -> RayScene:
 
 
 def random_rays(chance: random.Random) -> "array[float]":
-    """Along the axes, nearly level, and all around."""
+    """Return rays along the axes, nearly level, and all around."""
     rays = array("d")
     for ray in range(60):
         if ray < 6:
@@ -89,7 +89,7 @@ def random_rays(chance: random.Random) -> "array[float]":
 @pytest.mark.parametrize("seed", range(15))
 @pytest.mark.usefixtures("native")
 def test_hits_are_equal(seed: int) -> None:
-    """Distances, points, normals and objects, from places in the water, in things, on nodes and beside the grid."""
+    """Distances, points, normals and objects are equal from places in water, in things, on nodes, off the grid."""
     chance = random.Random(f"{seed}/rays")
     engines: tuple[Engine, ...] = ("C", "python")
     scenes, seen = [random_scene(seed, engine) for engine in engines], set[int]()
@@ -108,7 +108,7 @@ def test_hits_are_equal(seed: int) -> None:
 
 
 def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
-    """Rays of a camera, row after row: neighbours go about the same way."""
+    """Return rays of a camera, row after row: neighbours go about the same way."""
     rays = array("d")
     for i in range(across * down):
         x, y = (2.0 * (i % across) / across - 1.0) * width, (2.0 * (i // across) / down - 1.0) * width
@@ -135,7 +135,7 @@ def test_what_is_proved_for_neighbours_changes_nothing(seed: int) -> None:
 @pytest.mark.parametrize("depth", [6.0, 18.0])
 @pytest.mark.usefixtures("native")
 def test_rays_at_the_end_of_what_there_is(depth: float) -> None:
-    """From an edge of the grid out of it, in and below the water, and with a reach of nothing."""
+    """The rays start from an edge of the grid out of it, in and below the water, and with a reach of nothing."""
     grid = covering((0.0, 40.0, 0.0, 40.0), 1.0)
     terrain = Terrain(grid, Fractal(12.0, 1.0, 0.5, seed=2).depths(grid), 12.0)
     world = World("edge", "test", (0.0, 40.0, 0.0, 40.0), 12.0, terrain=terrain)
@@ -266,7 +266,7 @@ def test_without_c_there_are_still_rays(monkeypatch: pytest.MonkeyPatch) -> None
     [(1 << 32, 1 << 32), (1 << 62, 4), (4, 1 << 62), (1 << 31, 2), ((1 << 63) - 1, 2), (-1, -1), (2, 0), (3, 2)],
 )
 def test_a_grid_that_its_buffer_does_not_have_is_refused(rows: int, columns: int) -> None:
-    """Also where rows times columns is beyond 64 bits, and comes out as the size of the buffer."""
+    """A grid is refused also where rows times columns is beyond 64 bits, and comes out as the size of the buffer."""
     caster = pytest.importorskip("sim.native._rays").Caster
     for depths in (b"", bytes(16)):
         with pytest.raises(ValueError, match=f"are not {rows} x {columns} of 4"):

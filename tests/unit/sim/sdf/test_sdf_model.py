@@ -1,4 +1,4 @@
-"""Gazebo's SDF in, vehicle out: frames resolved, plugins' numbers in our signs and axes, the rest said by name."""
+"""Gazebo's SDF in, vehicle out: frames resolved, plugins' numbers in our signs and axes, the rest reported by name."""
 
 from math import sqrt
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_limits_of_a_thruster_that_takes_speeds() -> None:
 
 
 def test_derivatives_have_our_signs() -> None:
-    """Negative brakes there, positive here; y and r change their direction both, y alone does against x."""
+    """Negative values brake there, positive here; y and r change their direction both, y alone does against x."""
     found = imported()
     added = square(found.vehicle.added_mass, 6)
     assert [added[i][i] for i in range(6)] == [1.5, 18.0, 19.0, 0.0, 2.0, 2.1]
@@ -100,7 +100,7 @@ def test_sensors_are_those_of_a_scenario() -> None:
 
 
 def test_further_sensors_of_a_kind_have_their_own_names() -> None:
-    """Two lasers more: by their names, by number where that is of another kind."""
+    """Two further lasers go by their names, or by number where a name is that of another kind."""
     text = MODEL.read_text()
     start = text.index('<sensor name="scan"')
     laser = text[start : text.index("</sensor>", start) + len("</sensor>")]
@@ -113,7 +113,7 @@ def test_further_sensors_of_a_kind_have_their_own_names() -> None:
 
 
 def test_a_world_has_its_vehicle_by_include() -> None:
-    """The only model with thrusters; what cannot be found is told."""
+    """The only model with thrusters is the vehicle; what cannot be found is reported."""
     found = imported(OTTER / "bay.sdf")
     assert found.vehicle.name == "swimmer"
     assert found.vehicle.added_mass == imported().vehicle.added_mass

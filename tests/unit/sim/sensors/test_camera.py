@@ -54,7 +54,7 @@ def colours(sample: CameraSample) -> Any:
 
 
 def tangents(sample: CameraSample) -> tuple[Any, Any]:
-    """To the right and down, of each column and row."""
+    """Return the tangents to the right and down, of each column and row."""
     fx, fy, cx, cy = sample.intrinsics
     return (np.arange(sample.width) - cx) / fx, ((np.arange(sample.height) - cy) / fy)[:, None]
 
@@ -70,7 +70,7 @@ def test_a_plane_across_the_axis_is_equally_deep_all_over() -> None:
 
 
 def test_a_plane_below_gives_exact_depths() -> None:
-    """Level: a row down by t sees the seabed 4 m below at depth 4 / t, above the horizon the surface at 8 / -t."""
+    """A level camera has at row t the seabed 4 m below at depth 4 / t, and above the horizon the surface at 8 / -t."""
     sample = camera(FLAT, TRUE._replace(max_range=1000.0)).sample(0, HERE)
     _, down = tangents(sample)
     below, above = down[31:, 0], down[:30, 0]
@@ -80,7 +80,7 @@ def test_a_plane_below_gives_exact_depths() -> None:
 
 
 def test_a_step_gives_exact_depths() -> None:
-    """Looking down on a cliff 2 m high from north 0.5 to 1: the plateau is in the north, which is up in the picture."""
+    """A camera that looks down on a cliff 2 m high from north 0.5 to 1 has the plateau up in the picture."""
     grid = covering(EXTENT, 0.5)
     world = FLAT._replace(terrain=Terrain(grid, Step(12.0, 2.0, north=1.0, resolution=0.5).depths(grid), 12.0))
     sample = camera(world, mounting=DOWN).sample(0, HERE)
@@ -178,8 +178,8 @@ RAW = TRUE._replace(ground_truth=False, vignetting=0.0, read_noise=0.0, full_wel
 
 
 def test_the_picture_is_the_scene_through_the_water() -> None:
-    """Radiances without water, in the light that is left, through sim.environment.optics.underwater: the same as the
-    camera's, but for the surface, which mirrors the water.
+    """The picture is that of radiances without water, in the light that is left, through
+    sim.environment.optics.underwater, but for the surface, which mirrors the water.
     """
     grid = covering(EXTENT, 1.0)
     world = FLAT._replace(
@@ -207,7 +207,7 @@ def test_far_things_fade_into_the_veil(water: Any) -> None:
 
 
 def test_lamps_fall_with_the_square_of_the_distance() -> None:
-    """In the dark, clear water of the truth: a wall at 1 m and at 3 m, the lamp's part by its cosine."""
+    """A wall at 1 m and at 3 m, in the dark in clear water, gets the lamp's light by its cosine."""
     for distance in (1.0, 3.0):
         world = DEEP._replace(walls=True, extent=(-50.0, distance, -500.0, 500.0))
         lit, unlit = (
@@ -239,7 +239,7 @@ def test_exposure() -> None:
 
 
 def test_noise_is_that_of_electrons() -> None:
-    """Variance = signal / full well + (read noise / full well)², in shares of white."""
+    """The variance is signal / full well + (read noise / full well)², in shares of white."""
     model = RAW._replace(full_well=1000.0, read_noise=20.0)
     eye = camera(FLAT, model)
     for signal in (0.0, 0.25, 0.5):
@@ -306,7 +306,7 @@ def test_shade(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_sky_is_seen_through_a_window_and_the_surface_beyond_it_is_a_mirror_of_the_dark() -> None:
-    """Within 45 deg of the vertical the sky is as bright as overhead, beyond 52 deg there is the water, here none."""
+    """The sky within 45 deg of the vertical is as bright as overhead; beyond 52 deg there is the water, here none."""
     wide = TRUE._replace(exposure=0.5, field_of_view=radians(130.0))
     up = camera(FLAT, wide, Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, HERE)
     across, down = tangents(up)
@@ -319,7 +319,7 @@ def test_the_sky_is_seen_through_a_window_and_the_surface_beyond_it_is_a_mirror_
 
 
 def test_rays_meet_a_tilted_plane() -> None:
-    """Pitched down by 30 deg over a flat seabed: depth = 4 / (sin 30 + t cos 30)."""
+    """A camera pitched down by 30 deg over a flat seabed has depth = 4 / (sin 30 + t cos 30)."""
     sample = camera(FLAT, mounting=Mounting(orientation=(0.0, radians(-30.0), 0.0))).sample(0, HERE)
     _, down = tangents(sample)
     steep = sin(radians(30.0)) + down * cos(radians(30.0))

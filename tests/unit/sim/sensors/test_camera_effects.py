@@ -56,7 +56,7 @@ LAMPS: dict[str, Any] = {"lamps": 1.0, "lamp_offset": 0.4}
 
 
 def test_lamps_beside_the_camera_throw_shadows() -> None:
-    """Behind a pile there is a shadow for either lamp on the wall 3 m behind it, and none straight behind."""
+    """Each lamp has a shadow of a pile on the wall 3 m behind it, and none is straight behind."""
     keys = LAMPS | {"lamps": 300.0, "water": "clear", "exposure": 0.1}
     free, shaded = (colours(shot(lamp_shadows=on, **keys)).sum(axis=2) for on in (False, True))
     row = 30
@@ -166,7 +166,7 @@ def test_a_camera_at_rest_has_no_blur() -> None:
 
 
 def test_blur_is_along_the_motion() -> None:
-    """Over a level seabed seen straight down, along the rows' direction, which is up in the picture for surge."""
+    """The blur over a level seabed, seen straight down, is along the rows' direction: up in the picture for surge."""
     sharp, blurred = (
         colours(shot(SHALLOW, moving((1.0, 0, 0, 0, 0, 0)), DOWN, exposure_time=t, water="clear")).mean(axis=2)
         for t in (0.0, 0.2)
@@ -222,9 +222,9 @@ def test_the_ground_truth_has_no_effect() -> None:
 def test_the_compiled_pass_gives_the_same_light(
     kind: Any, keys: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With rays in the same pass or before it, it agrees with Python to a thousandth.
+    """The compiled pass agrees with Python to a thousandth, with rays in the same pass or before it.
 
-    On relief with ripples, a place without data, a pile, the surface, and nothing.
+    The scene is relief with ripples, a place without data, a pile, the surface, and nothing.
     """
     if load_picture() is None:
         pytest.skip("no C compiler here")
@@ -290,7 +290,9 @@ def test_the_compiled_pass_refuses_what_does_not_fit() -> None:
 
 
 def test_the_compiled_sensor_records_the_same() -> None:
-    """With noise, falloff and exposure, to a level of 256 where a number lies between two; and depths."""
+    """The sensors agree with noise, falloff and exposure to a level of 256, where numbers lie between two; so do
+    depths.
+    """
     if load_picture() is None:
         pytest.skip("no C compiler here")
     chance = np.random.default_rng(1)

@@ -11,13 +11,13 @@ from sim.sensors.imaging.echoes import Bins, Echoes, array_pattern, main_lobe, p
 
 
 def echoes_of(near: Any, far: Any, energy: Any) -> Echoes:
-    """Beams x rays."""
+    """Return echoes, beams x rays."""
     beam = np.repeat(np.arange(len(near)), near.shape[1])
     return Echoes(near.ravel(), near.ravel(), far.ravel(), energy.ravel(), beam, np.zeros(near.size, np.int32))
 
 
 def ainslie_mccolm(f: float, t: float, s: float, z: float) -> float:
-    """dB/km at f kHz, pH 8, z km (Ainslie & McColm 1998, J. Acoust. Soc. Am. 103(3):1671): another formula."""
+    """Return dB/km at f kHz, pH 8, z km by another formula (Ainslie & McColm 1998, J. Acoust. Soc. Am. 103(3):1671)."""
     f1, f2 = 0.78 * sqrt(s / 35.0) * exp(t / 26.0), 42.0 * exp(t / 17.0)
     boric = 0.106 * f1 * f * f / (f1 * f1 + f * f)
     magnesium = 0.52 * (1.0 + t / 43.0) * s / 35.0 * f2 * f * f / (f2 * f2 + f * f) * exp(-z / 6.0)
@@ -32,7 +32,7 @@ def test_absorption_as_another_formula_has_it(frequency: float, temperature: flo
 
 
 def test_absorption_in_fresh_water_is_that_of_water() -> None:
-    """25e-15 f² Np/m at 20 deg C (Pinkerton 1949), f in Hz."""
+    """The absorption is 25e-15 f² Np/m at 20 deg C (Pinkerton 1949), f in Hz."""
     assert francois_garrison(1e6, 20.0, 0.0, 0.0) == pytest.approx(25e-15 * 1e12 * 20.0 / np.log(10.0), rel=0.03)
 
 
@@ -55,7 +55,7 @@ def test_side_lobes_are_as_far_down_as_the_key_says_and_fall() -> None:
 
 
 def test_bins_share_an_echo_as_one_from_a_plane() -> None:
-    """With the fifth power of the range, and absorption; what is before the first bin or beyond the last is lost."""
+    """The shares follow the fifth power of the range, and absorption; what is before or beyond all bins is lost."""
     near, far = np.array([[10.3, 40.5, 19.0, 5.0]]), np.array([[30.7, 40.5, 80.0, 11.0]])
     energy = np.array([[9.0, 0.5, 3.0, 2.0]])
     found = Bins(10.0, 0.1, 500, 0.2).shares(echoes_of(near, far, energy), 1)[0]

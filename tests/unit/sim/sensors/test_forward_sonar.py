@@ -47,7 +47,7 @@ def forward(
 
 
 def image(sample: SonarImageSample) -> Any:
-    """Bins x beams."""
+    """Return an image, bins x beams."""
     return np.frombuffer(sample.intensities, sample.encoding).reshape(sample.bins, len(sample.beams))
 
 
@@ -142,7 +142,7 @@ def test_a_wall_fades_as_the_equation_says(distance: float) -> None:
 
 
 def test_a_flat_seabed_as_the_integral_over_it() -> None:
-    """Every bin of one beam against quadrature: mu sin(e) b² cos(e) de da / r² with r = h / sin(e)."""
+    """Every bin of one beam equals quadrature of mu sin(e) b² cos(e) de da / r² with r = h / sin(e)."""
     model = TRUE._replace(beams=1, sector=radians(1.0), rays=200, range_step=0.5)
     column = image(forward(FLAT, model).sample(0, AHEAD))[:, 0]
     alpha, lobe = francois_garrison(750e3), main_lobe(model.beam_height)
@@ -167,7 +167,7 @@ def test_few_rays_leave_no_gap(rays: int) -> None:
 
 
 def test_lambert() -> None:
-    """A wall that is turned by 50 deg: cos of it less, for a beam that is all on it."""
+    """A wall that is turned by 50 deg echoes less by the cosine of it, for a beam that is all on it."""
     model = TRUE._replace(beams=1, sector=radians(0.5), beam_height=radians(0.5), rays=9, object_strength=-27.0)
     turned = DEEP._replace(box=(Box(20.0, 0.0, 0.02, 40.0, radians(50.0)),))
     straight = DEEP._replace(box=(Box(20.0, 0.0, 0.02, 40.0),))
@@ -176,7 +176,7 @@ def test_lambert() -> None:
 
 
 def test_shadow_behind_a_pile() -> None:
-    """The beams it fills are dark behind all of its height to the end, those beside it are not."""
+    """The beams that the pile fills are dark behind all of its height to the end; those beside it are not."""
     world = FLAT._replace(cylinder=(Cylinder(25.0, 0.0, 1.0),))
     picture = image(forward(world).sample(0, State((0.0, 0.0, 14.0))))
     assert picture[200:239, 32].min() > 0.0
@@ -195,7 +195,7 @@ def test_port_is_left_and_starboard_right() -> None:
 
 
 def test_a_wide_beam_smears_by_its_pattern() -> None:
-    """A thin pile in the middle beam is heard by the others as the pattern says."""
+    """A thin pile in the middle beam echoes in the others as the pattern says."""
     world = DEEP._replace(cylinder=(Cylinder(20.0, 0.0, 0.1),))
     model = TRUE._replace(beams=101, sector=radians(25.25), beam_width=radians(2.0))
     across = image(forward(world, model).sample(0, AHEAD)).sum(axis=0)
@@ -206,7 +206,7 @@ def test_a_wide_beam_smears_by_its_pattern() -> None:
 
 
 def test_noise_stays_dark_at_full_range_and_a_wall_is_seen_there() -> None:
-    """Open water to 120 m: gain that made good all losses whitened 95 % of the last 20 m."""
+    """The water is open to 120 m: gain that made good all losses whitened 95 % of the last 20 m."""
     model = ForwardSonarModel(max_range=120.0, range_step=0.2, beams=128)
     empty, walled = (image(forward(w, model).sample(0, AHEAD)) / 255.0 for w in (DEEP, facing_wall(70.0)))
     noise = [empty[rows].mean() for rows in (slice(300, 400), slice(400, 500), slice(500, 600))]
@@ -216,7 +216,7 @@ def test_noise_stays_dark_at_full_range_and_a_wall_is_seen_there() -> None:
 
 
 def test_side_lobes_ring() -> None:
-    """A pile is heard by all beams at its range, farther off the weaker, and none of it without side lobes."""
+    """A pile echoes in all beams at its range, farther off the weaker, and in no other beam without side lobes."""
     world = DEEP._replace(cylinder=(Cylinder(20.0, 0.0, 0.5),))
     picture = image(forward(world, TRUE._replace(side_lobes=25.0)).sample(0, AHEAD))
     row = picture[picture[:, 32].argmax()]
@@ -242,7 +242,7 @@ def seen_ball(radius: float, seed: int, model: ForwardSonarModel, floor: World =
 
 @pytest.mark.parametrize("radius", [0.15, 0.075])
 def test_no_ball_is_lost_between_rays(radius: float) -> None:
-    """With the usual fan of 32 rays a beam: every ping sees it, and about as bright, and nothing comes before it."""
+    """Every ping of the usual fan of 32 rays a beam shows it, about as bright, and nothing comes before it."""
     model = TRUE._replace(rays=32, beams=256)
     found = [seen_ball(radius, seed, model) for seed in range(25)]
     echoes = np.array(found)[:, 0]
@@ -251,7 +251,7 @@ def test_no_ball_is_lost_between_rays(radius: float) -> None:
 
 
 def test_a_split_cell_is_counted_once() -> None:
-    """A ball takes from a wall behind it what it hides, no more; beams that do not see it hear the wall as before."""
+    """A ball takes from a wall behind it what it hides, no more; beams beside it receive the wall as before."""
     sonar = forward(facing_wall(25.0), TRUE._replace(rays=32))
     alone = image(sonar.sample(0, AHEAD))
     sonar.add(solids.sphere((0.0, 0.0, 0.0), 0.2), State((15.0, 0.0, 10.0)))
@@ -265,7 +265,7 @@ def test_a_split_cell_is_counted_once() -> None:
 
 
 def test_a_thin_rope_is_seen_in_every_beam_that_crosses_it() -> None:
-    """5 cm thick, level, 1.5 m below the sonar and 15 m ahead."""
+    """The rope is 5 cm thick, level, 1.5 m below the sonar and 15 m ahead."""
     sonar = forward(DEEP, TRUE._replace(rays=24, beams=128, beam_width=radians(0.5)))
     across = from_euler(radians(90.0), 0.0, 0.0)
     sonar.add(solids.cylinder((0.0, 0.0, 0.0), 0.025, 6.0), State((15.0, 0.0, 11.5), across))
@@ -280,7 +280,7 @@ def test_a_thin_rope_is_seen_in_every_beam_that_crosses_it() -> None:
 
 
 def test_the_surface_mirrors_a_pile_at_the_range_of_the_bent_way() -> None:
-    """One way bent: (d + sqrt(d² + 4 h z)) / 2 for a thing at the sonar's depth h = z; there and back the bent way."""
+    """One way by the surface is (d + sqrt(d² + 4 h z)) / 2 for a thing at the sonar's depth h = z; both may be bent."""
     model = TRUE._replace(beams=31, sector=radians(31.0), beam_height=radians(60.0), rays=256, multipath=True)
     deep = State((0.0, 0.0, 4.0))
 
@@ -306,7 +306,7 @@ def test_the_surface_mirrors_a_pile_at_the_range_of_the_bent_way() -> None:
 
 
 def test_the_bottoms_texture_is_of_its_places() -> None:
-    """The same from the same place with another seed of noise; it stays in the mean; rougher ground varies more."""
+    """The texture is the same from one place with other noise, stays in the mean, and varies more if rougher."""
 
     def picture(kind: str | None, state: State = AHEAD, seed: int = 1) -> Any:
         bottom = Bottom(kind) if kind else None  # type: ignore[arg-type]
@@ -340,7 +340,7 @@ def test_gain_over_time_makes_a_wall_as_bright_near_as_far() -> None:
 
 
 def test_noise_grows_where_nothing_comes_back() -> None:
-    """With gain over time the far end of open water is brighter; its level is that of the model."""
+    """The far end of open water is brighter with gain over time; its level is that of the model."""
     model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=90.0, contrast=1.0, noise_grey=1.0)
     picture = image(forward(DEEP, model).sample(0, AHEAD))
     assert picture[50:100].mean() < picture[200:250].mean() < picture[400:].mean()
@@ -374,7 +374,7 @@ def test_out_of_the_water_there_is_nothing() -> None:
 
 
 def test_what_stands_out_of_the_water_is_not_received() -> None:
-    """A tall wall is heard up to the surface only: its upper patches would come earlier from deeper down."""
+    """A tall wall echoes up to the surface only: its upper patches would come earlier from deeper down."""
     model = TRUE._replace(beams=1, sector=radians(1.0), rays=200)
     shallow = forward(facing_wall(20.0), model).sample(0, State((0.0, 0.0, 1.0)))
     deep = forward(facing_wall(20.0), model).sample(0, State((0.0, 0.0, 30.0)))
@@ -382,7 +382,7 @@ def test_what_stands_out_of_the_water_is_not_received() -> None:
 
 
 def test_water_echoes_all_along_a_beam_but_not_behind_things() -> None:
-    """In open water s_v b² dO dr / r² and absorption; behind a wall across the whole beam none."""
+    """Open water echoes s_v b² dO dr / r² less absorption; behind a wall across the whole beam there is no echo."""
     model = TRUE._replace(volume_strength=-60.0)
     sonar = forward(DEEP, model)
     picture = image(sonar.sample(0, AHEAD))

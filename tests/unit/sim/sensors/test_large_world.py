@@ -18,7 +18,7 @@ SIDE = 10_001
 
 
 def test_brightness_by_curvature_is_that_of_the_whole_grid() -> None:
-    """Also at the grid's rim: each hit gets what a grid of all nodes would give it."""
+    """Each hit gets what a grid of all nodes would give it, also at the grid's rim."""
     grid = covering((0.0, 60.0, 0.0, 40.0), 1.0)
     terrain = Terrain(grid, Fractal(depth=9.0, deviation=1.0).depths(grid), 9.0)
     world = World("w", "", (0.0, 60.0, 0.0, 40.0), 9.0, terrain=terrain)

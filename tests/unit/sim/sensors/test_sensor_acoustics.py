@@ -118,7 +118,7 @@ def test_usbl_has_no_fix(place: tuple[float, float, float]) -> None:
     [(None, 1500.0), (Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0))), 1505.0)],
 )
 def test_usbl_samples_come_after_the_sounds_way(ocean: Ocean | None, speed: float, latency: float) -> None:
-    """600 m away and both at 75 m on average: 0.4 s, and the mounting's latency; the stamp is that of the ping."""
+    """A fix from 600 m away, both at 75 m, takes 0.4 s on average and the latency; its stamp is the ping's."""
     station = (600.0, 0.0, 75.0)
     fitted = SensorSpec(Usbl, USBL._replace(station=station, rate=2.0), Mounting(latency=latency))
     world = DEEP._replace(ocean=ocean, current=(0.0, 0.0, 0.0))
@@ -134,7 +134,7 @@ SLOWER_BELOW = Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 14
 
 
 def test_usbl_ranges_and_points_along_the_bent_ray() -> None:
-    """The speed at the station, over the time that sound takes; the place is off by the bow of the ray."""
+    """The range is the station's speed of sound times its travel time; the place is off by the bow of the ray."""
     place, station = (600.0, 80.0, 90.0), (0.0, 0.0, 40.0)
     world = DEEP._replace(ocean=SLOWER_BELOW)
     sample = Usbl(USBL._replace(station=station), Mounting(), 1, scene(world)).sample(0, State(place))
@@ -174,7 +174,7 @@ METER = CurrentMeterModel(velocity=EXACT)
 
 @pytest.mark.parametrize("mounting", [Mounting(), ASKEW])
 def test_current_meter_is_exact_without_errors(mounting: Mounting) -> None:
-    """Water less vehicle at the meter's place, by hand with the lever arm."""
+    """The sample is water less vehicle at the meter's place, by hand with the lever arm."""
     state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
     sample = CurrentMeter(METER, mounting, 1, scene()).sample(4, state)
     assert sample is not None
@@ -210,7 +210,7 @@ TRACK = DvlWaterModel(velocity=EXACT, near=2.0, far=6.0)
 
 @pytest.mark.parametrize("mounting", [Mounting((0.3, -0.1, 0.2)), ASKEW._replace(orientation=(0.1, -0.1, 2.5))])
 def test_water_track_is_relative_to_its_layer(mounting: Mounting) -> None:
-    """In a current that grows with depth: that of the middle of the layer counts, not that at the vehicle."""
+    """The current at the middle of the layer counts where it grows with depth, not that at the vehicle."""
     layers = Layers((0.0, 20.0), (0.0, 2.0), (1.0, 0.0))
     simulation = scene(SEA._replace(ocean=Ocean(layers=layers), current=(0.0, 0.0, 0.0)))
     state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)

@@ -26,7 +26,7 @@ SCENE = Simulation(VEHICLE, SEA, {}, position=(0.0, 0.0, 5.0))
 
 
 def angle(a: Quaternion, b: tuple[float, ...] | list[float]) -> float:
-    """Between two attitudes, rad."""
+    """Return the angle between two attitudes, rad."""
     _, x, y, z = multiply((a[0], -a[1], -a[2], -a[3]), b)
     return 2.0 * asin(min(1.0, hypot(x, y, z)))
 
@@ -48,7 +48,7 @@ def test_exact_at_rest(mounting: Mounting) -> None:
 
 @pytest.mark.parametrize("mounting", [Mounting(), Mounting(orientation=(0.4, -1.0, 2.5))])
 def test_exact_while_it_turns_about_all_axes(mounting: Mounting) -> None:
-    """On the spot: without accelerations the filter follows; for 30 s, several turns."""
+    """The filter follows a turn on the spot, without accelerations, for 30 s and several turns."""
     ahrs = Ahrs(MODEL, mounting, 1, SCENE)
     state = State((0.0, 0.0, 5.0), from_euler(0.1, 0.2, 0.3))
     before, largest = [0.0, 0.0, 0.0], 0.0
@@ -90,14 +90,14 @@ def test_accelerations_tilt_it() -> None:
 
 
 def test_iron_turns_it() -> None:
-    """1 µT ahead and to starboard, bow along the earth's field of 50 µT cos(1.1): north seems to be to starboard."""
+    """An iron of 1 µT ahead and to starboard, bow along a field of 50 µT cos(1.1), turns north to starboard."""
     iron = Ahrs(MODEL._replace(magnetic_field=ErrorModel(offset=1e-6)), Mounting(), 1, SCENE)
     found = to_euler(hold(iron, State((0.0, 0.0, 5.0), from_euler(0.0, 0.0, 0.3)), 150.0).orientation)
     assert found[2] - 0.3 == pytest.approx(-atan2(1e-6, 50e-6 * cos(1.1) + 1e-6), rel=1e-3)
 
 
 def test_its_default_errors_are_those_of_the_data_sheet() -> None:
-    """Over many units: 0.4 deg of roll and pitch, 1 deg of heading, in the default world's field."""
+    """The errors over many units are 0.4 deg of roll and pitch and 1 deg of heading, in the default world's field."""
     world = SEA._replace(magnetic_field=DEFAULT)
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
     field = AhrsModel().magnetic_field._replace(noise=0.0)  # which at 100 Hz and over 10 s is nearly averaged out

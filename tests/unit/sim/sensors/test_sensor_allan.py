@@ -15,7 +15,7 @@ SECONDS = 8000.0
 
 
 def allan_deviation(model: ErrorModel, tau: float) -> float:
-    """Overlapping, of a sensor at rest."""
+    """Return the overlapping Allan deviation of a sensor at rest."""
     process = ErrorProcess(model, 1.0 / RATE, Random(11))
     values = [process.measure(0.0) for _ in range(round(SECONDS * RATE))]
     _, deviations, _, _ = allantools.oadev(values, rate=RATE, data_type="freq", taus=[tau])
@@ -24,7 +24,7 @@ def allan_deviation(model: ErrorModel, tau: float) -> float:
 
 @pytest.mark.parametrize("tau", [0.1, 1.0, 10.0])
 def test_white_noise_falls_with_the_root_of_time(tau: float) -> None:
-    """Angle or velocity random walk N: sigma(tau) = N / sqrt(tau), whatever the sampling rate."""
+    """The deviation of a random walk N, of angle or velocity, is N / sqrt(tau), whatever the sampling rate."""
     density = 3.394e-4
     found = allan_deviation(ErrorModel(noise_density=density), tau)
     assert found == pytest.approx(density / sqrt(tau), rel=0.06)

@@ -26,7 +26,7 @@ def hector(rate: float, seconds: float) -> list[float]:
 
 
 def uuv_simulator(rate: float, seconds: float) -> list[float]:
-    """GaussMarkovProcess.cc of uuv_simulator: noise not scaled with dt at all."""
+    """Return the drift by GaussMarkovProcess.cc of uuv_simulator: noise not scaled with dt at all."""
     random, dt, value, values = Random(7), 1.0 / rate, 0.0, []
     for _ in range(round(seconds * rate)):
         value = (1.0 - dt / TAU) * value + random.uniform(-0.25, 0.25)
@@ -35,7 +35,7 @@ def uuv_simulator(rate: float, seconds: float) -> list[float]:
 
 
 def test_bias_has_its_size_at_every_rate() -> None:
-    """Red: the formulae of others give a size that depends on the rate. Green: the exact process does not."""
+    """The formulae of others give a size that depends on the rate; the exact process does not."""
     assert pstdev(hector(100.0, 400.0)) == pytest.approx(0.103 * SD, rel=0.15)
     assert pstdev(hector(1000.0, 200.0)) == pytest.approx(0.032 * SD, rel=0.15)
     others = [pstdev(uuv_simulator(rate, 200.0)) for rate in (10.0, 100.0)]
@@ -46,7 +46,7 @@ def test_bias_has_its_size_at_every_rate() -> None:
 
 @pytest.mark.parametrize("rate", RATES)
 def test_bias_wanders_as_fast_at_every_rate(rate: float) -> None:
-    """Its change over 0.1 s: variance 2 sd² (1 - exp(-0.1 / tau))."""
+    """The change over 0.1 s has the variance 2 sd² (1 - exp(-0.1 / tau))."""
     values = series(ErrorModel(bias=SD, bias_time=TAU), rate, 300.0)[:: round(0.1 * rate)]
     changes = [b - a for a, b in pairwise(values)]
     assert pstdev(changes) == pytest.approx(SD * sqrt(2.0 * (1.0 - exp(-0.1 / TAU))), rel=0.06)
@@ -61,7 +61,7 @@ def test_bias_has_its_size_from_the_start() -> None:
 
 @pytest.mark.parametrize("rate", RATES)
 def test_noise_density_is_rate_independent_in_the_mean(rate: float) -> None:
-    """Averaged over a second white noise of density d has sd d: the Allan deviation at 1 s."""
+    """The mean over a second of white noise of density d has sd d: the Allan deviation at 1 s."""
     values = series(ErrorModel(noise_density=0.3), rate, 900.0 if rate < 500 else 300.0)
     count = round(rate)
     means = [fmean(values[i : i + count]) for i in range(0, len(values), count)]
@@ -95,7 +95,7 @@ def test_axes_are_independent() -> None:
 
 
 def test_seeds() -> None:
-    """The same in every process and for ever: what other sensors there are does not matter."""
+    """The numbers are the same in every process and for ever: what other sensors there are does not matter."""
     assert sensor_random(42, "imu").random() == 0.11237544680163525
     assert sensor_random(42, "dvl").random() != sensor_random(42, "imu").random()
     assert sensor_random(43, "imu").random() != sensor_random(42, "imu").random()

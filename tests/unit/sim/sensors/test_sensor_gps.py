@@ -59,7 +59,7 @@ def test_there_and_back(latitude: float, altitude: float) -> None:
 
 
 def test_a_degree_of_the_meridian() -> None:
-    """At the equator the meridian is curved with b²/a, at the pole with a²/b."""
+    """The meridian is curved with b²/a at the equator, with a²/b at the pole."""
     b = SEMI_MAJOR_AXIS * (1.0 - FLATTENING)
     for latitude, radius in ((0.0, b * b / SEMI_MAJOR_AXIS), (90.0, SEMI_MAJOR_AXIS**2 / b)):
         found, _, _ = TangentPlane(latitude, 0.0).geodetic((-100.0, 0.0, 0.0))
@@ -97,7 +97,7 @@ def test_a_fix_takes_its_time_after_each_dive() -> None:
 
 
 def test_waves_wash_over_the_antenna() -> None:
-    """A long swell of 2 m over an antenna 0.3 m above the mean surface: fixes while the surface is lower."""
+    """A long swell of 2 m over an antenna 0.3 m above the mean surface leaves fixes while the surface is lower."""
     ocean = Ocean(waves=Waves(2.0, 8.0, components=1))
     scene = Simulation(VEHICLE, SEA._replace(ocean=ocean), {}, position=(0.0, 0.0, 5.0))
     gps, wave_field = Gps(MODEL, Mounting(), 1, scene), scene.wave_field
@@ -108,7 +108,7 @@ def test_waves_wash_over_the_antenna() -> None:
 
 
 def test_errors_have_their_size() -> None:
-    """Half of all fixes are within 2.5 m, as the data sheet says; what the device says of itself is right."""
+    """Half of all fixes are within 2.5 m, as the data sheet says; the error that the device states is right."""
     state, plane = State((0.0, 0.0, -1.0)), TangentPlane(*ORIGIN, 36.2)
     north_degree = 1.0 / (plane.geodetic((1.0, 0.0, 0.0))[0] - ORIGIN[0])
     east_degree = 1.0 / (plane.geodetic((0.0, 1.0, 0.0))[1] - ORIGIN[1])

@@ -31,7 +31,7 @@ def test_the_field_of_the_earth() -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 1.0, -2.0, pi])
 def test_a_compass(heading: float) -> None:
-    """Level, the field's horizontal part points to magnetic north: heading less declination from the bow."""
+    """The level field's horizontal part points to magnetic north: heading less declination from the bow."""
     x, y, z = Magnetometer(MODEL, Mounting(), 1, SCENE).sample(7, State(quaternion=from_euler(0, 0, heading))).field
     level = 50e-6 * cos(1.1)
     assert (x, y, z) == pytest.approx((level * cos(heading - 0.25), -level * sin(heading - 0.25), 50e-6 * sin(1.1)))
@@ -47,7 +47,7 @@ def test_tilted_and_askew() -> None:
 
 
 def test_iron() -> None:
-    """Soft iron first, row after row, then hard iron, along the sensor's axes."""
+    """Soft iron acts first, row after row, then hard iron, along the sensor's axes."""
     soft = (1.1, 0.2, 0.0, 0.0, 0.9, 0.0, 0.0, 0.1, 1.0)
     model = MODEL._replace(hard_iron=(3e-6, -2e-6, 1e-6), soft_iron=soft)
     north, east, down = earth_field(SEA)

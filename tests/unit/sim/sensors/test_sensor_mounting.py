@@ -1,4 +1,4 @@
-"""Sensors that sit somewhere and look somewhere: what they say belongs to their own place and axes."""
+"""Sensors that sit somewhere and look somewhere: their samples belong to their own place and axes."""
 
 from math import pi, radians
 
@@ -38,7 +38,7 @@ def test_place_and_attitude_of_a_mounting() -> None:
 
 
 def test_an_imu_that_lies_on_its_side() -> None:
-    """Rolled to starboard by a quarter turn: its y axis is the vehicle's z."""
+    """An IMU that is rolled to starboard by a quarter turn has the vehicle's z as its y axis."""
     imu = Imu(EXACT_IMU, Mounting(orientation=(pi / 2.0, 0.0, 0.0)), 1, SCENE)
     sample = imu.sample(0, State(nu=(0.0, 0.0, 0.0, 0.1, 0.2, 0.3)))
     assert sample.acceleration == pytest.approx((0.0, -9.8, 0.0))

@@ -28,7 +28,7 @@ TIMES = [0.31 * i for i in range(40)]
 @pytest.mark.parametrize("depth", [3.0, 25.0, 4000.0])
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.5, 1.0])
 def test_a_small_wave_is_that_of_the_theory(depth: float, share: float) -> None:
-    """rho g a cosh(k (h - z)) / cosh(k h) cos(theta), here over rho g; to the square of the steepness."""
+    """The pressure is rho g a cosh(k (h - z)) / cosh(k h) cos(theta), over rho g, to the square of steepness."""
     wave_field = WaveField(SMALL, depth, G, 3)
     (wave,) = wave_field.components
     z = share * min(depth, 50.0)
@@ -75,7 +75,7 @@ def test_the_sensor_feels_the_waves_where_it_is(profile: Profile | None) -> None
 
 
 def test_a_wave_passes_over() -> None:
-    """The period of what it measures is the wave's."""
+    """The period of the measured pressure is the wave's."""
     waves = Waves(1.0, 2.0 * pi, components=1)
     simulation = Simulation(VEHICLE, SEA._replace(ocean=Ocean(waves=waves)), {}, position=(0.0, 0.0, 5.0))
     assert simulation.wave_field is not None

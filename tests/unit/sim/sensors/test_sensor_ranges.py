@@ -45,7 +45,7 @@ def scene(world: World = FLAT) -> Simulation:
 
 
 def to_slope(place: tuple[float, ...], direction: tuple[float, ...]) -> float:
-    """Distance from a place to the plane depth = 20 + north / 4, by hand."""
+    """Return the distance from a place to the plane depth = 20 + north / 4, by hand."""
     return (20.0 + 0.25 * place[0] - place[2]) / (direction[2] - 0.25 * direction[0])
 
 
@@ -107,7 +107,7 @@ def test_laser_errors_are_common_and_each_beams_own() -> None:
 
 
 def test_laser_flies_with_its_rate_latency_and_pose() -> None:
-    """Samples of a second at 20 Hz that come 30 ms late, from a place off the body's origin."""
+    """A second at 20 Hz has so many samples, each 30 ms late, from a place off the body's origin."""
     mounting = Mounting((0.5, 0.0, 0.1), (0.0, 0.0, pi / 2.0), latency=0.03)
     fitted = SensorSpec(Laser, LaserModel(rate=20.0, ground_truth=True), mounting)
     simulation = Simulation(VEHICLE, POOL, {"laser": fitted}, position=(0.0, 0.0, 5.0))
@@ -145,7 +145,7 @@ def test_profiler_sees_a_block_to_starboard() -> None:
 
 
 def test_strengths_of_a_profile_are_lamberts() -> None:
-    """20 lg cos of the angle below straight down on a flat seabed; a block is 7 dB stronger; else there are none."""
+    """Strengths are 20 lg cos of the angle below straight down; a block is 7 dB stronger; else there are none."""
     model = ProfilerModel(beams=61, ground_truth=True, max_range=25.0)
     world = FLAT._replace(box=(Box(0.0, 4.0, 4.0, 4.0, top=18.0),))
     sample = Profiler(model, Mounting(), 1, scene(world)).sample(0, State((0.0, 0.0, 5.0)))
@@ -191,7 +191,7 @@ def test_fading_of_a_profile_is_in_the_mean_none() -> None:
 
 @pytest.mark.parametrize("width", [0.0, 5.0, 25.0, 60.0])
 def test_echosounder_hears_the_nearest_of_its_cone(width: float) -> None:
-    """Over a slope of 14 deg: the perpendicular if the cone is wide enough, else the edge of the cone."""
+    """The range over a slope of 14 deg is the perpendicular if the cone is wide enough, else the edge of the cone."""
     model = EchosounderModel(beam_width=radians(width), rings=12, ground_truth=True)
     echosounder = Echosounder(model, Mounting(), 1, scene(sloping()))
     distance = echosounder.sample(0, State((0.0, 0.0, 5.0))).distance
@@ -216,7 +216,7 @@ SONAR = ScanningSonarModel(ground_truth=True, beam_width=0.0, beam_height=0.0, r
 
 
 def test_scanning_sonar_goes_round() -> None:
-    """400 pings of 1 grad are a turn; each range is that of the wall in its direction."""
+    """A turn is 400 pings of 1 grad; each range is that of the wall in its direction."""
     sonar, state = ScanningSonar(SONAR, Mounting(), 1, scene(POOL)), State((0.0, 0.0, 5.0))
     samples = [sonar.sample(i, state) for i in range(401)]
     assert samples[400].angle_min == samples[0].angle_min == pytest.approx(-pi)
@@ -286,7 +286,7 @@ ALTIMETER = AltimeterModel(error=EXACT)
 
 @pytest.mark.parametrize("mounting", [Mounting(), ASKEW._replace(orientation=(0.1, -0.2, 0.8))])
 def test_log_over_a_slope(mounting: Mounting) -> None:
-    """Each beam's range is that to the slope; velocity is exact; altitude is at right angles to the slope."""
+    """The beams' ranges are those to the slope; velocity is exact; altitude is at right angles to the slope."""
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
     dvl = Dvl(DVL, mounting, 1, scene(sloping()))
     place, attitude = mounting.place(state), mounting.attitude(state)
@@ -315,7 +315,7 @@ def test_log_over_a_block_and_out_of_reach() -> None:
 
 
 def test_an_obstacle_out_of_reach_changes_no_bit() -> None:
-    """While only the flat seabed is within reach the formula is taken; nearer, the rays, which say the same."""
+    """The formula is taken while only the flat seabed is within reach; nearer, the rays, which give the same."""
     near = FLAT._replace(cylinder=(Cylinder(30.0, 0.0, 2.0),), box=(Box(-20.0, -20.0, 3.0, 3.0, 0.3, 15.0),))
     one, other = Dvl(DvlModel(), ASKEW, 5, scene()), Dvl(DvlModel(), ASKEW, 5, scene(near))
     rays = Dvl(DvlModel(), ASKEW, 5, scene(near))
@@ -337,7 +337,7 @@ def test_ground_is_flat_only_while_nothing_is_in_reach() -> None:
 
 
 def test_ground_measures_clearance_only_when_it_could_tell(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a way among obstacles the answer is always that of the clearance here, which is seldom measured."""
+    """The answer on a way among obstacles is always that of the clearance here, which is seldom measured."""
     world = FLAT._replace(cylinder=(Cylinder(10.0, 0.0, 2.0),), box=(Box(-6.0, -9.0, 3.0, 3.0, 0.3, 15.0),))
     measured: list[tuple[float, ...]] = []
     clearance = World.clearance

@@ -49,7 +49,7 @@ def test_battery_monitor_reads_the_battery() -> None:
 
 
 def test_battery_monitor_errors_have_their_size() -> None:
-    """Beside the scale's error: noise of one step of the converter and the rounding to it, 1/12 of its square."""
+    """The noise, beside the scale's error, is one step of the converter and the rounding to it, 1/12 of its square."""
     scene = Simulation(with_battery(), POOL, {}, position=(0.0, 0.0, 1.0))
     scene.step((1600,) * 6)
     battery = scene.battery
@@ -93,7 +93,7 @@ def test_leak_never() -> None:
 
 
 def test_contact_tells_of_every_touch() -> None:
-    """Against a wall at full speed, and read so rarely that the touch is long over when it is asked for."""
+    """A touch of a wall at full speed is reported although it is long over when the switch is read."""
     slow = SensorSpec(ContactSwitch, ContactModel(rate=1.0))
     simulation = Simulation(VEHICLE, POOL, {"contact": slow}, position=(6.0, 0.0, 2.0))
     found: list[tuple[bool, int]] = []

@@ -41,7 +41,7 @@ def test_imu_off_the_axis_feels_the_turn() -> None:
 
 
 def test_specific_force_is_the_acceleration_of_the_place() -> None:
-    """Against the second difference of the sensor's place in the world, on a wild ride in a current."""
+    """The specific force is the second difference of the sensor's place in the world, on a wild ride in a current."""
     vehicle, _ = load_vehicle("bluerov2_heavy")
     dynamics = Dynamics(vehicle, 1025.0, 9.8, "rk4")
     state, place, dt = State((0, 0, 50.0), from_euler(0.3, -0.2, 0.7), NU), (0.2, -0.1, 0.3), 0.001
@@ -78,7 +78,7 @@ def test_imu_noise_is_on_by_default_and_of_its_size() -> None:
 
 
 def test_dvl_is_exact_without_errors() -> None:
-    """Tilted, turning, off the origin: velocity is that of its place, altitude that over the seabed."""
+    """The velocity of a tilted, turning log off the origin is that of its place, the altitude that over the seabed."""
     q, place = from_euler(0.15, -0.2, 2.0), (0.3, -0.1, 0.2)
     state = State((1.0, 2.0, 3.0), q, NU)
     sample = Dvl(EXACT_DVL, Mounting(place), 1, SCENE).sample(9, state)
@@ -92,7 +92,7 @@ def test_dvl_is_exact_without_errors() -> None:
 
 
 def test_dvl_beams_have_their_own_noise() -> None:
-    """Least squares over four beams: sd of u is the beam's over sqrt(2) sin(tilt), of w over 2 cos(tilt)."""
+    """The sd of u by least squares over four beams is the beam's over sqrt(2) sin(tilt), of w over 2 cos(tilt)."""
     model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.05))
     dvl, state = Dvl(model, PLAIN, 1, SCENE), State((0.0, 0.0, 5.0), nu=NU)
     samples = [dvl.sample(i, state) for i in range(1500)]
@@ -121,7 +121,7 @@ def test_dvl_lock(depth: float, roll: float, locked: bool) -> None:
 
 
 def test_dvl_with_three_beams() -> None:
-    """Over a slant one beam loses the seabed; three still give velocity and altitude."""
+    """One beam loses the seabed over a slant; three still give velocity and altitude."""
     model = EXACT_DVL._replace(max_range=23.0)
     state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)
     dvl = Dvl(model, PLAIN, 1, SCENE)
@@ -132,7 +132,7 @@ def test_dvl_with_three_beams() -> None:
 
 
 def test_a_beam_without_lock_counts_for_nothing() -> None:
-    """With three beams each error is that of its own beam: the three measured speeds and ends are met exactly."""
+    """The error with three beams is each beam's own: the three measured speeds and ends are met exactly."""
     model = DvlModel(max_range=23.0, velocity=ErrorModel(offset=0.1), range=ErrorModel(offset=0.5))
     dvl = Dvl(model, PLAIN, 1, SCENE)
     state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)

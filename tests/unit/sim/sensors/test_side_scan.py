@@ -79,7 +79,7 @@ def test_out_of_the_water_a_side_scan_hears_nothing() -> None:
 
 
 def test_side_scan_turns_with_the_vehicle() -> None:
-    """Heading south the block to the east is to port."""
+    """The block to the east is to port of a vehicle heading south."""
     world = FLAT._replace(box=(Box(0.0, 20.0, 6.0, 4.0, top=16.0),))
     scan = SideScan(SCAN, Mounting(), 1, scene(world))
     north, south = (scan.sample(0, State((0.0, 0.0, 10.0), from_euler(0.0, 0.0, yaw))) for yaw in (0.0, pi))
@@ -134,7 +134,7 @@ def test_numpys_rays_give_the_same_pictures(binaries: Path) -> None:
 
 
 def test_the_surface_echoes_from_below() -> None:
-    """8 m below it, 12 m above the seabed: the lobe reaches up to 60 deg. The altitude is not that of the surface."""
+    """The lobe 8 m below the surface, 12 m above the seabed, reaches up to 60 deg; the altitude is over the seabed."""
     state = State((0.0, 0.0, 8.0))
     model = SCAN._replace(beam_height=radians(170.0), surface_strength=-30.0)
     wide = SideScan(model, Mounting(), 1, scene()).sample(0, state)

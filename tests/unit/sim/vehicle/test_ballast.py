@@ -55,7 +55,7 @@ def test_engine_pumps_at_its_rate_between_its_limits() -> None:
 
 
 def test_engine_makes_it_rise_and_sink_at_the_speed_of_its_lift() -> None:
-    """455 cm³ of sea water are 4.57 N; the hull drags 601 N at 1 m/s."""
+    """The lift of 455 cm³ of sea water is 4.57 N; the hull drags 601 N at 1 m/s."""
     vehicle = BARE._replace(buoyancy_engine=ENGINE._replace(rate=1e-4))
     simulation = at_sea(vehicle, 200.0)
     for pulse, volume, sign in ((1900, 455e-6, -1.0), (1100, 420e-6, 1.0)):
@@ -79,7 +79,7 @@ def test_engine_off_the_middle_pitches() -> None:
 
 
 def test_it_bobs_at_the_surface_with_the_period_of_its_water_plane() -> None:
-    """Afloat on its full bladder: 2 pi sqrt((m + m_a) / (rho g A)), A that of the box."""
+    """The period on its full bladder is 2 pi sqrt((m + m_a) / (rho g A)), A that of the box."""
     engine = ENGINE._replace(rate=1.0, max_volume=30_500e-6)  # 30 l, so that it floats about a fifth out of the water
     vehicle = BARE._replace(buoyancy_engine=engine, quadratic_damping=(0.0,) * 6)
     simulation = at_sea(vehicle, 0.0)
@@ -108,7 +108,7 @@ def test_only_a_pulse_above_1700_releases() -> None:
 
 
 def test_what_is_left_weighs_what_is_left() -> None:
-    """Two point masses on a stick, one of them dropped: the other is left, about itself."""
+    """Two point masses on a stick, one of them dropped, leave the other, about itself."""
     one, other = DropWeight("one", 2.0, (0.4, 0.0, 0.0), 1e-3), (-0.4, 0.0, 0.0)
     pair = BARE._replace(
         mass=4.0, center_of_gravity=(0.0, 0.0, 0.0), volume=5e-3, neutrally_buoyant=False,
@@ -130,7 +130,7 @@ def test_the_order_does_not_matter() -> None:
 
 
 def test_release_keeps_velocity_and_takes_its_momentum() -> None:
-    """Momentum before is that of what is left and of the weight, which goes on as it went."""
+    """The momentum before is that of what is left and of the weight, which goes on as it went."""
     vehicle = TETHYS._replace(drop_weights=(WEIGHT,), volume=TETHYS.mass / 1025.0)
     simulation = at_sea(vehicle, 50.0)
     simulation.state.nu = nu = [1.0, 0.2, -0.1, 0.1, 0.05, -0.2]

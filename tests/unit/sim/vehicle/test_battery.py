@@ -37,7 +37,7 @@ def vehicle_file(tmp_path: Path, battery: str = TOML, curve: str = 'curve = { ki
 
 
 def test_the_voltage_solves_the_circuit(tmp_path: Path) -> None:
-    """V = E - R sum I(V), and each thrust is that of the table at V: less than at the open-circuit voltage."""
+    """The voltage is V = E - R sum I(V); each thrust is the table's at V, less than at the open-circuit voltage."""
     vehicle, _ = load_vehicle(vehicle_file(tmp_path))
     for pulses in ((1900,) * 6, (1100,) * 6, (1700, 1300, 1500, 0, 1550, 1800), (1500,) * 6):
         thrusters = make_thrusters(vehicle, 0.0025)
@@ -85,7 +85,7 @@ def test_without_a_battery_they_are_those_at_the_supply_and_unknown_of_other_cur
 
 @pytest.mark.parametrize("resistance", [0.0, 0.05, 0.5])
 def test_energy_balance(resistance: float) -> None:
-    """From full to empty: what the cells give is what the load gets plus what the resistance heats."""
+    """The cells give, from full to empty, what the load gets plus what the resistance heats."""
     battery = parse({**TABLE, "capacity_wh": 20.0, "resistance": resistance, "hotel_current": 1.0}, Battery, "test")
     pack = BatteryPack(battery)
     amperes = [performance(1700, volts).current * 2.0 for volts in VOLTS]
@@ -106,7 +106,7 @@ def test_energy_balance(resistance: float) -> None:
 
 
 def test_voltage_below_and_above_the_table() -> None:
-    """2 V (proportional below 10 V), and 25 V, where the current of 20 V holds."""
+    """The table gives 2 V, proportional below 10 V, and 25 V, where the current of 20 V holds."""
     load = [performance(1900, volts).current for volts in VOLTS]
     for volts, ohm in ((2.0, 0.1), (25.0, 0.1)):
         pack = BatteryPack(parse({**TABLE, "open_circuit": [volts] * 3, "resistance": ohm}, Battery, "test"))

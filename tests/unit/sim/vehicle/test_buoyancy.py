@@ -25,7 +25,7 @@ def float_(**changes: object) -> Vehicle:
 
 
 def energy(dynamics: Dynamics, state: State) -> float:
-    """Kinetic, of the weight, and of the water pushed aside: the integral of the lift of each point over its depth."""
+    """Return the energy: kinetic, of the weight, and of the water pushed aside, each point's lift over its depth."""
     zx, zy, zz = rotations.matrix(state.quaternion)[6:]
     hull = dynamics.hull
     heights, share = [z for _, _, z in hull.points], hull.full / len(hull.points)
@@ -69,7 +69,7 @@ def test_level_lift_is_that_of_a_box() -> None:
 
 
 def test_center_of_buoyancy_moves_to_the_wet_part() -> None:
-    """Half in: its centre is a quarter of the height below the middle. Heeled: it moves to the low side."""
+    """The centre, half in, is a quarter of the height below the middle. Heeled, it moves to the low side."""
     hull = Hull(float_(), RHO, G)
     lift, x, y, z = hull.lift(0.0, LEVEL)
     assert (x / lift, y / lift, z / lift) == pytest.approx((0.0, 0.0, 0.234 / 4.0))
@@ -78,7 +78,7 @@ def test_center_of_buoyancy_moves_to_the_wet_part() -> None:
 
 
 def test_heel_stiffness_of_a_box() -> None:
-    """The metacentric height of a floating box: second moment over volume, less the height of weight over lift."""
+    """The metacentric height of a floating box is second moment over volume, less the height of weight over lift."""
     dynamics = Dynamics(float_(), RHO, G)
     heel = 1e-6
     nu_dot = dynamics.acceleration(0.0, rotations.matrix(from_euler(heel, 0.0, 0.0)), NOTHING, NOTHING, STILL)
@@ -109,9 +109,10 @@ def test_bobbing_period(integrator: Integrator, added: float) -> None:
 
 @pytest.mark.parametrize("start", [0.08, 0.4])
 def test_bobbing_energy_does_not_grow(start: float) -> None:
-    """100 s of bobbing, and of leaping out and falling back: with the default integrator it stays within 0.1 %.
+    """The energy of 100 s of bobbing, leaping out and falling back stays within 0.1 % with the default integrator.
 
-    Drag in turning only: without any, leaping winds up the smallest roll (parametric resonance)."""
+    Drag in turning only: without any, leaping winds up the smallest roll (parametric resonance).
+    """
     dynamics = Dynamics(float_(linear_damping=(0.0, 0.0, 0.0, 0.5, 0.5, 0.5)), RHO, G)
     state = State((0.0, 0.0, start))
     rest = energy(dynamics, State())

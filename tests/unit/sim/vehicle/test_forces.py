@@ -33,10 +33,10 @@ class Deaf:
 
 
 class Crosswind:
-    """Depends on all it is given."""
+    """A force that depends on all it is given."""
 
     def begin(self, time_ns: int) -> None:
-        """Nothing changes with time."""
+        """Do nothing: it does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> list[float]:
         return [rotation[1] * 3.0, nu_r[1] * -2.0, position[2] * 0.01, 0.1, nu_r[4] * -0.3, rotation[2]]

@@ -69,7 +69,7 @@ def test_it_holds_still_and_moves_ahead(name: str) -> None:
 
 
 def test_von_benzon_published_matrix_is_that_of_the_poses() -> None:
-    """The same eight columns, in another order and some with the other sign of thrust."""
+    """The same eight columns stand in another order, some with the other sign of thrust."""
     ours = columns(matrix_of("bluerov2_heavy"))
     for published in columns(TAM_VON_BENZON):
         flipped = tuple(-x for x in published)
@@ -77,7 +77,7 @@ def test_von_benzon_published_matrix_is_that_of_the_poses() -> None:
 
 
 def test_rexrov_published_matrix_is_that_of_the_poses() -> None:
-    """Turned from FLU to FRD its rows Y, Z, M and N change sign; so this tests the preset's turn as well."""
+    """The rows Y, Z, M and N change sign from FLU to FRD; so this tests the preset's turn as well."""
     signs = (1.0, -1.0, -1.0, 1.0, -1.0, -1.0)
     for sign, row, published in zip(signs, matrix_of("rexrov"), TAM_REXROV, strict=True):
         assert row == pytest.approx([sign * x for x in published], abs=2e-6)
@@ -131,7 +131,7 @@ def box_inertia(vehicle: Vehicle) -> list[float]:
 
 
 def prism_coefficient(ratio: float) -> float:
-    """DNV-RP-H103, table A-2, as the preset says: by line from 0.68 at 1 to 0.36 at 2, a power law below 1."""
+    """Return the coefficient of DNV-RP-H103, table A-2: by line from 0.68 at 1 to 0.36 at 2, by a power law below 1."""
     if ratio >= 1.0:
         return 0.68 + (0.36 - 0.68) * (ratio - 1.0)
     exponent = 0.917  # of the line from 0.68 at 1 through the ratio of 0.36 to 0.68 at 2
@@ -139,7 +139,7 @@ def prism_coefficient(ratio: float) -> float:
 
 
 def test_numbers_as_published() -> None:
-    """Once more, from another table: what was typed into a preset was typed right."""
+    """Another table repeats the numbers: what was typed into a preset was typed right."""
     wu, _ = load_vehicle("bluerov2_heavy_wu2018")
     assert wu.added_mass == (5.5, 12.7, 14.57, 0.12, 0.12, 0.12)
     assert (wu.mass - 1000.0 * wu.volume) * 9.80665 == pytest.approx(114.8 - 112.8, abs=2e-3)

@@ -59,7 +59,7 @@ def test_lift_and_drag_of_half_rho_u_squared() -> None:
 
 
 def test_angle_of_attack_is_against_the_local_flow() -> None:
-    """Drifting by 0.1 rad and a rudder set against it by as much: as straight ahead, all turned by 0.1 rad."""
+    """A drift by 0.1 rad with a rudder set against it by as much is as straight ahead, all turned by 0.1 rad."""
     straight, drifting = wrench(rudder(0.2), 1.0), wrench(rudder(0.1), cos(0.1), sin(0.1))
     x, y = straight[:2]
     assert drifting[:2] == pytest.approx([x * cos(0.1) - y * sin(0.1), x * sin(0.1) + y * cos(0.1)])
@@ -130,7 +130,7 @@ def forces() -> list[Callable[[Random], Force]]:
 
 @pytest.mark.parametrize("make", forces(), ids=["fin", "hull", "hull in a plane", "cross flow", "damping"])
 def test_no_surface_makes_energy(make: Callable[[Random], Force]) -> None:
-    """In still water, for flows from everywhere: the power of force and moment is never above zero."""
+    """The power of force and moment is never above zero in still water, for flows from everywhere."""
     random = Random(5)
     for _ in range(2000):
         scale = 10.0 ** random.uniform(-6.0, 1.0)
@@ -145,7 +145,7 @@ def test_no_surface_makes_energy(make: Callable[[Random], Force]) -> None:
 
 @pytest.mark.parametrize("name", TORPEDOES)
 def test_a_vehicle_left_alone_comes_to_rest(name: str) -> None:
-    """Thrown with its fins askew, ahead or astern: its kinetic energy falls all the time."""
+    """The kinetic energy of a vehicle thrown with its fins askew, ahead or astern, falls all the time."""
     vehicle, _ = load_vehicle(name)
     vehicle = vehicle._replace(neutrally_buoyant=True, center_of_buoyancy=vehicle.center_of_gravity)
     vehicle = vehicle._replace(fins=tuple([fin._replace(straightening=1.0) for fin in vehicle.fins]))

@@ -25,7 +25,7 @@ def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[Reach, ...]:
     [(120.0 + NET_WEIGHT, 2, 0.716), (85.0, 1, 0.630), (85.0, 0, 0.730), (10.0, 5, 2.582)],
 )
 def test_anchors_of_von_benzon(force: float, axis: int, speed: float) -> None:
-    """His own model's runs, table 4: 0.72 m/s at 85 N surge and 0.735 at the peak of a run lie on either side."""
+    """The speeds of von Benzon's runs, table 4, lie on either side: 0.72 m/s at 85 N surge, 0.735 at a run's peak."""
     found = terminal_speed(force, HEAVY.linear_damping[axis], HEAVY.quadratic_damping[axis])
     assert found == pytest.approx(speed, rel=0.01)
 
@@ -42,7 +42,7 @@ def test_anchors_of_von_benzon(force: float, axis: int, speed: float) -> None:
     ],
 )
 def test_the_published_sets_disagree(name: str, speed: float) -> None:
-    """The same 129.2 N, four T200 at 45 degrees in full thrust, two ahead and two astern: 2.8 times between them."""
+    """The same 129.2 N, four T200 at 45 degrees in full thrust, two ahead and two astern, differ by 2.8 times."""
     vehicle, _ = load_vehicle(name)
     full = 2.0 * 0.5**0.5 * (51.44 + 39.91)
     assert full == pytest.approx(129.2, abs=0.05)
@@ -88,7 +88,7 @@ def shares(vehicle: Vehicle, axis: int, force: float) -> list[float]:
 @pytest.mark.parametrize("axis", [0, 1, 2, 5])
 @pytest.mark.parametrize("name", ["paper_six", "paper_seven", "bluerov2_heavy"])
 def test_a_run_settles_there(name: str, axis: int, way: int) -> None:
-    """Six degrees of freedom under what the allocated thrusts of all thrusters make together."""
+    """A run in six degrees of freedom settles there under what the allocated thrusts of all thrusters make together."""
     vehicle, _ = load_vehicle(name)
     if axis != 2:  # weight would sink it meanwhile
         vehicle = vehicle._replace(neutrally_buoyant=True)
@@ -100,7 +100,7 @@ def test_a_run_settles_there(name: str, axis: int, way: int) -> None:
 
 @pytest.mark.parametrize("axis", [0, 2])
 def test_a_run_by_pulses_settles_there(axis: int) -> None:
-    """The whole chain, with whole microseconds, the thrusters' curve and their lag."""
+    """The chain is whole: whole microseconds, the thrusters' curve and their lag."""
     vehicle, _ = load_vehicle("paper_seven")
     reach, thrusters = top(vehicle)[axis], ThrusterSet(vehicle, 0.02)
     pulses = [pulse_finder(t)(f) for t, f in zip(vehicle.thrusters, shares(vehicle, axis, reach.force[0]), strict=True)]

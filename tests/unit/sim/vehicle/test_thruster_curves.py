@@ -33,7 +33,7 @@ def curved(**curve: Any) -> Thruster:
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_every_curve_keeps_the_contract(curve: dict[str, Any]) -> None:
-    """No output outside the pulses, never falling, within the limits, both ways, and an inverse to half a pulse."""
+    """No output comes outside the pulses; it never falls, keeps the limits, both ways, and inverts to half a pulse."""
     thruster = curved(**curve)
     assert [steady_thrust(thruster, pulse) for pulse in (0, -1, 799, 2201, 65535)] == [0.0] * 5
     thrusts = [steady_thrust(thruster, pulse) for pulse in range(800, 2201)]
@@ -59,7 +59,7 @@ def test_saturation_of_a_table() -> None:
 
 
 def test_dead_zone_is_that_of_bessa() -> None:
-    """u|u| - delta times the gain, each side its own (deflection 0.5: 25 + 375 / 2 us from neutral)."""
+    """The output is u|u| - delta times the gain, each side its own (deflection 0.5: 25 + 375 / 2 us from neutral)."""
     thruster = curved(**CURVES[0])._replace(dead_band_us=0.0)
     assert steady_thrust(thruster, 1700) == pytest.approx(60.0 * (0.25 - 0.04))
     assert steady_thrust(thruster, 1300) == pytest.approx(-40.0 * (0.25 - 0.09))
@@ -70,7 +70,7 @@ def test_dead_zone_is_that_of_bessa() -> None:
 
 
 def official() -> dict[tuple[int, int], tuple[float, float, float, float]]:
-    """Points of the official table that are not among those we keep: thrust (N), current, power, rpm."""
+    """Return points of the official table that are not among those we have: thrust (N), current, power, rpm."""
     path = Path(__file__).parents[3] / "vectors/t200_held_out.csv"
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     return {
@@ -102,7 +102,7 @@ def test_t200_against_held_out_points() -> None:
 
 
 def test_t200_between_the_voltages() -> None:
-    """14 V from 12 and 16 V as if it were not there, as a check of straight lines in the voltage."""
+    """The curve at 14 V is made from 12 and 16 V, which checks straight lines in the voltage."""
     for pulse in range(1100, 1901, 20):
         middle = (performance(pulse, 12.0).thrust + performance(pulse, 16.0).thrust) / 2.0
         assert performance(pulse, 14.0).thrust == pytest.approx(middle, abs=0.6)
@@ -119,7 +119,7 @@ def test_t200_between_the_voltages() -> None:
 
 
 def test_advance_speed() -> None:
-    """T = rho D⁴ n² (KT0 - alpha J) at full speed, J = v / (n D); nothing is lost by a propeller that stands."""
+    """The thrust is rho D⁴ n² (KT0 - alpha J) at full speed, J = v / (n D); a propeller that stands loses nothing."""
     thruster = curved(**CURVES[2])._replace(max_forward=1e3, max_reverse=1e3)
     vehicle = load_vehicle("paper_six")[0]._replace(thrusters=(thruster._replace(position=(0.0, 1.0, 0.0)),))
     thrusters = make_thrusters(vehicle, 0.01)
@@ -158,7 +158,7 @@ def test_wrong_curves_are_named(curve: dict[str, Any], words: str) -> None:
 
 
 def test_curve_and_dynamics_in_a_vehicle_file(tmp_path: Path) -> None:
-    """For all thrusters at once, and one of its own; and a thruster of each kind runs."""
+    """One is set for all thrusters at once, and one by its own; a thruster of each kind runs."""
     text = PRESET.read_text().replace("time_constant = 0.05", "# no lag")
     text = text.replace(
         "[every_thruster]",

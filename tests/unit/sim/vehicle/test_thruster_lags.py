@@ -31,8 +31,9 @@ def run(dynamics: dict[str, Any], dt: float, pulses: list[tuple[int, float]]) ->
 
 
 def reference_speed(rates: tuple[float, float], wanted: float, dt: float, end: float, since_start: bool) -> float:
-    """uuv_simulator's Euler step (Dynamics.cc, commit of 2020-06). As published it never updates its previous
-    time, so each step is as long as all the time `since_start`."""
+    """Return the speed by uuv_simulator's Euler step (Dynamics.cc, commit of 2020-06). As published it never updates
+    its previous time, so each step is as long as all the time `since_start`.
+    """
     k1, k2 = rates
     speed, time = 0.0, 0.0
     while time < end and abs(speed) < 1e6:
@@ -44,7 +45,7 @@ def reference_speed(rates: tuple[float, float], wanted: float, dt: float, end: f
 
 @pytest.mark.parametrize("rates", [(0.0, 0.05), (5.0, 0.04)])
 def test_the_published_step_diverges(rates: tuple[float, float]) -> None:
-    """Red: as published the reference leaves all bounds within 0.6 s; with its time put right it settles."""
+    """The published step leaves all bounds within 0.6 s; with its time put right it settles."""
     wrong = reference_speed(rates, FULL, 0.01, 0.6, since_start=True)
     right = reference_speed(rates, FULL, 0.0001, 0.6, since_start=False)
     assert abs(wrong) > 1e6
@@ -53,7 +54,7 @@ def test_the_published_step_diverges(rates: tuple[float, float]) -> None:
 
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.01, 0.05])
 def test_yoerger_is_its_analytic_step_response(dt: float) -> None:
-    """From rest s = S tanh(alpha S t); then off, s = s0 / (1 + alpha s0 t); then reverse through zero."""
+    """The speed from rest is s = S tanh(alpha S t); then off, s = s0 / (1 + alpha s0 t); then reverse through zero."""
     up, off, back = run(YOERGER, dt, [(1900, 0.05), (1500, 0.1), (1100, 0.1)])
     s_up = FULL * tanh(0.05 * FULL * 0.05)
     s_off = s_up / (1.0 + 0.05 * s_up * 0.1)
@@ -70,7 +71,7 @@ def test_yoerger_while_it_still_brakes() -> None:
 
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.01, 0.05])
 def test_bessa_is_its_analytic_step_response(dt: float) -> None:
-    """s' = -k2 (s - S)(s + S + k1/k2): (S - s) / (s + r) = S/r exp(-k2 (S + r) t), r = S + k1/k2."""
+    """The response of s' = -k2 (s - S)(s + S + k1/k2) is (S - s) / (s + r) = S/r exp(-k2 (S + r) t), r = S + k1/k2."""
     k1, k2 = 5.0, 0.04
     r = FULL + k1 / k2
     fade = FULL / r * exp(-k2 * (FULL + r) * 0.05)
@@ -80,7 +81,7 @@ def test_bessa_is_its_analytic_step_response(dt: float) -> None:
 
 @pytest.mark.parametrize("dynamics", [YOERGER, BESSA, {**BESSA, "kv2": 0.0}, {**BESSA, "kv1": 0.02}])
 def test_reversals_match_many_small_steps(dynamics: dict[str, Any]) -> None:
-    """Through zero both ways, braking with and without roots, against the plain equation in steps of 2 us."""
+    """Reversals both ways, braking with and without roots, match the plain equation in steps of 2 us."""
     k1 = dynamics.get("kv1", 0.0) / dynamics.get("inertia", 1.0)
     k2 = dynamics["kv2"] / dynamics["inertia"] if "kv2" in dynamics else dynamics["alpha"]
     speed, expected = 0.0, []
@@ -96,7 +97,7 @@ def test_reversals_match_many_small_steps(dynamics: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.01])
 def test_pi_rotor_without_load_is_the_second_order_response(dt: float) -> None:
-    """e'' + kp/J e' + ki/J e = 0 with e(0) = S, e'(0) = -kp/J S."""
+    """The error follows e'' + kp/J e' + ki/J e = 0 with e(0) = S, e'(0) = -kp/J S."""
     damping, stiffness = 20.0, 500.0
     w, t = sqrt(stiffness - damping**2 / 4.0), 0.05
     e = FULL * exp(-damping / 2.0 * t) * (cos(w * t) - damping / (2.0 * w) * sin(w * t))
@@ -105,7 +106,7 @@ def test_pi_rotor_without_load_is_the_second_order_response(dt: float) -> None:
 
 
 def test_pi_rotor_under_load() -> None:
-    """Against the plain equations in steps of 2 us; second order in the step; settles at the speed asked for."""
+    """The rotor matches the plain equations in steps of 2 us, is of second order in the step, and gets to its speed."""
     speed = integral = 0.0
     for _ in range(25_000):
         error = FULL - speed
@@ -119,7 +120,7 @@ def test_pi_rotor_under_load() -> None:
 
 
 def test_pi_rotor_with_a_weak_integral_stays_too_slow() -> None:
-    """kp (S - s) + ki limit = load s²: the torque left over."""
+    """The torque left over is kp (S - s) + ki limit = load s²."""
     (speed,) = run({**PI, "integral_limit": 0.2}, 0.0025, [(1900, 3.0)])
     assert 0.02 * (FULL - speed) + 0.5 * 0.2 == pytest.approx(5e-6 * speed * speed, rel=0.02)
 
@@ -133,7 +134,7 @@ def test_no_step_is_too_long(dynamics: dict[str, Any]) -> None:
 
 
 def test_reverse_limit_and_half_thrust() -> None:
-    """Full speed is at each side's limit; the time to half thrust of Yoerger's rotor: tanh² = 1/2."""
+    """The full speed is at each side's limit; the time to half thrust of Yoerger's rotor is that of tanh² = 1/2."""
     thruster = with_models(PLAIN._replace(max_reverse=40.0), {"dynamics": YOERGER}, "test.toml")
     thrusters = make_thrusters(PAPER._replace(thrusters=(thruster,)), 0.0001)
     half = log(1.0 + sqrt(2.0)) / (0.05 * FULL)

@@ -30,7 +30,7 @@ def test_square_curve(pulse: int, thrust: float) -> None:
      (1900, 51.44)],
 )  # fmt: skip
 def test_curve_follows_the_makers_table(pulse: int, thrust: float) -> None:
-    """Blue Robotics T200 public performance data, September 2019, 16 V: within 3 % of full thrust."""
+    """The curve is that of Blue Robotics' T200 performance data, September 2019, 16 V, within 3 % of full thrust."""
     assert steady_thrust(T200, pulse) == pytest.approx(thrust, abs=0.03 * 51.44)
 
 
@@ -57,7 +57,7 @@ def test_a_thrust_too_small_to_be_divided_is_none(share: float) -> None:
 
 @pytest.mark.parametrize("thruster", [SQUARE, T200, T200._replace(pwm_neutral_us=1480, pwm_min_us=1000)])
 def test_a_finder_knows_the_curve_backwards_and_keeps_nothing(thruster: Thruster) -> None:
-    """From the deflection x: thrust k x + (1 - k) x² of the maximum, and the pulse that has it."""
+    """The thrust of the deflection x is k x + (1 - k) x² of the maximum; the finder returns the pulse that has it."""
     find, k = pulse_finder(thruster), thruster.linear_share
     for x in (0.3, -0.9, 1.0, 0.01, -0.01, -1.0, 0.3):
         most = thruster.max_forward if x > 0.0 else -thruster.max_reverse
@@ -73,7 +73,7 @@ def test_thrust_asked_for_is_thrust_had() -> None:
 
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.02])
 def test_lag_does_not_depend_on_the_step(dt: float) -> None:
-    """After 0.1 s at tau 0.05 s: 1 - exp(-2), whatever the step."""
+    """The response after 0.1 s at tau 0.05 s is 1 - exp(-2), whatever the step."""
     vehicle, _ = load_vehicle("paper_six")
     thrusters = ThrusterSet(vehicle, dt)
     for _ in range(round(0.1 / dt)):
@@ -91,7 +91,7 @@ def test_lists_and_tuples_of_pulses_and_their_number() -> None:
 
 
 def test_wrench_of_one_thruster() -> None:
-    """Force, and moment = position x force: down at the starboard bow rolls to starboard and lowers the bow."""
+    """The moment is position x force: a push down at the starboard bow rolls to starboard and lowers the bow."""
     vehicle = load_vehicle("paper_six")[0]
     at = (0.1, 0.2, 0.3)
     thrusters = tuple(SQUARE._replace(position=at, direction=d) for d in ((2, 0, 0), (0, 3, 0), (0, 0, 4)))
@@ -113,8 +113,9 @@ def test_wrench_matrix_of_the_paper_vehicle() -> None:
 
 
 def test_wrench_matrix_against_the_published_one() -> None:
-    """The authors' matrix (von Benzon 2022, TAM.mat). Its vertical columns are ours up to port and starboard,
-    and with two thrusters reversed: there only sizes can be compared."""
+    """The authors' matrix (von Benzon 2022, TAM.mat) agrees where it can be compared. Its vertical columns are ours up
+    to port and starboard, and with two thrusters reversed: there only sizes can be compared.
+    """
     rows = wrench_matrix(load_vehicle("bluerov2_heavy")[0])
     published: list[list[float]] = [
         [0.707107, 0.707107, -0.707107, -0.707107, 0, 0, 0, 0],

@@ -30,7 +30,7 @@ def hydra() -> Vehicle:
 
 
 def test_masses_of_all_links_add_up() -> None:
-    """Against numpy: two bodies, parallel axes, the second turned by 90 degrees; then half a turn about x."""
+    """The sum equals numpy's: two bodies, parallel axes, the second turned by 90 degrees; then half a turn about x."""
     vehicle = hydra()
     turn = np.diag([1.0, -1.0, -1.0])
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -46,7 +46,7 @@ def test_masses_of_all_links_add_up() -> None:
 
 
 def test_every_thruster_holds_for_given_thrusters_too() -> None:
-    """A URDF without thrusters, completed by a file that has them: what they have in common is theirs."""
+    """A URDF without thrusters is completed by a file that has them: what they have in common holds for these."""
     row = {"name": "only", "position": [0.0, 0.0, 0.0], "direction": [1, 0, 0], "max_reverse": 30}
     vehicle, _ = read_urdf(str(VECTORS / "hydra.urdf"), {**REST, "thrusters": [row]})
     (thruster,) = vehicle.thrusters
@@ -54,7 +54,7 @@ def test_every_thruster_holds_for_given_thrusters_too() -> None:
 
 
 def test_thrusters_are_turned_to_frd() -> None:
-    """Port is negative, up is negative; a thruster on a tilted bracket adds up along the tree."""
+    """The signs of port and up are negative; a thruster on a tilted bracket adds up along the tree."""
     first, second, third = hydra().thrusters
     assert (first.name, second.name, third.name) == ("thruster_0", "thruster_1", "thruster_2")
     assert first.position == pytest.approx((-0.25, -0.15, 0.0))
@@ -121,7 +121,7 @@ def test_a_urdf_without_inertia_takes_that_which_is_given() -> None:
 
 
 def test_a_mass_that_is_given_counts_wherever_the_mass_does() -> None:
-    """For the volume of what is neutrally buoyant; and it is told that the inertia stays."""
+    """The mass counts for the volume of what is neutrally buoyant; a warning says that the inertia stays."""
     text = (VECTORS / "hydra.urdf").read_text().replace("<volume>0.0301</volume>", "")
     neutral = text.replace("<neutrally_buoyant>0<", "<neutrally_buoyant>1<").encode()
     vehicle, notes = read_urdf("hydra.urdf", {"mass": "40 kg"}, neutral)
@@ -173,7 +173,7 @@ FIN = """<link name="hydra/fin0"/><joint name="f" type="revolute">
 
 
 def test_fins_are_reported_and_those_given_are_kept(tmp_path: Path) -> None:
-    """Each once by its name, with what it takes to write it down; the file that is written holds what was given."""
+    """Each fin is reported once by its name, with what it takes to write it down; the file holds what was given."""
     text = (VECTORS / "hydra.urdf").read_text().replace("</robot>", FIN).encode()
     path = str(VECTORS / "hydra.urdf")
     vehicle, notes = read_urdf(path, {}, text)

@@ -30,7 +30,7 @@ def test_a_sphere() -> None:
 
 @pytest.mark.parametrize(("axis", "place"), [("i", 0), ("j", 1), ("k", 2)])
 def test_a_cylinder(axis: str, place: int) -> None:
-    """Five diameters long: end 0.99, side 0.74. What the file says besides is added."""
+    """The cylinder is five diameters long: end 0.99, side 0.74. What the file says besides is added."""
     found = imported(
         f"<type>cylinder</type><radius>0.1</radius><length>1</length><axis>{axis}</axis>"
         "<linear_damping>-1 -2 -3 0 0 0</linear_damping>"
@@ -47,7 +47,7 @@ def test_a_cylinder(axis: str, place: int) -> None:
 
 @pytest.mark.parametrize("kind", ["spheroid", "ellipsoid"])
 def test_a_spheroid_has_lambs_added_mass(kind: str) -> None:
-    """Four times as long as wide: k1 = 0.082, k2 = 0.860 (Lamb's table, Hydrodynamics, 115)."""
+    """The spheroid, four times as long as wide, has k1 = 0.082 and k2 = 0.860 (Lamb's table, Hydrodynamics, 115)."""
     vehicle = imported(f"<type>{kind}</type><radius>0.1</radius><length>0.4</length>").vehicle
     mass = 4.0 / 3.0 * pi * 1028.0 * 0.4 * 0.1**2
     assert vehicle.added_mass[0] / mass == pytest.approx(0.082, abs=5e-4)
@@ -112,7 +112,7 @@ def test_conversions_of_thrusters(conversion: str, limits: tuple[float, float]) 
 
 
 def test_a_quadratic_fin() -> None:
-    """Its lift is constant speed² angle: that is 1/2 rho A slope of ours."""
+    """The lift of such a fin is constant speed² angle: that is 1/2 rho A slope of ours."""
     more = (
         '<link name="f"/><joint name="fj" type="revolute"><origin xyz="-1 0 0" rpy="0 0 0"/>'
         '<parent link="hydra/base_link"/><child link="f"/><axis xyz="0 0 1"/><limit lower="-0.5" upper="0.4"/></joint>'

@@ -87,7 +87,7 @@ def test_direction_of_any_length() -> None:
 
 
 def test_rigid_mass_of_an_offset_point() -> None:
-    """Kinetic energy of a body turning about the origin with its mass 1 m away: half (I + m) r²."""
+    """The kinetic energy of a body that turns about the origin with its mass 1 m away is half (I + m) r²."""
     vehicle = build(center_of_gravity=[1.0, 0.0, 0.0])
     nu = [[0.0], [0.0], [0.0], [0.0], [0.0], [2.0]]
     momentum = product(rigid_mass_matrix(vehicle), nu)

@@ -25,7 +25,7 @@ SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 50.0)
 
 
 def test_the_share_is_that_of_the_source() -> None:
-    """At the surface a third is left; none half a radius above it, and all 1.3 radii below. Without a jump."""
+    """The share is a third at the surface, none half a radius above it, all 1.3 radii below, and never jumps."""
     assert thrust_share(0.0) == pytest.approx(0.325)
     assert thrust_share(1.0) == pytest.approx(1.0 - 0.675 * 0.231**1.258)
     assert thrust_share(1.31) == thrust_share(1e9) == 1.0
@@ -57,7 +57,7 @@ def test_a_vehicle_in_the_air_has_no_thrust() -> None:
 
 
 def test_each_thruster_loses_by_its_own_place() -> None:
-    """Rolled by a quarter turn, those of the side that is up are in the air, and those below push as deep down."""
+    """A vehicle rolled by a quarter turn has the thrusters of one side in the air; those below push as deep down."""
     deep, _ = pushed(5.0)
     shares = [a / b for a, b in zip(pushed(0.0, 0.5 * pi)[0], deep, strict=True)]
     up = [i for i, thruster in enumerate(HEAVY.thrusters) if thruster.position[1] < -0.1]
@@ -69,7 +69,7 @@ def test_each_thruster_loses_by_its_own_place() -> None:
 
 
 def test_waves_cover_and_bare_them() -> None:
-    """At one place and depth the share goes up and down with the surface over it."""
+    """The share at one place and depth goes up and down with the surface over it."""
     waves = Waves(significant_height=1.0, peak_period=5.0)
     simulation = Simulation(HEAVY, SEA._replace(ocean=Ocean(waves=waves)), QUIET, position=(0.0, 0.0, 0.5))
     wave_field = simulation.wave_field
@@ -100,7 +100,7 @@ def test_deep_down_nothing_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both agree for a vehicle that leaves the water, tumbles, and dives again."""
+    """The two agree for a vehicle that leaves the water, tumbles, and dives again."""
     ride = Ride(twins(monkeypatch, FLAT))
     for depth in (0.05, -0.3, 0.2, 3.0, 0.0):
         ride.place((0.0, 0.0, depth))
