@@ -27,7 +27,7 @@ TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8
 
 
 class DoorModel(NamedTuple):
-    """Rate in Hz."""
+    """The settings of the door: rate in Hz."""
 
     rate: float = 10.0
 

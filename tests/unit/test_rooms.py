@@ -37,7 +37,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 
 
 def test_every_room_says_what_it_is_for() -> None:
-    """Its purpose, its public interface, what it must not know."""
+    """Each room's docstring has its purpose, its public interface and what it must not know."""
     for name in rooms.FLOOR:
         folder = rooms.ROOT / name.replace(".", "/")
         if name != "hil" and folder.is_dir():

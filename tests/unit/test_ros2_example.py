@@ -104,21 +104,21 @@ class StandIn:
 
 
 class Twist:
-    """geometry_msgs/Twist."""
+    """A stand-in for geometry_msgs/Twist."""
 
     def __init__(self) -> None:
         self.linear, self.angular = SimpleNamespace(x=0.0), SimpleNamespace(z=0.0)
 
 
 class Float64:
-    """std_msgs/Float64."""
+    """A stand-in for std_msgs/Float64."""
 
     def __init__(self, data: float = 0.0) -> None:
         self.data = data
 
 
 class Odometry:
-    """nav_msgs/Odometry."""
+    """A stand-in for nav_msgs/Odometry."""
 
 
 @pytest.fixture
@@ -164,7 +164,7 @@ def test_its_course_is_free_where_the_pages_fly_it(node: Any) -> None:
 
 
 def test_it_follows_its_course(node: Any) -> None:
-    """A vehicle that turns at 0.5 rad/s at most and goes as fast as it is told, in the messages of the slave."""
+    """The vehicle, in the slave's messages, turns at 0.5 rad/s at most and goes as fast as commanded."""
     north, east, heading = 0.0, 0.0, 3.0
     visited: list[tuple[float, float]] = []
     wanted = list(node.points)

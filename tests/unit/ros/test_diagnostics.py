@@ -86,7 +86,7 @@ def test_a_name_that_a_person_gave_a_pty(tmp_path: Path) -> None:
 
 
 def test_figures_are_read_by_the_table_and_no_other_way() -> None:
-    """Nobody but the table takes the texts apart: there a name could be invented again."""
+    """The table alone takes the texts apart: in other places a name could be invented again."""
     raw = {
         path.relative_to(ROOT).as_posix()
         for folder in ("hil", "sim", "boards", "tools")

@@ -49,7 +49,7 @@ def test_altitude() -> None:
 
 
 def test_the_message_is_in_axes_whose_z_is_the_way_the_log_looks() -> None:
-    """Sinking and drifting to starboard: positive both in the log's own message, negative both along FLU."""
+    """A log that sinks and drifts to starboard reports both as positive in its own message, negative along FLU."""
     sample = SAMPLE._replace(velocity=(0.0, 0.3, 0.1))
     (_, own), (_, twist), _ = ros.encoder("dvl")(sample, "uuv1/")
     message = fields("dvl", own)

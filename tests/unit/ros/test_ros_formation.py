@@ -18,7 +18,7 @@ SAMPLE = FormationSample((3.0, 4.0, 2.0), (1.0, 0.0, 0.0, 0.0), 12_345_678_901)
 
 
 def test_as_the_definition_has_it() -> None:
-    """North 3, east 4, depth 2 is ENU (4, 3, -2); a bow to the north is a yaw of 90 degrees from the east."""
+    """A place 3 north, 4 east and 2 deep is ENU (4, 3, -2); a bow to the north is a yaw of 90 degrees from the east."""
     message = ros_message.decode(TYPE, encode_formation(SAMPLE))
     assert message is not None
     (transform,) = message["transforms"]

@@ -30,7 +30,7 @@ LENS = (0.1, -0.2, 0.001, 0.002, 0.05)
 
 
 def rgb() -> bytes:
-    """Red grows to the right, green downwards; the upper left is black but for blue."""
+    """Return a picture whose red grows to the right and green downwards; the upper left is black but for blue."""
     return bytes(c for v in range(HEIGHT) for u in range(WIDTH) for c in (5 * u, 7 * v, 40))
 
 
@@ -98,7 +98,7 @@ def test_jpeg_is_the_same_picture() -> None:
 
 
 def test_a_cloud_of_points() -> None:
-    """Byte for byte what rosbags makes of the same, with the fields and the colours that depth_image_proc has."""
+    """The bytes are those that rosbags makes of the same, with the fields and the colours of depth_image_proc."""
     payload = dict(ros.encoder("camera")(CAMERA._replace(points=POINTS), "uuv1/"))["camera/depth/points"]
     kind = TOPICS["camera/depth/points"].type
     cloud = STORE.deserialize_cdr(payload, kind)
@@ -175,7 +175,7 @@ def test_a_ping_of_a_side_scan() -> None:
     ("profiler", ((0.0, 0.0, -1.0), (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0))),
 ])  # fmt: skip
 def test_the_axes_of_the_messages(name: str, axes: Any) -> None:
-    """x, y and z of the message's frame in the sensor's FLU."""
+    """The frame's axes x, y and z have these directions in the sensor's FLU."""
     quaternion = HEADS[name][1]
     for axis, expected in zip(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), axes, strict=True):
         assert rotate(quaternion, axis) == pytest.approx(expected)

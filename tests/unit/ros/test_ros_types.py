@@ -305,7 +305,7 @@ def test_a_list_of_bools() -> None:
 
 @given(st.sampled_from(MESSAGES), st.binary(max_size=300))
 def test_noise_never_raises(name: str, noise: bytes) -> None:
-    """Whatever is decoded is a message that can be sent again."""
+    """A message decoded from noise can be sent again."""
     for data in (noise, HEADER + noise):
         found = ros_message.decode(name, data)
         assert found is None or repr(ros_message.decode(name, ros_message.encode(name, found))) == repr(found)

@@ -68,7 +68,7 @@ def test_each_description_is_made_of_a_scenario_as_the_process_gets_it() -> None
 
 
 def test_a_mesh_is_a_list_of_triangles_in_the_map() -> None:
-    """x is east, y north, z up; one that is hidden is not told."""
+    """The axes are x east, y north and z up; a mesh that is hidden is left out."""
     triangle = ((12.0, 1.0, 7.0), (10.0, 2.0, 8.0), (11.0, 3.0, 9.0))
     keys = MeshKeys("wreck.stl", 10.0, 1.0, name="the wreck")
     mesh = MeshObstacle(keys, (triangle,), (), (triangle,), 2.0, 7.0, 9.0)

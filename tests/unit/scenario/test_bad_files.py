@@ -69,7 +69,7 @@ PRESETS = [(folder, name) for folder in READERS for name in preset_names(folder)
 
 @pytest.mark.parametrize(("folder", "name"), PRESETS, ids=lambda text: text.rpartition("/")[2])
 def test_a_wrong_value_of_any_key(folder: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A value of a preset replaced by what it cannot be: accepted as meant, or refused by file and key."""
+    """A value of a preset, replaced by what it cannot be, is accepted as meant, or refused by file and key."""
     path = os.path.join(preset_folder(folder), f"{name}.toml")
     whole, read = read_table(path), tables.read_table
     bad: list[Any] = []

@@ -1,4 +1,4 @@
-"""An endpoint of a scenario that is none is an error of the file, told by its key when the file is loaded."""
+"""An endpoint of a scenario that is none is an error of the file, with its key, when the file is loaded."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A section of the scenario that is none: told with file, key and remedy."""
+"""A section of the scenario that is none: reported with file, key and remedy."""
 
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ def test_what_the_section_may_be(tmp_path: Path, section: str, options: dict[str
 
 
 def test_a_path_of_the_command_line_is_one_of_the_present_folder(tmp_path: Path, monkeypatch: Any) -> None:
-    """Also for an installed scenario, whose own paths are relative to its file."""
+    """The rule holds also for an installed scenario, whose own paths are relative to its file."""
     (tmp_path / "mine.toml").write_text(Path(find_preset("sim/worlds", "paper_field")).read_text())
     monkeypatch.chdir(tmp_path)
     assert load_scenario("paper_field", {"world": "mine.toml"}).world == str(tmp_path / "mine.toml")

@@ -22,7 +22,7 @@ HOLD_MS = 500  # of an command_receiver that is told nothing else
 
 
 class Clock:
-    """Passes only when told, and when somebody sleeps; `current` is that of the test."""
+    """A clock that passes only when advanced, and when somebody sleeps; `current` is that of the test."""
 
     current: ClassVar["Clock"]
 
@@ -55,7 +55,7 @@ class Clock:
 
 @pytest.fixture(autouse=True)
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    """For every test: none has a real age or rate to go by."""
+    """Set a clock for every test: none has a real age or rate to go by."""
     return Clock(monkeypatch)
 
 
@@ -144,7 +144,7 @@ def test_a_stale_command_gives_no_right(command_receiver: CommandReceiver) -> No
 
 
 def test_an_exact_clock_judges_even_the_first_command(command_receiver: CommandReceiver) -> None:
-    """Without an exact clock the fastest message so far defines age zero, so the first has no reference."""
+    """The fastest message so far defines age zero without an exact clock, so the first one has no reference."""
     clock = ClockOffset()
     now = to_wall_ns(Clock.current.now_ns)
     clock.add(now, now + 3600 * 10**9, now + 3600 * 10**9, now)  # the master is an hour ahead
@@ -191,7 +191,7 @@ def test_a_flood_of_who_is_refused_neither_hides_the_master_nor_replaces_it(
 
 @pytest.mark.parametrize("gid", [GID, OTHER], ids=["master", "other"])
 def test_under_overload_silence_proves_nothing(command_receiver: CommandReceiver, clock: Clock, gid: bytes) -> None:
-    """Under overload a master's missing commands may be lost among thousands of others."""
+    """A master's missing commands may be lost among thousands of others under overload."""
     command_receiver.ranks[OTHER] = 0
     clock.deliver(command_receiver, 1)
     for sequence in range(1, 6001):  # 0.6 s

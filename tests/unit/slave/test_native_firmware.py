@@ -31,7 +31,7 @@ def native(binaries: Path) -> Iterator[None]:
 
 
 class Line(Wire):
-    """A wire in memory: what is put into `coming` is read, and `said` is what was written, write by write."""
+    """A wire in memory: bytes put into `coming` are read; those written are listed write by write."""
 
     def __init__(self) -> None:
         self.name = "line"
@@ -75,7 +75,7 @@ RECEIVED = st.one_of(
 @EACH
 @given(st.lists(st.tuples(st.integers(0, 120_000), RECEIVED), min_size=1, max_size=30))
 def test_the_same_of_any_hour(hour: list[tuple[int, bytes]]) -> None:
-    """Commands sound, late, of too many thrusters, noise and silence, at instants of whole microseconds."""
+    """The C equals Python for commands sound, late and too long, noise and silence, at whole microseconds."""
     quick, end, plain, stub = ends()
     now = 0
     for pause_us, data in hour:

@@ -78,7 +78,7 @@ def make_loop(driver: ExternalDriver) -> tuple[Loop, list[str]]:
 
 
 class Pilot:
-    """One whose deadman has tripped."""
+    """A pilot whose deadman has tripped."""
 
     active = False
 

@@ -69,7 +69,7 @@ def test_each_sensor_tells_its_part_until_its_next_sample() -> None:
 
 
 def test_an_imu_that_sits_askew_tells_of_the_vehicle() -> None:
-    """Turned by a quarter about z: what is ahead of the vehicle is to port of the sensor."""
+    """An IMU turned by a quarter about z has to port what is ahead of the vehicle."""
     askew = Mounting(orientation=(0.0, 0.0, 0.5 * pi))
     pilot = Pilot(VEHICLE, parse(CONTROL, Gains, "control"), WORLD.density * WORLD.gravity, NS_PER_MS, askew)
     pilot.update_sensor("imu", ImuSample(0, from_euler(0.0, 0.0, 0.5 * pi + 0.4), (0.0, -0.1, 0.3), (0.0, 0.0, -9.8)))
@@ -106,7 +106,7 @@ def test_the_vehicle_does_what_is_commanded(wanted: VelocityCommand, axis: int) 
 
 @pytest.mark.parametrize("name", ["paper_six", "paper_seven", "bluerov2"])
 def test_a_vehicle_that_a_wall_stopped_pushes_no_harder_than_a_current_would(name: str) -> None:
-    """Once it is told to stop there: its speed is then as commanded, and no error lessens the integral."""
+    """The vehicle is commanded to stop there: its speed is then as commanded, and no error lessens the integral."""
     vehicle, control = load_vehicle(name)
     gains = parse(control, Gains, "control")
     controller = Pilot(vehicle, gains, WORLD.density * WORLD.gravity, NS_PER_MS).controller

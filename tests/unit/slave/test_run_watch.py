@@ -23,7 +23,7 @@ class Driver:
 
 
 class Watched(Bench):
-    """The vehicle in the pool with its watch, looked at as the loop does."""
+    """The vehicle in the pool with its watch, checked as the loop does."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -77,7 +77,7 @@ def test_a_vehicle_upside_down_has_capsized(watched: Watched) -> None:
 
 
 def test_a_touch_between_two_looks_is_reported(watched: Watched) -> None:
-    """Contacts are noted by the step, and said at the next look."""
+    """Contacts are recorded by the step, and reported at the next check."""
     watched.simulation.state.position = [4.0, 4.0, WORLD.depth - 0.5 * VEHICLE.dimensions[2] - 1e-4]
     watched.simulation.state.nu = [0.0, 0.0, 0.3, 0.0, 0.0, 0.0]
     assert watched.run(0.5) == ["collision"]

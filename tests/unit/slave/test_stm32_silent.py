@@ -1,4 +1,4 @@
-"""An STM32 that does not answer (wrong wiring, baud or protocol) is told of, counted, and costs no memory."""
+"""An STM32 that does not answer (wrong wiring, baud or protocol) is reported, counted, and costs no memory."""
 
 import os
 from collections.abc import Iterator
@@ -34,18 +34,18 @@ SILENT = "/dev/bench: the STM32 has not answered for 0.5 s; check wiring, baud, 
 
 @pytest.fixture
 def still(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clock of the drivers and of the loop stands: only what a test adds has passed."""
+    """Stop the clock of the drivers and of the loop: only what a test adds has passed."""
     for module in (stm32, slave_loop):
         monkeypatch.setattr(module, "now_ns", lambda: 10**12)
 
 
 def now_ns() -> int:
-    """By the clock of the drivers."""
+    """Return the time by the clock of the drivers."""
     return int(vars(stm32)["now_ns"]())
 
 
 class Bed:
-    """A driver of a bench, looked at some seconds after its first command."""
+    """A driver of a bench, checked some seconds after its first command."""
 
     def __init__(self) -> None:
         self.bench, self.output = BenchLink(), list[str]()
@@ -55,7 +55,7 @@ class Bed:
         self.driver.service(now_ns() + round(seconds * NS_PER_S))
 
     def look_until(self, seconds: float, lines: int) -> None:
-        """Look again and again until so many lines have been said."""
+        """Check again and again until so many lines have been reported."""
 
         def output() -> bool:
             self.look(seconds)
@@ -89,7 +89,7 @@ def test_silence_is_reported_once_and_its_end_too() -> None:
 
 @pytest.mark.usefixtures("still")
 def test_who_was_asked_nothing_need_not_answer() -> None:
-    """Before the first command, between two, and where another program has the host's end."""
+    """No answer is missing before the first command, between two, and where another program has the host's end."""
     bed = Bed()
     bed.look(5.0)
     bed.driver.send(COMMAND)
@@ -152,7 +152,7 @@ def test_neutral_is_sent_again_until_it_is_confirmed(monkeypatch: pytest.MonkeyP
 
 
 class Master:
-    """An command_receiver with always a new command."""
+    """A command receiver that always has a new command."""
 
     def take_latest(self) -> Received:
         return Received(VelocityCommand(surge=0.2), 1, 0, now_ns())
@@ -160,7 +160,7 @@ class Master:
 
 @pytest.fixture
 def loop(tmp_path: Path) -> Iterator[Loop]:
-    """One whose device is a terminal that nobody reads."""
+    """Return a loop whose device is a terminal that nobody reads."""
     scenario = load_scenario("paper_field")
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
@@ -192,7 +192,7 @@ def test_commands_without_an_answer_are_counted_and_forgotten(loop: Loop, capsys
 
 @pytest.mark.usefixtures("still")
 def test_a_link_lost_with_a_command_is_waited_on_no_more(loop: Loop) -> None:
-    """Its descriptors may be those of something else by the next wait."""
+    """The link's descriptors may be those of something else by the next wait."""
     assert loop.driver.host
     assert loop._link_fds
     loop.pwm_us = (1600,) * 6

@@ -1,4 +1,4 @@
-"""The ways of commands are told with a sample that goes out, or soon; none is lost."""
+"""Traces of commands are published with a sample that goes out, or soon; none is lost."""
 
 import os
 import select
@@ -23,7 +23,7 @@ STEP_NS = 2_500_000
 
 
 class CommandReceiver:
-    """Has what is put into it."""
+    """A command receiver that has what is put into it."""
 
     def __init__(self) -> None:
         self.waiting: list[Received] = []
@@ -37,7 +37,7 @@ class CommandReceiver:
 
 
 class SamplePublisher:
-    """Notes what goes out; `wanted` are the topics somebody listens to."""
+    """A publisher that records what goes out; `wanted` are the topics that have subscribers."""
 
     def __init__(self) -> None:
         self.output: list[str | Trace] = []

@@ -33,7 +33,7 @@ VEHICLES = sorted(path.stem for path in (ROOT / "sim" / "vehicles").glob("*.toml
 
 
 class SilentSamplePublisher:
-    """Nobody listens."""
+    """A publisher without subscribers."""
 
     published = 0
 
@@ -49,11 +49,11 @@ class SilentSamplePublisher:
         self.put_payloads.append((name, payload))
 
     def wake_publisher(self) -> None:
-        """There is nothing to send."""
+        """Do nothing: there is nothing to send."""
 
 
 class RecordedServer:
-    """Keeps what is offered."""
+    """A server that stores what is offered."""
 
     def __init__(self) -> None:
         self.offered: dict[str, tuple[str, Answer]] = {}
@@ -71,7 +71,7 @@ class RecordedServer:
 
 
 class Vehicle:
-    """A real loop, stepped by hand."""
+    """A vehicle with a real loop, stepped by hand."""
 
     def __init__(self) -> None:
         scenario = load_scenario("paper_field")
@@ -252,7 +252,7 @@ def test_set_pose_at_any_heading(vehicle: Vehicle) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_the_most_that_set_pose_takes_does_no_harm(name: str) -> None:
-    """Full thrust, spinning about any axis while it goes along any other, also with long steps."""
+    """Full thrust does no harm while it spins about any axis and goes along any other, also with long steps."""
     vehicle, _ = load_vehicle(name)
     ways = [[sign * (axis == i) for i in range(3)] for axis in range(3) for sign in (1.0, -1.0)]
     for step_ns in (STEP_NS, 20_000_000):

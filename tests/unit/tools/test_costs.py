@@ -1,5 +1,4 @@
-"""Every tool that takes a vehicle runs with every vehicle: with fins and drop weights there are more channels than
-thrusters."""
+"""Every tool that takes a vehicle runs with every vehicle: fins and drop weights give more channels than thrusters."""
 
 import sys
 from pathlib import Path

@@ -101,7 +101,7 @@ def test_a_figure_beyond_its_bound_ends_the_run(
     value = 2.0
 
     def small(panels: Sequence[Axes]) -> list[Finding]:
-        """Drawn for a test."""
+        """Draw a line, with one finding."""
         panels[0].plot([0.0, 1.0])
         return [below("size", value, 1.0, "unit/tools/test_validation.py::test_what_a_finding_says")]
 
@@ -120,7 +120,7 @@ def test_a_figure_beyond_its_bound_ends_the_run(
 
 
 def test_clipping_each_thrust_turns_the_force() -> None:
-    """200 N of thrusters of 50 N, all around: by more than 20 degrees. What the allocator does keeps its direction."""
+    """A clipped 200 N of thrusters of 50 N turns by more than 20 degrees. The allocator's keeps its direction."""
     inverse, _ = pseudo_inverse(sharing.HEAVY)
     turned = []
     for heading in range(0, 360, 2):
@@ -131,7 +131,7 @@ def test_clipping_each_thrust_turns_the_force() -> None:
 
 
 def test_runge_kutta_is_of_fourth_order_with_linear_drag() -> None:
-    """Each halving of the step divides the error by 16: what lowers the order with quadratic drag is drag's kink."""
+    """A halved step divides the error by 16: what lowers the order with quadratic drag is the kink of the drag."""
     orders = [log2(a / b) for a, b in pairwise(errors_by_step(LINEAR, "rk4"))]
     assert all(3.95 < order < 4.3 for order in orders)
     kinked = errors_by_step(HEAVY, "rk4")

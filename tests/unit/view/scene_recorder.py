@@ -1,4 +1,4 @@
-"""Takes the place of viser."""
+"""A stand-in for viser's scene."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ class Handle:
 
 
 class Recorder:
-    """A scene that keeps what it was told to add, by name: kind, arguments, options."""
+    """A scene that stores what it was made to add, by name: kind, arguments, options."""
 
     def __init__(self) -> None:
         self.added: dict[str, tuple[str, tuple[Any, ...], dict[str, Any]]] = {}

@@ -119,7 +119,7 @@ def test_a_side_scan_scrolls() -> None:
 
 
 def test_a_side_scan_goes_as_far_along_the_track_as_the_vehicle() -> None:
-    """Pings 1 m apart in bins of 10 cm: ten rows from one to the next, and between them no brick but a slope."""
+    """The pings are 1 m apart in bins of 10 cm: ten rows from one to the next, and between them a slope, no brick."""
     waterfall = pictures.Waterfall()
     for number in range(4):
         level = bytes([60 * number] * 3)

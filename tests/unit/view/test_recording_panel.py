@@ -11,7 +11,7 @@ from hil.view.panels.recording import NOTHING_TO_RECORD, START, STOP, RecordingP
 
 
 class Control:
-    """Takes the place of a button or a text of viser."""
+    """A stand-in for a button or a text of viser."""
 
     def __init__(self, text: str, disabled: bool = False, hint: str | None = None) -> None:
         self.label = self.content = text
@@ -23,7 +23,7 @@ class Control:
 
 
 class Server:
-    """Takes the place of viser."""
+    """A stand-in for viser's server."""
 
     def __init__(self) -> None:
         self.gui = self
@@ -44,7 +44,7 @@ class Server:
 
 
 class Recording:
-    """Takes the place of what records."""
+    """A stand-in for what records."""
 
     state, fails = "", False
 
