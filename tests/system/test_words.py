@@ -27,6 +27,13 @@ FRAGMENTS = {
     "And", "As", "How", "If", "Of", "So", "Such", "That", "Those", "What", "When", "Where", "Whether", "Which", "Who",
     "Why",
 }  # fmt: skip
+# The docstring of a test says what holds, and so begins with its subject, not with circumstances ("On 25 maps").
+CIRCUMSTANCES = {
+    "About", "Above", "Across", "After", "Against", "Along", "Also", "At", "Before", "Behind", "Below", "Beneath",
+    "Beside", "Between", "Beyond", "But", "By", "During", "For", "From", "However", "In", "Inside", "On", "Once", "Or",
+    "Otherwise", "Outside", "Over", "Since", "Through", "To", "Twice", "Under", "Until", "Whatever", "Wherever",
+    "Whether", "While", "With", "Within", "Without",
+}  # fmt: skip
 
 
 @functools.cache
@@ -84,4 +91,17 @@ def test_docstrings_begin_with_a_statement() -> None:
                     text = ast.get_docstring(node, clean=False) or ""
                     if text and text.split()[0].rstrip(",:;") in FRAGMENTS:
                         found.append(f"{where}: {text.strip().splitlines()[0]}")
+    assert not found, "\n".join(found)
+
+
+def test_docstrings_of_tests_begin_with_their_subject() -> None:
+    """A test of tests/unit says "The speed is ...", not "At 1 m: ..." or "0.3 m/s, and then ..."."""
+    found = []
+    for where, nodes in _definitions("tests").items():
+        for node in nodes if where.startswith("tests/unit/") else ():
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name.startswith("test_"):
+                first = (ast.get_docstring(node) or "The").split()[0]
+                is_word = first[0].isalpha() or first[0] in "`'\""
+                if not is_word or first.endswith(":") or first.rstrip(",") in CIRCUMSTANCES:
+                    found.append(f"{where}: {node.name}: {first} ...")
     assert not found, "\n".join(found)
