@@ -1,8 +1,8 @@
-"""The slave's side of an autopilot: its outputs become commands for the STM32, samples and steps go to it.
+"""The slave's interface to an autopilot: its motor outputs become STM32 commands; it receives samples and step times.
 
-Loaded only where the scenario's controller is an autopilot. In lockstep a step that is due waits for the autopilot's
-answer and is made up for when that comes, as far as `MOST_OWED` steps; beyond it simulated time falls behind, which is
-counted. An autopilot that is not there holds nothing up.
+Loaded only if the scenario's controller is an autopilot. In lockstep, each due step waits for the autopilot's answer.
+Steps that wait are made up for later, at most `MOST_OWED`; further ones are dropped and counted, and simulated time
+then falls behind. The simulation does not wait for an autopilot that is not connected.
 """
 
 from collections.abc import Callable
@@ -19,15 +19,15 @@ from sim.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from hil.ros.diagnostics import Diagnostics
 
-MOST_OWED = 40  # steps, a tenth of a second of the usual ones
-MOST_AWAITED = 256  # commands whose echo is waited for
+MOST_OWED = 40  # steps; 0.1 s at the default step
+MOST_AWAITED = 256  # commands that wait for their echo
 CHECK_NS = 50 * NS_PER_MS
 
 
 class AutopilotPort:
-    """One autopilot: opened, and started if the scenario says so. Raises ConfigError, DeviceError.
+    """One autopilot: opens its connection; starts its program if configured. Raises ConfigError, DeviceError.
 
-    `delay` counts ns from the arrival of outputs to the instant at which the STM32 applied their pulse widths.
+    `delay` is a histogram of the ns from the arrival of outputs to the time when the STM32 applied their pulse widths.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, world: World, report: Callable[[str], None]) -> None:
@@ -39,7 +39,7 @@ class AutopilotPort:
             self.autopilot.close()
             raise
         self.delay = Histogram()
-        self.held_steps = 0  # that were dropped, as the autopilot did not answer in time
+        self.held_steps = 0  # steps dropped because the autopilot did not answer in time
         self.due_ns = 0  # when `check` has to be called
         self._owed = 0
         self._report = report
@@ -52,7 +52,7 @@ class AutopilotPort:
         return int(self.autopilot.fileno())
 
     def take_outputs(self, now: int) -> ThrusterCommand | None:
-        """Return the command for the STM32 that new outputs make; None without new ones. Raises DeviceError."""
+        """Return the STM32 command for new motor outputs; None if there are none. Raises DeviceError."""
         outputs = self.autopilot.receive(now)
         if outputs is None:
             return None
@@ -64,7 +64,7 @@ class AutopilotPort:
         return command
 
     def check(self, now: int) -> ThrusterCommand | None:
-        """Report what is wrong; return a command that stops the thrusters if the autopilot has just fallen silent."""
+        """Report problems; return a command that stops the thrusters if the autopilot has just timed out."""
         self.due_ns = now + CHECK_NS
         self.autopilot.check(now)
         ended = self._program.ended() if self._program and not self._has_ended else None
@@ -76,13 +76,13 @@ class AutopilotPort:
         return self._command(pulses) if self.motors.silences != silences else None
 
     def echoed(self, sequence: int, applied_ns: int) -> None:
-        """Count the delay of the command that the STM32 echoes."""
+        """Add the delay of the command with this sequence number, which the STM32 has echoed, to the histogram."""
         received_ns = self._awaited.pop(sequence, None)
         if received_ns is not None:
             self.delay.add(applied_ns - received_ns)
 
     def permitted(self, due: int) -> int:
-        """Return how many steps may go now that `due` more are due; in lockstep at most one, if it is answered."""
+        """Return how many steps to do now that `due` more are due; in lockstep one, and only after an answer."""
         if not self.autopilot.lockstep or not self.autopilot.connected:
             self._owed = 0
             return due
@@ -96,7 +96,7 @@ class AutopilotPort:
         return 1
 
     def update_sensor(self, topic: str, sample: Any) -> None:
-        """Hand one sample on."""
+        """Pass one sample to the autopilot."""
         self.autopilot.update_sensor(topic, sample)
 
     def advance(self, simulation: Simulation) -> None:
@@ -104,7 +104,7 @@ class AutopilotPort:
         self.autopilot.advance(simulation.time_ns, simulation.truth())
 
     def next_sequence(self) -> int:
-        """Return the number of the next command on the thruster link."""
+        """Return the sequence number of the next command on the thruster link."""
         self._sequence = (self._sequence + 1) & 0xFFFF
         return self._sequence
 
@@ -127,7 +127,7 @@ class AutopilotPort:
         figures.autopilot_delay_p99_ms = self.delay.quantile(0.99) / NS_PER_MS
 
     def state(self) -> str:
-        """Return what is wrong in words; "" if nothing is."""
+        """Return the problem in words; "" if there is none."""
         if not self.autopilot.connected:
             return f"waiting for {self.autopilot.name}, thrusters neutral"
         if not self.motors.outputs:
@@ -135,7 +135,7 @@ class AutopilotPort:
         return ""
 
     def close(self) -> None:
-        """Close the connection, and end the program."""
+        """Close the connection and end the autopilot program."""
         self.autopilot.close()
         if self._program:
             self._program.close()

@@ -1,9 +1,9 @@
 """Combine the commands of several topics into one setpoint.
 
-Loaded when the first of them comes; a velocity from before counts when it is repeated. cmd_vel_stamped is the same as
-cmd_vel. Depth and heading are held beside it: the one in place of its heave, the other in place of its turn rate,
-wherever that is zero, and as long as they are repeated. Pose, wrench and thrusts stand alone: of these and of
-velocities the newest counts.
+Loaded when the first command arrives on a topic other than cmd_vel. Earlier velocities are not known here: a velocity
+takes effect with its next message. cmd_vel_stamped means the same as cmd_vel. Depth and heading setpoints apply beside
+a velocity: depth replaces its heave if that is zero, heading replaces its turn rate if that is zero. Both have to be
+repeated. Pose, wrench and thrusts combine with nothing: of these and of velocities the newest command counts.
 """
 
 from typing import Any
@@ -16,10 +16,10 @@ STANDSTILL = VelocityCommand()
 
 
 class CommandMux:
-    """Decode commands of all topics for a vehicle with so many thrusters, and combine them.
+    """Decode the commands of all topics for a vehicle with `thrusters` thrusters, and combine them.
 
-    A depth or heading is forgotten `hold_ns` after it was last heard. `fault` says what was wrong with the last
-    command that could be read and yet not be obeyed.
+    A velocity, depth or heading expires `hold_ns` after its last message. `fault` describes the last command that was
+    decoded but cannot be carried out.
     """
 
     def __init__(self, thrusters: int, hold_ns: int) -> None:
@@ -29,7 +29,7 @@ class CommandMux:
         self.fault = ""
 
     def read(self, topic: str, payload: bytes) -> Any:
-        """Return the decoded message; None if it cannot be obeyed."""
+        """Return the decoded message; None if it is malformed or does not fit the vehicle."""
         decode = ros.decoder(topic)
         value = decode(payload) if decode else None
         if topic == "cmd_thrusters" and value is not None and len(value) != self._thrusters:
@@ -38,7 +38,7 @@ class CommandMux:
         return value
 
     def combine(self, topic: str, value: Any, now: int) -> Setpoint:
-        """Return the vehicle's command after a message on a topic at `now` (monotonic ns)."""
+        """Return the vehicle's setpoint after a message on `topic`, received at `now` (monotonic ns)."""
         if topic == "cmd_pose":
             return PoseSetpoint(value)
         if topic == "cmd_wrench":
@@ -52,7 +52,7 @@ class CommandMux:
         return velocity._replace(depth=depth, heading=heading)
 
     def clear(self) -> None:
-        """Forget all set points: another master commands."""
+        """Remove all setpoints, because another master has become active."""
         self._received.clear()
 
     def _recent(self, topic: str, now: int, otherwise: Any = None) -> Any:

@@ -1,10 +1,10 @@
-"""Receive commands: decode them in the reader's thread, check age and sender, and hand them to the loop.
+"""Receive commands: decode them in the reader's thread, check age and sender, and pass them to the loop.
 
-A vehicle has one active master at a time: the first one whose command arrives, until it leaves or sends nothing for
-the deadman's time. Commands of others are refused meanwhile, except from a master with a higher rank, which takes over.
-ROS 2 nodes, which do not identify themselves, count together as one master while each uses topics of its own. Refused
-commands are not decoded, so that a flood of them costs little, does not hide the active master's commands, and is not
-taken for its timeout.
+A vehicle has one active master at a time: the first one whose command arrives. It stays active until it leaves or its
+commands stop for the deadman timeout. Meanwhile the commands of other masters are refused, unless a master has a higher
+rank: then it takes over. Nodes of ROS 2, which do not identify themselves, together count as one master if each
+uses a topic of its own. Refused commands are not decoded, so a flood of them costs little CPU. A flood neither hides
+the active master's commands nor makes that master time out.
 """
 
 import os
@@ -24,15 +24,17 @@ if TYPE_CHECKING:
     from hil.slave.command_mux import CommandMux
     from hil.slave.setpoints import Setpoint
 
-_DRIFT_PER_S = 50_000  # ns: how fast two clocks may run apart (50 ppm)
-_STEADY_NS = 20 * NS_PER_MS  # ages that differ by less are the same,
-_AGREE_NS = NS_PER_S  # if there is one of them that often,
-_STEADY_FOR_NS = 5 * NS_PER_S  # and for so long; no replay and no queue that grows or drains keeps an age like that
-_MOST_SENDERS = 64  # whose sequence numbers are remembered, topic by topic
-_MOST_SPEED = 100.0  # m/s and rad/s: what asks for more is not meant
-_BURST_NS = 100 * NS_PER_MS  # how long commands may come faster than their limit
-_OVERLOAD = 1000.0  # per second: with more refused commands, accepted ones may be lost among them
-_YIELD_EVERY = 4  # refused commands between two pauses: fewer than the network's ring stores
+_DRIFT_PER_S = 50_000  # ns a second: assumed limit of the drift between two clocks (50 ppm)
+# The sender's clock was set back if messages have the same age within _STEADY_NS, at least one every _AGREE_NS, for
+# _STEADY_FOR_NS. In a replay, or in a queue that grows or drains, the age does not stay constant for so long.
+_STEADY_NS = 20 * NS_PER_MS
+_AGREE_NS = NS_PER_S
+_STEADY_FOR_NS = 5 * NS_PER_S
+_MOST_SENDERS = 64  # pairs of sender and topic whose last sequence number is stored
+_MOST_SPEED = 100.0  # m/s and rad/s; a faster command is taken for an error of its sender
+_BURST_NS = 100 * NS_PER_MS  # how long commands may exceed their rate limit
+_OVERLOAD = 1000.0  # refused commands a second; above this rate, commands of the active master may be lost
+_YIELD_EVERY = 4  # refused commands between two pauses; fewer than the network's ring buffer holds
 _YIELD_S = 0.0001
 
 
@@ -49,21 +51,21 @@ class Received:
 
 
 class AgeFilter:
-    """Estimate the age of messages beyond that of the fastest one, without synchronised clocks.
+    """Estimate how much older messages are than the fastest one, without synchronised clocks.
 
-    The smallest difference seen between their time of sending and ours of receipt stands for zero age; it
-    is let grow slowly, so that clocks which drift apart are followed. A clock that is set back makes every message
-    look old, each as much as the other, which `was_set` tells from messages that are.
+    The smallest difference between receive time and send time counts as age zero. It grows slowly, to follow the drift
+    between the two clocks. After the sender's clock was set back, all messages look old by the same amount; `was_set`
+    distinguishes this from messages that really are old.
     """
 
     def __init__(self) -> None:
         self._least: int | None = None
         self._last = 0
-        self._steady = 0  # the difference of those that look old,
-        self._since = self._agreed = 0  # when it was first and last seen
+        self._steady = 0  # ns: receive time minus send time of the messages that look old
+        self._since = self._agreed = 0  # wall time (ns) when this difference was seen first and last
 
     def age_ns(self, sent_wall_ns: int, received_wall_ns: int) -> int:
-        """Return the age of a message (ns) beyond that of the fastest one so far."""
+        """Return how much older (ns) this message is than the fastest one so far."""
         difference = received_wall_ns - sent_wall_ns
         if self._least is None:
             self._least = difference
@@ -74,10 +76,11 @@ class AgeFilter:
         return difference - self._least
 
     def was_set(self, sent_wall_ns: int, received_wall_ns: int, follows: bool) -> bool:
-        """Return whether the sender's clock makes a message look old, and not its way; if so, ages begin again with it.
+        """Return whether a message looks old only because its sender's clock was set back; if so, restart the estimate.
 
-        To be asked of each that looks old; `follows`: upon the one before it, as not in a queue that is full. Old
-        messages come faster than they were sent, or slower; to look equally old for seconds takes a clock.
+        Call this for each message that looks old. `follows` means that its sequence number is one above that of the
+        message before; a full queue would drop some. Messages that were delayed arrive faster or slower than they were
+        sent, so the same age over seconds means that the clock was set.
         """
         difference = received_wall_ns - sent_wall_ns
         missed = received_wall_ns - self._agreed > _AGREE_NS
@@ -92,7 +95,7 @@ class AgeFilter:
 
 
 class _Sender:
-    """State of one sender on one topic."""
+    """Last sequence number and ages of one sender on one topic."""
 
     __slots__ = ("ages", "sequence")
 
@@ -102,17 +105,17 @@ class _Sender:
 
 
 class CommandReceiver:
-    """Store the newest command; `fileno` becomes readable when there is one.
+    """Store the newest command; the descriptor `fileno()` becomes readable when there is one.
 
-    `clocks` and `ranks`, by sender, are filled in by `hil.slave.contacts`; a sender without them (a ROS 2 node) is
-    judged by its fastest message and has rank 0. `master` is who is obeyed, b"" at first; `wakeup` is set when that
-    changes. `thrusters` is how many the vehicle has. `fault` is what was wrong with the last command that could be read
-    and yet not be obeyed; "" if there was none.
+    `hil.slave.contacts` fills in `clocks` and `ranks`, both by sender id. A sender without them (a ROS 2 node) has rank
+    0, and the age of its messages is measured against its fastest one. `master` is the id of the active master, b"" at
+    first; `wakeup` is set when it changes. `thrusters` is the number of the vehicle's thrusters. `fault` describes the
+    last command that was decoded but rejected; "" if there was none.
 
-    Counts what it drops: `malformed`, `stale` (older than the limit), `disordered` (overtaken by a newer one of the
-    same sender), `refused` (another master is obeyed), `flooded` (times the rate was above its limit, when the
-    reader rests and the network keeps but the newest; or of all together) and `superseded` (replaced before the
-    loop took it).
+    Counters of dropped commands: `malformed`; `stale` (older than the age limit); `disordered` (arrived after a newer
+    one of the same sender); `refused` (another master is active); `superseded` (replaced before the loop read it).
+    `flooded` counts how often accepted or refused commands exceeded their rate limit; the reader then sleeps, and the
+    network stores only the newest command.
     """
 
     def __init__(
@@ -129,14 +132,14 @@ class CommandReceiver:
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._newest: deque[Received] = deque(maxlen=1)  # its append and popleft are atomic
         self._senders: dict[tuple[bytes, str], _Sender] = {}
-        self._anonymous: dict[str, tuple[bytes, int]] = {}  # sender and last reception by topic
+        self._anonymous: dict[str, tuple[bytes, int]] = {}  # topic -> sender and time (ns) of its last command
         self.thrusters = thrusters
         self._mux: CommandMux | None = None
         self._accepted_ns = 0
-        self._allowed_ns = 0  # by when as many commands as have come may have come
+        self._allowed_ns = 0  # monotonic time at which the commands so far are within the rate limit
         self._overload_period_ns = round(NS_PER_S / max(rate, _OVERLOAD))
-        self._refused_until_ns = 0  # by when the refused commands so far are within the limit
-        self._overloaded_ns = 0  # when they last exceeded it
+        self._refused_until_ns = 0  # monotonic time at which the refused commands so far are within their limit
+        self._overloaded_ns = 0  # when they last exceeded that limit
         self.clocks: dict[bytes, ClockOffset] = {}
         self.ranks: dict[bytes, int] = {}
         self.master = b""
@@ -179,41 +182,41 @@ class CommandReceiver:
         self._limit_refused(received_ns)
 
     def take_latest(self) -> Received | None:
-        """Return the newest command not yet taken; None if there is none, or it has become old while nobody took it."""
+        """Return the newest command, once; None if there is none or it has become too old before this call."""
         try:
             os.eventfd_read(self._event)
             newest = self._newest.popleft()
-        except (BlockingIOError, IndexError):  # nothing came, or it was taken with the one before
+        except (BlockingIOError, IndexError):  # no new command, or it was read by the call before
             return None
-        if now_ns() - newest.received_ns > self._age_limit_ns:  # the process was stopped
+        if now_ns() - newest.received_ns > self._age_limit_ns:  # this process was stopped for a while
             self.stale += 1
             return None
         return newest
 
     @property
     def is_master_timed_out(self) -> bool:
-        """True if the active master has sent nothing for so long that any other may command."""
+        """True if the active master has sent no command for the deadman timeout, so that any other may command."""
         return self._is_timed_out(self._accepted_ns, now_ns())
 
     def remove_sender(self, sender: bytes) -> None:
-        """Remove a master that has left; another may command at once."""
+        """Remove a master that has left; another may become active at once."""
         self.ranks.pop(sender, None)
         self.clocks.pop(sender, None)
         if sender == self.master:
             self.master = b""
-            self._anonymous.clear()  # of which it was one, if it commanded before it was known
+            self._anonymous.clear()  # it may contain this master, if it commanded before its presence was known
             self.wakeup.set()
 
     def close(self) -> None:
-        """Give the descriptor back. The reader must have ended."""
+        """Close the descriptor. The reader's thread must have ended."""
         os.close(self._event)
 
     def _decode(self, topic: str, payload: bytes) -> Any:
-        """Return a decoded message of another topic than cmd_vel; None if it cannot be obeyed."""
+        """Return the decoded message of a topic other than cmd_vel; None if it is malformed or does not fit."""
         if topic not in COMMANDS:
             return None
         if self._mux is None:
-            from hil.slave.command_mux import CommandMux  # most runs do without
+            from hil.slave.command_mux import CommandMux  # not needed by most runs
 
             self._mux = CommandMux(self.thrusters, self._hold_ns)
         self._mux.fault = ""
@@ -246,7 +249,7 @@ class CommandReceiver:
         return True
 
     def _add_sender(self, sender: bytes, topic: str, known: _Sender) -> None:
-        """Store a sender. An active one is never removed: its old commands would pass as new."""
+        """Store a sender. Active senders are never removed: otherwise their old commands would count as new."""
         if len(self._senders) >= _MOST_SENDERS:
             active = {self.master, *[anonymous for anonymous, _ in self._anonymous.values()]}
             del self._senders[next(key for key in self._senders if key[0] not in active)]
@@ -260,7 +263,7 @@ class CommandReceiver:
         return other == sender or self._is_timed_out(received_ns, now)
 
     def _is_timed_out(self, received_ns: int, now: int) -> bool:
-        """Return whether a sender has timed out; never during overload, which hides commands."""
+        """Return whether a sender has timed out; never during overload, when its commands may have been lost."""
         return now - max(received_ns, self._overloaded_ns) > self._hold_ns
 
     def _may_take_over(self, sender: bytes) -> bool:
@@ -279,16 +282,17 @@ class CommandReceiver:
         self._accepted_ns = now
 
     def _limit_rate(self, now: int) -> None:
-        """Sleep while commands exceed their rate limit; the network's ring then stores only the newest."""
+        """Sleep while commands exceed their rate limit; the network's ring buffer then stores only the newest one."""
         self._allowed_ns = max(self._allowed_ns + self._period_ns, now - _BURST_NS)
         if self._allowed_ns > now:
             self.flooded += 1
             time.sleep((self._allowed_ns - now) / NS_PER_S)
 
     def _limit_refused(self, now: int) -> None:
-        """Continue after a refused command; during overload, pause so that the loop gets the processor.
+        """Limit the rate of refused commands: pause during overload, so that the loop gets the processor.
 
-        The reader handles some messages between pauses and never sleeps so long that the network's ring overflows.
+        The pauses are so short, and so many messages are handled between them, that the network's ring buffer does not
+        overflow.
         """
         self._refused_until_ns = min(max(self._refused_until_ns + self._overload_period_ns, now - _BURST_NS), now)
         if self._refused_until_ns == now:
@@ -299,12 +303,12 @@ class CommandReceiver:
 
 
 def decode_velocity(payload: bytes) -> VelocityCommand | None:
-    """Return what a message on cmd_vel asks for; None if that cannot be meant."""
+    """Return the velocity command in a cmd_vel message; None if it is malformed or too fast to be meant."""
     return velocity_of(ros.decode_twist(payload))
 
 
 def velocity_of(twist: "tuple[Vector3, Vector3] | None") -> VelocityCommand | None:
-    """Return the command of linear (m/s) and angular (rad/s) velocity along FRD; None if that cannot be meant."""
+    """Return the command for linear (m/s) and angular (rad/s) velocity, FRD; None if it is too fast to be meant."""
     if twist is None:
         return None
     (surge, sway, heave), (p, q, r) = twist

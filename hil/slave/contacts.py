@@ -1,6 +1,6 @@
-"""Track masters and observers of a slave: presence, clock offsets, ranks, last messages for late joiners.
+"""Track the masters and observers of a slave: presence, clock offsets, ranks; serve last messages to late joiners.
 
-Loaded when the vehicle is ready; until then commands are taken as from anonymous senders.
+Loaded after the vehicle is ready. Until then all senders of commands count as anonymous.
 """
 
 import os
@@ -25,18 +25,18 @@ from hil.slave.sample_publisher import SamplePublisher
 if TYPE_CHECKING:
     from hil.network.security import Security
 
-WAITING = 16  # pings that may wait for the reader; half of that for all but masters
-MOST_THERE = 32  # that are distinguished, of each role; more are not reported
-NEW_NS = 3 * NS_PER_S  # so long after its start a slave gives way to an older one of its name
-FIRST_NS = NS_PER_S // 5  # what is met so soon was there before
-TWIN_S = 1.5  # that another must stay there for that: one that was killed is there for a lease of 1 s
-PINGS_A_S = 200  # that are answered of all but masters: so many observers, and some to spare
+WAITING = 16  # size of the queue for masters' pings; the queue for all other pings has half of it
+MOST_THERE = 32  # masters and observers, each, that are tracked; further ones are not reported
+NEW_NS = 3 * NS_PER_S  # during this time after its start, a slave ends if an older slave has the same name
+FIRST_NS = NS_PER_S // 5  # a slave that is found this soon after our start was there before us
+TWIN_S = 1.5  # the other slave must stay present for this time; after a kill, its lease of 1 s keeps it present
+PINGS_A_S = 200  # rate limit of answers to pings, masters' excepted; enough for all observers
 
 
 class Contacts:
     """Track presence and clocks of the senders of a command receiver, and announce the vehicle to them.
 
-    `conflict` is set where another slave of this name was there first: then this process gets SIGTERM.
+    `conflict` is set if another slave with the same name was there first; this process then sends itself SIGTERM.
     """
 
     def __init__(
@@ -54,9 +54,9 @@ class Contacts:
         self._security = security
         self._report = report
         self._there: dict[Part, dict[str, Presence]] = {"master": {}, "observer": {}}
-        # Of two that start at once the younger has the larger one.
+        # The ident begins with the start time: of two slaves that start together, the younger has the larger ident.
         self._node, self._ident = node, f"{time.time_ns():016x}{os.urandom(8).hex()}"
-        self._twins: set[str] = set()  # other slaves of our name
+        self._twins: set[str] = set()  # idents of other slaves with our name
         self._began_ns = now_ns()
         self.conflict: NetworkError | None = None
         self.lost = 0
@@ -76,7 +76,7 @@ class Contacts:
         declare_presence(session, node, "slave", self._ident)
 
     def mend_links(self) -> None:
-        """Close links that the library holds open and does not read: their masters open them again."""
+        """Close links that the network library keeps open without reading them; their masters then connect again."""
         if self._unread.mend(self._session):
             self._report("a link was open and not read, or lost: its master has to connect again")
 
@@ -117,14 +117,14 @@ class Contacts:
             self._on_master(presence, alive)
 
     def _on_slave(self, presence: Presence, alive: bool) -> None:
-        """Handle another slave of our name: one master would command both, so the newer one ends."""
+        """Handle another slave with our name. A master would command both, so the younger one ends."""
         if not alive:
             self._twins.discard(presence.ident)
         elif presence.ident != self._ident and len(self._twins) < MOST_THERE:
             self._twins.add(presence.ident)
             age_ns = now_ns() - self._began_ns
             apart_ns = abs(int(presence.ident[:16], 16) - int(self._ident[:16], 16))
-            was_first = age_ns < FIRST_NS and apart_ns > NEW_NS  # closer together both would think so, and end
+            was_first = age_ns < FIRST_NS and apart_ns > NEW_NS  # with closer start times both slaves would end
             is_younger = was_first or (age_ns < NEW_NS and presence.ident < self._ident)
             check = threading.Timer(TWIN_S, self._end_younger, (presence, is_younger))
             check.daemon = True
@@ -153,14 +153,14 @@ class Contacts:
             self._report(f"master {presence.process} is gone" + (", which commanded" if was_active else ""))
 
     def _on_ping(self, payload: bytes) -> None:
-        """Answer every request at once."""
+        """Answer a ping at once."""
         received_ns = to_wall_ns(now_ns())
         ping = self._read(payload)
         if ping:
             self._send_time(ping[0], ping[1], received_ns)
 
     def _on_masters_ping(self, payload: bytes) -> None:
-        """Answer a master's ping, or finish the exchange that our answer began."""
+        """Answer a master's ping, or use the second half of the exchange that our answer began."""
         received_ns = to_wall_ns(now_ns())
         ping = self._read(payload)
         if ping:
@@ -184,7 +184,7 @@ class Contacts:
     def _clock_of(self, sender: bytes) -> ClockOffset:
         clocks = self._command_receiver.clocks
         if sender not in clocks:
-            while len(clocks) >= MOST_THERE:  # many anonymous senders do not displace the active master
+            while len(clocks) >= MOST_THERE:  # a flood of anonymous senders must not remove the active master
                 del clocks[next(other for other in clocks if other != self._command_receiver.master)]
             clocks[sender] = ClockOffset()
         return clocks[sender]

@@ -1,4 +1,4 @@
-"""Start the slave's parts, and stop them with the thrusters neutral."""
+"""Assemble and run the slave; at the end, stop the thrusters."""
 
 import gc
 import sys
@@ -34,9 +34,9 @@ def run(
 ) -> None:
     """Run the slave until SIGINT or SIGTERM.
 
-    `network` is the session being opened. `startup` are instants (monotonic ns) of the start so far,
-    "exec" among them; more are added here. `notes` say what was settled about real time so far.
-    Raises ConfigError, DeviceError, NetworkError: also where another slave of its name is there already.
+    `network` is the session that is being opened. `startup` maps names of start-up stages to monotonic times (ns), with
+    "exec" among them; this function adds the later ones. `notes` are the results of the real-time setup so far.
+    Raises ConfigError, DeviceError, and NetworkError, for example if another slave with the same name is running.
     """
     log = Log("slave")
     with ExitStack() as stack:
@@ -50,7 +50,7 @@ def run(
         startup["ready"] = now_ns()
         log.write_line(_ready(scenario, loop, startup))
         log.flush()
-        from hil.slave.notify import notify  # the vehicle is ready before these are loaded
+        from hil.slave.notify import notify  # this and later imports load after the vehicle is ready, to start faster
 
         notify("READY=1")
         notes = [*notes, *_settle_realtime(scenario)]
@@ -90,7 +90,7 @@ def run(
 
 
 def _start_mavlink(scenario: Scenario) -> Callable[[], None]:
-    """Start the MAVLink vehicle in a process of its own, so that the slave stays as it is; return what ends it."""
+    """Start the MAVLink vehicle in its own process, off the slave's timing; return the function that ends it."""
     from hil.slave.spawn import start_program
 
     at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
@@ -98,17 +98,17 @@ def _start_mavlink(scenario: Scenario) -> Callable[[], None]:
 
 
 def _settle_realtime(scenario: Scenario) -> list[str]:
-    """Lock memory and quiet the interpreter as the scenario asks for; a note of each thing that was settled."""
+    """Lock memory and tune the interpreter as the scenario requests; return a note on each setting."""
     if not scenario.slave.realtime:
         gc.enable()
         return []
-    sys.setswitchinterval(0.0005)  # the loop gets the interpreter back at once from the other threads
+    sys.setswitchinterval(0.0005)  # other threads give the interpreter back to the loop sooner
     notes = [clock.lock_memory(), clock.quiet_garbage_collector()]
     return [*notes, clock.stay_awake()] if scenario.slave.stay_awake else notes
 
 
 def _imaging(scenario: Scenario, report: Callable[[str], None]) -> "Imaging | None":
-    """Return what stands in for sensors that make pictures; None without any, and then nothing is loaded for it."""
+    """Return the client of the imaging process; None, with nothing imported, if no sensor is offloaded."""
     if not any(fitted.offloaded for fitted in scenario.sensors.values()):
         return None
     from hil.slave.imaging.sensors import Imaging
@@ -117,7 +117,7 @@ def _imaging(scenario: Scenario, report: Callable[[str], None]) -> "Imaging | No
 
 
 def _recognised() -> "Board | None":
-    """Return the board that this is; asked for when it matters, as knowing the boards costs a part of the start."""
+    """Return the detected board, or None. Called late, because loading the board table lengthens the start."""
     from boards import detect
 
     return detect()
@@ -156,7 +156,7 @@ def _assemble(
     recorder = None
     if scenario.recording.slave:
         from hil.slave.health.reporter import own_name
-        from hil.slave.slave_recorder import open_recorder  # most runs do without
+        from hil.slave.slave_recorder import open_recorder  # not needed by most runs
 
         board = board or _recognised()
         recorder = open_recorder(scenario, board.name if board else own_name(), epoch_ns, report, stack)
@@ -178,7 +178,7 @@ def _assemble(
         simulation, driver, pilot, command_receiver, sample_publisher, *steps, report
     )
     if scenario.controller in AUTOPILOTS:
-        from hil.slave.autopilot_port import AutopilotPort  # most vehicles are flown by our own controller
+        from hil.slave.autopilot_port import AutopilotPort  # not needed with our own controller
 
         loop.autopilot = AutopilotPort(scenario, vehicle, world, report)
         stack.callback(loop.autopilot.close)

@@ -9,16 +9,16 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.text import clean
 
 LONGEST = 1000  # characters of a line
-MOST_LINES = 1000  # in each WINDOW_NS: more is a flood, of which only the number is reported
+MOST_LINES = 1000  # in each WINDOW_NS; further lines are only counted
 WINDOW_NS = 10 * NS_PER_S
 
 
 class Log:
     """Log lines on standard error. `write_line` only stores a line; `flush` writes it.
 
-    Writing may block (a slow terminal, a full disk); storing never does. `wakeup` is set when a line waits.
+    A write may block (a slow terminal, a full disk); `write_line` never does. `wakeup` is set when a line is stored.
     What others on the network can cause is bounded: characters that do not print are replaced, long lines are cut, and
-    of more than 1000 lines in 10 s only the number is reported.
+    lines beyond 1000 in 10 s are only counted.
     """
 
     def __init__(self, name: str) -> None:
@@ -26,7 +26,7 @@ class Log:
         self._start_ns = now_ns()
         self._lines: deque[str] = deque(maxlen=1000)
         self._window_ns, self._in_window, self._left_out = self._start_ns, 0, 0
-        self._noting = threading.Lock()  # several threads do
+        self._noting = threading.Lock()  # several threads write lines
         self.wakeup = threading.Event()
 
     def write_line(self, text: str) -> None:
@@ -52,13 +52,13 @@ class Log:
             self._left_out = 0
 
     def flush(self) -> None:
-        """Write the stored lines, as long as somebody reads them."""
+        """Write the stored lines; stop if the output is closed."""
         if self._left_out:
             with self._noting:
                 if now_ns() - self._window_ns > WINDOW_NS:
                     self._add_omitted(now_ns())
         if self._lines:
-            with suppress(OSError):  # the terminal has gone
+            with suppress(OSError):  # the terminal is closed
                 while self._lines:
                     sys.stderr.write(self._lines.popleft())
                 sys.stderr.flush()

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from hil.slave.autopilot_port import AutopilotPort
     from sim.vehicle.failures import Failure
 
-UNANSWERED_NS = NS_PER_S  # a command whose echo has not come by then is counted as lost on the link
-TRACE_WAIT_NS = NS_PER_S // 20  # for a message that a trace can go out with; of simulation time
+UNANSWERED_NS = NS_PER_S  # a command whose echo has not arrived after this time counts as lost on the link
+TRACE_WAIT_NS = NS_PER_S // 20  # simulation time that a trace waits for a sample to be sent with
 
 
 class NodeServer(Protocol):
@@ -31,7 +31,7 @@ class NodeServer(Protocol):
         """Return the descriptor to wait on."""
 
     def serve(self) -> None:
-        """Answer one service that was called."""
+        """Answer one service call."""
 
     def tick(self, time_ns: int) -> None:
         """Publish what is due at this simulation time."""
@@ -44,11 +44,11 @@ class NodeServer(Protocol):
 
 
 class Trace(NamedTuple):
-    """Times of one command: its network sequence number, then instants in ns since 1970.
+    """Times of one command, in ns since 1970, after its sequence number on the network.
 
-    `published_ns` is by the master's clock, all others by the slave's: received by the network thread,
-    taken up by the loop, written to the thruster link, applied by the STM32; and between taken up and written,
-    when the thrusts were computed.
+    `published_ns` is by the master's clock, all others by the slave's: `received_ns` by the network thread, `taken_ns`
+    by the loop, `computed_ns` when the thrusts were computed, `written_ns` to the thruster link, and `applied_ns` by
+    the STM32.
     """
 
     sequence: int
@@ -61,10 +61,10 @@ class Trace(NamedTuple):
 
 
 class Loop:
-    """Run one vehicle. All parts are given; nothing is opened or closed here.
+    """Run one vehicle. The parts are passed in; nothing is opened or closed here.
 
-    While it is not `armed` no command is taken; while it is `paused` the simulation is not stepped. `ros` is given when
-    the vehicle is ready, and `autopilot` where one flies it in place of the pilot.
+    While `armed` is false no command is applied; while `paused` is true the simulation is not stepped. `ros` is set
+    after the vehicle is ready, `autopilot` if an autopilot replaces the pilot.
     """
 
     def __init__(
@@ -88,23 +88,25 @@ class Loop:
         self.ros: NodeServer | None = None
         self.autopilot: AutopilotPort | None = None
         self._control_period_ns = control_period_ns
-        self._control_wait_ns = control_period_ns - step_ns // 2  # the step nearest to the period's end, not one later
+        # Control at the step nearest to the end of the period, not at the one after it.
+        self._control_wait_ns = control_period_ns - step_ns // 2
         self._report = report
-        self._awaited: dict[int, tuple[Received, int, int, int]] = {}  # taken, computed, written
-        self._counted_ns = 0  # when it was last looked through
-        self._traces: list[Trace] = []  # still to be told
-        self._traces_due_ns = 0  # of simulation time, at the latest
+        # Commands that wait for their echo: link sequence number -> command, times taken, computed and written (ns).
+        self._awaited: dict[int, tuple[Received, int, int, int]] = {}
+        self._counted_ns = 0  # when `_awaited` was last searched for unanswered commands
+        self._traces: list[Trace] = []  # to be published
+        self._traces_due_ns = 0  # simulation time at which they are published at the latest
         self._controlled_ns = 0
         self._computed_ns = 0
         self._control_due_ns = 0
         self._neutral = (PWM_NEUTRAL_US,) * len(driver.pwm_us)
-        self.pwm_us = driver.pwm_us  # a step knows it again at a glance
-        self._link_due_ns = 0  # when the driver has to be serviced even if nothing came
+        self.pwm_us = driver.pwm_us  # the same tuple object as long as it is unchanged, which a step detects quickly
+        self._link_due_ns = 0  # when the driver has to be serviced even if no byte has arrived
         self._link_fds = driver.descriptors
-        self._stopping_ns = 0  # when the deadman tripped, until the STM32 has confirmed that the thrusters are neutral
-        self._newest: ThrusterTelemetry | None = None  # that has come
+        self._stopping_ns = 0  # when the deadman tripped; 0 once the STM32 has confirmed neutral thrusters
+        self._newest: ThrusterTelemetry | None = None  # newest telemetry received
         self.schedule = RateKeeper(step_ns, now_ns())
-        self._stamped = -1  # steps that were skipped when the epoch of the stamps began
+        self._stamped = -1  # value of `schedule.skipped` when the present epoch of the stamps began
         self.commands = 0
         self.unanswered = 0
         self.watchdog_trips = 0
@@ -121,11 +123,11 @@ class Loop:
         self.started_ns = now_ns()
         schedule = self.schedule = RateKeeper(self.schedule.period_ns, self.started_ns)
         while True:
-            if link_fds is not self._link_fds:  # a lost link has gone, or come back
+            if link_fds is not self._link_fds:  # the link was lost or is back
                 link_fds, fds = self._link_fds, own_fds + self._link_fds
             ready = select.select(fds, (), (), schedule.timeout())[0]
             now = now_ns() if ready else schedule.on_wakeup()
-            if ready:  # mostly it is only time for the next step
+            if ready:  # most wake-ups are only for the next step
                 if command_fd in ready:
                     self._apply_command(now)
                 if stop_fd in ready:
@@ -141,7 +143,7 @@ class Loop:
             if now >= schedule.deadline_ns:
                 self.advance_to(now)
             if ready and self.ros and ros_fd in ready:
-                self.ros.serve()  # behind the step, so that there is time until the next
+                self.ros.serve()  # after the step, when there is time until the next one
 
     def begin(self) -> None:
         """Do one step that ends now, before the schedule begins."""
@@ -149,11 +151,11 @@ class Loop:
         self.advance(1)
 
     def advance_to(self, now: int) -> None:
-        """Advance by the steps that are due by `now`, so that stamps tell when they were, not when they came about."""
+        """Advance by the steps that are due by `now`. Stamps give the time a step was due, not when it was computed."""
         schedule, stamps = self.schedule, self.sample_publisher.stamps
         steps = schedule.due(now)
         if self.paused:
-            self._stamped = -1  # so that another epoch begins when it goes on
+            self._stamped = -1  # a new epoch begins when the pause ends
             self.sample_publisher.wake_publisher()
             return
         if schedule.skipped != self._stamped or stamps.found_ns != stamps.offset_ns:
@@ -162,15 +164,15 @@ class Loop:
         self.advance(self.autopilot.permitted(steps) if self.autopilot else steps)
 
     def _stamp_from(self, instant_ns: int) -> None:
-        """Stamp the next step as beginning at this instant (monotonic)."""
+        """Set the stamps so that the next step begins at this monotonic time (ns)."""
         self.stamp(instant_ns + self.sample_publisher.stamps.offset_ns - self.simulation.time_ns)
 
     def stamp(self, epoch_ns: int) -> None:
-        """Set simulation time 0 to this time (ns since 1970) from the next step on, see `hil.common.stamps`."""
+        """Let simulation time 0 be this time (ns since 1970) from the next step on; see `hil.common.stamps`."""
         self.sample_publisher.stamps.begin(self.simulation.time_ns, epoch_ns)
 
     def advance(self, steps: int) -> None:
-        """Let the vehicle move by so many steps, and publish what its sensors then say."""
+        """Advance the simulation by this number of steps, and publish the sensor samples of each."""
         sent = False
         autopilot = self.autopilot
         for _ in range(steps):
@@ -183,7 +185,7 @@ class Loop:
             if autopilot:
                 autopilot.advance(self.simulation)
         if self._traces and (sent or self.simulation.time_ns >= self._traces_due_ns):
-            self._publish_traces()  # nobody waits for them, and by themselves they would wake the network once more
+            self._publish_traces()  # with other messages: alone they would cost one more wake-up of the publisher
         if self.simulation.time_ns >= self.watch.due_ns:
             self.watch.check()
         ros = self.ros
@@ -192,7 +194,7 @@ class Loop:
         self.sample_publisher.wake_publisher()
 
     def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
-        """Put the vehicle somewhere (NED, body to world, FRD), between two steps; its next command begins again."""
+        """Set the vehicle's state (position NED, quaternion body to NED, nu FRD) between steps; thrusters neutral."""
         state = self.simulation.state
         state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
         state.nu_dot = [0.0] * 6
@@ -201,7 +203,7 @@ class Loop:
         self.set_neutral()
 
     def fail(self, *failures: "Failure") -> None:
-        """Let thrusters fail, or be repaired, from the next step on. Raises ConfigError for an unknown thruster."""
+        """Set or clear thruster failures from the next step on. Raises ConfigError for an unknown thruster."""
         self.simulation.fail(*failures)
 
     def set_neutral(self) -> None:
@@ -210,7 +212,7 @@ class Loop:
             self.pilot.active = False
 
     def next_sequence(self) -> int:
-        """Return the number of the next command on the thruster link; 0 where other software sends them."""
+        """Return the sequence number of the next command on the link; 0 if another program sends the commands."""
         sender = self.pilot or self.autopilot
         return sender.next_sequence() if sender else 0
 
@@ -226,14 +228,14 @@ class Loop:
         self._awaited[sequence] = (received, now, self._computed_ns, now_ns())
 
     def _serve_autopilot(self, autopilot: "AutopilotPort", now: int) -> None:
-        """Send the autopilot's outputs on at once; in lockstep make up for a step that waited for them."""
+        """Send the autopilot's outputs at once; in lockstep do a step that waited for them."""
         command = autopilot.take_outputs(now)
         if now >= autopilot.due_ns:
             command = autopilot.check(now) or command
         if command:
             armed = self.armed and command.armed
             self.driver.send(command if armed else command._replace(armed=False, pwm_us=self._neutral))
-            self._service_link(now_ns())  # a step that follows at once has them already
+            self._service_link(now_ns())  # so that a step that follows at once uses the new pulse widths
             self.advance(autopilot.permitted(0))
 
     def _control(self, pilot: Pilot, now: int) -> int:
@@ -251,13 +253,13 @@ class Loop:
         return command.sequence
 
     def _follow_driver(self) -> None:
-        """Take over from the driver what sending or a service may have changed."""
+        """Copy what the driver changes when it sends or is serviced."""
         driver = self.driver
         self._link_due_ns, self._link_fds, self.pwm_us = driver.deadline_ns, driver.descriptors, driver.pwm_us
 
     def _service_link(self, now: int) -> None:
         received = self.driver.service(now)
-        now = now_ns() if received else now  # reading takes its time, and what was read is as old as that
+        now = now_ns() if received else now  # the read took time, which counts into the delay
         self._follow_driver()
         for telemetry in received:
             if self._newest is None or not is_overtaken(telemetry, self._newest):
@@ -272,7 +274,7 @@ class Loop:
             self._count_unanswered(now)
 
     def _apply_telemetry(self, telemetry: ThrusterTelemetry) -> None:
-        """Apply the pulse widths that the STM32 reports."""
+        """Store the newest telemetry; report a watchdog trip or a restart of the STM32."""
         newest = self._newest
         if telemetry.timed_out and not (newest and newest.timed_out):
             self._report("the STM32's watchdog tripped: thrusters neutral")
@@ -282,7 +284,7 @@ class Loop:
         self.watchdog_trips = telemetry.watchdog_trips
 
     def _confirm_stop(self, telemetry: ThrusterTelemetry, now: int) -> None:
-        """Report that the thrusters are neutral once the STM32 says so, unless a command drives them again."""
+        """Report neutral thrusters once the STM32 confirms them; give up if a new command has armed them."""
         if self.pilot and self.pilot.active:
             self._stopping_ns = 0
         elif all(pulse == PWM_NEUTRAL_US for pulse in telemetry.pwm_us):
@@ -306,7 +308,7 @@ class Loop:
             self.sample_publisher.trace(trace)
 
     def _count_unanswered(self, now: int) -> None:
-        """Count and remove commands that the STM32 did not answer in time."""
+        """Count and remove commands that the STM32 did not echo in time."""
         self._counted_ns = now
         lost = [sequence for sequence, (_, _, _, written) in self._awaited.items() if now - written > UNANSWERED_NS]
         for sequence in lost:

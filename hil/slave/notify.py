@@ -1,13 +1,13 @@
-"""Tell systemd that the slave is ready and alive: sd_notify(3) without its library.
+"""Notify systemd that the slave is ready and alive: sd_notify(3) without its library.
 
-Without systemd, that is without NOTIFY_SOCKET in the environment, nothing is done and nothing is loaded.
+Without systemd, that is without NOTIFY_SOCKET in the environment, `notify` does nothing and imports nothing.
 """
 
 import os
 
 
 def notify(state: str) -> bool:
-    """Send one message, as "READY=1"; whether there was anybody to send it to. Never raises."""
+    """Send one state, as "READY=1"; return whether it was sent. Never raises."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if address[:1] not in ("/", "@"):
         return False
@@ -15,7 +15,7 @@ def notify(state: str) -> bool:
 
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as wire:
-            # "@" stands for the zero byte that opens the name of an abstract socket; see unix(7).
+            # "@" stands for the zero byte that begins the name of an abstract socket; see unix(7).
             wire.sendto(state.encode(), address.replace("@", "\0", 1) if address[0] == "@" else address)
     except OSError:
         return False
@@ -23,7 +23,7 @@ def notify(state: str) -> bool:
 
 
 class Heartbeat:
-    """Feed systemd's watchdog while the loop advances: a loop that hangs lets it expire."""
+    """Feed systemd's watchdog while the loop advances; if the loop hangs, the watchdog expires."""
 
     __slots__ = ("_seen",)
 
@@ -31,7 +31,7 @@ class Heartbeat:
         self._seen = -1
 
     def beat(self, progress: int) -> None:
-        """Notify systemd if `progress` has changed; it is any number that changes while the loop runs."""
+        """Notify systemd if `progress`, any number that changes while the loop runs, has changed."""
         if progress != self._seen:
             self._seen = progress
             notify("WATCHDOG=1")

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from hil.autonomy.control.families import Controller
     from hil.autonomy.control.fin_control import FinAllocator
 
-# An isothermal column of water: pressure to depth with the vehicle's own constants, as a real pilot has.
+# Pressure gives depth with constants of the vehicle and the world, for water of constant density, as on a real vehicle.
 ATMOSPHERE_PA = 101_325.0
-# What stands in [control] besides the gains of the cascade: other families, each with a table of its name.
+# Keys of [control] that are not gains of the cascade: the other controller families and their tables.
 OTHERS = ("family", "fins", "options", "sliding_mode", "restoring_pd")
 
 
@@ -61,7 +61,7 @@ def _other_family(vehicle: Vehicle, control: dict[str, Any], gains: Gains, world
 
 
 def _drags(vehicle: Vehicle) -> list[Drag]:
-    """Return the drag along surge and sway; none where more than the two dampings makes it."""
+    """Return the drag along surge and sway; empty if effects other than linear and quadratic damping add to it."""
     if vehicle.fins or vehicle.lift or vehicle.cross_flow or vehicle.forward_speed_damping or vehicle.fading_damping:
         return []
     linear, quadratic = square(vehicle.linear_damping, 6), square(vehicle.quadratic_damping, 6)
@@ -69,11 +69,11 @@ def _drags(vehicle: Vehicle) -> list[Drag]:
 
 
 class Pilot:
-    """Controller, allocation and thruster curves of one vehicle, with the deadman in front.
+    """Controller, allocation and thruster curves of one vehicle, with a deadman timeout.
 
-    Feedback comes from the sensors only: attitude and rates from "imu", whose mounting it knows, position and velocity
-    from "odom", depth from "pressure", each held until its next sample. A buoyancy engine is left neutral, weights
-    aboard.
+    Feedback comes from the sensors only: attitude and rates from "imu", corrected for its mounting; position and
+    velocity from "odom"; depth from "pressure". Each value is used until the next sample. A buoyancy engine is left
+    neutral and drop weights stay aboard.
     """
 
     def __init__(
@@ -90,7 +90,8 @@ class Pilot:
         self.controller: Controller = CascadedController(gains, self._inertia, _drags(vehicle))
         self._pulse_finders = [pulse_finder(thruster) for thruster in vehicle.thrusters]
         self._allocator = Allocator(
-            wrench_matrix(vehicle, torque=False),  # which the roll loop meets, not a trade of thrust against roll
+            # Roll torque of the propellers is left out: the roll loop compensates it, better than by less thrust.
+            wrench_matrix(vehicle, torque=False),
             [thruster.max_forward for thruster in vehicle.thrusters],
             [thruster.max_reverse for thruster in vehicle.thrusters],
         )
@@ -112,7 +113,7 @@ class Pilot:
         self.deadman_trips = 0
 
     def steer_by_fins(self, gains: Gains, table: dict[str, Any], where: str, density: float) -> None:
-        """Move as a vehicle with fins has to, by `[control.fins]`, in water of `density` kg/m³. Raises ConfigError."""
+        """Use the controller for fins, with table [control.fins], in water of `density` kg/m³. Raises ConfigError."""
         from hil.autonomy.control.fin_control import FinAllocator, FinController, FinGains
         from sim.vehicle.fins import fin_matrix
 
@@ -166,7 +167,7 @@ class Pilot:
         return ThrusterCommand(sequence, True, pwm + self._neutral[len(pwm) :]), False
 
     def _pulses_for(self, command: Setpoint, dt: float) -> tuple[int, ...]:
-        """Return the pulses (us) that obey a setpoint for the next `dt` s."""
+        """Return the pulse widths (us) that carry out a setpoint for the next `dt` seconds."""
         if isinstance(command, VelocityCommand):
             return self._allocate_wrench(self._steer(command, dt))
         if isinstance(command, PoseSetpoint):
@@ -174,17 +175,17 @@ class Pilot:
 
             own = heading_of(self._attitude)
             return self._allocate_wrench(self._steer(approach(*command.pose, self.position, own), dt))
-        self.reset()  # no loop is closed: there is nothing to integrate
+        self.reset()  # open loop: nothing to integrate
         if isinstance(command, WrenchSetpoint):
             return self._allocate_wrench(command.wrench)
         return self._thrust_to_pwm(command.thrusts)
 
     def _steer(self, command: VelocityCommand, dt: float) -> Wrench:
-        """Return the wrench (N, N m, along FRD) that makes the vehicle move so, for the next `dt` seconds."""
+        """Return the wrench (N, N m, along FRD) that follows a velocity command for the next `dt` seconds."""
         return self.controller.update(command, self.navigation, dt, self._residual)
 
     def _allocate_wrench(self, wrench: Wrench) -> tuple[int, ...]:
-        """Return the pulses (us) of thrusters and fins that give this wrench, or as nearly so as they can."""
+        """Return the pulse widths (us) of thrusters and fins that give this wrench, or the nearest one they can."""
         thrusts, self._residual = self._allocator.allocate(wrench)
         pwm = self._thrust_to_pwm(thrusts)
         if self._fin_allocator is not None:
@@ -193,15 +194,15 @@ class Pilot:
         return pwm
 
     def _thrust_to_pwm(self, thrusts: Sequence[float]) -> tuple[int, ...]:
-        """Return the pulses (us) with which the thrusters give these thrusts (N), each within its limits."""
+        """Return the pulse widths (us) for these thrusts (N), each limited to what its thruster can give."""
         return tuple([find(thrust) for find, thrust in zip(self._pulse_finders, thrusts, strict=True)])
 
     def reset(self) -> None:
-        """Reset the controller."""
+        """Reset the controller's integrators and states."""
         self.controller.reset()
         self._residual = NO_RESIDUAL
 
     def next_sequence(self) -> int:
-        """Return the number of the next command on the thruster link."""
+        """Return the sequence number of the next command on the thruster link."""
         self._sequence = (self._sequence + 1) & 0xFFFF
         return self._sequence

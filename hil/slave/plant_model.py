@@ -1,4 +1,4 @@
-"""Make the model that controllers use out of a vehicle's file."""
+"""Convert a vehicle's parameters to the plant model that controllers use."""
 
 from hil.autonomy.control.controller import Wrench
 from hil.autonomy.control.model import Plant
@@ -7,9 +7,9 @@ from sim.vehicle.vehicle import Vehicle, displaced_volume, mass_matrix
 
 
 def plant_of(vehicle: Vehicle, density: float, gravity: float) -> Plant:
-    """Return the model of `vehicle`, in water of `density` kg/m³ under `gravity` m/s².
+    """Return the plant model of `vehicle` in water of `density` kg/m³ under `gravity` m/s².
 
-    Of full matrices the diagonal.
+    Only the diagonals of full matrices are used.
     """
     x, y, z, *_ = _diagonal(square(vehicle.added_mass, 6))
     return Plant(

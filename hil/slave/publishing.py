@@ -1,7 +1,7 @@
 """The thread that publishes for the real-time loop, which never calls the network itself.
 
-The library's routing lock can hold a publishing thread for a second, as when a peer that had declared thousands of
-subscriptions leaves. So the loop only appends calls, with references to its samples, to a bounded ring.
+The network library's routing lock can block a publishing thread for a second, for example when a peer with thousands
+of subscriptions leaves. So the loop only appends calls, with references to its samples, to a bounded queue.
 """
 
 import threading
@@ -9,23 +9,23 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-DEPTH = 1024  # calls that may wait: three seconds of the usual sensors
-RECORDED_DEPTH = 16 * DEPTH  # of a slave that records itself: a recording with gaps cannot be repeated
+DEPTH = 1024  # calls that may wait: about 3 s of the default sensors
+RECORDED_DEPTH = 16 * DEPTH  # for a slave that records itself: a run cannot be repeated from a recording with gaps
 CLOSE_WITHIN_S = 1.0
 
 Call = Callable[..., None]
 
 
 class PublishingThread:
-    """Make calls in the order in which they were appended, in a thread of its own.
+    """Make calls in the order in which they were appended, in a separate thread.
 
-    At most `depth` wait; beyond it the oldest are dropped, and counted in `dropped`. What a call raises ends the
-    thread, and is raised by the next `wake`.
+    At most `depth` calls wait; beyond it the oldest are dropped and counted in `dropped`. If a call raises an
+    exception, the thread ends and the next `wake` raises it.
     """
 
     def __init__(self, depth: int = DEPTH) -> None:
         self._waiting: deque[tuple[Call, tuple[Any, ...]]] = deque(maxlen=depth)  # its append and popleft are atomic
-        self._idle = threading.Lock()  # locked while nobody has woken the thread since it looked last
+        self._idle = threading.Lock()  # released to wake the thread, which acquires it to wait
         self._idle.acquire()
         self._closing = False
         self._failure: Exception | None = None
@@ -34,16 +34,16 @@ class PublishingThread:
         self._thread.start()
 
     def append(self, call: Call, *arguments: Any) -> None:
-        """Let `call(*arguments)` be made after the next `wake`. Never waits."""
+        """Add `call(*arguments)`, to be made after the next `wake`. Never waits."""
         waiting = self._waiting
         if len(waiting) == waiting.maxlen:
             self.dropped += 1
         waiting.append((call, arguments))
 
     def wake(self) -> None:
-        """Let the thread make what waits. From one thread: once a step of the loop, as each wake-up costs time.
+        """Let the thread make the waiting calls. Use from one thread, once a step, as each wake-up costs time.
 
-        Raises what a call has raised.
+        Raises the exception that a call has raised.
         """
         if self._waiting and self._idle.locked():
             self._idle.release()
@@ -51,7 +51,7 @@ class PublishingThread:
             raise self._failure
 
     def close(self) -> None:
-        """End the thread once it has made what waits, or after CLOSE_WITHIN_S. The loop must have ended."""
+        """Wait up to CLOSE_WITHIN_S for the waiting calls, and end the thread. The loop must have ended."""
         self._closing = True
         if self._idle.locked():
             self._idle.release()
@@ -65,5 +65,5 @@ class PublishingThread:
                 while waiting:
                     call, arguments = waiting.popleft()
                     call(*arguments)
-        except Exception as error:  # noqa: BLE001 - whatever it is, the loop ends with it
+        except Exception as error:  # noqa: BLE001 - any error has to end the loop
             self._failure = error

@@ -1,4 +1,4 @@
-"""Report why a slave does not reach its router. Loaded when the vehicle is ready, only where there is a router."""
+"""Report why a slave cannot reach its router. Loaded after the vehicle is ready, if a router is configured."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ PERIOD_S = 2.0
 
 
 def watch_router(session: Session, router: str, security: "Security | None", report: Callable[[str], None]) -> None:
-    """Report why the `router` is not reached, whenever that changes, in a thread."""
+    """Report, from a thread, why the `router` is not reached, whenever the reason changes."""
     port, folder = split_endpoint(router)[2], security.folder("slave") if security else ""
     reported = ""
 

@@ -1,4 +1,4 @@
-"""Watch a run for events: contacts, capsizing, depth, loss of the thruster link."""
+"""Detect events of a run: contacts, capsizing, depth violations, loss of the thruster link."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -12,22 +12,22 @@ if TYPE_CHECKING:
 
 
 class RunWatch:
-    """Check a vehicle for events every PERIOD_NS of its time, from the loop; the simulation records contacts.
+    """Check a vehicle for events every PERIOD_NS of simulation time, in the loop. Contacts are recorded elsewhere.
 
-    What it finds is in the `events` of the simulation, and `report` gets a line when one begins. A depth is judged by
-    what was asked of the vehicle itself: of one that is moved by velocities, as by `uuv-hil master`, the master knows.
+    Events are stored in the simulation's `events`; `report` gets a line when one begins. The depth is compared with
+    depth commands to the vehicle only: a vehicle that is driven by velocities, as by `uuv-hil master`, has none.
     """
 
     def __init__(
         self, simulation: Simulation, driver: "ThrusterDriver", pilot: Pilot | None, report: Callable[[str], None]
     ) -> None:
         self._simulation, self._driver, self._pilot, self._report = simulation, driver, pilot, report
-        self._monitor: RunMonitor | None = None  # from the first look on
+        self._monitor: RunMonitor | None = None  # made by the first check
         self._losses = 0
-        self.due_ns = 0  # of simulation time
+        self.due_ns = 0  # simulation time
 
     def check(self) -> None:
-        """Judge the present state."""
+        """Check the present state."""
         simulation, driver = self._simulation, self._driver
         vehicle = simulation.vehicle
         monitor = self._monitor or RunMonitor(simulation.events, vehicle.capsize_tilt, 0.5 * vehicle.dimensions[2])
@@ -36,7 +36,7 @@ class RunWatch:
         self.due_ns = now + PERIOD_NS
         position = state.position
         monitor.observe(now, position, state.quaternion, self._pilot.requested_depth if self._pilot else None)
-        if driver.lost or driver.losses != self._losses:  # it may have come back since the last look
+        if driver.lost or driver.losses != self._losses:  # also if it was lost and came back since the last check
             self._losses = driver.losses
             monitor.log.hold("link_lost", now, now, position, "the thruster link")
         elif driver.is_silent:

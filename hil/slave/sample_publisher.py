@@ -17,24 +17,27 @@ from hil.ros.graph import Identity, Node
 from hil.ros.topics import TOPICS, sample_topics
 from hil.slave.publishing import PublishingThread
 
-LARGE = BATCH - 1024  # bytes; a longer message may go out in parts, and wait for room for each
+LARGE = BATCH - 1024  # bytes; a longer message may be sent in fragments, each of which may have to wait
 
 
 def _call(call: Callable[..., None], *arguments: Any) -> None:
-    """Make a call in the thread that asks for it."""
+    """Make a call in the caller's own thread."""
     call(*arguments)
 
 
 class SamplePublisher:
     """Publish the samples of the slave as one node.
 
-    `epoch_ns` is the wall time (ns since 1970) of simulation time 0 to begin with; `stamps` has what messages are
-    stamped with. `prefix` is set before the names of its frames; `excluded_topics` are left out; `variances` are
-    those of `sim.sensors.spread`; `of` is the node in another process for which this one speaks. `graph` is the node as
-    ROS sees it. With a `thread` that one publishes, and no method waits for the network but `diagnostics`, which is not
-    for the loop. Without one the caller publishes, and waits for a slow network if it `waits`. Without
-    subscribers nothing is sent, but for latched topics; a sample is not even encoded before it is requested. With
-    `sends_all` everything is sent.
+    `epoch_ns` is the initial wall time (ns since 1970) of simulation time 0; `stamps` converts simulation time to
+    message stamps. `prefix` begins the frame names. `excluded_topics` are not published. `variances` are those of
+    `sim.sensors.spread`. `of` is the identity of a node in another process, whose samples this one publishes. `graph`
+    is the node in the ROS graph.
+
+    With a `thread`, that thread publishes, and no method waits for the network except `diagnostics`, which the loop
+    must not call. Without one the caller publishes, and waits for a slow network if `waits` is true.
+
+    Without subscribers nothing is sent, except on latched topics; a sample is not even encoded until it is requested.
+    With `sends_all` everything is sent.
     """
 
     sends_all = False
@@ -58,27 +61,27 @@ class SamplePublisher:
         self._prefix = prefix
         self._excluded_topics = excluded_topics
         self._variances = variances
-        self._whole = sys.maxsize if waits else LARGE  # bytes that are sent at once
+        self._whole = sys.maxsize if waits else LARGE  # bytes; longer messages are sent in the background
         self.stamps = Stamps(epoch_ns)
         self.graph = Node(session, node, of)
-        self._publishers: dict[str, Publisher] = {}  # of the topics there was something to say on so far
-        self._outlets: dict[str, list[Publisher]] = {}  # by the simulator's name for a sample: where it goes out
-        self._made: set[str] = set()  # names of samples of which one was made into messages
-        self._unsent: dict[str, tuple[Any, int]] = {}  # the newest of those without subscribers, and when it came
+        self._publishers: dict[str, Publisher] = {}  # topic -> publisher, for topics used so far
+        self._outlets: dict[str, list[Publisher]] = {}  # the simulator's name of a sample -> its publishers
+        self._made: set[str] = set()  # names of samples that have been encoded at least once
+        self._unsent: dict[str, tuple[Any, int]] = {}  # newest sample without subscribers, and its time (ns)
 
     def declare(self, names: Iterable[str]) -> None:
-        """Declare the publishers of samples with these names, so that ROS sees their topics before the first one."""
+        """Declare the publishers for samples with these names, so that ROS sees their topics from the start."""
         self._defer(self._declare_outlets, tuple(names))
 
     def sample(self, topic: str, sample: Any) -> bool:
-        """Publish one sensor sample (NED, FRD) under the simulator's name for it; False if it has no subscribers."""
+        """Publish a sensor sample (NED, FRD) with the simulator's name for it; False if it has no subscribers."""
         received_ns = now_ns()
         outlets = self._outlets.get(topic)
         for publisher in outlets or ():
             if publisher.has_subscribers:
                 break
         else:
-            if topic in self._made:  # the first is made into messages, heard or not: one of the user's own may be wrong
+            if topic in self._made:  # the first sample is always encoded, to find errors of a user's own sensor
                 self._unsent[topic] = sample, received_ns
                 return False
         self._unsent.pop(topic, None)
@@ -89,40 +92,40 @@ class SamplePublisher:
         """Encode the stored samples, for late joiners that request the last messages; called in another thread."""
         for topic in list(self._unsent):
             sample, received_ns = self._unsent.pop(topic, (None, 0))
-            if sample is None:  # there was a newer one, which has been sent
+            if sample is None:  # a newer one was sent meanwhile
                 continue
-            with suppress(ConfigError):  # of a user's own sensor; told when it is to be sent
+            with suppress(ConfigError):  # from a user's own sensor; reported when a sample is sent
                 for name, payload in self._messages(topic, sample, self.stamps.stamp(sample.time_ns)):
                     self._publishers[name].store_last(payload, to_wall_ns(received_ns))
 
     def trace(self, instants: tuple[int, ...]) -> None:
-        """Publish the instants of one command's way, see `hil.slave.loop.Trace`."""
+        """Publish the times of one command, see `hil.slave.loop.Trace`."""
         self._defer(self._send_trace, instants)
 
     def diagnostics(self, name: str, level: int, message: str, values: dict[str, str]) -> None:
-        """Publish the state of health, here and now; `level` 0 ok, 1 warning, 2 error."""
+        """Publish the health status in the caller's thread; `level`: 0 ok, 1 warning, 2 error."""
         now = self.stamps.wall_ns(now_ns())
         self._send("diagnostics", ros.encode_diagnostics(now, [(name, level, message, values)]), now_ns())
-        if self.has_subscribers(("/diagnostics",)):  # where tools of ROS look for those of all nodes
+        if self.has_subscribers(("/diagnostics",)):  # the topic on which ROS tools expect all nodes
             status = f"{self._node}: {name}", level, message, values
             self._send("/diagnostics", ros.encode_diagnostics(now, [status]), now_ns())
 
     def put(self, name: str, payload: bytes) -> None:
-        """Publish a message on a topic of `hil.ros.topics`; it is stored if there are no subscribers."""
+        """Publish a message on a topic of `hil.ros.topics`; without subscribers it is stored as the last one."""
         self._defer(self._send, name, payload, now_ns())
 
     def wake_publisher(self) -> None:
-        """Let the thread publish what it was given; once a step. Raises ConfigError of a sample that is none."""
+        """Let the thread publish what is queued; call once a step. Raises ConfigError for an invalid sample."""
         if self._thread:
             self._thread.wake()
 
     @property
     def dropped(self) -> int:
-        """Number of samples and messages that were dropped because the network blocked the publishing thread."""
+        """Number of samples and messages dropped because the network blocked the publishing thread."""
         return self._thread.dropped if self._thread else 0
 
     def has_subscribers(self, names: Sequence[str]) -> bool:
-        """Return whether one of these topics has subscribers, or may have: it is not declared yet."""
+        """Return whether one of these topics has subscribers, or is not declared yet and so may have some."""
         publishers = [self._publishers.get(name) for name in names]
         return any(publisher is None or publisher.has_subscribers for publisher in publishers)
 
@@ -132,16 +135,16 @@ class SamplePublisher:
         return sum([publisher.sequence for publisher in list(self._publishers.values())])
 
     def _send_sample(self, topic: str, sample: Any, stamp_ns: int, received_ns: int) -> None:
-        """Send the messages of a sample with this stamp (ns since 1970), which came at that instant (monotonic ns)."""
+        """Send the messages of a sample. `stamp_ns`: ns since 1970. `received_ns`: monotonic time of the sample."""
         messages = self._messages(topic, sample, stamp_ns)
         self._made.add(topic)
-        if topic not in self._outlets:  # it was not declared: its first messages show on which topics it goes out
+        if topic not in self._outlets:  # not declared: the first messages show its topics
             self._outlets[topic] = [self._publishers.get(name) or self._declare(name) for name, _ in messages]
         for name, payload in messages:
             self._send(name, payload, received_ns)
 
     def _send_trace(self, instants: tuple[int, ...]) -> None:
-        self._send("trace", ros.encode_int64_array(instants), now_ns())  # a clock exchange: it is sent when it leaves
+        self._send("trace", ros.encode_int64_array(instants), now_ns())  # time of sending: used to compare clocks
 
     def _send(self, name: str, payload: bytes, received_ns: int) -> None:
         publisher = self._publishers.get(name) or self._declare(name)
@@ -153,7 +156,7 @@ class SamplePublisher:
             publisher.store_last(payload, to_wall_ns(received_ns))
 
     def _messages(self, topic: str, sample: Any, stamp_ns: int) -> list[tuple[str, bytes]]:
-        # What sample._replace(time_ns=...) gives, at half its price: each begins with its time.
+        # Same result as sample._replace(time_ns=...), in half the time: the first field of each sample is time_ns.
         stamped = tuple.__new__(type(sample), (stamp_ns, *sample[1:]))
         messages = ros.encoder(topic)(stamped, self._prefix, *self._variances.get(topic, ()))
         return [message for message in messages if message[0] not in self._excluded_topics]

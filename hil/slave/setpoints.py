@@ -21,14 +21,14 @@ class PoseSetpoint(NamedTuple):
 
 
 class WrenchSetpoint(NamedTuple):
-    """A wrench X Y Z (N) and K M N (N m) along FRD, within what the thrusters can do."""
+    """A wrench X Y Z (N), K M N (N m) along FRD; limited to what the thrusters can give."""
 
     wrench: tuple[float, float, float, float, float, float]
     depth: None = None
 
 
 class ThrustSetpoint(NamedTuple):
-    """A thrust (N) of each thruster, within its limits."""
+    """One thrust (N) for each thruster, limited to what it can give."""
 
     thrusts: Sequence[float]
     depth: None = None

@@ -1,9 +1,9 @@
-"""Record what a slave publishes and receives, and what its run needs to be repeated bit by bit.
+"""Record what a slave publishes and receives, and what is needed to repeat its run bit by bit.
 
-A run is a function of the scenario, the seed, the pulses at each step and what is done to the vehicle by hand; the
-wall clock enters only by way of when that happens. So the topic "pulses" has, whenever they change, the number of the
-step from which they hold, and "events" that of the step before which it was put somewhere, or a thruster failed;
-"epochs" that of the step from which stamps count simulation time from another instant.
+A run is a function of the scenario, the seed, the pulse widths at each step, and manual changes to the vehicle; the
+wall clock affects only when these happen. Three topics record them, each with the number of the first step concerned:
+"pulses" when the pulse widths change, "events" when the vehicle is moved or a thruster fails, "epochs" when stamps
+continue from another epoch.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,14 +29,14 @@ Deliver = Callable[[str, bytes, bytes], None]
 class SlaveRecorder:
     """Record one slave into `folder`. `epoch_ns` is the wall time (ns since 1970) of simulation time 0.
 
-    Use as a context. Raises ConfigError, MissingExtraError.
+    Use as a context manager. Raises ConfigError, MissingExtraError.
     """
 
     def __init__(self, scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None]) -> None:
         options, self._node = scenario.recording, scenario.slave.node
         step_ns = clock.seconds_ns(scenario.slave.step)
         about, files = describe(scenario, "slave", board=board, epoch_ns=str(epoch_ns), step_ns=str(step_ns))
-        require_library()  # before there is a folder
+        require_library()  # before the folder is made
         self.folder = new_folder(self._node, options.folder)
         self._recorder = Recorder(self.folder, options, about, files, report)
         self._step_ns = step_ns
@@ -57,13 +57,13 @@ class SlaveRecorder:
         self._recorder.put(Message(topic.full_name(self._node), topic.type, sequence, now, now, payload))
 
     def record_received(self, deliver: Deliver) -> Deliver:
-        """Return `deliver` with recording of each message that it gets."""
+        """Return a function that passes each message to `deliver` and records it."""
 
         def receive(name: str, payload: bytes, attachment: bytes) -> None:
             now = to_wall_ns(now_ns())
             deliver(name, payload, attachment)
             topic, stamp = TOPICS.get(name), ros.unpack_attachment(attachment)
-            if topic is None:  # whatever it is, it was not obeyed
+            if topic is None:  # an unknown topic: the message was not used
                 return
             sequence, sent_ns = (stamp.sequence, stamp.time_ns) if stamp else (0, now)
             self._recorder.put(Message(topic.full_name(self._node), topic.type, sequence, sent_ns, now, payload))
@@ -71,7 +71,7 @@ class SlaveRecorder:
         return receive
 
     def step(self, time_ns: int, pulses: Sequence[int]) -> None:
-        """Record the pulses (us) of the step that begins at this simulation time, if they changed."""
+        """Record the pulse widths (us) of the step that begins at this simulation time, if they changed."""
         if tuple(pulses) == self._pulses:
             return
         self._pulses = tuple(pulses)
@@ -79,11 +79,11 @@ class SlaveRecorder:
         self.record_published(PULSES, ros.encode_int64_array([time_ns // self._step_ns, *pulses]), self._changes)
 
     def placed(self, time_ns: int, *pose: Sequence[float]) -> None:
-        """Record that the vehicle was placed somewhere at this simulation time: position, quaternion, nu."""
+        """Record that the vehicle was moved at this simulation time: position, quaternion, nu."""
         self._event(encode_place(time_ns // self._step_ns, *pose))
 
     def failed(self, time_ns: int, failures: Sequence[Failure]) -> None:
-        """Record that thrusters were made to fail, or repaired."""
+        """Record that thrusters failed or were repaired."""
         self._event(encode_failures(time_ns // self._step_ns, failures))
 
     def stamped(self, time_ns: int, epoch_ns: int) -> None:
@@ -96,13 +96,13 @@ class SlaveRecorder:
         self.record_published(EVENTS, payload, self._events)
 
     def sample_publisher(self, *arguments: Any, **options: Any) -> SamplePublisher:
-        """Return an sample_publisher that is recorded."""
+        """Return a sample publisher whose messages are recorded."""
         sample_publisher = _RecordedSamplePublisher(*arguments, **options)
         sample_publisher.recorder = self
         return sample_publisher
 
     def loop(self, *arguments: Any) -> Loop:
-        """Return a loop whose pulses are recorded, and what is done to its vehicle."""
+        """Return a loop that records its pulse widths and the manual changes to its vehicle."""
         loop = _RecordedLoop(*arguments)
         loop.recorder = self
         return loop
@@ -111,7 +111,7 @@ class SlaveRecorder:
 def open_recorder(
     scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None], stack: ExitStack
 ) -> SlaveRecorder:
-    """Return the recorder of a slave, closed with `stack`; `report` is called with where it is.
+    """Return the recorder of a slave, to be closed by `stack`; `report` gets its folder.
 
     Raises ConfigError, MissingExtraError.
     """
@@ -133,22 +133,22 @@ class _RecordedLoop(Loop):
     recorder: SlaveRecorder
 
     def advance(self, steps: int) -> None:
-        """Advance step by step and record the pulses of each; nothing changes them meanwhile."""
+        """Advance step by step and record the pulse widths of each, which do not change during the call."""
         for _ in range(steps):
             self.recorder.step(self.simulation.time_ns, self.pwm_us)
             super().advance(1)
 
     def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
-        """Put the vehicle somewhere, and note it."""
+        """Set the vehicle's state and record it."""
         super().place(position, quaternion, nu)
         self.recorder.placed(self.simulation.time_ns, position, quaternion, nu)
 
     def stamp(self, epoch_ns: int) -> None:
-        """Begin an epoch, and note it."""
+        """Begin an epoch of the stamps and record it."""
         super().stamp(epoch_ns)
         self.recorder.stamped(self.simulation.time_ns, epoch_ns)
 
     def fail(self, *failures: Failure) -> None:
-        """Let thrusters fail, and note it."""
+        """Apply failures and record them."""
         super().fail(*failures)
         self.recorder.failed(self.simulation.time_ns, failures)

@@ -1,7 +1,7 @@
 """Start a program from a process with a real-time loop.
 
-`os.posix_spawn` and `subprocess` keep the interpreter to themselves until the child has begun, which on a busy machine
-takes as long as the child waits for a processor. The same call through ctypes lets the other threads go on.
+`os.posix_spawn` and `subprocess` hold the interpreter lock until the child has begun, which takes long on a busy
+machine. The same call through ctypes releases the lock, so that the other threads continue.
 """
 
 import ctypes
@@ -12,13 +12,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 
-END_WITHIN_S, LOOK_S = 5.0, 0.01  # of a program that is to end, and between two looks whether it has
+END_WITHIN_S, LOOK_S = 5.0, 0.01  # time for a program to end after SIGTERM; polling period meanwhile
 _SETSID = 0x80  # POSIX_SPAWN_SETSID
-_ROOM = 1024  # bytes; glibc's and musl's structures have up to 336
+_ROOM = 1024  # bytes; the structures of glibc and musl need up to 336
 
 
 def spawn(arguments: Sequence[str], environment: Mapping[str, str], ends: Sequence[int]) -> int:
-    """Start a program in a session of its own, the descriptors `ends` as its 0, 1, 2, ...; its pid.
+    """Start a program in a new session, with the descriptors `ends` as its 0, 1, 2, ...; return its pid.
 
     Raises OSError.
     """
@@ -45,12 +45,12 @@ def _texts(words: Sequence[str]) -> "ctypes.Array[ctypes.c_char_p]":
 
 
 def start_program(*arguments: str) -> Callable[[], None]:
-    """Start `uuv-hil ARGUMENTS` beside the slave, with its output; return what ends it.
+    """Start `uuv-hil ARGUMENTS` as a child process with the slave's output; return a function that ends it.
 
-    It ends with this process too, whatever ends that; one that does not end when asked is killed. Raises OSError.
+    The child also ends when this process ends, for whatever reason. If it ignores SIGTERM it is killed. Raises OSError.
     """
     from hil.common import lifeline
-    from hil.common.children import module_command, open_lifeline  # few slaves start anything
+    from hil.common.children import module_command, open_lifeline  # most slaves start no program
 
     ends = (os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC), 1, 2, open_lifeline())
     try:

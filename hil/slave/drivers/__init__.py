@@ -1,1 +1,1 @@
-"""STM32 drivers as the slave sees them: in its own process, or at the far end of a link."""
+"""Drivers of the STM32: one in the slave's own process, or one at the far end of a link."""

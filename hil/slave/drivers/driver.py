@@ -1,11 +1,12 @@
 """The interface between the slave and an STM32: commands go in, telemetry with pulse widths comes out.
 
-"python"   the firmware's Python twin in this process; on its own frame its C, where that was compiled
-"unicorn"  the firmware's own image on an emulated STM32F405 in this process
-"process"  the Python twin in a process of its own
-"native"   the firmware in C as a process of this machine
-"qemu"     the firmware's own image on QEMU's STM32F405
-"device"   a real STM32; the pulse widths are what its telemetry says it applies
+Kinds of STM32, as named in the scenario:
+"python"   the Python version of the firmware in this process; for its own frame protocol the C one, if compiled
+"unicorn"  the firmware's binary image on an emulated STM32F405 in this process
+"process"  the Python version in its own process
+"native"   the firmware in C, compiled for this machine, in its own process
+"qemu"     the firmware's binary image on QEMU's STM32F405
+"device"   a real STM32; its telemetry reports the pulse widths that it applies
 """
 
 import select
@@ -21,7 +22,7 @@ from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetr
 from hil.scenario.records import Link
 from hil.slave.drivers.ends import Ends
 
-# the word in the scenario -> the driver, and what opens its link
+# kind -> module, driver class, function that opens its link
 DRIVERS = {
     "python": ("hil.slave.drivers.in_process", "InProcessDriver", "open_python"),
     "unicorn": ("hil.slave.drivers.in_process", "InProcessDriver", "open_unicorn"),
@@ -30,23 +31,25 @@ DRIVERS = {
     "qemu": ("hil.slave.drivers.external", "ExternalDriver", "open_qemu"),
     "device": ("hil.slave.drivers.external", "ExternalDriver", "open_device"),
 }
-STARTED = ("process", "native", "qemu")  # those for which a process is started
-# At the end the neutral command is repeated so often, and the STM32 has so long to confirm it: on a busy machine what
-# carries bytes through a pty, or plays the STM32, waits for the processor. One that does not answer has less time.
+STARTED = ("process", "native", "qemu")  # kinds for which a process is started
+# At shutdown, the neutral command is repeated at this period until the STM32 confirms it or a timeout ends. The long
+# timeout is for a busy machine, where the pty's carrier or the simulated STM32 waits for the processor. The short one
+# is for an STM32 that does not answer.
 REPEAT_NS, CONFIRM_NS, SETTLE_NS = NS_PER_S // 20, NS_PER_S, NS_PER_S // 10
-CHECK_NS = NS_PER_S // 100  # between two looks while they settle, and while a link is opened again
-RETRY_S = 0.25  # between two attempts to open a link that went away
-# An attempt under way is waited for so long at the end: what it holds ends with us, but for a process it has started.
+CHECK_NS = NS_PER_S // 100  # polling period during shutdown and while a link is reopened
+RETRY_S = 0.25  # between two attempts to reopen a lost link
+# How long `close` waits for an attempt to reopen. What the attempt holds ends with this process, except for a process
+# that it has started; that one needs time to be ended.
 WIRE_END_S, PROCESS_END_S = 0.1, 20.0
-SILENT_NS = NS_PER_S // 2  # without any answer to commands: then the STM32 counts as silent
+SILENT_NS = NS_PER_S // 2  # without any answer to commands; after this the STM32 counts as silent
 
 Report = Callable[[str], None]
 
 
 class _Opening:
-    """A thread that closes a lost link and opens it again until that works.
+    """A thread that closes a lost link and tries to open it again until it succeeds.
 
-    The loop cannot: a connection, the name of a machine or the start of a process may take seconds.
+    The loop cannot do this itself: to connect, to resolve a host name or to start a process may take seconds.
     """
 
     def __init__(self, lost: Ends, open_ends: Callable[[], Ends]) -> None:
@@ -54,16 +57,17 @@ class _Opening:
         self._opened: Ends | None = None
         self._canceled = threading.Event()
         self._handing_over = threading.Lock()
-        # As real-time as the loop that makes it, and so then is a process that it starts, as the lost one was.
+        # The thread inherits the loop's real-time priority, and so does a process that it starts, as at the first
+        # start.
         self._thread = threading.Thread(target=self._run, name="thruster link", daemon=True)
         self._thread.start()
 
     def opened_ends(self) -> Ends | None:
-        """Return the link, once it is open."""
+        """Return the link once it is open; None before."""
         return None if self._thread.is_alive() else self._opened
 
     def cancel(self, patience_s: float) -> None:
-        """Open none any more; what is being opened is closed as soon as it comes, which is waited for so long."""
+        """Stop trying. A link that is still being opened is closed when it is open; wait `patience_s` for that."""
         with self._handing_over:
             self._canceled.set()
         if self._opened:
@@ -71,12 +75,12 @@ class _Opening:
         self._thread.join(patience_s)
 
     def _run(self) -> None:
-        with suppress(HilError, OSError):  # what is lost may not even close
+        with suppress(HilError, OSError):  # even the closing of a lost link may fail
             self._lost.close()
         while not self._canceled.wait(RETRY_S):
             try:
                 opened = self._open()
-            except (HilError, OSError):  # it has been reported; the reason may change, the remedy does not
+            except (HilError, OSError):  # the loss was reported already; the retry is the only remedy
                 continue
             with self._handing_over:
                 if not self._canceled.is_set():
@@ -86,18 +90,18 @@ class _Opening:
 
 
 class ThrusterDriver(ABC):
-    """The STM32 at the end of the slave's link, which may go away: it is opened again until that works.
+    """The STM32 at the end of the slave's link. A link that is lost is reopened until that succeeds.
 
-    `open_ends` opens the link; an STM32 that gets no command goes to neutral after `watchdog_ns`. `report` is called
-    once when the link is lost, with the reason, and once when it is back; likewise for an STM32 that does not answer.
-    `end_s`: how long `close` waits for an attempt to open it that is under way.
+    `open_ends` opens the link. An STM32 that gets no command goes to neutral after `watchdog_ns`. `report` is called
+    once when the link is lost, with the reason, and once when it is back; likewise when the STM32 stops and resumes
+    answering. `close` waits up to `end_s` seconds for an attempt to reopen the link.
 
-    `pwm_us` is what the thrusters get since the last `service`: neutral while there is no link, which is what the
-    STM32's watchdog does with a silent one. `descriptors` is what to wait on for incoming bytes: another list once the
-    link is lost or back. `port` and `host` are those of the link there is, or was last, see `Ends`; `children` the
-    process ids that belong to it; `losses` how often it has gone away, `lost` whether it is away; `is_silent` whether
-    the STM32 does not answer although its link is there; `command_ns` when (monotonic) its outputs last took a command,
-    0 where that is not known: it is for an STM32 in this process.
+    Attributes: `pwm_us`: pulse widths of the thrusters since the last `service`; neutral while the link is lost,
+    because the STM32's watchdog then stops the thrusters. `descriptors`: what to wait on for incoming bytes; a new list
+    when the link is lost or back. `port`, `host`: those of the current or last link, see `Ends`. `children`: ids of the
+    link's processes. `losses`: how often the link was lost; `lost`: whether it is lost now. `is_silent`: whether the
+    STM32 does not answer although the link is open. `command_ns`: when (monotonic) the outputs of an STM32 in this
+    process last applied a command; 0 for any other STM32.
     """
 
     command_ns = 0
@@ -123,22 +127,22 @@ class ThrusterDriver(ABC):
         self._neutral = self.pwm_us = (PWM_NEUTRAL_US,) * channels
         self._opening: _Opening | None = None  # while the link is lost
         self._lost_ns = self._check_ns = 0
-        self._requested_ns = 0  # when the first command was sent that has had no answer yet; 0 if there is none
+        self._requested_ns = 0  # when the first unanswered command was sent; 0 if there is none
         self._attach(open_ends())
 
     @property
     def wire(self) -> Wire | None:
-        """Our end of the link's wire, with its faults: the host's, else the device's; None if neither is ours."""
+        """Our wire of the link, with its fault counters: the host's, else the device's; None if neither is ours."""
         end = self.host or self._ends.device
         return end.wire if end else None
 
     @property
     def deadline_ns(self) -> int:
-        """Return when (monotonic ns) `service` has to be called even if no byte came."""
+        """Time (monotonic ns) at which `service` has to be called even if no byte has arrived."""
         return self._check_ns if self.lost else self._due_ns()
 
     def service(self, now: int) -> list[ThrusterTelemetry]:
-        """Do what is due at `now` (monotonic ns); the telemetry that has reached the host end."""
+        """Do what is due at `now` (monotonic ns); return the telemetry that has reached the host's end."""
         if self.lost and not self._reopened(now):
             return []
         try:
@@ -158,7 +162,7 @@ class ThrusterDriver(ABC):
         return telemetry
 
     def send(self, command: ThrusterCommand) -> None:
-        """Send `command` from the host's end, where that is ours; a command for a lost link is lost."""
+        """Send `command` from the host's end, which has to be ours; on a lost link it is dropped."""
         if self.lost:
             return
         self._requested_ns = self._requested_ns or now_ns()
@@ -172,14 +176,14 @@ class ThrusterDriver(ABC):
         """Return when (monotonic ns) the STM32 applied the command that this telemetry, received at `now`, echoes."""
 
     def close(self) -> None:
-        """Give the devices back, or open none any more."""
+        """Close the link, or stop trying to reopen it."""
         if self._opening:
             self._opening.cancel(self._end_s)
         else:
             self._ends.close()
 
     def _attach(self, ends: Ends) -> None:
-        """Begin with what has been opened."""
+        """Use a link that has just been opened."""
         self._ends = ends
         self.port, self.host = ends.port, ends.host
         self.children = (ends.process.pid,) if ends.process else ()
@@ -187,14 +191,14 @@ class ThrusterDriver(ABC):
 
     @abstractmethod
     def _due_ns(self) -> int:
-        """Return the deadline while the link is there."""
+        """Return the deadline (monotonic ns) while the link is open."""
 
     @abstractmethod
     def _exchange(self, now: int) -> list[ThrusterTelemetry]:
-        """Do what is due while the link is there, and set `pwm_us`. Raises DeviceError when it is lost."""
+        """Do what is due while the link is open, and set `pwm_us`. Raises DeviceError when the link is lost."""
 
     def _send(self, command: ThrusterCommand) -> None:
-        """Send while the link is there. Raises DeviceError when it is lost."""
+        """Send while the link is open. Raises DeviceError when the link is lost."""
         assert self.host is not None
         self.host.send(command)
 
@@ -223,10 +227,11 @@ class ThrusterDriver(ABC):
 
 
 def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, report: Report) -> ThrusterDriver:
-    """Return the STM32 of that kind (see the module) for so many channels. Raises DeviceError, MissingExtraError.
+    """Return the driver of an STM32 of that kind (see the module) with `channels` outputs.
 
-    With `host` false the host's end of the link is left to another program; only what runs in this process can
-    do that. `seed` is that of the link's faults, if it has any. `report` is called when the link goes and comes.
+    If `host` is false, another program uses the host's end of the link; only kinds in this process allow that. `seed`
+    is the seed of the link's faults. `report` is called when the link is lost or back.
+    Raises DeviceError, MissingExtraError.
     """
     module, driver, opener = DRIVERS[kind]
     driver_class: type[ThrusterDriver] = getattr(import_module(module), driver)
@@ -237,14 +242,15 @@ def open_driver(kind: str, link: Link, channels: int, host: bool, seed: int, rep
 
 
 def stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
-    """Disarm and wait up to 1 s until every thruster is neutral; return whether all are.
+    """Disarm the thrusters; wait up to 1 s until all are neutral; return whether they are.
 
-    Where the controller is ours, the STM32 has to say so: it may not be there, and a lost link counts as neutral. One
-    that is lost or silent, or obeys another program, is given 0.1 s. `sequence` is that of the first command.
+    With our own controller the STM32 has to confirm this by telemetry; a lost link counts as neutral, as the watchdog
+    stops the thrusters. The wait is 0.1 s if the STM32 is lost, silent, or commanded by another program. `sequence` is
+    the sequence number of the first command.
     """
     try:
         return _stop_thrusters(driver, sequence)
-    except DeviceError:  # the link is gone: the STM32's watchdog does it, unseen
+    except DeviceError:  # the link is lost: the STM32's watchdog stops the thrusters, but cannot confirm it
         return False
 
 
@@ -254,7 +260,7 @@ def _stop_thrusters(driver: ThrusterDriver, sequence: int) -> bool:
     began = send_ns = now_ns()
     while True:
         now = now_ns()
-        if driver.host and now >= send_ns:  # again and again: a command may be lost on its way
+        if driver.host and now >= send_ns:  # repeated, as a command may be lost
             driver.send(neutral)
             neutral = neutral._replace(sequence=neutral.sequence + 1 & 0xFFFF)
             send_ns = now + REPEAT_NS

@@ -1,4 +1,4 @@
-"""Both ends of an open thruster link, as far as they are the slave's, and how they are opened."""
+"""The ends of a thruster link that the slave has opened, and functions that open them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
@@ -12,13 +12,13 @@ from hil.scenario.records import Link
 
 
 class DeviceEnd(Protocol):
-    """The STM32's end of a link: firmware_stub's Stm32End, UnicornEnd; hil.slave.native's FirmwareEnd."""
+    """The STM32's end of a link: `Stm32End` and `UnicornEnd` of firmware_stub, `FirmwareEnd` of hil.slave.native."""
 
     wire: Wire
 
     @property
     def deadline_ns(self) -> int:
-        """Time (ns) at which `service` has to be called even if no byte came."""
+        """Monotonic time (ns) at which `service` has to be called even if no byte has arrived."""
 
     @property
     def pwm_us(self) -> Sequence[int]:
@@ -26,7 +26,7 @@ class DeviceEnd(Protocol):
 
     @property
     def command_ns(self) -> int:
-        """Monotonic time (ns) at which the outputs last took a command."""
+        """Monotonic time (ns) at which the outputs last applied a command."""
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
@@ -35,11 +35,11 @@ class DeviceEnd(Protocol):
         """Read commands, apply them, and answer."""
 
     def close(self) -> None:
-        """Outputs neutral, wire closed."""
+        """Set the outputs to neutral and close the wire."""
 
 
 class Process(Protocol):
-    """A process that plays an STM32: firmware_stub's Child, NativeStm32, QemuStm32."""
+    """A process that simulates an STM32: `Child`, `NativeStm32` or `QemuStm32` of firmware_stub."""
 
     pid: int
 
@@ -50,8 +50,9 @@ class Process(Protocol):
 class Ends(NamedTuple):
     """Open resources of one thruster link.
 
-    `port` is the path or address at which another program may command the thrusters, `host` the end that sends
-    commands, if that is ours, `device` the STM32's end if that is in this process, `process` another that plays it.
+    `port` is the path or address at which another program may command the thrusters. `host` is the end that sends
+    commands; None if another program does. `device` is the STM32's end if that is in this process. `process` is the
+    process that simulates the STM32, if there is one.
     """
 
     port: str
@@ -60,14 +61,14 @@ class Ends(NamedTuple):
     process: Process | None = None
 
     def close(self) -> None:
-        """Close the host's end first: what plays the STM32 is the last to go."""
+        """Close the host's end first and the simulated STM32 last."""
         for end in self[1:]:
             if end:
                 end.close()
 
 
 def end_protocol(link: Link, role: Role, channels: int) -> LinkProtocol:
-    """Return the protocol of the link for the end `role`. Raises ConfigError, MissingExtraError."""
+    """Return the link's protocol for the end `role`. Raises ConfigError, MissingExtraError."""
     if link.protocol != "frame":
         try:
             return open_protocol(link.protocol, role, channels, **link.options)
@@ -82,7 +83,7 @@ def end_protocol(link: Link, role: Role, channels: int) -> LinkProtocol:
 
 
 def check_line_rate(link: Link, channels: int, rate: float) -> None:
-    """Raise ConfigError if the link's line cannot carry `rate` commands a second. Loads nothing if it has no speed."""
+    """Raise ConfigError if the link is too slow for `rate` commands a second. Imports nothing if it has no speed."""
     address = parse_address(link.port)
     if link.faults is None and address.kind not in ("uart", "rs485", "can"):
         return
@@ -95,7 +96,7 @@ def check_line_rate(link: Link, channels: int, rate: float) -> None:
 
 
 def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
-    """Return `wire` with the faults that the scenario has for the link."""
+    """Return `wire` with the scenario's link faults; unchanged if it has none."""
     if link.faults is None:
         return wire
     from hil.links.wires.faults import FaultyWire
@@ -104,7 +105,7 @@ def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
 
 
 def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
-    """Return the host's end of the link, with its faults, on `wire`, which is closed if that cannot be.
+    """Return the host's end of the link on `wire`, with the link's faults. On an error `wire` is closed.
 
     Raises ConfigError, DeviceError, MissingExtraError.
     """
@@ -116,5 +117,5 @@ def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
 
 
 def telemetry_of(link: ThrusterLink) -> list[ThrusterTelemetry]:
-    """Return the telemetry among what has come in. Raises DeviceError."""
+    """Return the telemetry messages that have arrived. Raises DeviceError."""
     return [message for message in link.receive() if isinstance(message, ThrusterTelemetry)]

@@ -1,4 +1,4 @@
-"""Drive an STM32 that is reached through its link only: a real one, or the firmware in another process."""
+"""Drive an STM32 that is reached only through its link: a real one, or the firmware in another process."""
 
 import os
 from collections.abc import Callable
@@ -14,23 +14,23 @@ from hil.slave.drivers.ends import Ends, Process, host_end, telemetry_of
 
 
 class _InFolder:
-    """A process, and a folder that is removed when it has ended."""
+    """A process with a scratch folder that is removed after the process has ended."""
 
     def __init__(self, process: Process, folder: ScratchFolder) -> None:
         self.pid = process.pid
         self._process, self._folder = process, folder
 
     def close(self) -> None:
-        """End it."""
+        """End the process and remove the folder."""
         self._process.close()
         self._folder.close()
 
 
 class ExternalDriver(ThrusterDriver):
-    """Driver of an STM32 at the other end of a wire: a real one, or a process that stands for it.
+    """Driver of an STM32 at the other end of a wire: a real one, or a process that simulates it.
 
-    Silent for longer than its watchdog, it is taken to have gone to neutral, which is what the watchdog
-    does. `applied_ns` is an upper bound: it includes the way of the telemetry back.
+    If no telemetry arrives for the watchdog time, the outputs count as neutral, because the STM32's watchdog stops
+    them. `applied_ns` is an upper bound: it includes the transport time of the telemetry.
     """
 
     host: ThrusterLink
@@ -45,11 +45,11 @@ class ExternalDriver(ThrusterDriver):
         self._received_ns = now_ns()
 
     def _due_ns(self) -> int:
-        """Monotonic time (ns) at which the watchdog expires or the protocol has something to send."""
+        """Return the monotonic time (ns) at which the watchdog expires or the protocol has something to send."""
         return min(self._received_ns + self._watchdog_ns, self.host.deadline_ns)
 
     def _exchange(self, now: int) -> list[ThrusterTelemetry]:
-        """Read telemetry, or notice its absence."""
+        """Read telemetry, or detect that none has arrived for the watchdog time."""
         self.host.tick(now)
         received = [t for t in telemetry_of(self.host) if len(t.pwm_us) == len(self._neutral)]
         for telemetry in received:
@@ -60,12 +60,12 @@ class ExternalDriver(ThrusterDriver):
             self._received_ns = now
         elif now - self._received_ns > self._watchdog_ns:
             self.pwm_us = self._neutral
-            self._received_ns = now  # to be noticed again a watchdog's time later, not at once
+            self._received_ns = now  # the next check is due one watchdog time later, not at once
         return received
 
 
 def open_device(link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """Return a real STM32 at the link's address. Raises ConfigError, DeviceError, MissingExtraError."""
+    """Open the link to a real STM32 at the link's address. Raises ConfigError, DeviceError, MissingExtraError."""
     if parse_address(link.port).kind == "pty":
         raise ConfigError('no device: set [link] port = "/dev/..." or another address, or name the board with --board')
     wire = open_address(link.port, "host", link.baud, link.bitrate)
@@ -73,7 +73,7 @@ def open_device(link: Link, channels: int, seed: int, host: bool) -> Ends:
 
 
 def open_process(link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """Return the Python twin as a process of its own. Raises DeviceError."""
+    """Start the Python version of the firmware in its own process, and open the link to it. Raises DeviceError."""
     from firmware_stub.child import Child
     from hil.common.children import module_command, package_environment
 
@@ -87,7 +87,7 @@ def open_process(link: Link, channels: int, seed: int, host: bool) -> Ends:
 
 
 def open_native(link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """Return the firmware in C as a process of this machine, on a pty. Raises DeviceError."""
+    """Start the firmware in C as a process of this machine, and open the link to it on a pty. Raises DeviceError."""
     from firmware_stub.native import NativeStm32
 
     port, stm32 = _start_at(link.port, lambda port: NativeStm32(parse_address(port).place, channels, link.watchdog))
@@ -95,7 +95,7 @@ def open_native(link: Link, channels: int, seed: int, host: bool) -> Ends:
 
 
 def open_qemu(link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """Return the firmware's image on QEMU's STM32F405. Raises DeviceError."""
+    """Start the firmware's binary image on QEMU's STM32F405, and open the link to it. Raises DeviceError."""
     from firmware_stub.qemu import QemuStm32
 
     stm32 = QemuStm32(channels, link.watchdog)
@@ -103,7 +103,7 @@ def open_qemu(link: Link, channels: int, seed: int, host: bool) -> Ends:
 
 
 def _reached(stm32: Process, open_wire: Callable[[], Wire], link: Link, channels: int, seed: int) -> Ends:
-    """Return the link to what that process plays; it is ended if it cannot be reached."""
+    """Open the link to a process that simulates the STM32; end the process if that fails."""
     try:
         wire = open_wire()
         return Ends(wire.name, host_end(wire, link, channels, seed), process=stm32)
@@ -113,7 +113,7 @@ def _reached(stm32: Process, open_wire: Callable[[], Wire], link: Link, channels
 
 
 def _start_at(port: str, start: Callable[[str], Process]) -> tuple[str, Process]:
-    """Start what plays the STM32 at an address: `port`, or a pty in a folder that goes with it if that has no name."""
+    """Start the simulated STM32 at the address `port`; without a path in it, on a pty in a new scratch folder."""
     if parse_address(port).place:
         return port, start(port)
     runtime = os.environ.get("XDG_RUNTIME_DIR", "")

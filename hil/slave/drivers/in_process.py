@@ -11,17 +11,17 @@ from hil.slave.native.firmware import open_firmware
 
 
 class InProcessDriver(ThrusterDriver):
-    """The device's end and, if the controller is ours, the host's end, on a real wire between them."""
+    """Driver of the device's end and, with our own controller, of the host's end; a real wire connects the two."""
 
     @property
     def command_ns(self) -> int:  # type: ignore[override]
-        """Straight from the firmware."""
+        """Monotonic time (ns) at which the firmware's outputs last applied a command."""
         return self.device.command_ns
 
     def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
-        """Return when the end's outputs took it.
+        """Return the monotonic time (ns) at which the outputs applied the echoed command.
 
-        If they have taken another since: received, minus the telemetry's age.
+        If they have applied a later command since, this is the receive time minus the age in the telemetry.
         """
         return min(self.device.command_ns, self._received_ns - telemetry.age_us * NS_PER_US)
 
@@ -33,11 +33,11 @@ class InProcessDriver(ThrusterDriver):
         self._received_ns = 0
 
     def _due_ns(self) -> int:
-        """Return time (ns) at which the firmware or the host's protocol next acts by itself."""
+        """Return the monotonic time (ns) at which the firmware or the host's protocol has to act next."""
         return min(self.device.deadline_ns, self.host.deadline_ns) if self.host else self.device.deadline_ns
 
     def _exchange(self, now: int) -> list[ThrusterTelemetry]:
-        """Let the firmware read, apply and answer; then read its answer."""
+        """Let the firmware read, apply and answer commands; then read its answer."""
         device, host = self.device, self.host
         device.service(now)
         self.pwm_us = tuple(device.pwm_us)
@@ -50,7 +50,7 @@ class InProcessDriver(ThrusterDriver):
 
 
 def open_python(link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """Return the Python twin, with its watchdog, or its C where that can be. Raises DeviceError, MissingExtraError."""
+    """Open the firmware in Python with its watchdog, or in C if possible. Raises DeviceError, MissingExtraError."""
     wire, faulty = _device_wire(link, seed, host)
     watchdog_ns, protocol = seconds_ns(link.watchdog), end_protocol(link, "device", channels)
     end: DeviceEnd | None = open_firmware(protocol, faulty, channels, watchdog_ns)
@@ -62,7 +62,7 @@ def open_python(link: Link, channels: int, seed: int, host: bool) -> Ends:
 
 
 def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """Return the firmware's image on an emulated processor. Raises DeviceError, MissingExtraError."""
+    """Open the firmware's image on an emulated processor. Raises DeviceError, MissingExtraError."""
     from firmware_stub.unicorn_board import UnicornBoard, UnicornEnd, shipped_image
 
     board = UnicornBoard(shipped_image(), channels, seconds_ns(link.watchdog))
@@ -72,7 +72,7 @@ def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> Ends:
 
 
 def _in_slave(end: DeviceEnd, wire: Wire, link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """Return the open ends of a link whose device end is in this process, with the host's end if `host`."""
+    """Return the open ends of a link whose device end is in this process; with the host's end if `host` is true."""
     try:
         return Ends(wire.name, _host(link, channels, seed, wire) if host else None, end)
     except HilError:
@@ -81,13 +81,13 @@ def _in_slave(end: DeviceEnd, wire: Wire, link: Link, channels: int, seed: int, 
 
 
 def _device_wire(link: Link, seed: int, host: bool) -> tuple[Wire, Wire]:
-    """Return the device's end, plain and as the firmware gets it: faults are at our host's end if we have one."""
+    """Return the device's wire without and with faults; the second has none if our host end applies them."""
     wire = open_address(link.port, "device", link.baud, link.bitrate)
     return wire, wire if host else with_faults(wire, link, seed)
 
 
 def _host(link: Link, channels: int, seed: int, device: Wire) -> ThrusterLink:
-    """Return the host's end of the wire that the device's end has just made."""
+    """Open the host's end of the wire whose device end has just been opened."""
     path = getattr(device, "path", None)
     wire = open_address(f"pty:{path}" if path else device.name, "host", link.baud, link.bitrate)
     return host_end(wire, link, channels, seed)

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def add_machine_figures(figures: Diagnostics, tree: Tree, board: "Board | None") -> None:
-    """Add figures of the machine to the diagnostics, as far as it provides them.
+    """Add figures of the machine to the diagnostics, as far as the machine provides them.
 
-    Throttling is what the kernel knows: to ask a Raspberry Pi's firmware itself takes a process of its own, which
-    a real-time process does not start every second (`uuv-hil doctor` does).
+    Throttling is read from the kernel only. To ask the firmware of a Raspberry Pi takes a new process, which a
+    real-time process should not start every second (`uuv-hil doctor` does ask).
     """
     slow = throttling(tree, board, ask_firmware=False)
     warm = temperature(tree, board)
@@ -34,7 +34,7 @@ def add_machine_figures(figures: Diagnostics, tree: Tree, board: "Board | None")
 
 
 def network_bytes(tree: Tree) -> tuple[int, int]:
-    """Return what all interfaces of the machine have received and sent since it started, loopback too."""
+    """Return the bytes that all interfaces, loopback included, have received and sent since the machine started."""
     received = sent = 0
     for line in tree.text("/proc/net/dev").splitlines():
         _, colon, rest = line.partition(":")

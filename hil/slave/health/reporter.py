@@ -25,22 +25,22 @@ if TYPE_CHECKING:
     from hil.slave.imaging.sensors import Imaging
 
 PERIOD_S = 1.0
-LEAST_PERIOD_S = 0.1  # when there is news all the time
-RECENT_NS = 900 * NS_PER_MS  # that recent figures are of: what there is each second, however often there is news
-DRIVEN_NS = NS_PER_S  # without a command from elsewhere, the thrusters are driven by nobody
+LEAST_PERIOD_S = 0.1  # between two messages while log lines arrive all the time
+RECENT_NS = 900 * NS_PER_MS  # window of the recent figures; they change once a second, even with more messages
+DRIVEN_NS = NS_PER_S  # thrusters that got no command for this time count as not driven
 COLLECT_PERIOD_NS = 30 * NS_PER_S
-SKIPPED_PERIOD_NS = 60 * NS_PER_S  # between two lines about steps that were skipped
+SKIPPED_PERIOD_NS = 60 * NS_PER_S  # between two log lines about skipped steps
 OK, WARNING, ERROR = 0, 1, 2
 
 
 def own_name() -> str:
-    """Return what to call a machine that is no known board: "this one" says nothing elsewhere."""
+    """Return a name for a machine that is no known board; "this one" would mean nothing elsewhere."""
     kernel = os.uname()
     return f"{kernel.machine} machine {kernel.nodename}"
 
 
 class RecentLateness:
-    """Lateness of the loop in the last second: figures since its start hide a loop that degrades."""
+    """Lateness of the loop in the last second. Figures since the start would hide a loop that becomes slower."""
 
     def __init__(self) -> None:
         self._bins = Histogram().bins
@@ -48,7 +48,7 @@ class RecentLateness:
         self._recent = Histogram()
 
     def add_figures(self, figures: Diagnostics, lateness: Histogram, now: int) -> None:
-        """Add the lateness of the cycles since the last call; within RECENT_NS of it the same (`now`: ns)."""
+        """Add the lateness since the last update, which is at least RECENT_NS earlier. `now`: monotonic ns."""
         if now - self._computed_ns >= RECENT_NS:
             self._recent = lateness.since(self._bins)
             self._bins, self._computed_ns = list(lateness.bins), now
@@ -65,7 +65,7 @@ class SkippedSteps:
         self._due_ns = 0
 
     def line(self, skipped: int, worst_ns: int, now: int) -> str:
-        """Return what to say of all that were `skipped` so far; "" for nothing new. `now`: monotonic ns."""
+        """Return the log line if `skipped` (steps since the start) has grown; else "". `now`: monotonic ns."""
         more = skipped - self._reported
         if more <= 0 or now < self._due_ns:
             return ""
@@ -79,7 +79,8 @@ class SkippedSteps:
 class Health:
     """Write the log and publish the diagnostics, on each new log line and once a second.
 
-    `startup` are monotonic instants by name, "exec" first. Use as a context: leaving it says the last word.
+    `startup` maps names of start-up stages to monotonic times (ns), with "exec" among them. Use as a context manager:
+    it publishes a last time at the end.
     """
 
     def __init__(
@@ -102,7 +103,7 @@ class Health:
         self._tree, self._board = Tree(), board
         self._recent, self._skipped = RecentLateness(), SkippedSteps()
         self._memory = usage.Memory()
-        self._wakeup = log.wakeup  # the command receiver's too
+        self._wakeup = log.wakeup  # the command receiver sets the same event
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
 
@@ -112,12 +113,12 @@ class Health:
     def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._wakeup.set()
-        self._thread.join(1.0)  # it may be stuck in writing to a terminal that nobody reads
+        self._thread.join(1.0)  # it may hang in a write to a terminal that nobody reads
         self._publish()
         self._log.flush()
 
     def values(self) -> Diagnostics:
-        """Return the figures of this moment, as they are published."""
+        """Return the present figures, as they are published."""
         loop, figures = self._loop, Diagnostics(self._fixed.raw)
         children = loop.driver.children + (self._imaging.children if self._imaging else ())
         figures.uptime_s = (now_ns() - self._startup["exec"]) / NS_PER_S
@@ -203,7 +204,7 @@ class Health:
         self._loop.sample_publisher.diagnostics("slave", *self._state(), self.values().raw)
 
     def _state(self) -> tuple[int, str]:
-        """Return the level of the status, and its words."""
+        """Return the level of the status, and its text."""
         driver, pilot = self._loop.driver, self._loop.pilot
         if driver.lost:
             return (
@@ -241,13 +242,13 @@ class Health:
                 collect_due_ns = now_ns() + COLLECT_PERIOD_NS
 
     def _check_clock(self) -> None:
-        """Take up a wall clock that was set: the stamps follow at the next step."""
+        """Detect that the wall clock was set; the stamps follow from the next step on."""
         set_by_ns = self._loop.sample_publisher.stamps.check_clock(wall_offset_ns())
         if set_by_ns:
             self._log.write_line(f"the machine's clock was set by {set_by_ns / NS_PER_S:+.3f} s: stamps follow it")
 
     def _add_labels(self) -> None:
-        """Add the labels that limit what this machine's figures mean; called after the start."""
+        """Add the labels that limit what this machine's figures mean, such as emulation; called after the start."""
         from boards.emulation import labels
 
         texts = labels(self._tree, os.uname().machine)
@@ -256,7 +257,7 @@ class Health:
 
 
 def _fixed_figures(startup: dict[str, int], notes: list[str], board: "Board | None", link: Link) -> Diagnostics:
-    """Return what does not change while the slave runs."""
+    """Return the figures that stay constant while the slave runs."""
     figures = Diagnostics()
     figures.board = board.name if board else own_name()
     figures.boot_id = boot_id()
@@ -276,7 +277,7 @@ def _fixed_figures(startup: dict[str, int], notes: list[str], board: "Board | No
 
 
 def bytecode_compiled(package: str) -> bool:
-    """Return whether every loaded module came from compiled bytecode on disk, or from C."""
+    """Return whether every loaded module of `package` came from cached bytecode on disk or is compiled C."""
     modules = [m for name, m in sys.modules.items() if name == package or name.startswith(package + ".")]
     python = [module for module in modules if not (getattr(module, "__file__", None) or "").endswith(".so")]
     cached = [getattr(module, "__cached__", None) for module in python]

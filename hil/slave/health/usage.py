@@ -1,7 +1,7 @@
 """Read the memory and processor time of the slave and its children from /proc, once a second.
 
 psutil would cost the slave's start 13 to 20 ms of processor time and 1.5 MiB (measured with 7.2.2 on a PC; a Raspberry
-Pi 4B is several times slower). All else uses it (hil/bench/processes.py).
+Pi 4B is several times slower). All other rooms use psutil (hil/bench/processes.py).
 """
 
 import os
@@ -12,9 +12,9 @@ _PAGE_MIB = os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def pss_mib(pid: int | str = "self") -> float:
-    """Proportional set size of a process (MiB): its own pages, and its share of those it shares.
+    """Return the proportional set size of a process (MiB): its own pages, and its share of pages shared with others.
 
-    0 when the process is gone or not ours to look at.
+    Return 0 if the process has ended or may not be read.
     """
     try:
         with open(f"/proc/{pid}/smaps_rollup", "rb") as file:
@@ -27,7 +27,7 @@ def pss_mib(pid: int | str = "self") -> float:
 
 
 def resident_mib(pid: int | str = "self") -> float:
-    """Resident memory of a process (MiB), with all of what it shares; 0 when the process is gone."""
+    """Return the resident memory of a process (MiB), shared pages counted in full; 0 if the process has ended."""
     try:
         with open(f"/proc/{pid}/statm", "rb") as file:
             return int(file.read().split()[1]) * _PAGE_MIB
@@ -36,7 +36,7 @@ def resident_mib(pid: int | str = "self") -> float:
 
 
 def cpu_s(pid: int) -> float:
-    """Processor time (s, user and system, to one clock tick) that another process has used; 0 when it is gone."""
+    """Return the processor time (s, user and system, resolution one clock tick) of a process; 0 if it has ended."""
     try:
         with open(f"/proc/{pid}/stat", "rb") as file:
             fields = file.read().rpartition(b")")[2].split()
@@ -46,21 +46,21 @@ def cpu_s(pid: int) -> float:
 
 
 def own_cpu_s(children: tuple[int, ...] = ()) -> float:
-    """Processor time (s) of this process with all its threads, and of its children."""
+    """Return the processor time (s) of this process with all its threads, and of its children."""
     return time.process_time() + sum(map(cpu_s, children))
 
 
 def own_pss_mib(children: tuple[int, ...] = ()) -> float:
-    """Proportional set size (MiB) of this process and of its children."""
+    """Return the proportional set size (MiB) of this process and of its children."""
     return pss_mib() + sum(map(pss_mib, children))
 
 
 class Memory:
-    """The proportional set size of this process and its children, for who wants to know it often.
+    """The proportional set size of this process and its children, cached for frequent reads.
 
-    The kernel walks through all pages to tell it, a millisecond for 20 MiB; how many are resident it knows. So it is
-    read again when those have changed by more than `CHANGE_MIB`, and when it is `OLDEST_S` old, as others may have
-    come or gone that share some.
+    The kernel walks through all pages to compute it, 1 ms for 20 MiB, but knows the resident size at once. So it is
+    read again when the resident size has changed by more than `CHANGE_MIB`, and when the value is `OLDEST_S` old,
+    because other processes that share pages may have started or ended.
     """
 
     CHANGE_MIB = 0.0625
@@ -72,7 +72,7 @@ class Memory:
         self._read_s = 0.0
 
     def pss_mib(self, children: tuple[int, ...] = ()) -> float:
-        """Return what `own_pss_mib` gives, or gave a little while ago."""
+        """Return the value of `own_pss_mib`, up to `OLDEST_S` old."""
         now = time.monotonic()
         resident = resident_mib() + sum(map(resident_mib, children))
         if abs(resident - self._resident_mib) > self.CHANGE_MIB or now - self._read_s >= self.OLDEST_S:
@@ -81,5 +81,5 @@ class Memory:
 
 
 def ram_mib() -> float:
-    """Return all memory of this machine, as the kernel sees it (MiB)."""
+    """Return the total memory of this machine, as the kernel reports it (MiB)."""
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**20

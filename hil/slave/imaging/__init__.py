@@ -1,1 +1,1 @@
-"""Cameras and imaging sonars of a slave, in a process of their own."""
+"""Cameras and imaging sonars of a slave, in their own process."""

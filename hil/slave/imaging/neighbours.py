@@ -1,10 +1,10 @@
-"""Place the other vehicles of a fleet as solid hulls in front of imaging sensors, where their slaves report them.
+"""Show the other vehicles of a fleet to imaging sensors, as solid hulls at the positions that their slaves publish.
 
-Their states come on the topic `ground_truth`, over the router if there is one, else from each slave; between two words
-they go on as they went. Who says nothing for a while is not to be seen. Only the process of the pictures knows them:
-what the loop senses for itself (laser, profiler, scanning sonar) is the world alone, as a run is repeated from what its
-slave was told. Not modelled: that vehicles bump into each other. Under TLS none is heard, as a slave then obeys and
-answers masters, not other slaves.
+Their states come on the topic `ground_truth`: from the router if there is one, else from each slave. Between two
+messages a hull is extrapolated at constant velocity; a vehicle that publishes nothing for `MAX_AGE_NS` is not shown.
+Only the imaging process does this. Sensors in the loop (laser, profiler, scanning sonar) see the world alone, because
+a recorded run has to be repeatable from the slave's own inputs. Not modelled: collisions between vehicles. With TLS no
+other vehicle is shown, because a slave then accepts masters only, not other slaves.
 """
 
 from collections.abc import Callable
@@ -30,24 +30,24 @@ _FARTHEST = 1e5  # m
 
 
 class Neighbours:
-    """The other members of `scenario`: each a `vehicle` with a state, by the name of its node."""
+    """The other vehicles of `scenario`'s fleet. All have the hull of `vehicle`; `states` maps node names to states."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle) -> None:
         self._scenario = scenario
         others = [member for member in scenario.member if member.node != scenario.slave.node]
         self._endpoints = [member.listen for member in others]
         self._solid = hull(vehicle)
-        self._received: dict[str, tuple[int, OdometrySample]] = {}  # when it came, and what
+        self._received: dict[str, tuple[int, OdometrySample]] = {}  # node -> receive time (monotonic ns), sample
         self.states = {member.node: State(_ABSENT) for member in others}
 
     def stand_before(self, sensor: Any) -> None:
-        """Add the hulls to a sensor's scene; one of a user's own may see no solids."""
+        """Add the hulls to a sensor's scene, unless the sensor, for example a user's own, has no `add`."""
         if hasattr(sensor, "add"):
             for state in self.states.values():
                 sensor.add(self._solid, state)
 
     def subscribe(self) -> AbstractContextManager[Any]:
-        """Subscribe to their states until the context is left. Raises NetworkError when a needed router is missing."""
+        """Subscribe to the states until the context is left. Raises NetworkError if a required router is missing."""
         network = self._scenario.network
         if self._scenario.security or not self.states:
             return nullcontext()
@@ -57,7 +57,7 @@ class Neighbours:
         return session
 
     def place(self, instant_ns: int) -> None:
-        """Place each hull where it is at this instant (monotonic ns), by when its state came: clocks need not agree."""
+        """Move each hull to its position at this monotonic time (ns). Ages count from receipt; clocks may differ."""
         for node, state in self.states.items():
             received_ns, sample = self._received.get(node, (0, None))
             if sample is None or abs(instant_ns - received_ns) > MAX_AGE_NS:
@@ -78,7 +78,7 @@ class Neighbours:
 
 
 def _is_somewhere(sample: OdometrySample) -> bool:
-    """Return False for a place where no vehicle of this world can be."""
+    """Return whether the sample is plausible: finite, near this world, with a unit quaternion."""
     near = all(abs(x) < _FARTHEST for x in (*sample.position, *sample.nu))  # also no nan
     size = sum(x * x for x in sample.orientation)
     return near and isfinite(size) and abs(size - 1.0) < 0.1

@@ -1,11 +1,11 @@
 """The imaging process: read requests from standard input, publish pictures, write confirmations to standard output.
 
-    python -m hil.slave.imaging.process      started by hil.slave.imaging.sensors, which says the rest
+    python -m hil.slave.imaging.process      started by hil.slave.imaging.sensors
 
-It has the world and the heavy sensors of the scenario, puts the vehicle where a request says, and publishes what the
-sensors then see as the same node, by a session of its own that goes through the slave's. After the first picture of a
-sensor it makes those that somebody listens to. It gives way to everything else on the machine, and leaves the first
-core to the loop. It ends when its input does.
+It loads the scenario's world and offloaded sensors. For each request it puts the vehicle at the requested state, makes
+the sensor's sample, and publishes it under the slave's node name. Its own network session is a client of the slave's.
+The first sample of each sensor is always made; later ones only if somebody subscribes to them. The process has the
+lowest priority and leaves the first core to the loop. It ends when its standard input closes.
 """
 
 import os
@@ -41,12 +41,12 @@ from sim.sensors.sensor_set import Slot
 from sim.vehicle.vehicle import load_vehicle
 
 NICE = 10
-# sched_setattr(2), which the C library has not: size, policy, flags, nice, priority, runtime, deadline, period
+# sched_setattr(2), which the C library does not wrap: size, policy, flags, nice, priority, runtime, deadline, period
 SCHED_ATTR = Struct("<IIQiIQQQ")
 SCHED_SETATTR = {"x86_64": 314, "aarch64": 274, "armv7l": 380}
 SHARE_NS = 10_000_000
 IN, OUT, ERRORS = 0, 1, 2
-HERE = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}  # where to dial what listens at all addresses
+HERE = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}  # addresses to connect to if the slave listens on all interfaces
 
 Message = tuple[str, bytes]
 
@@ -55,7 +55,7 @@ def main() -> int:
     """Serve requests until the input ends or a signal arrives; return the exit code."""
     die_with_parent()
     answers = os.dup(OUT)
-    os.dup2(ERRORS, OUT)  # a library that prints does not write into our answers
+    os.dup2(ERRORS, OUT)  # so that a library that prints does not write into our answers
     _lower_priority()
     try:
         with StopSignals() as stop_fd:
@@ -77,11 +77,11 @@ def _lower_priority() -> None:
 
 
 def _interruptible() -> None:
-    """Let whatever wakes up take the processor from us at once, not at the end of our share.
+    """Let every process that wakes up preempt this one at once, instead of at the end of its time slice.
 
-    The kernel's own work counts: what carries bytes through a pty waited for us up to 5 ms, and the loop for it. From
-    Linux 6.12 on those with a shorter share of time may interrupt: usually it is 3 ms. With the longest, 100 ms, each
-    of our turns came seconds late on a busy machine, and a first picture after more than 25 s.
+    This matters for kernel threads too: the one that carries bytes through a pty waited up to 5 ms for this process,
+    and the loop waited with it. Since Linux 6.12 a process with a shorter time slice may preempt; the default is 3 ms.
+    The longest slice, 100 ms, delayed this process by seconds on a busy machine, and its first picture by over 25 s.
     """
     import ctypes
 
@@ -107,8 +107,8 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
     slave = scenario.slave
     with join(scenario) as session, studio.neighbours.subscribe():
         sample_publisher = SamplePublisher(session, slave.node, 0, scenario.ros.frame_prefix, waits=True, of=node)
-        delayed: list[tuple[int, Message]] = []  # when it is due (monotonic), and what
-        outlets: dict[int, list[str]] = {}  # by sensor the topics of its messages, as they show them
+        delayed: list[tuple[int, Message]] = []  # monotonic time (ns) to publish at, message
+        outlets: dict[int, list[str]] = {}  # sensor number -> topics of its messages so far
         while True:
             wait_s = (delayed[0][0] - now_ns()) / NS_PER_S if delayed else None
             ready = select.select((stop_fd, IN), (), (), wait_s if wait_s is None else max(0.0, wait_s))[0]
@@ -126,7 +126,7 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
                     messages = list(studio.encode(taken, epoch_ns, sample_publisher.has_subscribers))
                     due_ns = instant_ns + studio.delay_ns(number)
                     delayed += [(due_ns, message) for message in messages]
-                    if messages:  # a sample may be lost on its way
+                    if messages:  # there are none if the sample was dropped
                         outlets[number] = [*{*outlets.get(number, ()), *[name for name, _ in messages]}]
                     took_ns = now_ns() - began
                 os.write(answers, DONE.pack(number, took_ns))
@@ -135,11 +135,11 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
 
 
 def join(scenario: Scenario) -> Session:
-    """Return the session: a client of the slave's, which forwards what its clients say to all.
+    """Return a session that is a client of the slave's session, which forwards its messages.
 
-    As any client of the library it has one link. With a router it dials that, as the slave does, and needs it to start
-    no more than that does. Links that the library does not read are cut, or who watches pictures would never be known
-    here. Raises NetworkError.
+    Like any client it has one link. With a router it connects to that instead, as the slave does, and starts even if
+    the router is missing, as the slave does. Links that the library does not read are closed; otherwise new subscribers
+    to pictures would stay unknown here. Raises NetworkError.
     """
     network = scenario.network
     scheme, host, port = split_endpoint(scenario.slave.listen)
@@ -163,16 +163,16 @@ def _due(waiting: tuple[int, Message]) -> int:
 
 
 class Studio:
-    """The world of a scenario with its imaging sensors, by number. Raises HilError.
+    """A scenario's world with its imaging sensors, addressed by number. Raises HilError.
 
-    The simulation here is never stepped: it is put where the vehicle is. `neighbours` are those of a fleet.
+    The simulation is never stepped; it is set to the vehicle's state. `neighbours` are the other vehicles of the fleet.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         announce(scenario.sensors, f"{scenario.path}: sensors")
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._simulation = build_simulation(scenario._replace(sensors={}), vehicle, load_world(scenario.world))
-        step_ns = 1  # whatever the loop's is
+        step_ns = 1  # not used: nothing is stepped here
         self._slots = [
             Slot(name, fitted, self._simulation, scenario.seed, step_ns) for name, fitted in scenario.sensors.items()
         ]
@@ -182,9 +182,9 @@ class Studio:
             self.neighbours.stand_before(slot.sensor)
 
     def take_sample(self, number: int, time_ns: int, moving: list[float]) -> tuple[str, Sample] | None:
-        """Return the sample of a sensor, with its name: None if there is none, or it is lost on its way.
+        """Return topic and sample of a sensor; None if there is no sample or the sensor drops it.
 
-        `moving` is position, quaternion, nu and its rate of change.
+        `moving` is position (NED), quaternion (body to NED), nu (FRD) and its rate of change: 3 + 4 + 6 + 6 numbers.
         """
         simulation, slot = self._simulation, self._slots[number]
         state = simulation.state
@@ -195,13 +195,13 @@ class Studio:
         return None if sample is None or slot.drops() else (slot.topic, sample)
 
     def delay_ns(self, number: int) -> int:
-        """Return how long after its instant the last sample of a sensor arrives."""
+        """Return the delay (ns) between the time of a sensor's last sample and its publication."""
         return self._slots[number].delay_ns
 
     def encode(
         self, taken: tuple[str, Any] | None, epoch_ns: int, wanted: Callable[[Sequence[str]], bool]
     ) -> Iterator[Message]:
-        """Return the messages of what was taken, each with its topic; what is dear only if it is `wanted`."""
+        """Yield the messages of a sample, each with its topic; costly ones only if `wanted` is true for their topic."""
         if taken is None:
             return
         topic, sample = taken

@@ -1,9 +1,9 @@
-"""Stand-ins for imaging sensors in the loop: each sends a request to the imaging process and does not wait.
+"""Placeholders for imaging sensors in the loop: each sends a request to the imaging process and does not wait.
 
-When such a sensor is due, the loop tells `hil.slave.imaging.process` how the vehicle moves at that instant; that
-process has the world and the sensors, and publishes for itself. As long as the last picture of a sensor is not done,
-its instants are dropped, and counted. The process is started when the vehicle is ready, at low priority, and again
-whenever it ends; it ends with the slave, whose pipes then close.
+When such a sensor is due, the loop sends the vehicle's state to `hil.slave.imaging.process`, which has the world and
+the sensors, and publishes the samples itself. While a sensor's last picture is not finished, its further requests are
+dropped and counted. The process starts at low priority after the vehicle is ready, and again whenever it has ended. It
+ends with the slave, whose pipes then close.
 """
 
 import os
@@ -30,22 +30,22 @@ from sim.sensors.sensor_set import SensorSpec
 if TYPE_CHECKING:
     from hil.common.stamps import Stamps
 
-# What the loop asks for: the number of the sensor; the time, its epoch (since 1970) and its instant on the monotonic
-# clock (ns); position, quaternion, nu and its rate of change.
+# A request: number of the sensor; simulation time, epoch (since 1970) and monotonic time (ns); position, quaternion, nu
+# and its rate of change.
 REQUEST = Struct("<B3q3d4d6d6d")
-DONE = Struct("<Bq")  # what comes back: the number of the sensor, how long its picture took (ns; 0: nobody wants it)
+DONE = Struct("<Bq")  # the answer: number of the sensor; time to make its picture (ns), 0 if nobody subscribes
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
-STEADY_NS = 60 * NS_PER_S  # a process that lived so long is started again without a long pause
+STEADY_NS = 60 * NS_PER_S  # after a life this long, the pause before the next start is the shortest again
 GRACE_S = 2.0
-LASTING = (ConfigError.exit_code, MissingExtraError.exit_code)  # with these it would end again
-# One thread for arrays: others of the linear algebra would only take the processor from the loop.
+LASTING = (ConfigError.exit_code, MissingExtraError.exit_code)  # a restart would end with the same error
+# One thread for array operations: further threads would only take the processor from the loop.
 QUIET = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 class Imaging:
-    """The offloaded sensors of `scenario`, in a process of their own from `start` to `close`.
+    """The offloaded sensors of `scenario`, in their own process from `start` to `close`.
 
-    `scenario` is the same with sensors in their place that only ask. `report` gets a line when the process ends.
+    `self.scenario` is the scenario with placeholders for these sensors. `report` gets a line when the process ends.
     """
 
     def __init__(self, scenario: Scenario, report: Callable[[str], None]) -> None:
@@ -69,7 +69,7 @@ class Imaging:
         self._thread: threading.Thread | None = None
 
     def start(self, stamps: "Stamps", node: Identity) -> None:
-        """Start the process; `stamps` gives the time of the pictures, `node` publishes them."""
+        """Start the process. `stamps` converts the times of pictures; `node` is the node that publishes them."""
         self._stamps = stamps
         setup = pickle.dumps((self._true, node))
         begin = len(setup).to_bytes(4, "little") + setup
@@ -98,23 +98,23 @@ class Imaging:
             self.dropped[number] += 1
             return
         stamps = self._stamps
-        assert stamps  # as there is a process that asks
+        assert stamps  # set by `start`, before there is a process
         instants = time_ns, stamps.epoch_ns, stamps.monotonic_ns(time_ns)
         request = REQUEST.pack(number, *instants, *state.position, *state.quaternion, *state.nu, *state.nu_dot)
         try:
             sent = requests.write(request)
-        except OSError:  # it has ended, which the thread sees too
+        except OSError:  # the process has ended, which the thread detects too
             sent = None
         self._busy[number] = sent is not None
         self.dropped[number] += sent is None
 
     @property
     def children(self) -> tuple[int, ...]:
-        """The imaging process, while there is one."""
+        """Process id of the imaging process, if it runs."""
         return (self.pid,) if self.pid else ()
 
     def add_figures(self, figures: Diagnostics) -> None:
-        """Add figures to the diagnostics; the process counts as a part of the slave."""
+        """Add the imaging figures to the diagnostics; the process counts as a part of the slave."""
         pid, names = self.pid, self._names
         figures.imaging_pid = pid
         figures.imaging_restarts = self.restarts
@@ -136,13 +136,13 @@ class Imaging:
             answers = pipe.read(64 * DONE.size)
         except OSError:
             answers = None
-        for number, took_ns in DONE.iter_unpack(answers or b""):  # each is written at once, so none is cut
+        for number, took_ns in DONE.iter_unpack(answers or b""):  # each is written at once, so none is incomplete
             self._busy[number] = False
             self.took_ns[number] = took_ns or self.took_ns[number]
 
     def _run(self, begin: bytes) -> None:
         """Run the process, and start it again when it ends, until closed."""
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # which the process inherits
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # inherited by the process
         pause_s = FIRST_PAUSE_S
         while not self._closing.is_set():
             started_ns = now_ns()
@@ -160,13 +160,13 @@ class Imaging:
 
     def _live(self, begin: bytes) -> tuple[str, int]:
         """Run one process from start to end; return how it ended, as text and as exit code."""
-        from hil.common.children import module_command, open_lifeline  # the vehicle is ready before these are loaded
+        from hil.common.children import module_command, open_lifeline  # loaded after the vehicle is ready
         from hil.slave.spawn import spawn
 
         requests, answers, errors = (os.pipe2(os.O_CLOEXEC) for _ in range(3))
-        ends = (requests[0], answers[1], errors[1], open_lifeline())  # its standard input, output, error, and the last
+        ends = (requests[0], answers[1], errors[1], open_lifeline())  # its standard input, output, error; its lifeline
         try:
-            # In a group of its own, as a Ctrl-C is the slave's.
+            # `spawn` gives it its own process group, so that a Ctrl-C reaches only the slave.
             environment = {**os.environ, **QUIET, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
             environment[lifeline.VARIABLE] = lifeline.describe_end(len(ends) - 1, ends[-1])
             pid = spawn(module_command("hil.slave.imaging.process"), environment, ends)
@@ -186,10 +186,10 @@ class Imaging:
         return (last if code in LASTING else f"{words}: {last}" if last else words), code
 
     def _connect(self, pid: int, begin: bytes, request_fd: int, answer_fd: int) -> None:
-        """Send the process its setup, then let the loop use it. The pipes close when nobody uses them any more."""
+        """Send the process its setup, then let the loop use it. Each pipe closes when its last user drops it."""
         requests, answers = FileIO(request_fd, "wb"), FileIO(answer_fd, "rb")
-        with suppress(OSError):  # it has ended already
-            requests.write(begin)  # less than a pipe holds
+        with suppress(OSError):  # the process has ended already
+            requests.write(begin)  # fits into the pipe's buffer
         os.set_blocking(request_fd, False)
         os.set_blocking(answer_fd, False)
         self._busy = [False] * len(self._names)
@@ -200,7 +200,7 @@ class Imaging:
 
 
 class _Asking:
-    """Stand-in for an offloaded sensor in the loop; each gets a class of its own, with the declared members."""
+    """Placeholder for an offloaded sensor in the loop. Each sensor gets a subclass that sets the declared members."""
 
     offloaded = True
     Model: Any
@@ -209,7 +209,7 @@ class _Asking:
     number: int
 
     def __init__(self, *_: object) -> None:
-        """Do nothing: the imaging process makes the sensor."""
+        """Ignore the arguments: the imaging process builds the sensor."""
 
     def sample(self, time_ns: int, state: State) -> None:
         """Request a sample; the imaging process publishes it."""
@@ -217,7 +217,7 @@ class _Asking:
 
 
 def _last_line(errors_fd: int, report: Callable[[str], None]) -> str:
-    """Read the process's standard error until it ends; return the last line. Notes are passed on."""
+    """Read the process's standard error until it ends; return its last line. Lines with "note: " go to `report`."""
     last = ""
     with open(errors_fd, errors="replace", encoding="utf-8") as errors:
         for line in errors:

@@ -1,1 +1,1 @@
-"""The firmware's own C, compiled into the slave's process as its STM32."""
+"""The firmware's C code, compiled into the slave's process to serve as its STM32."""

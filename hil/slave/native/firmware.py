@@ -1,4 +1,4 @@
-"""Run the firmware's own C in this process instead of the Python stub, where it is compiled and the link allows it."""
+"""Run the firmware's C code in this process instead of the Python stub, if it is compiled and the link allows it."""
 
 from hil.common.clock import NS_PER_US
 from hil.links.contract import Protocol, Wire
@@ -7,9 +7,9 @@ from sim.native import has_native
 
 
 class FirmwareEnd:
-    """The interface of `firmware_stub.stub.Stm32End`; its time counts whole microseconds.
+    """The firmware at the device's end of a wire; same interface as `firmware_stub.stub.Stm32End`, time in whole us.
 
-    channels: number of thrusters, 1 to 16. watchdog_ns: the longest silence before the outputs go to neutral.
+    channels: number of thrusters, 1 to 16. watchdog_ns: time without a command after which the outputs go to neutral.
     """
 
     def __init__(self, wire: Wire, channels: int, watchdog_ns: int) -> None:
@@ -20,7 +20,7 @@ class FirmwareEnd:
 
     @property
     def deadline_ns(self) -> int:
-        """Time (ns) at which `service` has to be called even if no byte came: watchdog or telemetry."""
+        """Monotonic time (ns) of the next watchdog check or telemetry, when `service` has to be called."""
         return self._firmware.deadline_ns
 
     @property
@@ -30,7 +30,7 @@ class FirmwareEnd:
 
     @property
     def command_ns(self) -> int:
-        """Monotonic time (ns) at which the outputs last took a command."""
+        """Monotonic time (ns) at which the outputs last applied a command."""
         return self._firmware.obeyed_ns
 
     def fileno(self) -> int:
@@ -38,22 +38,22 @@ class FirmwareEnd:
         return self.wire.fileno()
 
     def service(self, now_ns: int) -> None:
-        """Apply the commands that have come, answer each, then let time pass. Raises DeviceError without a wire."""
+        """Apply and answer the commands that have arrived; run the watchdog. Raises DeviceError if the wire is lost."""
         for report in self._firmware.service(self.wire.read(), now_ns):
             self.wire.write(report)
 
     def close(self) -> None:
-        """Outputs to neutral, and the wire closed."""
+        """Set the outputs to neutral and close the wire."""
         self._firmware.stop()
         self.wire.close()
 
 
 def open_firmware(protocol: Protocol, wire: Wire, channels: int, watchdog_ns: int) -> FirmwareEnd | None:
-    """Return the firmware on its end of `wire`; None where it was not compiled or speaks another frame than `protocol`.
+    """Return the firmware at the device's end of `wire`; None if it is not compiled or `protocol` is not its own frame.
 
-    Raises ConfigError where the C is insisted on and not there.
+    Raises ConfigError if the user requires the C code and it is missing.
     """
     if not has_native("hil.slave.native._firmware") or not isinstance(protocol, FrameProtocol):
         return None
-    own = open_frame("device", channels)  # what the firmware is compiled for; both share what is read of one file
+    own = open_frame("device", channels)  # the compiled-in layout; the same object if both come from the same file
     return FirmwareEnd(wire, channels, watchdog_ns) if protocol.layout is own.layout else None

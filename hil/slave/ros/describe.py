@@ -2,8 +2,8 @@
 
     python -m hil.slave.ros.describe NAME
 
-Reads the scenario from standard input, writes the message to standard output, and ends. A process of its own, so that
-the loop neither waits for it nor keeps what it loads.
+Reads the scenario from standard input, writes the message to standard output, and ends. It is a separate process, so
+that the loop does not wait for it and does not keep the modules that it loads.
 """
 
 import os
@@ -23,11 +23,11 @@ IN, OUT, ERRORS = 0, 1, 2
 
 
 def main() -> int:
-    """Write the message whose name is given; return the exit code."""
+    """Write the message that the command line names; return the exit code."""
     die_with_parent()
     os.nice(NICE)
     output = os.dup(OUT)
-    os.dup2(ERRORS, OUT)  # a library that prints does not write into the message
+    os.dup2(ERRORS, OUT)  # so that a library that prints does not write into the message
     with open(IN, "rb") as setup:
         scenario = pickle.load(setup)
     try:
@@ -50,7 +50,7 @@ def robot_description(scenario: Scenario) -> bytes:
 
 
 def known_map(scenario: Scenario) -> bytes:
-    """nav_msgs/OccupancyGrid: the map that a planner of this scenario begins with."""
+    """nav_msgs/OccupancyGrid: the initial map of this scenario's planner."""
     try:
         from hil.scenario import world_map
     except ImportError:
@@ -66,7 +66,7 @@ def known_map(scenario: Scenario) -> bytes:
 
 
 def obstacles(scenario: Scenario) -> bytes:
-    """visualization_msgs/MarkerArray: what stands in the world."""
+    """visualization_msgs/MarkerArray: the obstacles of the world."""
     from hil.ros.world import encode_obstacles
 
     return encode_obstacles(to_wall_ns(now_ns()), load_world(scenario.world))

@@ -1,7 +1,7 @@
-"""Publish what describes the vehicle and its world, latched: its URDF, map and obstacles, when somebody subscribes.
+"""Publish the vehicle's URDF, the map and the obstacles of its world, latched, once somebody subscribes to them.
 
-The slave itself makes none of them: a process does (`hil.slave.ros.describe`), which ends when it is done, so that they
-cost a run without ROS neither start-up nor memory.
+A separate process makes each message (`hil.slave.ros.describe`) and then ends. A run without ROS therefore pays neither
+start-up time nor memory for them.
 """
 
 import os
@@ -15,11 +15,11 @@ from hil.ros.graph import SUBSCRIPTIONS, Node, read_token
 from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import Scenario
 
-QUIET = {"OPENBLAS_NUM_THREADS": "1"}  # a map is small
+QUIET = {"OPENBLAS_NUM_THREADS": "1"}  # a map is too small for several threads
 
 
 class Descriptions:
-    """The descriptions of one node; `report` gets a line where one cannot be made."""
+    """The descriptions of one node; `report` gets a line if one cannot be made."""
 
     def __init__(self, session: Session, graph: Node, scenario: Scenario, report: Callable[[str], None]) -> None:
         self._scenario = scenario.for_process({})
@@ -33,7 +33,7 @@ class Descriptions:
         session.watch_tokens(SUBSCRIPTIONS, self._on_token)
 
     def _on_token(self, key: str, alive: bool) -> None:
-        """Make what somebody subscribes to, unless it is made already."""
+        """Make a description when the first subscriber to it appears."""
         entity = read_token(key) if alive else None
         name = self._names.get(entity.topic) if entity else None
         if name and name not in self._made:
@@ -41,10 +41,10 @@ class Descriptions:
             threading.Thread(target=self._make, args=(name,), name=name, daemon=True).start()
 
     def _make(self, name: str) -> None:
-        """Make and publish one; the thread ends with it."""
-        import pickle  # few slaves describe themselves
+        """Make and publish one description; the thread then ends."""
+        import pickle  # most runs have no subscriber to a description
 
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # which the process inherits
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # inherited by the process
         try:
             payload, problem = _run(name, pickle.dumps(self._scenario))
         except OSError as error:
@@ -57,7 +57,7 @@ class Descriptions:
 
 
 def _run(name: str, setup: bytes) -> tuple[bytes, str]:
-    """Return the message, and what went wrong. Raises OSError."""
+    """Return the message and the problem; one of the two is empty. Raises OSError."""
     from hil.common import lifeline
     from hil.common.children import module_command, open_lifeline
     from hil.slave.spawn import spawn

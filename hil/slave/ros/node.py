@@ -1,6 +1,6 @@
 """Make the slave a ROS 2 node beyond its sensors: static transforms, clock, services.
 
-Loaded when the vehicle is ready.
+Loaded after the vehicle is ready.
 """
 
 from collections.abc import Callable
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from sim.tether import Tether
 
 _HALF_SQRT = sqrt(0.5)
-WITHOUT_PLACE = ("odometry", "ground_truth")  # they are of the body's origin
-TURNED_UP = (0.0, 1.0, 0.0, 0.0)  # half a turn about x: from FLU to the z-down axes of a velocity log's message
-# Kinds of sensors whose messages have axes of their own: how their frame's name ends, and the quaternion
-# from its axes to the link's FLU.
+WITHOUT_PLACE = ("odometry", "ground_truth")  # measured at the body's origin, so without a sensor frame
+TURNED_UP = (0.0, 1.0, 0.0, 0.0)  # half a turn about x: from FLU to the axes of a DVL message, which have z down
+# Kinds of sensors whose messages have their own axes: suffix of the frame's name, and the quaternion from these axes to
+# the link's FLU.
 HEADS = {
     "dvl": ("transducer_link", TURNED_UP),
     "dvl_water": ("transducer_link", TURNED_UP),
@@ -42,12 +42,12 @@ HEADS = {
 
 
 class RosNode:
-    """ROS 2 node of a running loop, which waits on `fileno`, calls `serve`, and `tick` when `due_ns` has come."""
+    """ROS 2 node of a running loop. The loop waits on `fileno`, then calls `serve`; it calls `tick` at `due_ns`."""
 
     def __init__(self, session: Session, scenario: Scenario, loop: Loop, report: Callable[[str], None]) -> None:
         settings, node = scenario.ros, scenario.slave.node
         self._loop = loop
-        self.due_ns = 0  # of simulation time
+        self.due_ns = 0  # simulation time
         self._prefix = settings.frame_prefix
         self._clock = _Due(settings.clock)
         self._wrench = _Due(settings.wrench)
@@ -55,7 +55,7 @@ class RosNode:
         for fitted in [fitted for fitted in scenario.sensors.values() if not fitted.offloaded]:
             ros.encoder(fitted.topic)  # loaded now, not at the first sample
         if loop.pilot:
-            for name in [name for name in COMMANDS if name != "cmd_vel"]:  # which was there from the beginning
+            for name in [name for name in COMMANDS if name != "cmd_vel"]:  # cmd_vel was declared at the start
                 loop.sample_publisher.graph.subscribes(TOPICS[name], node)
         self.server = Server(session, loop.sample_publisher.graph)
         if settings.services:
@@ -71,7 +71,7 @@ class RosNode:
         return self.server.fileno()
 
     def serve(self) -> None:
-        """Answer one service that was called."""
+        """Answer one service call."""
         self.server.serve()
 
     def tick(self, time_ns: int) -> None:
@@ -93,7 +93,7 @@ class RosNode:
         self.due_ns = min(self._clock.due_ns, self._wrench.due_ns, self._joints.due_ns)
 
     def _publish_joints(self, time_ns: int) -> None:
-        from hil.ros.joints import encode_joints, joint_states  # loaded when somebody listens
+        from hil.ros.joints import encode_joints, joint_states  # loaded at the first subscriber
 
         simulation = self._loop.simulation
         stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
@@ -129,14 +129,14 @@ class RosNode:
 
 
 class _Due:
-    """Timer of a task that runs at `rate` Hz; never for 0."""
+    """Timer with `rate` Hz of simulation time; with 0 it never runs out."""
 
     def __init__(self, rate: float) -> None:
         self._period_ns = period_ns(rate) if rate else 0
         self.due_ns = 0 if rate else NEVER_NS
 
     def passes(self, time_ns: int) -> bool:
-        """True once a period; what was missed is not made up for."""
+        """Return True once a period; periods that were missed are not made up for."""
         if time_ns < self.due_ns:
             return False
         self.due_ns = time_ns - time_ns % self._period_ns + self._period_ns

@@ -1,26 +1,27 @@
 """Offer thruster failures and gains as ROS 2 parameters of the vehicle's node, for `ros2 param` and similar tools.
 
-Each gain of the cascade (`[control]` of a vehicle file) has one, "gains.LOOP.KEY", a number:
+Each gain of the cascade (`[control]` of a vehicle file) is a number parameter "gains.LOOP.KEY":
 
     ros2 param set /uuv1 gains.surge.p 3.0
 
-It holds from the next step on, until the slave ends; integrals stay as they are. A key without a limit (`slew`, where
-the file leaves it out) is not among them, and other control laws have none.
+A new value applies from the next step until the slave ends; integrals stay as they are. A limit that the vehicle file
+leaves open (such as `slew`) has no parameter, and neither have other control laws.
 
-Each thruster has one of failures, "failures.NAME". It is a text: empty while nothing is wrong, else the keys of a
-[[failure]] of a scenario (sim.vehicle.failures.Failure) without its thruster and time, with ; between several. Quotes
-may be left out:
+Each thruster has a text parameter "failures.NAME". It is empty for a sound thruster, else it has the keys of
+[[failure]] tables of a scenario (sim.vehicle.failures.Failure) without thruster and time, separated by ";". Quotes may
+be left out:
 
     ros2 param set /uuv1 failures.bow 'kind = "efficiency", efficiency = 0.5; kind = "delayed", delay = "100 ms"'
     ros2 param set /uuv1 failures.bow 'kind = off'
     ros2 param set /uuv1 failures.bow '""'
 
-A tethered vehicle has "tether.length", the length (m) that its winch is to pay out, and "tether.tension", the pull (N)
-at the vehicle, which can only be read.
+A tethered vehicle has "tether.length", the length (m) for the winch to pay out, and "tether.tension", the tension (N)
+at the vehicle, which is read-only.
 
-A set value replaces the failures before it, at once. A read value is the present failure, whatever set it: a parameter,
-the thruster's service, a scenario. The services are those of rclcpp's nodes; values that cannot be are refused with the
-reason. What a request has set is published on /parameter_events; what a service or scenario has set is not.
+A new value replaces the thruster's failures at once. A value that is read gives the present failures, whether set by a
+parameter, the thruster's service or the scenario. The services are those of rclcpp's nodes; invalid values are refused
+with a reason. Changes by a parameter request are published on /parameter_events; those by a service or scenario are
+not.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -42,36 +43,36 @@ if TYPE_CHECKING:
 
 EVENTS = "/parameter_events"
 PREFIX = "failures"
-LONGEST = 200  # characters of a value, which is parsed between two steps
-MOST = 32  # parameters that one request is answered for; a vehicle has a thruster for each
+LONGEST = 200  # characters of a value; it is parsed between two steps of the loop
+MOST = 32  # parameters in one request; a vehicle has one for each thruster
 GAINS = "gains"
 TETHER, TENSION = "tether.length", "tether.tension"
 _NOT_SET, _DOUBLE, _STRING = 0, 3, 4  # constants of rcl_interfaces/ParameterType
-_RECURSIVE = 0  # of ListParameters
-_GIVEN = ("thruster", "time")  # keys that the parameter stands for
+_RECURSIVE = 0  # ListParameters: depth without limit
+_GIVEN = ("thruster", "time")  # keys that the parameter itself sets
 _EXAMPLE = 'kind = "efficiency", efficiency = 0.5'
 
 
 class _Group(Protocol):
-    """Parameters of one kind: all of one `type` (rcl_interfaces/ParameterType), which is `expected` of a value."""
+    """Parameters of one `type` (rcl_interfaces/ParameterType); `expected` describes a value in error messages."""
 
     type: int
     expected: str
 
     def names(self) -> Collection[str]:
-        """Return the names of those that there are now."""
+        """Return the names of the present parameters."""
 
     def value(self, name: str) -> dict[str, Any]:
-        """Return the ParameterValue of one, without its type."""
+        """Return the ParameterValue of a parameter, without its type."""
 
     def descriptor(self, name: str) -> dict[str, Any]:
-        """Return the ParameterDescriptor of one, without name and type."""
+        """Return the ParameterDescriptor of a parameter, without name and type."""
 
     def read(self, name: str, value: Message) -> Any:
-        """Return what `apply` takes, of a value of the right type. Raises ConfigError for one that cannot be."""
+        """Return the argument for `apply` from a value of the right type. Raises ConfigError for an invalid value."""
 
     def apply(self, name: str, change: Any) -> str:
-        """Let it hold from the next step on; return a text of what holds then."""
+        """Apply a change from the next step on; return a text for the log."""
 
 
 class _Gains:
@@ -120,12 +121,12 @@ class _Gains:
 
 
 def _finite(row: Any) -> dict[str, float]:
-    """Return the gains of a loop that are numbers: those without a limit are inf."""
+    """Return the finite gains of a loop; limits that are open are inf."""
     return {key: value for key, value in row._asdict().items() if isfinite(value)}
 
 
 class _TetherState:
-    """The length of a tether that is paid out, and its pull."""
+    """The paid-out length of a tether, and its tension."""
 
     type, expected = _DOUBLE, "a number like 20.0"
 
@@ -145,7 +146,7 @@ class _TetherState:
     def read(self, name: str, value: Message) -> float:
         if name == TENSION:
             raise ConfigError(f"{name}: it is measured")
-        from sim.tether import require_length  # most vehicles have none
+        from sim.tether import require_length  # most vehicles have no tether
 
         require_length(value["double_value"])
         return float(value["double_value"])
@@ -156,7 +157,7 @@ class _TetherState:
 
 
 class _Failures:
-    """The failures of thrusters, `thrusters` by the last part of their parameters' names."""
+    """The failures of thrusters; `thrusters` maps the last part of a parameter's name to the thruster."""
 
     type, expected = _STRING, f"a text, such as {_EXAMPLE}"
 
@@ -185,9 +186,9 @@ class _Failures:
 
 
 class Parameters:
-    """The parameters of a running loop's vehicle, called `node`.
+    """The parameters of a running loop's vehicle, whose node is called `node`.
 
-    `thrusters` are its thrusters by the last part of their parameters' names.
+    `thrusters` maps the last part of a failure parameter's name to the thruster.
     """
 
     def __init__(self, loop: Loop, node: str, thrusters: Mapping[str, str], report: Callable[[str], None]) -> None:
@@ -200,7 +201,7 @@ class Parameters:
             self._groups.append(_TetherState(tether))
 
     def services(self) -> dict[str, tuple[str, Answer]]:
-        """Type and answer of each service, by its name below the node's."""
+        """Return name, below the node's, of each service, with its type and answer."""
         answers: dict[str, tuple[str, Answer]] = {
             "list_parameters": ("ListParameters", self._list),
             "get_parameters": ("GetParameters", lambda request: {"values": self._each(request, self._value)}),
@@ -221,7 +222,7 @@ class Parameters:
         return {name: (f"rcl_interfaces/srv/{kind}", answer) for name, (kind, answer) in answers.items()}
 
     def _list(self, request: Message) -> dict[str, Any]:
-        """List parameters as rclcpp does: the depth counts the parts of a name behind the prefix."""
+        """List parameters as rclcpp does: `depth` counts the parts of a name after the prefix."""
         prefixes, depth = request["prefixes"][:MOST], request["depth"]
         names = [name for name in self._names() if _is_below(name, prefixes, depth)]
         parents = dict.fromkeys([name.rpartition(".")[0] for name in names])
@@ -231,14 +232,14 @@ class Parameters:
         return [name for group in self._groups for name in group.names()]
 
     def _group(self, name: str) -> _Group | None:
-        """Return the group that a parameter belongs to, None for a name that is none."""
+        """Return the group of a parameter; None if the name is unknown."""
         return next((group for group in self._groups if name in group.names()), None)
 
     def _each(self, request: Message, answer: Callable[[str], Any]) -> list[Any]:
         return [answer(name) for name in request["names"][:MOST]]
 
     def _value(self, name: str) -> dict[str, Any]:
-        """Return a ParameterValue, which is not set for a name that is none."""
+        """Return a ParameterValue; one of type "not set" for an unknown name."""
         group = self._group(name)
         return {"type": group.type, **group.value(name)} if group else {}
 
@@ -251,7 +252,7 @@ class Parameters:
         return {"name": name, "type": group.type, **group.descriptor(name)} if group else {"name": name}
 
     def _set(self, parameters: Sequence[Message]) -> dict[str, Any]:
-        """Set all of them or, where one cannot be, none; a SetParametersResult."""
+        """Set all parameters, or none if one is invalid; return a SetParametersResult."""
         try:
             if len(parameters) > MOST:
                 raise ConfigError(f"{len(parameters)} parameters at once, at most {MOST}")
@@ -271,7 +272,7 @@ class Parameters:
         self._loop.sample_publisher.put(EVENTS, encode("rcl_interfaces/msg/ParameterEvent", event))
 
     def _read(self, name: str, value: Message) -> tuple[_Group, Any]:
-        """Return the group of a parameter and the change of it that is asked for. Raises ConfigError."""
+        """Return the group of a parameter and the argument for its `apply`. Raises ConfigError."""
         group = self._group(name)
         if group is None:
             raise ConfigError(f"no parameter {name!r}{nearest(name[:LONGEST], self._names())}")
@@ -281,14 +282,14 @@ class Parameters:
 
 
 def read_failures(text: str, thruster: str, where: str) -> list[Failure]:
-    """Return the failures in a parameter's text; `where` opens every error message. Raises ConfigError."""
+    """Return the failures in a parameter's text; `where` begins each error message. Raises ConfigError."""
     if len(text) > LONGEST:
         raise ConfigError(f"{where}: {len(text)} characters, at most {LONGEST}")
     return [_read_failure(part, thruster, where) for part in text.split(";") if part.strip()]
 
 
 def failures_text(failures: Sequence[Failure]) -> str:
-    """Return the failures of one thruster as `read_failures` reads them."""
+    """Return the failures of one thruster as text, which `read_failures` can read."""
     return "; ".join([_failure_text(failure) for failure in failures])
 
 
@@ -305,9 +306,9 @@ def _read_failure(text: str, thruster: str, where: str) -> Failure:
 
 
 def _read_value(text: str) -> str | float:
-    """Return a number, or a text with or without its quotes.
+    """Return the value as a number, or as a text without quotes.
 
-    Without TOML's parser, whose loading the loop would notice.
+    The TOML parser is not used, as its import would delay the loop.
     """
     for kind in (int, float):
         with suppress(ValueError):

@@ -1,7 +1,7 @@
 """ROS 2 services of the vehicle: arm, reset, set_pose, failures of thrusters, and those of hil.slave.ros.simulation.
 
-Each is a ROS 2 service below the node's name and a small function here, or in hil.slave.ros.parameters; it runs in the
-loop's thread between two steps. What is asked for and cannot be done is refused with a reason, in the response.
+Each service has a name below the node's, and a small function here or in hil.slave.ros.parameters. It runs in the
+loop's thread between two steps. A request that cannot be done is refused with a reason in the response.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,19 +23,20 @@ from sim.rotations import from_euler, rotate_inverse
 from sim.vehicle.failures import Failure
 
 SET_BOOL, TRIGGER = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
-SET_STATE = "simulation_interfaces/srv/SetEntityState"  # of 1.x, as in ROS 2 Jazzy
+SET_STATE = "simulation_interfaces/srv/SetEntityState"  # version 1.x, as in ROS 2 Jazzy
 # Constants of simulation_interfaces.
 _OK, _NOT_FOUND, _FAILED, _INVALID_POSE = 1, 2, 4, 101
 _WORLD_FRAMES = ("", "map", "world")
-# m and rad a step, 10 m/s and rad/s at 400 Hz. In a longer one the drag of a light hull throws it back faster than it
-# came, and further with each step; of those that are here the first does at 0.05.
+# Limit of the velocity that set_pose accepts, in m and rad a step: 10 m/s and rad/s at 400 Hz. Beyond a limit, the drag
+# of a light hull reverses the velocity within one step and the integration diverges. The first of our vehicles does so
+# at 0.05.
 _MAX_PATH = 0.025
 
 Report = Callable[[str], None]
 
 
 def offer_services(server: Server, node: str, loop: Loop, start: Start, report: Report) -> None:
-    """Offer all services of the vehicle called `node`; `report` gets a line for each that was done."""
+    """Offer all services of the vehicle called `node`; `report` gets a line for each change that a service makes."""
     offered: dict[str, tuple[str, Answer]] = {
         "reset": (TRIGGER, lambda _: _answer(report, "reset", reset(loop, start))),
         "set_pose": (SET_STATE, lambda request: set_pose(loop, node, request, report)),
@@ -45,7 +46,7 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
     thrusters = {plain_name(thruster.name): thruster.name for thruster in loop.simulation.vehicle.thrusters}
     for plain, name in thrusters.items():
         offered[f"thrusters/{plain}/fail"] = (SET_BOOL, _failing(loop, name, report))
-    offered["set_entity_state"] = offered["set_pose"]  # as the standard calls it
+    offered["set_entity_state"] = offered["set_pose"]  # the name in simulation_interfaces
     offered |= SimulationServices(loop, node, lambda: reset(loop, start), report).services()
     offered |= Parameters(loop, node, thrusters, report).services()
     for name, (type_name, answer) in offered.items():
@@ -53,7 +54,7 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
 
 
 def arm(loop: Loop, on: bool) -> str:
-    """Let commands drive the thrusters again, or make them neutral and take no more commands."""
+    """Arm: let commands drive the thrusters. Disarm: set the thrusters to neutral and ignore commands."""
     loop.armed = on
     if not on:
         loop.set_neutral()
@@ -61,20 +62,20 @@ def arm(loop: Loop, on: bool) -> str:
 
 
 def reset(loop: Loop, start: Start) -> str:
-    """Return to the start, at rest, all thrusters repaired. Time, battery and dropped weights stay as they are."""
+    """Move the vehicle to its start, at rest, with sound thrusters. Time, battery and dropped weights do not change."""
     loop.fail(*[Failure(thruster.name, "repaired") for thruster in loop.simulation.vehicle.thrusters])
     loop.place((start.north, start.east, start.depth), from_euler(0.0, 0.0, start.heading), (0.0,) * 6)
     return f"at ({start.north:g}, {start.east:g}, {start.depth:g}) m, heading {start.heading:g} rad, at rest"
 
 
 def fail_thruster(loop: Loop, name: str, failing: bool) -> str:
-    """Let a thruster give no output, or end all its failures."""
+    """Let a thruster give no thrust, or end all its failures."""
     loop.fail(Failure(name, "off" if failing else "repaired"))
     return f"{name} is {'off' if failing else 'repaired'}"
 
 
 def set_pose(loop: Loop, node: str, request: Message, report: Report) -> dict[str, Any]:
-    """Handle simulation_interfaces/SetEntityState: pose and velocity in the world ENU; acceleration is ignored."""
+    """Handle SetEntityState: pose and velocity in the world's ENU; the acceleration is ignored."""
     state, entity, frame = request["state"], request["entity"], request["state"]["header"]["frame_id"]
     if entity not in ("", node):
         return _result(_NOT_FOUND, f"no entity {entity!r}; there is: {node}")

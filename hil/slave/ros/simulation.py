@@ -1,8 +1,8 @@
 """The services of the standard simulation_interfaces (ros-simulation, 1.x) for the vehicle's own simulation.
 
-Entities are the vehicle, by the name of its node, and the obstacles of the world. Not modelled, and said so in
-`get_simulator_features`: spawning, tags, bounds, loading of worlds, resetting time. While paused neither vehicle nor
-simulation time move; link, STM32 and controller go on, so that commands between two steps act.
+Entities are the vehicle, named after its node, and the obstacles of the world. Not supported, as
+`get_simulator_features` reports: spawning, tags, bounds, loading of worlds, resetting time. A pause stops the vehicle
+and simulation time; link, STM32 and controller continue, so commands between two single steps take effect.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -18,7 +18,7 @@ from sim.rotations import from_euler, rotate
 
 FRAME = "map"
 PACKAGE = "simulation_interfaces/srv/"
-# Constants of simulation_interfaces: of Result, SimulationState, EntityCategory, ResetSimulation, SimulatorFeatures.
+# Constants of simulation_interfaces: Result, SimulationState, EntityCategory, ResetSimulation, SimulatorFeatures.
 UNSUPPORTED, OK, NOT_FOUND, FAILED, ALREADY_THERE = 0, 1, 2, 4, 101
 PLAYING, PAUSED = 1, 2
 STATES = {0: "stopped", PLAYING: "playing", PAUSED: "paused", 3: "quitting"}
@@ -28,19 +28,19 @@ FEATURES = {
     "ENTITY_CATEGORIES": 8, "ENTITY_STATE_GETTING": 10, "ENTITY_STATE_SETTING": 11, "ENTITY_INFO_GETTING": 12,
     "SIMULATION_RESET": 20, "SIMULATION_RESET_STATE": 22, "SIMULATION_STATE_GETTING": 24,
 }  # fmt: skip
-# Where our own loop steps the simulation, and no autopilot.
+# Available if the loop steps the simulation by itself, not in lockstep with an autopilot.
 PAUSE_FEATURES = {
     "SIMULATION_STATE_SETTING": 25, "SIMULATION_STATE_PAUSE": 26, "STEP_SIMULATION_SINGLE": 31,
     "STEP_SIMULATION_MULTIPLE": 32,
 }  # fmt: skip
-MOST_STEPS = 200  # of one call, which hold up the loop: 0.5 s of simulation time by default
+MOST_STEPS = 200  # in one call, during which the loop does nothing else; 0.5 s of simulation time by default
 LONGEST_FILTER = 200  # characters
 
 Result = dict[str, Any]
 
 
 class SimulationServices:
-    """Services for a running `loop` whose vehicle is called `node`; `reset` brings it back to its start."""
+    """Services for a running `loop` whose vehicle is called `node`; `reset` moves the vehicle back to its start."""
 
     def __init__(self, loop: Loop, node: str, reset: Callable[[], str], report: Callable[[str], None]) -> None:
         self._loop = loop
@@ -52,7 +52,7 @@ class SimulationServices:
         self._obstacles = {each.name or f"obstacle_{number}": each for number, each in enumerate(placed)}
 
     def services(self) -> dict[str, tuple[str, Answer]]:
-        """Type and answer of each service, by its name below the node's."""
+        """Return name, below the node's, of each service, with its type and answer."""
         answers: dict[str, tuple[str, Answer]] = {
             "get_simulator_features": ("GetSimulatorFeatures", self._features),
             "reset_simulation": ("ResetSimulation", self._reset_simulation),
@@ -130,7 +130,7 @@ class SimulationServices:
         return result(NOT_FOUND, f"no entity {name[:LONGEST_FILTER]!r}; there are: {there[:LONGEST_FILTER]}")
 
     def _filtered(self, filters: Message) -> tuple[list[str], Result]:
-        """Return the names that pass, and what is wrong with the filters."""
+        """Return the names that pass the filters, and the error response if the filters are invalid, else {}."""
         pattern, categories = filters["filter"], {each["category"] for each in filters["categories"]}
         if filters["bounds"]["type"]:
             return [], result(UNSUPPORTED, "entities cannot be chosen by bounds")
@@ -148,7 +148,7 @@ class SimulationServices:
             yield from self._obstacles
 
     def _state_of(self, name: str) -> Result:
-        """Return an EntityState in the world ENU; acceleration is left out."""
+        """Return an EntityState in the world's ENU, without acceleration."""
         publisher, simulation = self._loop.sample_publisher, self._loop.simulation
         head = header(publisher.stamps.stamp(simulation.time_ns), FRAME)
         if name == self._node:
@@ -169,12 +169,12 @@ class SimulationServices:
 
 
 def result(code: int, message: str = "") -> Result:
-    """Return the response's Result."""
+    """Return a response with a Result."""
     return {"result": {"result": code, "error_message": message}}
 
 
 def _matches(pattern: str, name: str) -> bool:
-    """Return whether the parts of a pattern between .* are in the name, one after the other."""
+    """Return whether the name has the parts of a pattern between ".*", in this order."""
     at = 0
     for part in pattern.split(".*"):
         found = name.find(part, at)
