@@ -9,6 +9,7 @@ from hil.cases.record import Mode, Run
 from hil.cases.viewer import Viewer
 from hil.common.children import worker_options
 from hil.common.errors import MissingExtraError
+from hil.common.stop import ctrl_c_held_back
 from hil.common.streams import ProgressLine
 from hil.master.recorder import make_folder
 
@@ -65,7 +66,9 @@ def _simulate(
     runs: dict[int, Run] = {}
     flights = (joblib.delayed(fly_one)(name, "sil", seed, folder) for seed in seeds)
     with worker_options() as options:
-        for run in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", **options)(flights):
+        with ctrl_c_held_back():  # this process ends its workers
+            finished = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", **options)(flights)
+        for run in finished:
             runs[run.result.seed] = run
             left = (time.monotonic() - began) / len(runs) * (len(seeds) - len(runs))
             line.show(f"{name}: {len(runs)} of {len(seeds)} SIL flights, {left:.0f} s left")

@@ -120,10 +120,19 @@ def worker_options() -> Iterator[dict[str, Any]]:
 
     These look for modules in the current folder no more than our own programs do; but under Python 3.10, which cannot
     be told so, until they have taken over this process's `sys.path`. Only Linux can end them with this process.
+
+    multiprocessing's own process is started here, as up to Python 3.12 its start lets held back signals through:
+    `hil.common.stop.ctrl_c_held_back`, inside which the workers are to be started.
     """
+    from warnings import filterwarnings
+
+    filterwarnings("ignore", r"\d+ tasks which were still being processed", module="joblib")  # at Ctrl-C, no news
     if sys.platform != "linux":
         yield {}
         return
+    from multiprocessing.resource_tracker import ensure_running
+
+    ensure_running()
     before = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
     try:

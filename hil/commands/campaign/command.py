@@ -3,6 +3,7 @@
 import itertools
 import math
 import statistics
+import sys
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -118,11 +119,16 @@ def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backe
     began = time.monotonic()
     rows: dict[int, Row] = {}
     line = ProgressLine(at_once=True)
-    with closing(results):
-        for place, row in results:
-            rows[place] = row
-            left = (time.monotonic() - began) / len(rows) * (len(tasks) - len(rows))
-            line.show(f"{len(rows)}/{len(tasks)} runs, {left:.0f} s left")
+    try:
+        with closing(results):
+            for place, row in results:
+                rows[place] = row
+                left = (time.monotonic() - began) / len(rows) * (len(tasks) - len(rows))
+                line.show(f"{len(rows)}/{len(tasks)} runs, {left:.0f} s left")
+    except KeyboardInterrupt:
+        line.clear()
+        print(f"ended after {len(rows)} of {len(tasks)} runs; their results are discarded", file=sys.stderr)
+        raise
     line.clear()
     return [rows[place] for place in range(len(tasks))]
 

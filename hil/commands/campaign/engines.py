@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from hil.commands.campaign.files import Bundle, unpack
 from hil.common.children import worker_options
 from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
-from hil.common.stop import every_end_like_ctrl_c
+from hil.common.stop import ctrl_c_held_back, every_end_like_ctrl_c
 
 CLUSTERS = ("dask", "ray")
 DASK_ADDRESS, RAY_ADDRESS = "DASK_SCHEDULER_ADDRESS", "RAY_ADDRESS"
@@ -49,9 +49,10 @@ def run_here(run: Run, scenario: str, tasks: Sequence[Task], jobs: int, backend:
     except ValueError as error:
         raise ConfigError(f"--backend {backend!r}: {error}; there are dask and ray besides") from None
     with chosen, _workers(backend) as options:
-        yield from joblib.Parallel(return_as="generator_unordered", **options)(
-            joblib.delayed(_run_named)(run, scenario, task) for task in tasks
-        )
+        calls = (joblib.delayed(_run_named)(run, scenario, task) for task in tasks)
+        with ctrl_c_held_back():  # this process ends its workers
+            results = joblib.Parallel(return_as="generator_unordered", **options)(calls)
+        yield from results
 
 
 def run_on_cluster(

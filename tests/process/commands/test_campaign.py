@@ -96,6 +96,16 @@ def test_no_worker_outlives_it(tmp_path: Path) -> None:
     check_workers_end(tmp_path, "campaign", signal.SIGTERM)
 
 
+def test_ctrl_c_in_a_terminal_while_workers_load_leaves_one_line(tmp_path: Path) -> None:
+    """It goes to the workers, too, which have only just been started."""
+    scenario, _ = write_scenario(tmp_path)
+    with Program(tmp_path, "campaign", scenario, "--seeds", "10000", "--jobs", "2") as program:
+        assert wait_for(lambda: bool(workers(program)))
+        os.killpg(program.process.pid, signal.SIGINT)
+        assert program.wait() == 130
+    assert program.output == "ended after 0 of 10000 runs; their results are discarded\n"
+
+
 def check_workers_end(tmp_path: Path, name: str, number: int) -> None:
     """Start that command with two workers, send it a signal, and see that nothing of it is left."""
     what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--output", tmp_path / "out"]
