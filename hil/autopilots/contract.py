@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from hil.common.clock import NS_PER_S
 from sim.sensors.samples import OdometrySample
 
-CHECK_NS = NS_PER_S // 10  # between two looks for what is wrong
+CHECK_NS = NS_PER_S // 10  # between two checks
 STALL_NS = NS_PER_S  # without an answer in lockstep: said once
 SILENT_NS = NS_PER_S // 5  # without outputs: thrusters neutral, as PX4's own simulators do
 ABSENT_NS = 10 * NS_PER_S  # without any sign of an autopilot: said once, and again after that time

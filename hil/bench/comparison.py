@@ -104,7 +104,7 @@ def _format_value(value: Any) -> str:
 
 
 def _number(value: Any) -> float:
-    """Return a value as a number; nan, which differs from nothing, for what is none."""
+    """Return a value as a number; nan, which equals no other value, if it is not a number."""
     return value if isinstance(value, float) else nan
 
 

@@ -50,7 +50,7 @@ def read_threads(pids: list[int]) -> Threads:
 
 
 def shares(before: Threads, after: Threads) -> dict[str, float]:
-    """Return what share of a core each thread used between two looks.
+    """Return what share of a core each thread used between two samples.
 
     A thread that was not there before began with 0.
     """

@@ -98,7 +98,7 @@ def description(protocol: FrameProtocol, channels: int, rate: float) -> Iterator
 
 
 def read_hex(words: list[str]) -> bytes:
-    """Return the bytes of a hex dump; "-" is what stands on standard input. Raises ConfigError naming what is none."""
+    """Return the bytes of a hex dump; "-" reads it from standard input. Raises ConfigError that names an error."""
     text = sys.stdin.read() if words == ["-"] else " ".join(words)
     data = b""
     for word in re.split(r"[\s,;:]+|\\x|0[xX]", text):

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hil.recording.mcap_file import Message
     from hil.recording.tap import Tap
 
-POLL_S = 0.02  # between two looks for messages
+POLL_S = 0.02  # between two checks for messages
 
 
 class Reach(NamedTuple):

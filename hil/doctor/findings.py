@@ -101,7 +101,7 @@ def as_user(user: User) -> list[str] | None:
 
 
 def number(text: str) -> float | None:
-    """Return a number as the kernel's files have it; None for what is none."""
+    """Return a number as the kernel's files have it; None if it is not a number."""
     try:
         value = float(text)
     except ValueError:

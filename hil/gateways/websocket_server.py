@@ -1,6 +1,6 @@
 """The websocket server of gateways: who may connect, and who may command.
 
-Programs may look without the token, web pages may not, and who commands needs it.
+Programs may observe without the token, web pages may not; commands need the token.
 """
 
 from abc import abstractmethod
@@ -15,8 +15,8 @@ from hil.gateways.websocket_client import SocketClient
 
 MOST_CLIENTS = 32
 LARGEST = 1 << 20  # bytes of a message of a client
-# A client is asked this often whether it is there, and is gone if it has not answered after half of that: a planner
-# that computes for seconds reads nothing meanwhile.
+# Between two pings of a client. It is disconnected if it has not answered after half of that. The time is long because
+# a planner that computes for seconds reads nothing meanwhile.
 HEARTBEAT_S = 2.0 * STALLED_S
 
 
@@ -79,7 +79,7 @@ class WebSocketServer(ServerThread, Generic[T]):
             await socket.close(message=f"{MOST_CLIENTS} clients are here already".encode())
             return socket
         transport = request.transport
-        if transport is None:  # it went meanwhile
+        if transport is None:  # the client has disconnected meanwhile
             return socket
         client = self._make_client(socket, may_command)
         self._clients.add(client)

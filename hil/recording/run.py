@@ -29,7 +29,7 @@ class Run(NamedTuple):
 def read_run(about: About, path: str, own_classes: bool = False) -> Run | None:
     """Return what stands in the recording at `path`; None if nothing does.
 
-    A user's own classes ([[force]], [sensors]) are in no recording: with `own_classes` they are looked for as usual,
+    A user's own classes ([[force]], [sensors]) are in no recording: with `own_classes` they are imported as usual,
     else refused. Raises ConfigError for that, and if what was a scenario then is none any more.
     """
     if not about.attachments.keys() >= set(FILES):

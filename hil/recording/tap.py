@@ -119,7 +119,7 @@ class Tap:
     An endpoint that is not there yet, or goes away, is waited for. `missed` counts what was sent and did not come, by
     the gaps in the numbers of each publisher. `reconnections` counts links that the library did not read, and sessions
     that were opened again as nothing came over them any more (`hil.network.unread_links`, `hil.network.stall`). Raises
-    NetworkError when an endpoint cannot be meant.
+    NetworkError for an invalid endpoint.
     """
 
     def __init__(self, endpoints: list[str], network: Network = Network(), security: "Security | None" = None) -> None:

@@ -28,7 +28,7 @@ _CLOSED = (1.0, 1.5, 2.2, 3.3)  # the closed loop's time constants that are trie
 _GAIN = 0.97  # what is not better by 3 % is no reason to change
 # At most this share of an axis' force, else what takes so many s to the step's speed; less s against a righting moment.
 _PUSH, _PUSH_TIME, _TILT_TIME = 0.3, 0.8, 0.3
-_RATES = (0.3, 0.3)  # rad/s of yaw or tilt, m/s of depth: where a push has said enough
+_RATES = (0.3, 0.3)  # rad/s of yaw or tilt, m/s of depth: where a push ends
 _HOLD_TOP = 0.5  # of the top speed: more than that no hold asks for
 
 ReportText = Callable[[str], None]

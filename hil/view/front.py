@@ -35,7 +35,7 @@ OnStick = Callable[[int, StickMessage | None], Mapping[str, Any]]
 class Front(ServerThread):
     """Serves at `host`:`port` (0: any free one) in a thread of its own. Use as a context.
 
-    `scene_port` is where viser listens, `secret` what it wants to be told, `token` what a browser has to know. Raises
+    `scene_port` is where viser listens, `secret` what viser requires, `token` what a browser must send. Raises
     NetworkError when the port is taken.
     """
 

@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> int:
     try:
         return run(arguments[1:])
     finally:
-        show("")  # an error is not to be told behind a line of progress
+        show("")  # an error must not follow a line of progress on the same line
 
 
 def _help() -> str:

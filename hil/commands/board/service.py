@@ -90,7 +90,7 @@ def check_user(tree: Tree, user: str) -> None:
     """Check that a user exists and is not root. Raises ConfigError."""
     if user in ("root", "0") or not NAME.fullmatch(user):
         raise ConfigError(
-            f"--user: {user!r} cannot be meant: name the user that the slave is to run as; it needs no root"
+            f"--user: {user!r} is no valid user: name the user that the slave is to run as; it needs no root"
         )
     known = [row.name for row in accounts(tree, "/etc/passwd")]
     if known and user not in known:

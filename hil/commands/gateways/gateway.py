@@ -9,7 +9,7 @@ from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 from hil.gateways.json_lines.server import JsonGateway
 
-POLL_S = 0.5  # between two looks who is there
+POLL_S = 0.5  # between two checks of which vehicles are there
 EXAMPLES = """\
 examples:
   uuv-hil gateway --connect tcp/192.168.3.116:7447

@@ -24,7 +24,7 @@ def is_xacro(path: str) -> bool:
 def expand(path: str, arguments: Iterable[str] = ()) -> bytes:
     """Return the URDF that the xacro file at `path` makes; `arguments` are NAME=VALUE or, as in ROS, NAME:=VALUE.
 
-    `$(find PACKAGE)` is looked for as sim/vehicle/urdf/ros_packages.py says. Raises ConfigError, MissingExtraError.
+    `$(find PACKAGE)` is found as sim/vehicle/urdf/ros_packages.py says. Raises ConfigError, MissingExtraError.
     """
     command = module_command("hil.commands.vehicle.xacro_process", path, *map(_pair, arguments))
     try:

@@ -33,7 +33,7 @@ Latched = Callable[[int], tuple[int, bytes] | None]
 class Client(SocketClient):
     """Talks with one client over `socket`, in the thread of the server's loop.
 
-    `commanding` is None for one that may only look; `latched` gives the last message of a latched channel.
+    `commanding` is None for a client that may not command; `latched` gives the last message of a latched channel.
     """
 
     def __init__(self, socket: web.WebSocketResponse, commanding: Commanding | None, latched: Latched) -> None:
@@ -49,7 +49,7 @@ class Client(SocketClient):
         )
 
     def advertise(self, channels: Mapping[int, Channel]) -> None:
-        """Name channels to the client."""
+        """Advertise channels to the client."""
         if channels:
             self._put(encode_text("advertise", channels=[encode_channel(*each) for each in channels.items()]))
 
@@ -72,7 +72,7 @@ class Client(SocketClient):
         self._put(encode_text("status", level=level, message=text))
 
     async def _write(self) -> None:
-        """Send what waits, and say what was dropped."""
+        """Send the waiting messages, and report dropped ones."""
         reported = 0
         while True:
             await self._queue.send_waiting()
@@ -145,7 +145,7 @@ class Client(SocketClient):
             self._report(str(error))
 
     async def _advertise_services(self) -> None:
-        """Name the services of vehicles as they come."""
+        """Advertise the services of vehicles as they appear."""
         while self._commanding:
             services = await asyncio.to_thread(self._commanding.services)
             new = [service for service in sorted(services.items()) if service not in self._services]

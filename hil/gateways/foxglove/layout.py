@@ -23,8 +23,8 @@ PICTURES = {"jpeg": "image_raw/compressed", "both": "image_raw/compressed", "raw
 def layout(node: str, scenario: Scenario | None = None) -> str:
     """Return the layout of the vehicle called `node` as the JSON that Foxglove imports.
 
-    It shows the sensors of the scenario, without one those that each vehicle has: no panel stays empty. What commands
-    the vehicle is on a tab of its own, as a recording obeys nobody.
+    It shows the sensors of the scenario, without one those that each vehicle has: no panel stays empty. Panels
+    that command the vehicle are on a separate tab, as a recording takes no commands.
     """
     sensors = scenario.sensors if scenario else fit()
     images = _images(sensors, scenario.ros.images if scenario else "jpeg")

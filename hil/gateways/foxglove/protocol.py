@@ -74,7 +74,7 @@ def encode_response(request: ServiceRequest, data: bytes) -> bytes:
 
 
 def decode_text(text: str) -> Mapping[str, Any] | None:
-    """Return a JSON message of a client; None for what is none."""
+    """Return a JSON message of a client; None if it is not one."""
     try:
         message = json.loads(text)
     except (ValueError, RecursionError):
@@ -83,7 +83,7 @@ def decode_text(text: str) -> Mapping[str, Any] | None:
 
 
 def decode_binary(data: bytes) -> ClientMessage | ServiceRequest | None:
-    """Return a binary message of a client; None for what is none."""
+    """Return a binary message of a client; None if it is not one."""
     if len(data) >= _CLIENT.size and data[0] == CLIENT_MESSAGE:
         return ClientMessage(_CLIENT.unpack_from(data)[1], data[_CLIENT.size :])
     if len(data) >= _SERVICE.size and data[0] == SERVICE_REQUEST:

@@ -17,7 +17,7 @@ from hil.ros.topics import TOPICS
 
 
 class FoxgloveServer(WebSocketServer[Client]):
-    """Serves messages of vehicles to Foxglove; who has the token commands them through `commanding`."""
+    """Serves messages of vehicles to Foxglove; clients with the token command them through `commanding`."""
 
     def __init__(self, host: str, port: int, commanding: Commanding | None = None) -> None:
         self._commanding = commanding

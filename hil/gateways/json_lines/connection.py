@@ -50,7 +50,7 @@ from hil.gateways.json_lines.requests import (
 
 LONGEST_LINE = 1 << 16  # bytes
 LEAST_RATE, MOST_RATE = 1e-3, 100.0  # Hz, of what comes by itself
-RETRY_NS = NS_PER_S // 500, NS_PER_S // 10  # least and most, until a sample that is due and not new is looked for again
+RETRY_NS = NS_PER_S // 500, NS_PER_S // 10  # least and most, between two checks for a new sample that is due
 LOST_S = 4  # of a machine's silence, until its connection is given up
 UNREAD_S = 2  # for which a client may leave what is sent to it unread
 DEADMAN_S, MOST_DEADMAN_S = 10.0, 3600.0
@@ -137,12 +137,12 @@ class Connection:
         with self._writing:
             try:
                 self._socket.sendall(line)
-            except OSError:  # it is gone, or does not read: half a line may have been sent, so nothing can follow
+            except OSError:  # disconnected, or it does not read: half a line may have been sent, so nothing can follow
                 self._hang_up()
                 raise
 
     def _answer(self, line: bytes) -> None:
-        """Answer a line. Raises NotJsonError, when that was said; OSError."""
+        """Answer a line. Raises NotJsonError after that was answered; OSError."""
         answer: Request = {"id": None, "ok": True}
         problem = ""
         try:
@@ -255,7 +255,7 @@ class Connection:
                     self._send_sample(key, sent)
 
     def _send_sample(self, key: tuple[str, str], sent: dict[tuple[str, str], int]) -> None:
-        """Send the newest sample of a vehicle's sensor, or look again soon if it has been sent already."""
+        """Send the newest sample of a vehicle's sensor, or check again soon if it has been sent already."""
         vehicle, sensor = key
         with self._changed:
             if key not in self._wanted:

@@ -25,10 +25,10 @@ COMMANDS = ("drive", "hold_depth", "hold_heading", "go_to", "follow", "push", "t
 SERVICES: dict[str, Callable[..., str]] = {
     "arm": services.arm, "reset": services.reset, "set_pose": services.set_pose, "fail": services.fail_thruster
 }  # fmt: skip
-MOVED = ("reset", "set_pose")  # after which nothing that was commanded before is meant any more
-LONGEST_ECHO = 60  # characters of what is said of a value that is refused
+MOVED = ("reset", "set_pose")  # which end the command before
+LONGEST_ECHO = 60  # characters of a refused value in an error
 LONGEST_WAY = 1e4  # m: 5 s to plan, in which nobody sees that the connection has ended
-MOST_NUMBER = max(MOST_PLACE, MOST_FORCE)  # of any unit: beyond it nothing is meant
+MOST_NUMBER = max(MOST_PLACE, MOST_FORCE)  # in any unit: a larger number is an error
 STATE_EXTRAS = ("depth", "heading", "roll", "pitch", "speed")
 TYPES = {"smooth": bool, "on": bool, "thruster": str, "kind": str}  # of arguments; others are numbers, or arrays
 
@@ -142,7 +142,7 @@ def _length(path: list[Any]) -> float:
 
 
 def is_number(value: Any) -> bool:
-    """Return whether it is a number that can mean something."""
+    """Return whether it is a number within ±MOST_NUMBER."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= MOST_NUMBER
 
 

@@ -10,7 +10,7 @@ from hil.gateways.json_lines.connection import Connection
 from hil.gateways.json_lines.requests import encode
 
 MAX_CONNECTIONS = 32
-ACCEPT_S = 0.2  # how often the end is looked for
+ACCEPT_S = 0.2  # between two checks for the end
 
 
 class JsonGateway:
@@ -48,7 +48,7 @@ class JsonGateway:
         while not self._ending.is_set():
             try:
                 opened, _ = self._socket.accept()
-            except OSError:  # nobody came meanwhile
+            except OSError:  # no client within ACCEPT_S
                 continue
             self._connections = [connection for connection in self._connections if connection.is_alive]
             if len(self._connections) < MAX_CONNECTIONS:

@@ -30,7 +30,7 @@ Settled = Callable[[int], None]  # gets the MAV_RESULT of arming
 class Core:
     """One vehicle. `tick` is called with the time (ns), 50 times a second; nothing else looks at a clock.
 
-    `texts` are what ground stations are to be told: severity and text.
+    `texts` are messages for ground stations: severity and text.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Core:
             self._arming.append((now + ARMING_NS, settled))
 
     def disarm(self, everybody: bool = False) -> None:
-        """Stop the thrusters; with `everybody` the slave then takes commands of nobody."""
+        """Stop the thrusters; with `everybody` the slave then refuses all commands."""
         if self.pilot.armed:
             self.texts.append((6, "Disarmed"))
         self.pilot.disarm()

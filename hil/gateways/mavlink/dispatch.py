@@ -23,7 +23,7 @@ CAMERA_MESSAGES = (
     dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION, dialect.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
     dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS, dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS,
 )  # fmt: skip
-# Commands that change nothing: who may only look may send them.
+# Commands that change nothing: partners without the right to command may send them.
 ASKING = {
     dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, dialect.MAV_CMD_GET_HOME_POSITION,
@@ -82,7 +82,7 @@ class Dispatcher:
         self._changing = {getattr(dialect, name + word) for word in changing}
 
     def handle(self, peer: Peer, packet: Any, now: int) -> None:
-        """Do what a packet asks for, if it is for us and its sender may ask for that."""
+        """Execute a packet, if it is addressed to us and its sender has the right."""
         number = packet.get_msgId()
         handle = self._handlers.get(number)
         if handle is None or (packet.get_srcSystem() == self.core.system and packet.get_srcComponent() == COMPONENT):

@@ -89,7 +89,7 @@ class Gateway:
             link.close()
 
     def _update_partners(self, now: int) -> None:
-        """Meet those who have come, and forget those who have gone."""
+        """Add new partners, and remove those that have gone."""
         present = set()
         for number, link in enumerate(self._links):
             link.tick(now)

@@ -66,7 +66,7 @@ class VehiclePort(Protocol):
         """Let the slave take commands again, if it was disarmed; `refusal` says when it does."""
 
     def disarm(self) -> None:
-        """Let the slave take commands of nobody."""
+        """Make the slave refuse all commands."""
 
     def parameters(self) -> Mapping[str, float]:
         """Return the parameters that the slave has, by their MAVLink names; empty until they came."""

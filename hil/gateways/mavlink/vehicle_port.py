@@ -20,7 +20,7 @@ TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak",
 STALE_S = 1.0  # after which a vehicle whose position does not come counts as gone
 SLOW_STALE_S = 3.0  # the same of what comes once a second
 DVL_REACH = 0.05, 200.0  # m: its messages do not say it
-REFRESH_S = 5.0  # between two looks at what the slave has: sensors, parameters
+REFRESH_S = 5.0  # between two queries of the slave's sensors and parameters
 
 
 class NetworkVehicle:
@@ -88,7 +88,7 @@ class NetworkVehicle:
                 client.send("cmd_thrusters", encode_thrusts((0.0,) * (client.diagnostics().thrusters or 0)))
             else:
                 client.send("cmd_wrench", encode_wrench(0, command))
-        except NetworkError:  # several of its name: `refusal` says so
+        except NetworkError:  # several vehicles of its name: `refusal` reports it
             return
 
     def refusal(self) -> str:
@@ -103,7 +103,7 @@ class NetworkVehicle:
             self._do(lambda: self._call_arm(True))
 
     def disarm(self) -> None:
-        """Let the slave take commands of nobody."""
+        """Make the slave refuse all commands."""
         self._do(lambda: self._call_arm(False))
 
     def parameters(self) -> Mapping[str, float]:
@@ -147,7 +147,7 @@ class NetworkVehicle:
         self._wake.set()
 
     def _work(self) -> None:
-        """Do what waits for answers, and look every now and then at what the slave has."""
+        """Do the requests that wait for answers, and query the slave's sensors and parameters every REFRESH_S."""
         was_here = False
         while not self._ending.is_set():
             while self._jobs:

@@ -21,7 +21,7 @@ from hil.ros import message as ros_message
 from hil.ros.graph import Entity
 from hil.ros.topics import COMMANDS, TOPICS
 
-LOOK_S = 1.0  # how often it is looked who is there
+LOOK_S = 1.0  # between two checks of which vehicles are there
 REPORT_NS = 60 * NS_PER_S  # between two lines about the same
 MOST_KEYS = 1000  # of lines that are remembered
 MOST_KEPT = 64  # last messages of a latched topic that all vehicles share
@@ -200,7 +200,7 @@ class Ros1Bridge(ServerThread):
             try:
                 self._node.serve(entity.topic, service_of(entity.type), self._commanding)
             except ConfigError:
-                return  # ROS 1 has other means for it, or knows it not
+                return  # ROS 1 has other means for it, or no type
 
     async def _greet_master(self) -> None:
         self._parameters.forget()

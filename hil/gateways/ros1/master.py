@@ -9,7 +9,7 @@ from hil.common.errors import NetworkError
 from hil.gateways.ros1.subscription import Caller
 from hil.gateways.ros1.xmlrpc import call
 
-CHECK_S = 1.0  # how often it is asked whether it is there
+CHECK_S = 1.0  # between two checks of whether the master is there
 UNREGISTER_S = 2.0  # for all that is unregistered at the end
 
 

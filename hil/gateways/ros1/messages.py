@@ -110,7 +110,7 @@ def _converter(source: Typestore, target: Typestore, name: str, is_to_ros2: bool
 
 
 def _known_as(type_name: str) -> str:
-    """Return what the library calls a message, or a half of a service."""
+    """Return the library's name of a message, or of one half of a service."""
     return type_name.replace("/srv/", "/srv/msg/")
 
 

@@ -57,7 +57,7 @@ class Publication:
         self._sequence = 0
 
     def publish(self, message: Message) -> None:
-        """Send a message of ROS 2 to all subscribers; one that is no message of its type is counted."""
+        """Send a message of ROS 2 to all subscribers; one that does not fit its type is counted."""
         if self._last.maxlen and message.data not in [each.data for each in self._last]:
             self._last.append(message)
         if self.subscribers:
@@ -96,7 +96,7 @@ class Publication:
             await asyncio.gather(sending, ended, return_exceptions=True)
 
     def _encode(self, message: Message) -> bytes:
-        """Return a message with its length before it; nothing for one that is none."""
+        """Return a message with its length before it; empty if it is invalid."""
         self._sequence += 1
         try:
             return frame(to_ros1(self.kind.type, message.data, self._sequence))

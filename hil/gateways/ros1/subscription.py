@@ -26,7 +26,7 @@ from hil.gateways.ros1.tcpros import (
 )
 from hil.gateways.ros1.xmlrpc import call
 
-HELD_NS = NS_PER_S  # for which who commands keeps the topic after its last message
+HELD_NS = NS_PER_S  # after the last message of the commanding publisher, until another one may command
 FIRST_RETRY_S, LAST_RETRY_S = 0.2, 5.0
 CONNECT_S = 5.0
 MOST_PUBLISHERS = 32
@@ -88,7 +88,7 @@ class Subscription:
             except (PeerError, NetworkError) as error:
                 self._report(f"{self.topic} {uri}", f"{self.topic} from {uri}: {error}")
             except (OSError, asyncio.IncompleteReadError, asyncio.TimeoutError):
-                pass  # it has gone: the master says so soon
+                pass  # the publisher has ended: the master reports it soon
             retry_s = FIRST_RETRY_S if self.received > before else min(LAST_RETRY_S, 2.0 * retry_s)
             await asyncio.sleep(retry_s)
 

@@ -53,7 +53,7 @@ async def _read(content: aiohttp.StreamReader) -> bytes:
 
 
 async def answer(request: web.Request, methods: Mapping[str, Method]) -> web.Response:
-    """Answer a request by the method it names. What cannot be meant is answered, and never raises."""
+    """Answer a request by the method it names. An invalid request is answered with an error; nothing is raised."""
     try:
         body = await asyncio.wait_for(request.read(), CALL_S)
     except asyncio.TimeoutError:

@@ -1,4 +1,4 @@
-"""Vehicles in rosbridge's protocol (v2, websocket, JSON and CBOR), with commands and services for who has the token.
+"""Vehicles in the protocol of rosbridge (v2, websocket, JSON and CBOR), with commands for clients with the token.
 
 Public: `hil.gateways.rosbridge.server`. It must not know the slave.
 """

@@ -15,7 +15,7 @@ MOST_SEEN = 10_000  # topics whose types are remembered
 
 
 class RosbridgeServer(WebSocketServer[Client]):
-    """Serves vehicles to clients of rosbridge; who has the token commands them through `commanding`."""
+    """Serves vehicles to clients of rosbridge; clients with the token command them through `commanding`."""
 
     def __init__(self, host: str, port: int, commanding: Commanding) -> None:
         self._commanding = commanding

@@ -64,7 +64,7 @@ def _to_cbor(field: Field, value: Any) -> Any:
 
 
 def from_json(type_name: str, values: Any) -> dict[str, Any]:
-    """Return what a client says as a message, for `hil.ros.message.encode`. Raises ConfigError."""
+    """Return the values of a client as a message, for `hil.ros.message.encode`. Raises ConfigError."""
     return _message(type_name, values, type_name, DEEPEST)
 
 

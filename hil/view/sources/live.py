@@ -19,7 +19,7 @@ from hil.view.sources.plans import Plans
 from hil.view.sources.recording import ViewRecorder
 
 PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
-DISCOVERED_EVERY_NS = 2_000_000_000  # that other pictures are looked for in the graph
+DISCOVERED_EVERY_NS = 2_000_000_000  # between two searches of the graph for other pictures
 PLACES = ("ground_truth", "odom")
 NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
 LOG_LINES = 200
@@ -169,7 +169,7 @@ class LiveSource:
     def _add(self, name: str) -> None:
         try:
             vehicle = self._fleet.wait_for(name, seconds=0.0)[0]
-        except NetworkError:  # it is there, but has said nothing yet: at the next look
+        except NetworkError:  # it is there, but has sent nothing yet: read at the next update
             return
         vehicle.client.watch(ALL)
         vehicle.notify(self._on_sample)

@@ -201,7 +201,7 @@ def test_no_permission_is_one_line_and_nothing_is_written(
     [
         ("root", "name the user that the slave is to run as; it needs no root"),
         ("nemo", "there is no user 'nemo' here; make one: sudo useradd"),
-        ("uuv\nExecStartPre=/bin/evil", "cannot be meant"),
+        ("uuv\nExecStartPre=/bin/evil", "is no valid user"),
     ],
 )
 def test_users_that_cannot_be_meant(

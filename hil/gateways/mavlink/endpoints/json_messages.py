@@ -38,7 +38,7 @@ def plain_fields(message: Any) -> dict[str, Any]:
 
 
 def decode_message(text: bytes) -> bytes | None:
-    """Return the MAVLink 2 packet of a message as JSON; None for what is none, or whose fields do not fit."""
+    """Return the MAVLink 2 packet of a message as JSON; None if it is not a message, or its fields do not fit."""
     if len(text) > LONGEST:
         return None
     try:

@@ -38,7 +38,7 @@ class Link(ABC):
 
     @abstractmethod
     def receive(self, now: int) -> Received:
-        """Return the bytes that have come, and from whom."""
+        """Return the bytes received, with the address of each sender."""
 
     @abstractmethod
     def send(self, address: Address, data: bytes, message: Any) -> None:
@@ -46,7 +46,7 @@ class Link(ABC):
 
     @abstractmethod
     def partners(self) -> list[Address]:
-        """Return whom it speaks with now, whether they have said anything or not."""
+        """Return the present partners, also those that have sent nothing yet."""
 
     @abstractmethod
     def is_local(self, address: Address) -> bool:
@@ -61,7 +61,7 @@ class Link(ABC):
 
 
 class UdpOut(Link):
-    """Sends to one address, and receives only from there. Raises NetworkError for a host that there is not."""
+    """Sends to one address, and receives only from there. Raises NetworkError for an unknown host."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udpout:{host}:{port}"
@@ -150,7 +150,7 @@ class UdpIn(Link):
             self._socket.sendto(data, cast(tuple[str, int], address))
 
     def partners(self) -> list[Address]:
-        """Return those that have been heard lately."""
+        """Return the senders of the last 30 s."""
         return list(self._received_ns)
 
     def is_local(self, address: Address) -> bool:
@@ -234,7 +234,7 @@ class TcpIn(Link):
         return [self._listener.fileno(), *[one.socket.fileno() for one in self._open().values()]]
 
     def receive(self, now: int) -> Received:
-        """Return what has come, and accept who calls."""
+        """Return the bytes received, and accept new connections."""
         while True:
             try:
                 opened, caller = self._listener.accept()
@@ -259,7 +259,7 @@ class TcpIn(Link):
         return list(self._open())
 
     def is_local(self, address: Address) -> bool:
-        """Return whether who called is on this machine."""
+        """Return whether the client is on this machine."""
         return isinstance(address, tuple) and _is_loopback(str(address[0]))
 
     def close(self) -> None:

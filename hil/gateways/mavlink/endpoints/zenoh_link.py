@@ -39,7 +39,7 @@ class ZenohLink(Link):
 
     def receive(self, now: int) -> Received:
         """Return the packets that have come."""
-        self._event.clear()  # before the look: what comes later sets it again
+        self._event.clear()  # before the queue is read: a later packet sets it again
         return [(ADDRESS, self._received.popleft()) for _ in range(len(self._received))]
 
     def send(self, address: Any, data: bytes, message: Any) -> None:

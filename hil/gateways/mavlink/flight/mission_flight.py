@@ -34,7 +34,7 @@ HEADING_REACHED = 0.1  # rad
 class MissionFlight:
     """The flight over a mission's items. `first` is the first that is flown: 1 where item 0 is home.
 
-    `reached` collects the numbers of items that were reached, `texts` what a person is to be told.
+    `reached` collects the numbers of items that were reached, `texts` messages for a person.
     """
 
     def __init__(

@@ -48,7 +48,7 @@ class Item(NamedTuple):
 
 
 def read_item(packet: Any) -> Item | None:
-    """Return the item of a MISSION_ITEM_INT or MISSION_ITEM; None for numbers that cannot be meant."""
+    """Return the item of a MISSION_ITEM_INT or MISSION_ITEM; None for invalid numbers."""
     x, y, z = packet.x, packet.y, packet.z
     if packet.get_msgId() == dialect.MAVLINK_MSG_ID_MISSION_ITEM:
         scale = 1e4 if packet.frame == LOCAL else 1e7

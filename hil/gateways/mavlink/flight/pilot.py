@@ -31,7 +31,7 @@ class Mission(Protocol):
 
 
 class Pilot:
-    """The modes of one vehicle. `texts` collects what a person is to be told: severity (MAV_SEVERITY) and text."""
+    """The modes of one vehicle. `texts` collects messages for a person: severity (MAV_SEVERITY) and text."""
 
     def __init__(self, parameters: ParameterTable, mission: Mission) -> None:
         self._parameters, self._mission = parameters, mission

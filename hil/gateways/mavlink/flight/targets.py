@@ -33,7 +33,7 @@ class Target(NamedTuple):
 
 
 class TargetError(Exception):
-    """A target that cannot be meant, or not be obeyed."""
+    """A target that is invalid, or that the vehicle cannot follow."""
 
 
 def local_target(packet: Any, state: State) -> Target:
@@ -121,7 +121,7 @@ def _target(packet: Any, place: Point | None, state: State, in_body_frame: bool)
 
 
 def _require_finite(packet: Any, place: tuple[float, ...]) -> None:
-    """Raise TargetError for numbers that cannot be meant; what the mask ignores may be anything."""
+    """Raise TargetError for invalid numbers; those that the mask ignores are not checked."""
     mask = packet.type_mask
     used = [
         *(place if not mask & NO_POSITION or not mask & NO_DEPTH else ()),

@@ -35,7 +35,7 @@ class LogProtocol:
         ]
 
     def begin(self, packet: Any, partner: Partner) -> list[Any]:
-        """Begin to send a log; an empty LOG_DATA for one that there is not."""
+        """Begin to send a log; an empty LOG_DATA for an unknown one."""
         logs = self._logs()
         if not 1 <= packet.id <= len(logs):
             return [dialect.MAVLink_log_data_message(packet.id, packet.ofs, 0, [0] * DATA)]

@@ -61,7 +61,7 @@ class MissionProtocol:
         return [_ack(dialect.MAV_MISSION_UNSUPPORTED, packet.mission_type, partner)]
 
     def request_item(self, packet: Any, partner: Partner, current: int) -> list[Any]:
-        """Answer MISSION_REQUEST_INT and MISSION_REQUEST; an item that there is not is an error, not silence."""
+        """Answer MISSION_REQUEST_INT and MISSION_REQUEST; an unknown item is answered with an error."""
         items = self.items
         if packet.mission_type != MISSION or not 0 <= packet.seq < len(items):
             return [_ack(dialect.MAV_MISSION_INVALID_SEQUENCE, packet.mission_type, partner)]
@@ -119,7 +119,7 @@ class MissionProtocol:
         return [_ack(result, packet.mission_type, partner)]
 
     def refuse(self, packet: Any, partner: Partner) -> list[Any]:
-        """Answer a change by one who may only look."""
+        """Answer a change by a partner that may not command."""
         return [_ack(dialect.MAV_MISSION_DENIED, packet.mission_type, partner)]
 
     def tick(self, now: int) -> tuple[Partner, list[Any]] | None:
