@@ -41,6 +41,11 @@ def compiler() -> list[str] | None:
     return None
 
 
+def source_bytes(folder: str) -> int:
+    """Return the size (bytes) of a folder's C, by which `sim.native.load` knows a binary of other sources."""
+    return sum(file.stat().st_size for file in os.scandir(folder) if file.name.endswith((".c", ".h")))
+
+
 def unavailable_reason() -> str | None:
     """Return why nothing can be compiled here; None if it can be."""
     if sys.platform != "linux" or sys.implementation.name != "cpython":
@@ -67,8 +72,9 @@ def _compile(command: list[str], sources: list[str], target: str) -> str | None:
     os.makedirs(os.path.dirname(target), exist_ok=True)
     folders = [f"-I{folder}" for folder in (sysconfig.get_path("include"), os.path.join(ROOT, HEADERS))]
     paths = [os.path.join(ROOT, source) for source in sources]
+    mark = f'-DSOURCE_BYTES="{source_bytes(os.path.dirname(paths[0]))}"'
     done = subprocess.run(
-        [*command, *FLAGS, *folders, *paths, "-o", new, "-lm"], capture_output=True, text=True, check=False
+        [*command, *FLAGS, mark, *folders, *paths, "-o", new, "-lm"], capture_output=True, text=True, check=False
     )
     if done.returncode:
         errors = [line for line in done.stderr.splitlines() if "error" in line] or ["no message"]

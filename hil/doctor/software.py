@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from importlib import import_module, metadata
+from importlib import metadata
 from importlib.util import cache_from_source, find_spec
 
 from hil.common import __version__
@@ -152,12 +152,12 @@ def _plan(scenario: Scenario) -> None:
 
 def step(case: Case) -> Iterator[Finding]:
     """Yield which step of the dynamics is taken and why; with a scenario also what it costs here."""
-    from sim.native import REMEDY, SWITCH, choose
+    from sim.native import COMPILE_AGAIN, REMEDY, SWITCH, choose, load
 
     try:
         _, text = choose()
     except ConfigError as error:
-        yield Finding(case.severity, "step", str(error), f"unset {SWITCH}")
+        yield Finding(case.severity, "step", str(error), f"unset {SWITCH}" if SWITCH in str(error) else COMPILE_AGAIN)
         return
     if text.startswith("C"):
         yield Finding("ok", "step", text)
@@ -165,10 +165,12 @@ def step(case: Case) -> Iterator[Finding]:
         unwanted = os.environ.get(SWITCH) == "0"
         yield Finding("note", "step", text, f"unset {SWITCH}" if unwanted else REMEDY)
     for name in EXTENSIONS:
+        topic = name.rpartition("._")[2]
         try:
-            import_module(name)
+            load(name)
+        except ConfigError as error:
+            yield Finding(case.severity, topic, str(error), COMPILE_AGAIN)
         except ImportError as error:
-            topic = name.rpartition("._")[2]
             yield Finding("note", topic, f"Python; the C is not there: {error}", REMEDY)
     if scenario := case.scenario:
         share = case.board.recommended.core_share if case.board else 0.5

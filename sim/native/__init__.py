@@ -1,15 +1,17 @@
 """C versions of what every step computes, equal to Python to the last bit. sim/assembly.py selects.
 
-Public: `choose`, `NativeDynamics`. It must not compute anything that Python does not specify.
+Public: `choose`, `load`, `NativeDynamics`. It must not compute anything that Python does not specify.
 
 `UUV_HIL_NATIVE=0` in the environment takes the Python, `UUV_HIL_NATIVE=1` insists on the C.
 """
 
 import os
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from importlib import import_module
 from random import Random
 from struct import pack
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from hil.common.errors import ConfigError
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 SWITCH = "UUV_HIL_NATIVE"
 REMEDY = "install gcc, then uuv-hil again; in a clone: python c_extensions.py"
+COMPILE_AGAIN = "install uuv-hil again; in a clone: python c_extensions.py"
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
 class NativeDynamics(Dynamics):
@@ -127,10 +131,25 @@ class NativeErrorBank(ErrorBank):
         return self.errors.measure(true)
 
 
+def load(name: str) -> ModuleType:
+    """Return a module in C. Raises ImportError if it is not there, ConfigError if its sources have changed since."""
+    module = import_module(name)
+    if not (module.__doc__ or "").endswith(_source_bytes(name.rpartition(".")[0])):
+        raise ConfigError(f"{module.__file__} was compiled from other sources than this version's; {COMPILE_AGAIN}")
+    return module
+
+
+@lru_cache
+def _source_bytes(package: str) -> str:
+    """Return how the text of a package's modules ends, see `c_extensions.source_bytes`; a hash would take longer."""
+    files = os.scandir(os.path.join(ROOT, *package.split(".")))
+    return f" {sum([file.stat().st_size for file in files if file.name.endswith(('.c', '.h'))])}"
+
+
 def choose() -> tuple[type[Dynamics], str]:
     """Return the class with the step that the environment asks for, and why it is this one, in words.
 
-    Raises ConfigError if what it asks for cannot be had.
+    Raises ConfigError if what it asks for cannot be had, or was compiled from other sources.
     """
     wish = os.environ.get(SWITCH, "")
     if wish not in ("", "0", "1"):
@@ -138,10 +157,7 @@ def choose() -> tuple[type[Dynamics], str]:
     if wish == "0":
         return Dynamics, f"Python, as {SWITCH}=0 says"
     try:
-        import sim.native._native as binary
-
-        if not hasattr(binary, "Force"):
-            raise ImportError(f"{binary.__file__} was made before the newest source")
+        binary = load("sim.native._native")
     except ImportError as error:
         reason = f"the step in C is not there: {error} ({REMEDY})"
         if wish == "1":
@@ -159,7 +175,7 @@ def has_native(binary: str = "") -> bool:
         return False
     if binary:
         try:
-            import_module(binary)
+            load(binary)
         except ImportError as error:  # made before there was one
             if os.environ.get(SWITCH) == "1":
                 raise ConfigError(f"{SWITCH}=1, but {binary} is not there: {error} ({REMEDY})") from None

@@ -232,7 +232,8 @@ static PyMethodDef functions[] = {
 static PyModuleDef_Slot slots[] = {{0, NULL}};
 
 static PyModuleDef module = {
-    PyModuleDef_HEAD_INIT, "sim.native._picture", "A camera's light in C.", 0, functions, slots, NULL, NULL, NULL,
+    PyModuleDef_HEAD_INIT, "sim.native._picture", "A camera's light in C. " SOURCE_BYTES, 0, functions, slots,
+    NULL, NULL, NULL,
 };
 
 PyMODINIT_FUNC PyInit__picture(void)

@@ -157,8 +157,8 @@ static int module_exec(PyObject *module)
 static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};
 
 static PyModuleDef module = {
-    PyModuleDef_HEAD_INIT, "hil.slave.native._firmware", "The STM32's firmware.", 0, NULL, module_slots, NULL, NULL,
-    NULL,
+    PyModuleDef_HEAD_INIT, "hil.slave.native._firmware", "The STM32's firmware. " SOURCE_BYTES, 0, NULL, module_slots,
+    NULL, NULL, NULL,
 };
 
 PyMODINIT_FUNC PyInit__firmware(void)

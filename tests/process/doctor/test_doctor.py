@@ -19,6 +19,8 @@ from hil.doctor import software as doctor_software
 from hil.doctor.findings import Case, Finding, User
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
+from sim import native
+from sim.native import NativeDynamics, choose
 from tests.support.processes import write_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -85,6 +87,18 @@ def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, module: str)
     (found,) = [found for found in doctor_software.step(here()) if found.topic != "step"]
     assert (found.level, found.topic) == ("note", module.rpartition("._")[2])
     assert module in found.text
+    assert "python c_extensions.py" in found.remedy
+
+
+@pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C here: python c_extensions.py")
+@pytest.mark.parametrize(("package", "topic"), [("sim.native", "step"), ("hil.slave.native", "firmware")])
+def test_a_binary_of_other_sources(monkeypatch: pytest.MonkeyPatch, package: str, topic: str) -> None:
+    usual = native._source_bytes
+    monkeypatch.setattr(native, "_source_bytes", lambda asked: " 1" if asked == package else usual(asked))
+    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
+    (found,) = [found for found in doctor_software.step(here()) if found.level != "ok"]
+    assert found.topic == topic
+    assert "was compiled from other sources" in found.text
     assert "python c_extensions.py" in found.remedy
 
 

@@ -359,6 +359,23 @@ def test_every_binary_is_asked_for_in_one_way() -> None:
     assert found == {c_extensions.module(path) for path in c_extensions.SOURCES} == {"sim.native._native", *EXTENSIONS}
 
 
+@pytest.mark.usefixtures("native")
+@pytest.mark.parametrize("name", [c_extensions.module(path) for path in c_extensions.SOURCES])
+def test_a_binary_of_other_sources_is_refused_with_the_remedy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a pull that changes C without a new installation: slower Python, or an attribute's name, tells nothing."""
+    monkeypatch.setattr(sim.native, "_source_bytes", lambda package: " 1" if package == name.rpartition(".")[0] else "")
+    with pytest.raises(ConfigError, match=r"_\w+\.abi3\.so was compiled from other sources .* python c_extensions.py"):
+        has_native(name)
+
+
+def test_a_change_of_c_changes_its_size(tmp_path: Path) -> None:
+    """What is compiled in is what is there, without files that are no sources."""
+    (tmp_path / "a.c").write_text("int a;\n")
+    (tmp_path / "a.h").write_text("extern int a;\n")
+    (tmp_path / "a.abi3.so").write_text("binary")
+    assert c_extensions.source_bytes(str(tmp_path)) == len("int a;\nextern int a;\n")
+
+
 def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     if reason := c_extensions.unavailable_reason():
         pytest.skip(f"no step in C: {reason}")
