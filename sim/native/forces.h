@@ -48,6 +48,7 @@ typedef struct {
 typedef struct {
     double position[3], chord[3], normal[3], scale, share;
     Polar polar;
+    double sine, cosine; /* of its servo's angle */
 } Fin;
 
 typedef struct {
@@ -89,24 +90,42 @@ static void follow_servos(Force *force)
         Servo *servo = &force->servos[i];
         double move = servo->gain * (servo->target - servo->value);
         move = move < servo->most ? move : servo->most;
-        servo->value = servo->value + (move > -servo->most ? move : -servo->most);
+        move = move > -servo->most ? move : -servo->most;
+        servo->value = servo->value + move;
+        if (force->kind == FINS && move != 0.0) {
+            Fin *fin = (Fin *)force->numbers + i;
+            fin->sine = sin(servo->value), fin->cosine = cos(servo->value);
+        }
     }
 }
 
-static void polar_at(const Polar *polar, double alpha, double *lift, double *drag)
+/* remainder(alpha, pi), which is exact, but slow in the C library: up to 1.5 pi it is a difference that is exact too. */
+static double remainder_by_pi(double alpha)
 {
-    double held, beyond, share, sine;
-    alpha = remainder(alpha, 3.141592653589793);
+    const double pi = 3.141592653589793;
+    double size = fabs(alpha);
+    if (size <= 0.5 * pi)
+        return alpha;
+    if (size < 1.5 * pi)
+        return alpha > 0.0 ? size - pi : -(size - pi);
+    return remainder(alpha, pi);
+}
+
+static inline void polar_at(const Polar *polar, double alpha, double sine, double cosine, double *restrict lift,
+                            double *restrict drag)
+{
+    double held, beyond, share, attached;
+    alpha = remainder_by_pi(alpha);
     held = alpha < polar->stall_angle ? alpha : polar->stall_angle;
     held = held > -polar->stall_angle ? held : -polar->stall_angle;
-    *lift = polar->lift_slope * held;
-    *drag = polar->parasitic_drag + polar->induced_drag * *lift * *lift;
+    attached = polar->lift_slope * held;
+    *lift = attached;
+    *drag = polar->parasitic_drag + polar->induced_drag * attached * attached;
     beyond = fabs(alpha - held);
     if (beyond == 0.0)
         return;
     share = beyond / polar->stall_width < 1.0 ? beyond / polar->stall_width : 1.0;
-    sine = sin(alpha);
-    *lift = *lift + share * (0.5 * polar->broadside_drag * sin(2.0 * alpha) - *lift);
+    *lift = attached + share * (polar->broadside_drag * (sine * cosine) - attached);
     *drag = *drag + share * (polar->parasitic_drag + polar->broadside_drag * (sine * sine) - *drag);
 }
 
@@ -137,7 +156,7 @@ static void hull_lift_force(const HullLift *hull, const double *nu, double *out)
     double planar = sqrt(u * u + cross * cross);
     out[0] = out[1] = out[2] = 0.0;
     if (planar != 0.0) {
-        polar_at(&hull->polar, atan2(cross, u), &lift, &drag);
+        polar_at(&hull->polar, atan2(cross, u), cross / planar, u / planar, &lift, &drag);
         double push = hull->scale * (u * u + v * v + w * w) / planar;
         double aside = -push * (drag * cross + lift * u);
         int flat = hull->vertical != 0.0 || cross == 0.0;
@@ -165,15 +184,19 @@ static double straight_lines(const double (*table)[2], long rows, double x)
 static void cross_flow_force(const CrossFlow *flow, long rows, const double *nu, double *out)
 {
     double v = nu[1], w = nu[2], q = nu[4], r = nu[5], y = 0.0, z = 0.0, m = 0.0, n = 0.0;
-    for (int i = 0; i < STRIPS; i++) {
+    double asides[STRIPS], downs[STRIPS];
+    for (int i = 0; i < STRIPS; i++) { /* apart from the sums, so that compilers take several strips at once */
         double x = flow->stations[i], aside = v + x * r, down = w - x * q;
         double size = sqrt(aside * aside + down * down);
-        aside *= size;
-        down *= size;
-        y += aside;
-        z += down;
-        m -= x * down;
-        n += x * aside;
+        asides[i] = aside * size;
+        downs[i] = down * size;
+    }
+    for (int i = 0; i < STRIPS; i++) {
+        double x = flow->stations[i];
+        y += asides[i];
+        z += downs[i];
+        m -= x * downs[i];
+        n += x * asides[i];
     }
     double coefficient = straight_lines(flow->table, rows, sqrt(v * v + w * w));
     double broad = -coefficient * flow->broad, deep = -coefficient * flow->deep;
@@ -192,7 +215,7 @@ static void slow_damping_force(const SlowDamping *slow, const double *nu, double
         out[i] = share * slow->damping[i] * nu[i];
 }
 
-static void fins_force(const Fin *fins, const Servo *servos, long count, const double *nu, double *out)
+static void fins_force(const Fin *fins, const Servo *servos, long count, const double *nu, double *restrict out)
 {
     for (int i = 0; i < 6; i++)
         out[i] = 0.0;
@@ -203,8 +226,12 @@ static void fins_force(const Fin *fins, const Servo *servos, long count, const d
         speed_at(fin->position, nu, speed);
         double along = speed[0] * chord[0] + speed[1] * chord[1] + speed[2] * chord[2];
         double across = fin->share * (speed[0] * normal[0] + speed[1] * normal[1] + speed[2] * normal[2]);
-        polar_at(&fin->polar, servos[i].value - atan2(across, along), &lift, &drag);
-        double push = fin->scale * sqrt(along * along + across * across);
+        double size = sqrt(along * along + across * across), sine = fin->sine, cosine = fin->cosine;
+        if (size == 0.0)
+            continue;
+        polar_at(&fin->polar, servos[i].value - atan2(across, along), (sine * along - cosine * across) / size,
+                 (cosine * along + sine * across) / size, &lift, &drag);
+        double push = fin->scale * size;
         double ahead = -push * (drag * along + lift * across), aside = push * (lift * along - drag * across);
         for (int axis = 0; axis < 3; axis++)
             one[axis] = ahead * chord[axis] + aside * normal[axis];

@@ -78,7 +78,7 @@ class HullLift:
         planar = sqrt(u * u + cross * cross)
         if planar == 0.0:
             return 0.0, 0.0, 0.0
-        lift, drag = self._polar.at(atan2(cross, u))
+        lift, drag = self._polar.coefficients(atan2(cross, u), cross / planar, u / planar)
         push = self._scale * (u * u + v * v + w * w) / planar
         starboard = -push * (drag * cross + lift * u)
         ahead = -push * (drag * u - lift * cross)

@@ -11,7 +11,7 @@ loss of lift at the surface.
 """
 
 from collections.abc import Sequence
-from math import atan2, exp, hypot, inf, pi, remainder, sin, sqrt
+from math import atan2, cos, exp, hypot, inf, pi, remainder, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
@@ -44,6 +44,10 @@ class Polar(NamedTuple):
 
     def at(self, alpha: float) -> tuple[float, float]:
         """C_L, which has the sign of a positive `alpha` (rad, any), and C_D, never negative."""
+        return self.coefficients(alpha, sin(alpha), cos(alpha))
+
+    def coefficients(self, alpha: float, sine: float, cosine: float) -> tuple[float, float]:
+        """Return what `at` does, for an angle whose sine and cosine are known."""
         alpha = remainder(alpha, pi)
         held = max(-self.stall_angle, min(self.stall_angle, alpha))
         lift = self.lift_slope * held
@@ -52,8 +56,7 @@ class Polar(NamedTuple):
         if beyond == 0.0:
             return lift, drag
         share = min(1.0, beyond / self.stall_width)
-        separated = 0.5 * self.broadside_drag * sin(2.0 * alpha)
-        sine = sin(alpha)
+        separated = self.broadside_drag * (sine * cosine)
         blunt = self.parasitic_drag + self.broadside_drag * (sine * sine)
         return lift + share * (separated - lift), drag + share * (blunt - drag)
 
@@ -190,20 +193,25 @@ class FinSet:
             a, b, c = u + q * z - r * y, v + r * x - p * z, w + p * y - q * x
             along = a * chord[0] + b * chord[1] + c * chord[2]
             across = share * (a * normal[0] + b * normal[1] + c * normal[2])
-            lift, drag = polar.at(angle - atan2(across, along))
-            push = scale * sqrt(along * along + across * across)
+            speed = sqrt(along * along + across * across)
+            if speed == 0.0:
+                continue
+            sine, cosine = sin(angle), cos(angle)
+            alpha = angle - atan2(across, along)
+            turned, kept = (sine * along - cosine * across) / speed, (cosine * along + sine * across) / speed
+            lift, drag = polar.coefficients(alpha, turned, kept)
+            push = scale * speed
             ahead, starboard = -push * (drag * along + lift * across), push * (lift * along - drag * across)
             force = [ahead * i + starboard * j for i, j in zip(chord, normal, strict=True)]
             total = [a + b for a, b in zip(total, (*force, *cross((x, y, z), force)), strict=True)]
         return total
 
     def numbers(self) -> list[float]:
-        """Return all that `wrench` uses but the angles, fin after fin: what the C twin is made of."""
-        rows = self._surfaces
+        """Return all that `wrench` uses, with sine and cosine of each angle: what the C twin is made of."""
         return [
             number
-            for x, y, z, chord, normal, scale, share, polar in rows
-            for number in (x, y, z, *chord, *normal, scale, share, *polar)
+            for angle, (x, y, z, chord, normal, scale, share, polar) in zip(self.angles, self._surfaces, strict=True)
+            for number in (x, y, z, *chord, *normal, scale, share, *polar, sin(angle), cos(angle))
         ]
 
 
