@@ -21,7 +21,7 @@ SOURCES: dict[str, list[str]] = {BINARY: [], RAYS: [], PICTURE: []}
 SOURCES[FIRMWARE] = [f"firmware_stub/src/{name}.c" for name in CORE]
 HEADERS = "firmware_stub/include"
 # Bit equality with Python hangs on the second: gcc fuses multiply and add on aarch64 unless told not to.
-FLAGS = ["-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared", "-Wall", "-Wextra"]
+FLAGS = ["-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared", "-Wall", "-Wextra"]
 # What gcc 14 and later refuse by themselves, earlier ones refuse as well.
 FLAGS += ["-Werror=implicit-function-declaration", "-Werror=implicit-int"]
 FLAGS += ["-Werror=incompatible-pointer-types", "-Werror=int-conversion"]
