@@ -1,7 +1,7 @@
 """An action of a vehicle: a command that is repeated until it is done or replaced.
 
-A maneuver is a small machine without a clock or a thread of its own. Poses are held by the vehicle itself; ways are
-followed from here, by velocities.
+An action is a small state machine without a clock or a thread of its own. The vehicle itself holds poses; paths are
+followed here, by velocity commands.
 """
 
 import threading
@@ -22,18 +22,19 @@ from hil.ros.commands import PoseCommand, encode_pose
 if TYPE_CHECKING:
     from hil.autonomy.paths.curves import Position
 
-POLL_S = 0.05  # how often one who awaits a maneuver looks for its end
-TRACKING_GAIN = 0.5  # 1/s, of the position error on a way
+POLL_S = 0.05  # polling period of a coroutine that awaits an action
+TRACKING_GAIN = 0.5  # 1/s, of the position error along a path
 
 Send = Callable[[VehicleClient, State], None]
 Reached = Callable[[State], bool]
 
 
 class Action:
-    """An action of the vehicle. `done` is true once it has reached its goal, which it then holds.
+    """An action of the vehicle. `done` becomes true when it reaches its goal, which the vehicle then holds.
 
-    It ends without being done when another command reaches the vehicle, or with an error when the vehicle did not
-    obey or stayed away: `wait` raises it. One that is done may get an error too: then the vehicle holds it no more.
+    It ends without being done when another command replaces it, or with an error when the vehicle refuses it or stays
+    lost; `wait` raises that error. An action that is done may also get an error: then the vehicle no longer holds the
+    goal.
     """
 
     def __init__(self, send: Send, reached: Reached) -> None:
@@ -45,23 +46,23 @@ class Action:
 
     @property
     def over(self) -> bool:
-        """True once the action is done or has failed; `error` is the reason for a failure, if one is known."""
+        """True once the action is done or has ended; `error` has the reason for a failure, if known."""
         return self._over.is_set()
 
     def step(self, client: VehicleClient, state: State) -> None:
-        """Send the command once more; `state` is that of the vehicle. Raises HilError when it cannot continue."""
+        """Send the command again; `state` is the vehicle's. Raises HilError if the action cannot continue."""
         if not self.done and self._reached(state):
             self.done = True
             self._over.set()
         self._send(client, state)
 
     def end(self, error: HilError | None = None) -> None:
-        """End the action, with an error or without."""
+        """End the action, with or without an error."""
         self.error = self.error or error
         self._over.set()
 
     def wait(self, timeout: float | None = None) -> "Action":
-        """Wait until it is done, at most `timeout` s. Raises MissionError if it does not come to it, NetworkError."""
+        """Wait until it is done, at most `timeout` s. Raises its error; MissionError if it is replaced or times out."""
         if not self._over.wait(timeout):
             raise MissionError(
                 f"the vehicle has not reached what was requested within {timeout:g} s; give it more time"
@@ -73,11 +74,11 @@ class Action:
         return self
 
     def __await__(self) -> Generator[Any, None, "Action"]:
-        """Wait as `wait` does, without blocking asyncio: `await action`."""
+        """Await the end without blocking asyncio: `await action`. Raises the errors of `wait`."""
         return self._finish().__await__()
 
     async def _finish(self) -> "Action":
-        import asyncio  # who is here has it already
+        import asyncio  # already imported by a program that awaits
 
         while not self._over.is_set():
             await asyncio.sleep(POLL_S)
@@ -85,7 +86,7 @@ class Action:
 
 
 def drive(command: VelocityCommand, tolerance: float) -> Action:
-    """Move so; done when depth (`tolerance` m) and heading (`tolerance` rad) are those asked for, if any are."""
+    """Drive with a velocity command; done within `tolerance` m and rad of its depth and heading, if set."""
 
     def reached(state: State) -> bool:
         deep = command.depth is None or abs(state.depth - command.depth) <= tolerance
@@ -96,12 +97,12 @@ def drive(command: VelocityCommand, tolerance: float) -> Action:
 
 
 def repeat(topic: str, payload: bytes) -> Action:
-    """Send one command repeatedly; it is never done."""
+    """Send the same command repeatedly; done at once."""
     return Action(lambda client, _: _ignore(client.send(topic, payload)), lambda _: True)
 
 
 def hold_pose(pose: PoseCommand, tolerance: float) -> Action:
-    """Go to a pose; done within `tolerance` m and rad of it."""
+    """Go to a pose and hold it; done within `tolerance` m and rad of it."""
 
     def reached(state: State) -> bool:
         turned = abs(wrap(state.heading - pose.heading)) <= tolerance
@@ -111,7 +112,7 @@ def hold_pose(pose: PoseCommand, tolerance: float) -> Action:
 
 
 class _Run:
-    """A trajectory in progress, by the vehicle's clock; the vehicle holds the pose at its end."""
+    """A trajectory in progress, timed by the vehicle's clock; the vehicle holds the pose at its end."""
 
     def __init__(self, trajectory: Trajectory, limits: Limits, tolerance: float) -> None:
         self._trajectory = trajectory
@@ -138,15 +139,15 @@ class _Run:
 
 
 def run_trajectory(trajectory: Trajectory, limits: Limits, tolerance: float) -> Action:
-    """Follow a trajectory in time, kept within `limits`; done within `tolerance` m and rad of its end."""
+    """Follow a trajectory in time, within `limits`; done within `tolerance` m and rad of its end."""
     run = _Run(trajectory, limits, tolerance)
     return Action(run.send, run.reached)
 
 
 def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: float) -> Action:
-    """Follow `points` (m, NED) ahead, by turning, as a vehicle with fins has to; done within `tolerance` of the last.
+    """Follow `points` (m, NED) by steering toward a point ahead, as a vehicle with fins has to.
 
-    The depth changes evenly along the way.
+    The depth changes linearly along each leg. Done within `tolerance` m of the last point.
     """
     pursuit = PurePursuit([point[:2] for point in points], lookahead, speed, tolerance=tolerance)
     depths = _depths(points)
@@ -159,7 +160,7 @@ def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: 
 
 
 def _depths(points: "list[Position]") -> Callable[[float], float]:
-    """Return the depth (m) at each share of the level way."""
+    """Return a function from the progress along the horizontal path (0 to 1) to the depth (m)."""
     legs = [dist(a[:2], b[:2]) for a, b in pairwise(points)]
     whole = sum(legs) or 1.0
 
@@ -175,4 +176,4 @@ def _depths(points: "list[Position]") -> Callable[[float], float]:
 
 
 def _ignore(_sequence: int) -> None:
-    """Drop the sequence number of what was sent."""
+    """Discard the sequence number of a command, to return None."""

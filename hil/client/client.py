@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 QUEUE = 256  # messages that may wait for the reader; beyond it the oldest are dropped
-PICTURES = 2  # of one topic that may wait
-OWN = ("diagnostics", "trace")  # what a client listens to for itself
-CLOCK_WAIT_S = 0.3  # that the last state of a vehicle may wait until its age is known
-URGENT = ("trace",)  # what comes by the link of commands and answers, and says nothing of that of samples
-SOFTWARE_WITHIN_NS = 3 * NS_PER_S  # that software of a vehicle's own may take to drive it as we command
-REFUSED_NS = 3 * NS_PER_S  # that a refusal lasts before it is believed: at least two diagnostics come meanwhile
+PICTURES = 2  # pictures of one topic that may wait
+OWN = ("diagnostics", "trace")  # topics that a client needs itself
+CLOCK_WAIT_S = 0.3  # wait for the clock offset before the last messages are fetched, so that their age is known
+URGENT = ("trace",)  # topics on the link of commands and answers, which do not show that the link of samples works
+SOFTWARE_WITHIN_NS = 3 * NS_PER_S  # time for external control software to react to our commands
+REFUSED_NS = 3 * NS_PER_S  # a refusal that lasts this long is final; at least two diagnostics come meanwhile
 POLL_S = 0.02
-HOLDS_ON = 2  # diagnostics in a row that name another master: it is not about to give way
+HOLDS_ON = 2  # diagnostics in a row that name another master; after these it is not about to leave
 
 
 class Stamped(NamedTuple):
@@ -51,7 +51,7 @@ class Stamped(NamedTuple):
 
 
 class _FirstSample(NamedTuple):
-    """The first message of a publisher, with the times of sending (vehicle's clock) and of reception (ours)."""
+    """The first message of a publisher, with its send time (vehicle's clock) and receive time (ours)."""
 
     gid: bytes
     sent_wall_ns: int
@@ -59,25 +59,25 @@ class _FirstSample(NamedTuple):
 
 
 def _ignore_report(_: str) -> None:
-    """Report nothing."""
+    """Ignore a report."""
 
 
 def _ignore(_topic: str, _: Stamped) -> None:
-    """Do nothing with a message."""
+    """Ignore a message."""
 
 
 class VehicleClient:
-    """One vehicle, over a session. Use as a context; leaving it stops the vehicle and closes what was opened here.
+    """One vehicle, over a session. Use as a context manager; leaving it stops the vehicle and closes what it opened.
 
-    `where` is the endpoint of the slave or of a router, or a session that several clients share. A `part` of
-    "observer" never commands. A master of higher `rank` (0 to 9) takes the vehicle over from another. `report` gets a
-    line when the vehicle comes and goes; the session reconnects by itself. `on_sample` gets each stored message,
-    and may be called in several threads. `topics` are those it listens to from the beginning, `watch` adds others; what
-    has no subscriber is not sent.
+    `where` is the endpoint of the slave or of a router, or a session that several clients share. With `part` "observer"
+    the client never commands. A master with a higher `rank` (0 to 9) takes the vehicle over from another. `report` gets
+    a line when the vehicle appears or is lost; the session reconnects by itself. `on_sample` gets each message, in
+    several threads. `topics` are subscribed at the start; `watch` adds others. Topics without a subscriber are not
+    sent.
 
-    `latest` holds the newest message of each topic, in NED and FRD; `received` counts them; `malformed`
-    counts what could not be decoded; `delays` measures the newest commands; `contact` knows whether the vehicle is
-    there; `session` is what it is reached over.
+    Attributes: `latest`: newest message by topic, in NED and FRD. `received`: number of messages by topic. `malformed`:
+    number of messages that could not be decoded. `delays`: delays of the newest commands. `contact`: whether the
+    vehicle is present. `session`: the session to it.
     """
 
     def __init__(
@@ -100,16 +100,16 @@ class VehicleClient:
         self.malformed = 0
         self._watched: set[str] = set()
         self._announced: set[str] = set()
-        self._watching = threading.Lock()  # two who want the same topic at once must not get it twice
+        self._watching = threading.Lock()  # so that two threads do not subscribe to the same topic twice
         self.delays = DelayMeter()
-        self._senders: dict[str, bytes] = {}  # by topic, whose the newest message is
-        self._first_samples: dict[str, _FirstSample] = {}  # by topic, each of the newest life of the vehicle
+        self._senders: dict[str, bytes] = {}  # topic -> gid of the publisher of the newest message
+        self._first_samples: dict[str, _FirstSample] = {}  # topic -> first message since the vehicle's last start
         self._first_sample = threading.Event()
         self._rank = rank
         self._certificate = security.name("master") if security else ""
-        self._named_other = 0  # diagnostics in a row
-        self._named_before = False  # by the last diagnostics before we came
-        self._undriven_ns = 0  # since when (monotonic) commands have driven no thruster, as far as is known
+        self._named_other = 0  # number of diagnostics in a row that name another master
+        self._named_before = False  # the last diagnostics before our connection named another master
+        self._undriven_ns = 0  # since when (monotonic) our commands have not moved the thrusters
         self._owns_session = isinstance(where, str)
         self.session = (
             open_master_session(where, network=network, security=security) if isinstance(where, str) else where
@@ -118,8 +118,8 @@ class VehicleClient:
         self.dialled_wall_ns = to_wall_ns(now_ns())
         self._commands = self.session.publisher(node, TOPICS["cmd_vel"])
         self._publishers = {"cmd_vel": self._commands}
-        self._others: dict[str, Publisher] = {}  # of what is no command
-        self._graph = Node(self.session, f"{node}_{part}")  # as ROS sees us
+        self._others: dict[str, Publisher] = {}  # publishers of topics other than commands
+        self._graph = Node(self.session, f"{node}_{part}")  # this client in the ROS graph
         self.contact = LivenessMonitor(self.session, node, self.delays.clock, self._fetch_last, report, network.lease)
         self.watch(*topics, *OWN)
         self.contact.begin(part, self._commands.gid, rank)
@@ -133,9 +133,9 @@ class VehicleClient:
         self.close()
 
     def close(self) -> None:
-        """Command standstill if we have commanded, leave, and close the session if it was opened here."""
+        """Stop the vehicle if we have commanded, withdraw our presence, and close the session if opened here."""
         if self.has_commanded:
-            with suppress(NetworkError):  # two of its name stop by their deadman
+            with suppress(NetworkError):  # two vehicles of the same name stop by their deadman
                 self.command(VelocityCommand())
         self._graph.leave()
         self.contact.end()
@@ -148,19 +148,19 @@ class VehicleClient:
         return any(publisher.sequence for publisher in self._publishers.values())
 
     def command(self, command: VelocityCommand) -> int:
-        """Send a velocity command (FRD, m/s, rad/s), `depth` and `heading` before it; its sequence number."""
+        """Send a velocity command (FRD, m/s, rad/s), after its `depth` and `heading`; return its sequence number."""
         for topic, value in (("cmd_depth", command.depth), ("cmd_heading", command.heading)):
             if value is not None:
-                from hil.ros.commands import encode_number  # most commands do without
+                from hil.ros.commands import encode_number  # not needed by most commands
 
                 self.send(topic, encode_number(value))
         linear = (command.surge, command.sway, command.heave)
         return self.send("cmd_vel", ros.encode_twist(linear, (0.0, 0.0, command.yaw_rate)))
 
     def send(self, topic: str, payload: bytes) -> int:
-        """Send a message on one of the topics of commands; its sequence number there.
+        """Send a message on a command topic; return its sequence number there.
 
-        Raises NetworkError where several slaves have this name: all of them would obey.
+        Raises NetworkError if several slaves have the vehicle's name, as all of them would execute it.
         """
         if self.contact.rivals:
             raise NetworkError(self.refusal())
@@ -169,12 +169,12 @@ class VehicleClient:
         publisher = self._publishers.get(topic)
         if publisher is None:
             publisher = self._publishers[topic] = self.session.publisher(self.node, TOPICS[topic])
-            publisher.gid = self._commands.gid  # by which the slave knows that they are of one master
+            publisher.gid = self._commands.gid  # the slave identifies a master by this id
             self._graph.publishes(TOPICS[topic], self.node)
         return publisher.put(payload, to_wall_ns(now_ns()))
 
     def publish(self, topic: str, payload: bytes) -> None:
-        """Publish a message that is no command on a topic of the vehicle, for those who look on."""
+        """Publish a message that is not a command on a topic of the vehicle, for observers."""
         publisher = self._others.get(topic)
         if publisher is None:
             publisher = self._others[topic] = self.session.publisher(self.node, TOPICS[topic])
@@ -182,28 +182,28 @@ class VehicleClient:
         publisher.put(payload, to_wall_ns(now_ns()))
 
     def watch(self, *topics: str) -> None:
-        """Subscribe to these topics too. Pictures ("camera/image_raw") are only received if named.
+        """Subscribe to these topics too. Pictures ("camera/image_raw") are received only if they are named here.
 
-        Nor is what describes a vehicle ("map") made before it is named.
+        The vehicle makes a description ("map") only after it was named here.
         """
-        for topic in sorted(topics, key=ALL.__ne__):  # all first, which has the others in it: none is to come twice
+        for topic in sorted(topics, key=ALL.__ne__):  # ALL first: it includes the others, which must not come twice
             with self._watching:
                 self.announce(topic)
                 if topic in self._watched or (topic not in DESCRIPTIONS and self._is_watched(topic)):
-                    continue  # of all topics a description would come only if it is made from now on
+                    continue  # ALL includes a description only if the vehicle makes it later
                 self._watched.add(topic)
                 self.session.subscribe(self.node, topic, self._deliver, PICTURES if is_picture(topic) else QUEUE)
             if self.contact.present and not is_picture(topic):
-                fetch_last(self.session, self.node, self._deliver_last, topic)  # some come once a second
+                fetch_last(self.session, self.node, self._deliver_last, topic)  # some topics have a period of 1 s
 
     def announce(self, topic: str) -> None:
-        """Say in the graph that a description is subscribed to: the vehicle makes it then."""
+        """Declare a subscription to a description in the ROS graph, which makes the vehicle publish it."""
         if topic in DESCRIPTIONS and topic not in self._announced:
             self._announced.add(topic)
             self._graph.subscribes(TOPICS[topic], self.node)
 
     def offers(self) -> set[str]:
-        """Return the topics on which the vehicle has published, subscribed or not; queried now."""
+        """Return the topics on which the vehicle has published, by a query at this moment."""
         topics: set[str] = set()
         fetch_last(self.session, self.node, lambda topic, *_: topics.add(topic))
         return topics
@@ -222,25 +222,25 @@ class VehicleClient:
         return stamped.value
 
     def diagnostics(self) -> Diagnostics:
-        """Return the slave's figures of health as it last published them; empty before the first."""
+        """Return the slave's newest diagnostics; empty before the first."""
         stamped = self.latest.get("diagnostics")
         return stamped.value if stamped else Diagnostics()
 
     @property
     def has_samples(self) -> bool:
-        """True once a sensor sample has come."""
+        """True once a sensor sample has been received."""
         return self._first_sample.is_set()
 
     def first_sample_ns(self, exec_wall_ns: int) -> int | None:
-        """Return when (ns since 1970, our clock) the first sample of a slave started at `exec_wall_ns` came.
+        """Return when (ns since 1970, our clock) the first sample of a slave started at `exec_wall_ns` was received.
 
-        None: none yet. Samples that a slave sent before it ended and was restarted do not count.
+        Return None if none was. Samples from before a restart of the slave do not count.
         """
         firsts = list(self._first_samples.values())
         return min([first.received_wall_ns for first in firsts if first.sent_wall_ns >= exec_wall_ns], default=None)
 
     def run_events(self, began_ns: int) -> tuple[RunEvent, ...]:
-        """Return the events that the vehicle has reported since `began_ns` (monotonic), times from then on."""
+        """Return the events since `began_ns` (monotonic) that the vehicle has reported; their times count from it."""
         stamped = self.latest.get("diagnostics")
         if stamped is None:
             return ()
@@ -250,11 +250,11 @@ class VehicleClient:
 
     @property
     def in_doubt(self) -> bool:
-        """True if the vehicle has named another master, which may have left since: its next diagnostics report that."""
+        """True if the vehicle has named another master, which may have left since; the next diagnostics will show."""
         return not self._rank and (self._named_before or 0 < self._named_other < HOLDS_ON)
 
     def unavailable_reason(self) -> str:
-        """Return why the vehicle obeys nobody, or not us, and the remedy; "" while nothing says so."""
+        """Return why the vehicle executes no commands, or not ours, with the remedy; "" if no reason is known."""
         values = self.diagnostics()
         if values.controller == "external" and (missing := self._missing_software()):
             return (
@@ -270,9 +270,9 @@ class VehicleClient:
     ) -> None:
         """Wait until the vehicle's diagnostics give no `reason` to refuse this client's commands.
 
-        `reason` is `unavailable_reason` by default. Raises NetworkError with its text once that has lasted for 3 s, as
-        the master that the vehicle named may have just left; at once when this client has commanded before. `pause`
-        waits for so many seconds; what it raises ends the wait.
+        `reason` returns a text, by default `unavailable_reason`. Raises NetworkError with this text if it lasts for
+        3 s, because another master may have just left; at once if this client has commanded before. `pause` sleeps for
+        the given seconds; it may raise, which ends the wait.
         """
         reason = reason or self.unavailable_reason
         deadline = now_ns() + (0 if self.has_commanded else REFUSED_NS)
@@ -282,9 +282,9 @@ class VehicleClient:
             raise NetworkError(text)
 
     def _missing_software(self) -> str:
-        """Return why no software of a vehicle's own answers here, "" if it may.
+        """Return why the vehicle's external control software seems to be missing; "" if it may be present.
 
-        Who listens may be a recorder: what tells is whether anybody drives the thrusters while we command.
+        A subscriber to cmd_vel may be only a recorder. Thrusters that move while we command are the proof.
         """
         if not self._commands.check_subscribers():
             return "listens to cmd_vel"
@@ -294,7 +294,7 @@ class VehicleClient:
         return ""
 
     def refusal(self) -> str:
-        """Return why the vehicle obeys others but not us, and the remedy; "" while nothing says so."""
+        """Return why the vehicle executes others' commands but not ours, with the remedy; "" if unknown."""
         if self.contact.rivals:
             return (
                 f"{self.contact.rivals} are all called {self.node}, and all would obey: end one of them, "
@@ -317,7 +317,7 @@ class VehicleClient:
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         received_ns = now_ns()
         decode = ros.decoder(topic)
-        if decode is None:  # that of a sensor of a user's own, whose scenario was not read here
+        if decode is None:  # from a user's own sensor that is not known here
             return
         value = decode(payload)
         stamp = ros.unpack_attachment(attachment)
@@ -326,7 +326,7 @@ class VehicleClient:
             return
         self.received[topic] = self.received.get(topic, 0) + 1
         self.contact.samples += topic not in URGENT
-        if self._senders.get(topic, stamp.gid) != stamp.gid:  # by what was measured of another it may seem old
+        if self._senders.get(topic, stamp.gid) != stamp.gid:  # the vehicle restarted: its clock offset may differ
             self._senders.clear()
             self.contact.forget_clock()
         self._senders[topic] = stamp.gid

@@ -1,4 +1,4 @@
-"""Compute command delay from traces: the share of each hop, and the offset between the two machines' clocks."""
+"""Compute command delays from traces: the time of each hop, and the offset between the two machines' clocks."""
 
 from typing import NamedTuple
 
@@ -6,14 +6,14 @@ from hil.common.quantiles import quantile
 from hil.network.clock_offset import ClockOffset, Estimate
 
 HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
-INSTANTS = 6, 7  # of a trace; recordings of old have no instant of computing
-HISTORY = 1 << 16  # windows of the clocks' estimate that a mission may have: 18 hours
-UNSURE = 0.75  # of a delay that its clocks are not known to
-MIN_COMMANDS = 1 << 15  # commands that are remembered at least: half an hour of them at 20 Hz
+INSTANTS = 6, 7  # length of a trace; old recordings lack the time of computation
+HISTORY = 1 << 16  # windows stored for the clock offset; enough for a mission of 18 hours
+UNSURE = 0.75  # share of a delay; a larger uncertainty of the clock offset makes it doubtful
+MIN_COMMANDS = 1 << 15  # least number of commands stored: half an hour at 20 Hz
 
 
 class Sample(NamedTuple):
-    """Delays of one command in ns: when it was published, and its `HOPS` by the two clocks."""
+    """Delays of one command in ns: when it was published, and the time of each of `HOPS`, not yet corrected."""
 
     published_ns: int
     hops: tuple[int, int, int, int, int]
@@ -34,7 +34,7 @@ class Quantiles(NamedTuple):
 
 
 def quantiles(values_ns: list[int]) -> Quantiles:
-    """Nearest-rank quantiles of durations in ns; all nan when there are none."""
+    """Return nearest-rank quantiles of durations in ns; all nan without values."""
     ordered = sorted(values_ns)
     return Quantiles(*(quantile(ordered, share) / 1e6 for share in (0.5, 0.9, 0.99, 1.0)))
 
@@ -42,9 +42,9 @@ def quantiles(values_ns: list[int]) -> Quantiles:
 class DelayMeter:
     """Collect traces. Every trace is also a clock exchange: sent, received there, sent back, received here.
 
-    On one machine the two clocks are one and the offset is 0. Across machines `clock` estimates it from these
-    exchanges and from others that are added to it; each delay is corrected by the offset of its own instant. Its
-    length is the number of traces so far, of which the newest are there: at least `kept`, all with 0.
+    On one machine the offset is 0. Across machines `clock` estimates it from these exchanges and from others added to
+    it; each delay is corrected by the offset at its own time. `len` gives the number of all traces so far. The newest
+    are stored: at least `min_commands`, or all if that is 0.
     """
 
     def __init__(self, min_commands: int = MIN_COMMANDS) -> None:
@@ -64,7 +64,7 @@ class DelayMeter:
         computed = more[0] if more else written
         hops = (received - published, taken - received, computed - taken, written - computed, applied - written)
         self._samples.append(Sample(published, hops))
-        if self.min_commands and len(self._samples) >= 2 * self.min_commands:  # seldom, as it moves them
+        if self.min_commands and len(self._samples) >= 2 * self.min_commands:  # rarely, as it copies the list
             self._samples = self._samples[self.min_commands :]
             self._left_out += self.min_commands
         self.clock.add(published, received, sent_ns, received_ns)
@@ -73,15 +73,15 @@ class DelayMeter:
         return self._left_out + len(self._samples)
 
     def clock_at(self, time_ns: int) -> Estimate:
-        """Return the slave's clock minus the master's at a wall instant of the master; on one machine exactly 0.
+        """Return the slave's clock minus the master's at a wall time (ns) of the master; on one machine exactly 0.
 
-        But for one whose wall clock was set between the two starts: then as measured.
+        Even on one machine it is measured if the wall clock was set between the starts of the two processes.
         """
         is_one = self.same_clock and self.clock.may_be_zero(time_ns)
         return (None if is_one else self.clock.at(time_ns)) or Estimate(0, 0, 0.0)
 
     def offset_ns(self) -> tuple[int, int]:
-        """Return the slave's clock minus the master's at the newest command, and how far that may be wrong (ns)."""
+        """Return the slave's clock minus the master's at the newest command, and its uncertainty (ns)."""
         if not self._samples:
             return 0, 0
         offset, uncertainty, _ = self.clock_at(self._samples[-1].published_ns)
@@ -93,28 +93,28 @@ class DelayMeter:
         return self._samples
 
     def totals_ns(self, newest: int = 0) -> list[int]:
-        """Publish to applied, one a command, by one clock; of the `newest` commands only (0: of all)."""
+        """Return the delay (ns) from publish to applied for each command, or for the `newest` only, by one clock."""
         samples = self._samples[-newest:]
         return [sample.total_ns - self.clock_at(sample.published_ns).offset_ns for sample in samples]
 
     def hop_ns(self, hop: int) -> list[int]:
-        """Return the values of one hop of `HOPS`, one a command."""
+        """Return the time (ns) of one hop, an index of `HOPS`, for each command."""
         if hop:
             return [sample.hops[hop] for sample in self._samples]
         return [sample.hops[0] - self.clock_at(sample.published_ns).offset_ns for sample in self._samples]
 
 
 def find_doubts(meter: DelayMeter) -> list[str]:
-    """Return why the delays of `meter` are not to be trusted; nothing if they may be.
+    """Return why the delays of `meter` cannot be trusted; empty if they can.
 
-    An offset that is not known well enough shows in delays below zero, in exchanges that contradict it, or in an
+    An offset that is not known well enough shows as negative delays, as exchanges that contradict it, or as an
     uncertainty nearly as large as the delay.
     """
     if not meter.samples:
         return ["no command was answered by the STM32"]
     doubts = []
     totals, network = meter.totals_ns(), meter.hop_ns(0)
-    negative = sum(total < 0 or hop < 0 for total, hop in zip(totals, network, strict=False))  # one may come meanwhile
+    negative = sum(total < 0 or hop < 0 for total, hop in zip(totals, network, strict=False))  # they may grow
     if negative:
         doubts.append(f"{negative} of {len(totals)} commands arrived before they were sent: a clock is wrong")
     middle_ns = quantile(sorted(totals), 0.5)
@@ -124,7 +124,7 @@ def find_doubts(meter: DelayMeter) -> list[str]:
 def doubts_of(clock: ClockOffset, same_clock: bool, at_ns: int, middle_ns: float) -> list[str]:
     """Return why durations between another process's clock and ours cannot be trusted; empty if they can.
 
-    at_ns: when it was looked at (wall, by ours); middle_ns: the median of what was found.
+    at_ns: wall time of the measurement by our clock; middle_ns: median of the durations.
     """
     doubts, estimate = [], clock.at(at_ns)
     if estimate:

@@ -20,7 +20,7 @@ from hil.network.tokens import Presence
 
 EVERYWHERE = "lan"
 
-How = tuple[Literal["master", "observer"], int, Network, Security | None]  # part, rank, and what vehicles need of these
+How = tuple[Literal["master", "observer"], int, Network, Security | None]  # part, rank, and a client's settings
 
 
 def connect(*endpoints: str, take_over: bool, observe: bool, routed: bool, keys: str, wait: float) -> "Fleet":
@@ -38,7 +38,7 @@ def connect(*endpoints: str, take_over: bool, observe: bool, routed: bool, keys:
 
 
 def _find_vehicles(seconds: float) -> list[str]:
-    from hil.network.discovery import find  # most know where their vehicles are
+    from hil.network.discovery import find  # not needed with an explicit endpoint
 
     answered = find(seconds)
     if not answered:
@@ -50,10 +50,10 @@ def _find_vehicles(seconds: float) -> list[str]:
 
 
 class Fleet:
-    """The vehicles of one session, by name: fleet["uuv1"]. Use as a context, with `with` or `async with`.
+    """The vehicles of one session, by name: fleet["uuv1"]. Use as a context manager, with `with` or `async with`.
 
-    `endpoints`, `network` and `security` say how it is connected. Leaving it, or the end of the program, stops the
-    vehicles that were commanded.
+    `endpoints`, `network` and `security` are its connection settings. The end of the context or of the program stops
+    the vehicles that were commanded.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Fleet:
         self._how = how
         self.network, self.security = how[2:]
         self._wait = wait
-        self._there: dict[str, set[str]] = {}  # by name, which of its slaves
+        self._there: dict[str, set[str]] = {}  # vehicle name -> idents of its slaves that are present
         self._known: dict[str, Vehicle] = {}
         self._changed = threading.Condition()
         self._closed = False
@@ -144,7 +144,7 @@ class Fleet:
                     vehicle.stop()
 
     def close(self) -> None:
-        """Stop the vehicles and disconnect. Closing twice is harmless."""
+        """Stop the vehicles and disconnect. May be called twice."""
         with self._changed:
             if self._closed:
                 return
@@ -178,7 +178,7 @@ class Fleet:
         return f"no vehicle {name!r} came within {seconds:g} s: {self._why_not()}"
 
     def _why_not(self) -> str:
-        from hil.network.diagnosis import why_not  # only on the way to an error
+        from hil.network.diagnosis import why_not  # needed only for an error message
 
         reasons, routed = [], self._how[2].mode == "routed"
         for endpoint in self.endpoints:

@@ -1,4 +1,4 @@
-"""Collect the health of every slave within reach: last figures, rates of counters, presence."""
+"""Collect the health of every slave within reach: last diagnostics, rates of counters, presence."""
 
 import threading
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from hil.ros.diagnostics import Diagnostics, Figure
 
 QUEUE = 256
 CHECK_PERIOD_S = 10.0
-PACED: tuple[Figure[Any], ...] = (  # counters whose pace is reported
+PACED: tuple[Figure[Any], ...] = (  # counters whose rates are reported
     Diagnostics.cpu_s,
     Diagnostics.commands_received,
     Diagnostics.messages_sent,
@@ -29,7 +29,7 @@ PACED: tuple[Figure[Any], ...] = (  # counters whose pace is reported
 class Status(NamedTuple):
     """Last diagnostics of one slave, and the rates of its counters (`paces`, per second, by name).
 
-    `level` 0 ok, 1 warning, 2 error, with the `message`; `present`: by its token; `received_ns` when it came here.
+    `level`: 0 ok, 1 warning, 2 error, with its `message`. `present`: by its token. `received_ns`: monotonic ns.
     """
 
     node: str
@@ -46,9 +46,9 @@ class Status(NamedTuple):
         return (now_ns() - self.received_ns) / NS_PER_S
 
     def pace(self, counter: Figure[int] | Figure[float]) -> float | None:
-        """Return how fast one of `PACED` ran, per second: of processor time the share of a core.
+        """Return the rate (per second) of one of `PACED`; for processor time this is the share of a core.
 
-        None if that is not known.
+        Return None if the rate is not known.
         """
         return self.paces.get(counter.name)
 
@@ -77,7 +77,7 @@ class HealthWatch:
             return sorted(name for name, there in self._present.items() if there and name not in self._statuses)
 
     def mixed(self) -> dict[str, int]:
-        """Return the names that several slaves share, and how many share each: their figures are mixed."""
+        """Return the names that several slaves share, with their number; the diagnostics of such slaves are mixed."""
         with self._lock:
             return {name: len(there) for name, there in sorted(self._present.items()) if len(there) > 1}
 
@@ -103,8 +103,8 @@ class HealthWatch:
 class Unanswered:
     """Find the `endpoints` that do not answer, in a thread, while a slave may be missing.
 
-    `folder` has our certificates ("": none), `routed`: the endpoint is a router's; `lines` are one each, with what
-    stands in the way. It ends with the session.
+    `folder` has our certificates ("" without TLS); `routed`: the endpoint is a router's. `lines` has one line for each
+    such endpoint, with the reason. The thread ends with the session.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Unanswered:
 
     def check_endpoints(self) -> None:
         """Check all endpoints now; takes up to some seconds each."""
-        from hil.network.diagnosis import why_not  # only when one is missing
+        from hil.network.diagnosis import why_not  # needed only if a slave is missing
 
         there = sum(status.present for status in self._watch.statuses()) + len(self._watch.without_answer())
         missing = self._endpoints if there < len(self._endpoints) else []
@@ -126,18 +126,18 @@ class Unanswered:
         self.lines = [f"nobody at {endpoint}: {fault.text}" for endpoint, fault in faults if fault]
 
     def _reached(self, endpoint: str) -> bool:
-        """Return the endpoints that links lead to; links carry ports and addresses but no names."""
+        """Return whether a link leads to the endpoint, as far as its port tells; links do not carry host names."""
         ports = [split_endpoint(one)[2] for one in self._endpoints]
         port = split_endpoint(endpoint)[2]
         return ports.count(port) == 1 and self._session.has_dialled(port)
 
 
 def _paces(before: Status | None, figures: Diagnostics, received_ns: int) -> dict[str, float]:
-    """Return how fast counters ran since `before`; none after a restart, when they begin again."""
+    """Return the rates of counters since `before`; empty after a restart of the slave, which resets the counters."""
     if before is None or before.figures.exec_wall_ns != figures.exec_wall_ns:
         return {}
     seconds = max((received_ns - before.received_ns) / NS_PER_S, 1e-3)
-    if seconds < 0.2:  # two in a row tell nothing
+    if seconds < 0.2:  # too short for a rate
         return dict(before.paces)
     paces = {}
     for counter in PACED:

@@ -19,25 +19,27 @@ from hil.network.tokens import (
     read_presence,
 )
 
-PERIOD_S = 0.2  # of the exchange of clocks
-GRACE_S = 0.1  # that an answer may be later than the lease
-STALL_S = 0.02  # in which readers catch up when this process itself was held up
+PERIOD_S = 0.2  # of the clock exchange
+GRACE_S = 0.1  # by which an answer may be later than the lease
+STALL_S = 0.02  # time for the readers to catch up after this process was held up
 FIRST_PERIOD_S = 0.02  # until there is an estimate
 WAITING = 16  # answers that may wait for the reader
-STORED_PINGS = 512  # pings whose answers are known as ours: as long back as an answer may take, at the first period
+STORED_PINGS = 512  # pings whose answers are accepted as ours; at the first period this covers any answer time
 
 
 class LivenessMonitor:
-    """Announce us to a node, track its presence, and compare clocks with it.
+    """Announce this client to a node, track the node's presence, and compare clocks with it.
 
-    It comes with its token or its first answer, and goes with its token or when it has not answered for a little
-    more than `lease` s. `present` says whether it is there, `losses` how often it went. `arrived` is called in a
-    thread of its own, which may wait a while, when the vehicle comes; `report` gets a line when it comes and goes.
-    `samples` counts messages other than answers; the code that receives them increments it. The session is opened
-    again while answers come and samples do not (`hil.network.stall`); `reconnections` counts that, and links of it that
-    were cut as they were not read.
-    `same_clock` is set by the code that finds that both are on one machine: then the offset is exactly 0, unless
-    exchanges say otherwise, as when the wall clock was set between the two starts.
+    A vehicle becomes present with its token or first answer. It is lost with its token, or when it has not answered for
+    a little more than `lease` s. `present` says whether it is present, `losses` how often it was lost. When it appears,
+    `arrived` is called in a separate thread, where it may block; `report` gets a line when it appears or is lost.
+
+    `samples` counts messages other than answers; the receiving code increments it. The session is reopened when answers
+    arrive but samples do not (`hil.network.stall`). `reconnections` counts this, and also links that were closed
+    because they were not read.
+
+    `same_clock` is set by the code that finds both processes on one machine: the offset is then exactly 0, unless
+    exchanges contradict it because the wall clock was set between the two starts.
     """
 
     def __init__(
@@ -51,14 +53,14 @@ class LivenessMonitor:
     ) -> None:
         self._session, self._node, self._clock = session, node, clock
         self._arrived, self._report = arrived, report
-        self._there: dict[str, str] = {}  # slaves of the node: machine and process, by ident
-        self._doubled_ns = 0  # since when there is more than one; 0 while there is not
+        self._there: dict[str, str] = {}  # slaves of the node: ident -> machine and process
+        self._doubled_ns = 0  # since when there is more than one; 0 if there is not
         self._lost_ns = 0
         self._received_ns = 0
         self._patience_s = lease + GRACE_S
-        self._turn = threading.Lock()  # of coming and going, which two threads see
-        self._ping_times: tuple[int, ...] = ()  # when our last pings were sent
-        self._send_as_master: Callable[[bytes], None] | None = None  # as a master: how an answer came
+        self._turn = threading.Lock()  # guards `present`, which two threads change
+        self._ping_times: tuple[int, ...] = ()  # wall times (ns) of our last pings
+        self._send_as_master: Callable[[bytes], None] | None = None  # sends pings and the times of answers, if a master
         self._closing = threading.Event()
         self._withdraw: Callable[[], None] | None = None
         self._arrival: threading.Thread | None = None
@@ -68,14 +70,14 @@ class LivenessMonitor:
         self._answers = 0
         self.samples = self._counted = 0
         self.reconnections = 0
-        self.known = threading.Event()  # the clocks have been compared
+        self.known = threading.Event()  # set once the clocks have been compared
         self.same_clock = False
         self.present = False
         self.losses = 0
-        self.reported: Estimate | None = None  # our clock minus the vehicle's, as the vehicle computes
+        self.reported: Estimate | None = None  # our clock minus the vehicle's, as the vehicle estimates it
 
     def begin(self, part: Part, gid: bytes, rank: int) -> None:
-        """Announce this process as `part`; commands carry `gid`."""
+        """Announce this process as `part`; `gid` is the id in its commands."""
         self._gid = gid
         ping, pong, masters_ping = clock_keys(self._node)
         self._send = self._session.sender(ping)
@@ -87,18 +89,18 @@ class LivenessMonitor:
         self._pinger.start()
 
     def end(self) -> None:
-        """Withdraw this master's presence. The session stays open."""
+        """Withdraw this process's presence. The session stays open."""
         self._closing.set()
         self._pinger.join()
         with self._turn:
-            arrival = self._arrival  # no other comes any more
+            arrival = self._arrival  # no new one is started once `_closing` is set
         if arrival:
             arrival.join()
         if self._withdraw:
             self._withdraw()
 
     def sent_ns(self, their_wall_ns: int, received_ns: int) -> int:
-        """Convert a wall time of the vehicle to our monotonic clock; at most `received_ns`, and that if unknown."""
+        """Convert a wall time of the vehicle to our monotonic clock (ns); `received_ns` if it is later or unknown."""
         received_wall_ns = to_wall_ns(received_ns)
         estimate = self._clock.at(received_wall_ns)
         if estimate is None:
@@ -107,7 +109,7 @@ class LivenessMonitor:
         return min(from_wall_ns(their_wall_ns - (0 if is_same else estimate.offset_ns)), received_ns)
 
     def forget_clock(self) -> None:
-        """Compare the clocks again: the vehicle's process is another one, and its wall clock may be too."""
+        """Restart the comparison of clocks, because another process now publishes for the vehicle."""
         self._clock.forget()
         self.known.clear()
 
@@ -115,7 +117,7 @@ class LivenessMonitor:
     def rivals(self) -> str:
         """Return the slaves that share the node's name, as text; "" for a single one.
 
-        One that was started again is not one of two: it has a little more than the lease until the old one is gone.
+        After a restart of a slave, the old one may remain for its lease, so two count only after a little more.
         """
         if not self._doubled_ns or now_ns() - self._doubled_ns < self._patience_s * NS_PER_S:
             return ""
@@ -136,13 +138,13 @@ class LivenessMonitor:
             ping = PING.pack(self._gid, sent, 0, 0)
             if self._send_as_master:
                 self._send_as_master(ping)
-            if not self._send_as_master or not self.reported:  # not known as a master yet
+            if not self._send_as_master or not self.reported:  # the vehicle does not yet know us as a master
                 self._send(ping)
 
     def _wait_for_next(self) -> bool:
-        """Wait until the next ping is due; True when closing.
+        """Wait until the next ping is due; return True when closing.
 
-        Time in which this process was held up is no silence of the vehicle: nothing was asked, and nothing read.
+        Time in which this process was held up does not count as silence of the vehicle: nothing was sent or read then.
         """
         began, pause_s = now_ns(), self._pause()
         is_closing = self._closing.wait(pause_s)
@@ -152,7 +154,7 @@ class LivenessMonitor:
         return is_closing
 
     def _pause(self) -> float:
-        """Wait until the next ping, at most until the timeout."""
+        """Return the time (s) until the next ping, at most until the vehicle times out."""
         if not self.known.is_set():
             return FIRST_PERIOD_S
         left = self._patience_s - (now_ns() - self._received_ns) / NS_PER_S
@@ -162,10 +164,10 @@ class LivenessMonitor:
         return now_ns() - self._received_ns >= self._patience_s * NS_PER_S
 
     def _reconnect_stalled(self) -> None:
-        """Report that a link was not read and is opened again; open the session again where only answers come.
+        """Report that an unread link was closed; reopen the session if answers arrive but samples do not.
 
-        The second is for whatever cause. Cutting the links was not always enough: one client in 5,000 had both links
-        again, and the library still brought it nothing.
+        To close the links was not always enough: one client in 5,000 had both links again, and the library still
+        delivered nothing.
         """
         openings = self._session.openings
         if self._session.is_lost:
@@ -179,7 +181,7 @@ class LivenessMonitor:
             self._report(f"a link of {self._session.name} was open and not read, or lost; connecting again")
             self.reconnections += 1
         is_deaf = self._is_deaf()
-        if not is_deaf:  # else samples prove nothing: of what a session has declared a part may be lost
+        if not is_deaf:  # else a sample is no proof: some of the session's declarations may be lost
             self._counted = self.samples
         is_stalled = self._stall.is_stalled(now_ns(), self._answers, self._counted, is_deaf)
         if is_stalled and (not is_deaf or self._may_be_there()) and self._session.reopen(openings):
@@ -189,21 +191,21 @@ class LivenessMonitor:
             self.reconnections += 1
 
     def _is_deaf(self) -> bool:
-        """Return whether the vehicle is not there, although each peer that we dial has a link, as a lost one has not.
+        """Return whether the vehicle is not present although there is a link to each peer.
 
-        What zenoh sends first on a link gets lost now and then on a busy machine, and with it all that we declared.
+        On a busy machine zenoh sometimes loses the first messages on a link, and with them all our declarations.
         """
         if self.present or not (self.losses or self._session.has_pairs):
             return False
         return is_linked(self._session)
 
     def _may_be_there(self) -> bool:
-        """Return whether the vehicle of which nothing comes may be there: who has ended is no fault of the session.
+        """Return whether the vehicle may still run. If it has ended, the session is not at fault.
 
-        A router has a link whether the vehicle is there or not, and knows of each; one that knows of none may have lost
-        what they told it, or we what it told us.
+        A direct link leads to the vehicle itself. A router keeps its link without the vehicle, but knows the present
+        ones. If the router knows none, it may have lost their declarations, or we may have lost its answer.
         """
-        if self._session.has_pairs:  # the link is to the vehicle itself
+        if self._session.has_pairs:  # a direct link
             return True
         tokens = self._session.tokens(presence_keys("*", "slave"))
         known = {presence.node for presence in map(read_presence, tokens) if presence}
@@ -212,7 +214,7 @@ class LivenessMonitor:
     def _on_pong(self, payload: bytes) -> None:
         received_ns = to_wall_ns(now_ns())
         pong = read_clock(PONG, payload)
-        if pong is None or pong[0] != self._gid or pong[1] not in self._ping_times:  # the answer to another's ping
+        if pong is None or pong[0] != self._gid or pong[1] not in self._ping_times:  # answers another client's ping
             return
         _, sent, there, answered, *reported = pong
         if self._send_as_master:
@@ -229,7 +231,7 @@ class LivenessMonitor:
             return
         if alive:
             self._there[presence.ident] = presence.process
-            self._received_ns = now_ns()  # give it time for its first answer
+            self._received_ns = now_ns()  # its first answer needs some time
         else:
             self._there.pop(presence.ident, None)
         self._doubled_ns = (self._doubled_ns or now_ns()) if len(self._there) > 1 else 0
@@ -244,7 +246,7 @@ class LivenessMonitor:
                 self._arrival = threading.Thread(target=self._arrived, name="arrival", daemon=True)
                 self._arrival.start()
         if not present:
-            self.reported = None  # it may come back with other rights for us
+            self.reported = None  # our rights may be different when it is back
             self.losses += 1
             self._lost_ns = now_ns()
             self._report(f"{self._node} at {self._session.name} is gone; trying to reach it again")

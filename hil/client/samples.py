@@ -1,7 +1,7 @@
 """Samples of the Python interface: the sensors' own records, each with its age.
 
 Vectors are along FRD or NED and in SI units, as the records say (sim.sensors.samples, sim.sensors.extra_samples).
-`time_ns` counts from 1970 by the vehicle's clock.
+`time_ns` is ns since 1970 by the vehicle's clock.
 """
 
 from math import asin, atan2, hypot
@@ -18,9 +18,9 @@ from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSa
 
 
 class Aged:
-    """Fields that are added to every record."""
+    """Fields added to every record."""
 
-    sent_ns = 0  # when it was sent, by the monotonic clock of this machine
+    sent_ns = 0  # when it was sent, by this machine's monotonic clock
 
     @property
     def age(self) -> float:
@@ -29,7 +29,7 @@ class Aged:
 
 
 class State(OdometrySample, Aged):
-    """Place, attitude and motion of the vehicle: `position` m NED, `orientation` (w, x, y, z) FRD to NED, `nu`."""
+    """Position, attitude and motion: `position` m NED, `orientation` (w, x, y, z) FRD to NED, `nu` along FRD."""
 
     @property
     def depth(self) -> float:
@@ -64,7 +64,7 @@ class State(OdometrySample, Aged):
 
     @property
     def speed(self) -> float:
-        """m/s over ground, in whichever direction."""
+        """Speed over ground, m/s."""
         return hypot(*self.nu[:3])
 
 
@@ -73,7 +73,7 @@ class Imu(ImuSample, Aged):
 
 
 class Dvl(DvlSample, Aged):
-    """Velocity (m/s) and distance to the seabed (m)."""
+    """Velocity (m/s, FRD) and distance to the seabed (m)."""
 
 
 class Pressure(PressureSample, Aged):
@@ -81,11 +81,11 @@ class Pressure(PressureSample, Aged):
 
 
 class Distance(extra.RangeSample, Aged):
-    """A distance (m) and the reach of the device."""
+    """A distance (m) and the range limits of the device."""
 
 
 class Altitude(AltitudeSample, Aged):
-    """The distance to the seabed (m), as the velocity log has it."""
+    """The distance to the seabed (m), measured by the DVL."""
 
 
 class Field(extra.FieldSample, Aged):
@@ -93,7 +93,7 @@ class Field(extra.FieldSample, Aged):
 
 
 class Current(extra.VelocitySample, Aged):
-    """Velocity of the water past the vehicle (m/s)."""
+    """Velocity of the water relative to the vehicle (m/s)."""
 
 
 class Fix(extra.FixSample, Aged):
@@ -105,11 +105,11 @@ class Position(extra.PositionSample, Aged):
 
 
 class Battery(extra.BatterySample, Aged):
-    """Volts, amperes, ampere hours."""
+    """Voltage (V), current (A) and charge (Ah)."""
 
 
 class Scan(extra.LaserSample, Aged):
-    """A fan of distances (m)."""
+    """Distances (m) over a sector of angles."""
 
     @property
     def angles(self) -> list[float]:
@@ -118,7 +118,7 @@ class Scan(extra.LaserSample, Aged):
 
 
 class Flag(extra.FlagSample, Aged):
-    """A switch, true when it is on; its message carries no time (`time_ns` 0)."""
+    """A switch; true when on. Its message has no time (`time_ns` is 0)."""
 
     def __bool__(self) -> bool:
         return self.on
@@ -130,11 +130,11 @@ KINDS: dict[str, type[Any]] = {
     "current_meter": Current, "gps": Fix, "usbl": Position, "battery": Battery, "laser": Scan, "profiler": Scan,
     "scanning_sonar": Scan, "contact": Flag, "leak": Flag,
 }  # fmt: skip
-_others: dict[str, type[Any]] = {}  # of sensors that are not in the table
+_others: dict[str, type[Any]] = {}  # types made for sensors outside the table
 
 
 def aged(topic: str, stamped: Stamped) -> Any:
-    """Return the message of a topic as its record with an age; what is no record stays in `stamped`."""
+    """Return a topic's message as a record with an age; a message that is no record is returned as `stamped`."""
     value = stamped.value
     if isinstance(value, bool):
         value = 0, value

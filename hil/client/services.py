@@ -1,6 +1,6 @@
-"""Call what the slave of a vehicle does on request, once: arm, reset, put it at a pose, let thrusters fail.
+"""Call services of a vehicle's slave: arm, reset, set its pose, let thrusters fail.
 
-These are calls of its ROS 2 services (hil.slave.ros): each waits for the answer, and says what was done.
+Each function calls a ROS 2 service of the slave (hil.slave.ros), waits for the response, and returns its text.
 """
 
 from collections.abc import Mapping
@@ -24,20 +24,20 @@ KINDS = ("off", *VALUES, "repaired")
 
 
 def arm(vehicle: Vehicle, on: bool = True) -> str:
-    """Arm or disarm; disarmed, thrusters are neutral and every command is refused. Raises NetworkError."""
+    """Arm or disarm. A disarmed vehicle keeps its thrusters neutral and ignores commands. Raises NetworkError."""
     return _answer(_call(vehicle, "arm", SET_BOOL, {"data": on}))
 
 
 def reset(vehicle: Vehicle) -> str:
-    """Put the vehicle back to its start, at rest, thrusters repaired. Raises NetworkError."""
+    """Move the vehicle to its start, at rest, with sound thrusters. Raises NetworkError."""
     return _answer(_call(vehicle, "reset", TRIGGER, {}))
 
 
 def fail_thruster(vehicle: Vehicle, thruster: str, kind: str = "off", value: float | None = None) -> str:
-    """Give a thruster this failure in place of those it has; "repaired" ends them.
+    """Replace a thruster's failures by this one; "repaired" ends them.
 
-    `value` is the share of thrust of "efficiency", the pulse (us) of "stuck" (by default the present one), the time (s)
-    of "delayed", the standard deviation (share of thrust) of "noisy". Raises ConfigError, NetworkError.
+    `value` is the share of thrust for "efficiency", the pulse width (us) for "stuck" (default: the present one), the
+    time (s) for "delayed", the standard deviation (share of thrust) for "noisy". Raises ConfigError, NetworkError.
     """
     if kind not in KINDS:
         raise ConfigError(f"kind: {kind!r} is none of {', '.join(KINDS)}{nearest(kind, list(KINDS))}")
@@ -55,7 +55,7 @@ def fail_thruster(vehicle: Vehicle, thruster: str, kind: str = "off", value: flo
 
 
 def set_pose(vehicle: Vehicle, north: float, east: float, depth: float, heading: float = 0.0) -> str:
-    """Put the vehicle at a place (m, NED) with a heading (rad), level and at rest. Raises NetworkError."""
+    """Move the vehicle to a position (m, NED) and heading (rad), level and at rest. Raises NetworkError."""
     x, y, z = swap_world((north, east, depth))
     qw, qx, qy, qz = swap_attitude((cos(heading / 2), 0.0, 0.0, sin(heading / 2)))
     pose = {

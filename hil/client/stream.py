@@ -7,20 +7,20 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-POLL_S = 0.1  # how often one who waits looks whether the vehicle is still there
+POLL_S = 0.1  # period at which a waiting iteration checks whether the vehicle is still present
 
 
 class Stream:
     """Yield each sample from now on. At most `depth` wait; beyond it the oldest are discarded and counted in `dropped`.
 
-    `check` is called while nothing comes, with the seconds since something did; it raises when nothing will.
+    While no sample comes, `check` is called with the seconds waited; it raises if none can come any more.
     """
 
     def __init__(self, check: Callable[[float], None], depth: int) -> None:
         self._check = check
         self._waiting: deque[Any] = deque(maxlen=depth)
         self._changed = threading.Condition()
-        self._wake_loop: Callable[[], object] = bool  # of a loop of asyncio that waits
+        self._wake_loop: Callable[[], object] = bool  # wakes an asyncio loop that waits; `bool` does nothing
         self._closed = False
         self.dropped = 0
 
@@ -33,7 +33,7 @@ class Stream:
         self._wake_loop()
 
     def close(self) -> None:
-        """End the iteration once all that came has been given."""
+        """End the iteration after the samples that are waiting."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -57,12 +57,12 @@ class Stream:
         return self
 
     async def __anext__(self) -> Any:
-        import asyncio  # who is here has it already
+        import asyncio  # already imported by a program that uses `async for`
 
         began, loop, event = time.monotonic(), asyncio.get_running_loop(), asyncio.Event()
 
         def wake_loop() -> None:
-            with suppress(RuntimeError):  # the loop has ended meanwhile
+            with suppress(RuntimeError):  # the asyncio loop has ended
                 loop.call_soon_threadsafe(event.set)
 
         self._wake_loop = wake_loop

@@ -26,26 +26,28 @@ from hil.ros.commands import (
 )
 from hil.ros.frames import encode_wrench
 
-PERIOD_S = 0.05  # of repeating what the vehicle has been told; its deadman waits for ten of these
-GIVE_UP_AFTER_S = 10.0  # of a vehicle's silence
+PERIOD_S = 0.05  # of repeated commands; the vehicle's deadman timeout is ten of these
+GIVE_UP_AFTER_S = 10.0  # without a message from the vehicle
 MOST_SPEED = 20.0  # m/s and rad/s
-FAR = 1.0  # m: from there on a vehicle goes to a place bow first
+FAR = 1.0  # m; at larger distances a vehicle turns its bow toward its goal
 
 
 class Vehicle(VehicleState):
     """One vehicle. Its samples are attributes; its commands are methods.
 
-    They return at once; only the first waits, when another master was there, until the vehicle says whether it stays.
-    The vehicle executes a command until it gets another one; this process repeats it meanwhile, and when that ends the
-    vehicle stops. All units are SI and radians; places are NED in m, with depth down; what is along the body is FRD.
-    Every attribute raises NetworkError when the vehicle is gone or has no such sensor, every command also when the
-    vehicle does not obey, and ConfigError for numbers that cannot be meant.
+    Commands return at once. Only the first may wait, if another master was active, until the vehicle reports whether
+    that one stays. The vehicle executes a command until it gets another one. This process repeats the command
+    meanwhile; when the process ends, the vehicle stops. Units are SI and radians. Positions are NED in m, with depth
+    down; vectors along the body are FRD.
+
+    Every attribute raises NetworkError if the vehicle is lost or has no such sensor. Every command also raises it if
+    the vehicle refuses, and ConfigError for values out of range.
     """
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._action: Action | None = None
-        self._turn = threading.RLock()  # of telling the vehicle
+        self._turn = threading.RLock()  # held while a command is sent or replaced
         self._repeater = threading.Thread(target=self._repeat, name=f"commands {self.name}", daemon=True)
 
     def drive(
@@ -58,9 +60,9 @@ class Vehicle(VehicleState):
         heading: float | None = None,
         tolerance: float = 0.1,
     ) -> Action:
-        """Move with these velocities (m/s, rad/s), and hold a depth (m) in place of heave, a heading of yaw rate.
+        """Drive with these velocities (m/s, rad/s). A depth (m) replaces heave, a heading (rad) replaces yaw rate.
 
-        Done when depth and heading are within `tolerance` m and rad, at once without them.
+        Done when depth and heading are within `tolerance` m and rad; at once without them.
         """
         if (depth is not None and heave) or (heading is not None and yaw_rate):
             raise ConfigError(f"{self.name}: give depth or heave, and heading or yaw_rate, not both")
@@ -72,7 +74,7 @@ class Vehicle(VehicleState):
         return self._start_action(actions.drive(VelocityCommand(**speeds, depth=depth, heading=heading), tolerance))
 
     def stop(self) -> Action:
-        """Stand still in the water, at whatever depth and heading it has."""
+        """Stop relative to the water; depth and heading are not held."""
         return self.drive()
 
     def hold_depth(self, depth: float, tolerance: float = 0.1) -> Action:
@@ -80,16 +82,16 @@ class Vehicle(VehicleState):
         return self.drive(depth=depth, tolerance=tolerance)
 
     def hold_heading(self, heading: float, tolerance: float = 0.1) -> Action:
-        """Turn to a heading (rad from north, clockwise) and keep it; done within `tolerance` rad."""
+        """Turn to a heading (rad from north, clockwise) and hold it; done within `tolerance` rad."""
         return self.drive(heading=heading, tolerance=tolerance)
 
     def go_to(
         self, north: float, east: float, depth: float, heading: float | None = None, tolerance: float = 0.3
     ) -> Action:
-        """Go straight to a place (m, NED) and stay there; done within `tolerance` m and rad.
+        """Go straight to a position (m, NED) and stay there; done within `tolerance` m and rad.
 
-        Without a `heading` (rad) it goes bow first. Nothing is gone round: for that plan a way and `follow` it. For
-        vehicles that can move sideways and stop.
+        Without a `heading` (rad) it goes bow first. Obstacles are not avoided; to do so, plan a path and `follow` it.
+        For vehicles that can stop and move sideways.
         """
         for name, value in (("north", north), ("east", east), ("depth", depth)):
             self._check(name, value, MOST_PLACE, "m")
@@ -111,10 +113,11 @@ class Vehicle(VehicleState):
     ) -> Action:
         """Follow a path and stay at its end; done within `tolerance` m and rad of it.
 
-        `path`: points (m, NED), which it goes to first and from one to the next, round the corners with `smooth`; the
-        path of a waypoint file; a curve (hil.autonomy.paths: curves, spline, dubins); or a trajectory, whose speed it
-        then has. Up to `speed` m/s, and within `limits`. With a `lookahead` (m) points are followed by pure pursuit, as
-        a vehicle with fins has to. Raises ConfigError, MissionError when the path breaks a limit.
+        `path` is one of: points (m, NED), followed from the present position on, with rounded corners if `smooth`; the
+        name of a waypoint file; a curve (hil.autonomy.paths: curves, spline, dubins); or a trajectory, which has its
+        own speed. Otherwise the speed is at most `speed` m/s, within `limits`. With a `lookahead` (m) points are
+        followed by pure pursuit, as a vehicle with fins needs. Raises ConfigError, MissionError if the path breaks a
+        limit.
         """
         if isinstance(path, Trajectory):
             return self._start_action(actions.run_trajectory(path, limits, tolerance))
@@ -132,14 +135,14 @@ class Vehicle(VehicleState):
     def push(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, k: float = 0.0, m: float = 0.0, n: float = 0.0
     ) -> Action:
-        """Push with a force X Y Z (N) and a moment K M N (N m) along FRD, as far as the thrusters can."""
+        """Apply a force X Y Z (N) and a moment K M N (N m) along FRD, limited to what the thrusters can give."""
         wrench = x, y, z, k, m, n
         for name, value in zip("xyzkmn", wrench, strict=True):
             self._check(name, value, MOST_FORCE, "N" if name in "xyz" else "N m")
         return self._start_action(actions.repeat("cmd_wrench", encode_wrench(0, wrench)))
 
     def thrust(self, *newtons: float) -> Action:
-        """Let each thruster push with so many N, in the order of the vehicle file, each as far as it can."""
+        """Set the thrust (N) of each thruster, in the order of the vehicle file, limited to what it can give."""
         count = self.diagnostics.thrusters
         if count is not None and len(newtons) != count:
             raise ConfigError(
@@ -155,7 +158,7 @@ class Vehicle(VehicleState):
             self._replace(None)
 
     def close(self) -> None:
-        """Stop the vehicle if it was commanded, and disconnect. Closing twice is harmless."""
+        """Stop the vehicle if it was commanded, and disconnect. May be called twice."""
         if self._closing.is_set():
             return
         self._closing.set()
@@ -177,7 +180,7 @@ class Vehicle(VehicleState):
         return [self.state.position, *[(north, east, depth) for north, east, depth in points]]
 
     def _start_action(self, new: Action) -> Action:
-        """Begin a maneuver at once. Raises NetworkError when the vehicle would not obey."""
+        """Start an action at once. Raises NetworkError if the vehicle would refuse it."""
         if self._part == "observer":
             raise NetworkError(f"{self.name} is only observed here; connect without observe=True to command it")
         self._require_presence()

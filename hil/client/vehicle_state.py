@@ -1,4 +1,4 @@
-"""Samples of one vehicle in the Python interface: the newest of each sensor, and streams of all."""
+"""Samples of one vehicle in the Python interface: the newest of each sensor, and streams."""
 
 import threading
 import time
@@ -22,11 +22,11 @@ from hil.ros.topics import DESCRIPTIONS, TOPICS, is_picture, learn
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-COMPRESSED = "/compressed"  # what ROS calls a topic's pictures as JPEG ends so
-RETURNS_WITHIN_S = 3.0  # of silence, after which a vehicle that is gone is not waited for by who reads
-FIRST_WITHIN_S = 1.0  # that a sensor which has said nothing yet is waited for
-MADE_WITHIN_S = 30.0  # the same of what is made when somebody subscribes, and of pictures whose process still starts
-POLL_S = 0.1  # at which a wait asks again
+COMPRESSED = "/compressed"  # end of the name of a topic with JPEG pictures in ROS
+RETURNS_WITHIN_S = 3.0  # time that a reader waits for a lost vehicle to return
+FIRST_WITHIN_S = 1.0  # time that a reader waits for the first sample of a sensor
+MADE_WITHIN_S = 30.0  # the same for descriptions and for pictures, whose process may still be starting
+POLL_S = 0.1  # polling period of a wait
 
 T = TypeVar("T")
 
@@ -50,10 +50,9 @@ class Newest(Generic[T]):
 
 
 class _Patience:
-    """Tells for how long a sample is waited for: `first_s`, and while `comes_later` says that it may still come.
+    """Time limit of a wait for a sample: `first_s`, extended while `comes_later` returns true, up to MADE_WITHIN_S.
 
-    That is MADE_WITHIN_S in all, and each time RETURNS_WITHIN_S more: topics of a process that starts appear one after
-    the other.
+    Each extension is RETURNS_WITHIN_S, because the topics of a process that starts appear one after the other.
     """
 
     def __init__(self, first_s: float, comes_later: Callable[[], bool]) -> None:
@@ -62,7 +61,7 @@ class _Patience:
         self._waited_s = 0.0
 
     def is_over(self, waited_s: float) -> bool:
-        """Return whether to give up after so many seconds; fewer than before begin another wait."""
+        """Return whether to give up after waiting `waited_s`; a smaller value than before starts a new wait."""
         if waited_s < self._waited_s:
             self._end_s = self._first_s
         self._waited_s = waited_s
@@ -75,7 +74,7 @@ class _Patience:
 class VehicleState:
     """The samples of a vehicle; its commands are in `hil.client.vehicle_handle.Vehicle`.
 
-    Every attribute raises NetworkError when the vehicle is gone or has no such sensor.
+    Every attribute raises NetworkError if the vehicle is lost or has no such sensor.
     """
 
     state = Newest(State, "odom")
@@ -136,13 +135,11 @@ class VehicleState:
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """The slave's figures of health, once a second; empty before the first."""
+        """The slave's newest diagnostics, published once a second; empty before the first."""
         return self.client.diagnostics()
 
     def newest(self, topic: str) -> Any:
-        """Return the newest sample of a sensor, by the name of its topic (hil.ros.topics). Raises NetworkError,
-        ConfigError.
-        """
+        """Return the newest sample on a topic of hil.ros.topics. Raises NetworkError, ConfigError."""
         self._listen(topic)
         began, patience = time.monotonic(), _Patience(FIRST_WITHIN_S, lambda: self._comes_later(topic))
         while True:
@@ -156,10 +153,10 @@ class VehicleState:
                 raise NetworkError(self._no_sensor(topic, waited_s))
 
     def samples(self, topic: str, timeout: float = 5.0, depth: int = 256) -> Stream:
-        """Return each sample of a sensor from now on, for `for` and `async for`: vehicle.samples("imu").
+        """Iterate over the samples of a sensor from now on, with `for` or `async for`: vehicle.samples("imu").
 
-        Raises ConfigError for a topic that is none, and while iterating NetworkError, when the vehicle is gone or the
-        sensor silent for `timeout` s. At most `depth` samples wait to be taken; beyond it the oldest go.
+        Raises ConfigError for an unknown topic; the iteration raises NetworkError if the vehicle is lost or the sensor
+        sends nothing for `timeout` s. At most `depth` samples wait; beyond it the oldest are dropped.
         """
 
         patience = _Patience(timeout, lambda: self._starts(topic, self.pictures()))
@@ -176,14 +173,14 @@ class VehicleState:
         return stream
 
     def notify(self, listener: Callable[[str], None]) -> None:
-        """Call `listener` with the topic of each message from now on: in the session's reader, which it must not keep.
+        """Call `listener` with the topic of each message from now on, in the session's reader; it must be quick.
 
-        It gets what is listened to already, or is later.
+        It is called for the topics that are subscribed to, now or later.
         """
         self._listeners.append(listener)
 
     def close(self) -> None:
-        """Leave it. Closing twice is harmless."""
+        """End the streams and disconnect from the vehicle. May be called twice."""
         self._closing.set()
         for streams in self._streams.values():
             for stream in list(streams):
@@ -199,7 +196,7 @@ class VehicleState:
         self.client.watch(topic)
 
     def _on_message(self, topic: str, stamped: Stamped) -> None:
-        """Pass on a message; called by the session's reader."""
+        """Pass a message to listeners and streams; called by the session's reader."""
         with self._first:
             self._first.notify_all()
             streams = list(self._streams.get(topic, ()))
@@ -209,12 +206,12 @@ class VehicleState:
             stream.put(samples.aged(topic, stamped))
 
     def _comes_later(self, topic: str) -> bool:
-        """Return whether a topic is made when somebody subscribes, or the process that makes it still starts."""
+        """Return whether a topic is published only on subscription, or its process is still starting."""
         pictures = self.pictures()
         return topic in DESCRIPTIONS or topic in pictures or self._starts(topic, pictures)
 
     def _require_presence(self, patience_s: float = 0.0) -> None:
-        """Raise NetworkError if this was closed, or the vehicle is gone and has been silent for `patience_s`."""
+        """Raise NetworkError if this was closed, or the vehicle is lost and silent for more than `patience_s`."""
         if self._closing.is_set():
             raise NetworkError(f"{self.name}: the connection was closed; connect again")
         silence = self.client.contact.silence_s if not self.present else 0.0
@@ -241,24 +238,24 @@ class VehicleState:
         return f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {there}; {remedy}"
 
     def pictures(self) -> set[str]:
-        """Return the topics of its pictures, by its node in the graph: none is sent before somebody asks.
+        """Return the topics of its pictures, from the ROS graph, because pictures are sent only on subscription.
 
-        Those of further sensors of a kind are known from then on.
+        Topics of further sensors of a kind are added to the known topics.
         """
         published = self._published()
         return {name for name, kind in published.items() if is_picture(name) and learn(name, kind, published)}
 
     def _published(self) -> dict[str, str]:
-        """Return the types of the topics that it publishes, by its node in the graph."""
+        """Return the topics that the vehicle's node publishes, with their types, from the ROS graph."""
         own = f"/{self.name}/"
         entities = [graph.read_token(key) for key in self._session.tokens(graph.ALL)]
         published = {entity.topic: entity.type for entity in entities if entity and entity.kind == "MP"}
         return {topic.removeprefix(own): kind for topic, kind in published.items() if topic.startswith(own)}
 
     def _learn(self, topic: str) -> bool:
-        """Return whether the vehicle publishes a topic that is like one of ours, which is known from then on.
+        """Return whether the vehicle publishes this topic, of a kind that we know; add it to the known topics.
 
-        That of a sensor of pictures is waited for: the graph may show it a moment after the slave.
+        For a picture this waits: the graph may show its topic later than the slave.
         """
         began = time.monotonic()
         while topic not in (published := self._published()):
@@ -268,12 +265,12 @@ class VehicleState:
         return learn(topic, published[topic], published)
 
     def _may_come(self, topic: str) -> bool:
-        """Return False if the slave's diagnostics have no sensor of pictures for the topic; True before they came."""
+        """Return False if the slave's diagnostics list no imaging sensor for the topic; True if unknown."""
         sensors = self.diagnostics.imaging_requested
         return sensors is None or topic.partition("/")[0] in sensors
 
     def _starts(self, topic: str, published: Iterable[str]) -> bool:
-        """Return whether the topic is of a sensor of pictures of which none was published since its process started."""
+        """Return whether the topic belongs to an imaging sensor that has published nothing yet, as at its start."""
         sensor = topic.partition("/")[0]
         is_there = any(name.partition("/")[0] == sensor for name in published)
         return not is_there and sensor in (self.diagnostics.imaging_requested or {})

@@ -1,6 +1,6 @@
-"""Certificates for mutual TLS: an authority, and the machines it vouches for. Needs `cryptography`; only makes bytes.
+"""Make certificates for mutual TLS: an authority, and machines that it certifies. Needs `cryptography`.
 
-P-256 keys, PKCS 8 and PEM without a password: a vehicle has to start by itself.
+Returns bytes and writes no files. P-256 keys in PKCS 8 and PEM, without a password: a vehicle has to start unattended.
 """
 
 import datetime
@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from hil.common.errors import ConfigError
 
-# A single-board computer without a battery for its clock starts in the past: certificates must hold there already.
+# A single-board computer without a clock battery starts with a date in the past; certificates must be valid then too.
 VALID_FROM = datetime.datetime(2020, 1, 1, tzinfo=datetime.timezone.utc)
 AUTHORITY_DAYS = 3650
 
@@ -26,7 +26,7 @@ class Pair(NamedTuple):
 
 
 def new_authority() -> Pair:
-    """Return an authority that vouches for machines, not for other authorities."""
+    """Return an authority that may certify machines, but no other authorities."""
     key, name = ec.generate_private_key(ec.SECP256R1()), _name("uuv-hil authority")
     builder = _builder(name, name, key, AUTHORITY_DAYS)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
@@ -35,9 +35,9 @@ def new_authority() -> Pair:
 
 
 def new_machine(authority: Pair, name: str, hosts: list[str], days: int) -> Pair:
-    """Return the pair of a machine `name`, dialled as one of `hosts`, valid for `days` from today.
+    """Return the certificate of machine `name`, reachable as any of `hosts`, valid for `days` from today.
 
-    Raises ConfigError when a host can be none, or the authority cannot be read.
+    Raises ConfigError if a host is invalid or the authority cannot be read.
     """
     try:
         issuer = x509.load_pem_x509_certificate(authority.certificate)
@@ -74,7 +74,7 @@ def _name(common_name: str) -> x509.Name:
 def _host(host: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ipaddress.ip_address(host))
-    except ValueError:  # a name then
+    except ValueError:  # not an address, so a name
         pass
     try:
         return x509.DNSName(host)

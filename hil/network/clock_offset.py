@@ -1,10 +1,10 @@
-"""The offset between two clocks, and its drift, from messages that go there and back.
+"""Estimate the offset between two clocks, and its drift, from timed message exchanges.
 
-Each exchange bounds the offset without any assumption but that no message arrives before it was sent: it lies
-within half the round trip of the middle (NTP, RFC 5905, section 8). The exchange with the shortest round trip of each
-window is kept, which is what queues on the way spoil least (the clock filter of its section 10); two such some
-seconds apart bound the drift the same way. What does not fit the bound so far means that a clock was set or has
-slept: then everything is forgotten.
+Each exchange bounds the offset: it differs from the midpoint estimate by at most half the round trip (NTP, RFC 5905,
+section 8). The only assumption is that no message arrives before it was sent. Of each window the exchange with the
+shortest round trip is stored, as queues delay it least (the clock filter, section 10). Two such exchanges some seconds
+apart bound the drift in the same way. An exchange that contradicts the bound means that a clock was set or stood still;
+then all earlier exchanges are discarded.
 """
 
 import threading
@@ -13,11 +13,11 @@ from typing import NamedTuple
 from hil.common.clock import NS_PER_S
 
 WINDOW_NS = NS_PER_S
-NEAREST = 16  # kept exchanges that are looked at for one instant
+NEAREST = 16  # stored exchanges that are considered for one time
 MOST_DRIFT = 100e-6  # two crystals of 50 ppm each
-WANDER = 1e-6  # how much the drift itself changes with temperature while we look
-LEAST_SPAN_NS = 8 * NS_PER_S  # of the samples from which the drift is estimated
-TURNAROUND_NS = 10 * NS_PER_S  # an answer after longer than this says nothing
+WANDER = 1e-6  # change of the drift itself with temperature, over the stored history
+LEAST_SPAN_NS = 8 * NS_PER_S  # between the two exchanges that give the drift
+TURNAROUND_NS = 10 * NS_PER_S  # an answer that took longer is rejected
 
 
 class Estimate(NamedTuple):
@@ -29,23 +29,23 @@ class Estimate(NamedTuple):
 
 
 class _Point(NamedTuple):
-    time_ns: int  # ours, in the middle of the exchange
+    time_ns: int  # our clock, at the midpoint of the exchange
     offset_ns: int
-    half_ns: int  # of the round trip
+    half_ns: int  # half the round trip
 
 
 class ClockOffset:
-    """Estimate the other clock minus ours. Times are integer nanoseconds, each of the clock that read it.
+    """Estimate the other clock minus ours. Times are integer ns, each by the clock that measured it.
 
-    `history` is how many seconds are kept. `malformed` counts exchanges that cannot have been, `steps` how often
-    a clock was set. Threads may add and ask at once.
+    `history` is the number of windows (seconds) that are stored. `malformed` counts impossible exchanges, `steps` how
+    often a clock was set. Thread-safe.
     """
 
     def __init__(self, history: int = 64) -> None:
         self._history = history
         self._lock = threading.Lock()
         self._points: list[_Point] = []
-        self._best: _Point | None = None  # of them, for all instants after the last
+        self._best: _Point | None = None  # the best of `_points` for all times after the last
         self._window_ns = 0
         self._drift = 0.0
         self._drift_error = MOST_DRIFT
@@ -54,7 +54,7 @@ class ClockOffset:
         self.steps = 0
 
     def add(self, sent_ns: int, there_ns: int, answered_ns: int, received_ns: int) -> None:
-        """Add one exchange: sent by our clock, received and answered by the other's, the answer received by ours."""
+        """Add one exchange: sent (our clock), arrived and answered (the other's), answer received (ours)."""
         round_trip = (received_ns - sent_ns) - (answered_ns - there_ns)
         if round_trip < 0 or not 0 <= answered_ns - there_ns <= TURNAROUND_NS:
             self.malformed += 1
@@ -70,12 +70,12 @@ class ClockOffset:
             self._best = self._best_of(self._points, self._points[-1].time_ns)
 
     def forget(self) -> None:
-        """Drop all exchanges: the other clock is that of another process from now on."""
+        """Discard all exchanges, because the other process was replaced."""
         with self._lock:
             self._points, self._best, self._drift, self._drift_error = [], None, 0.0, MOST_DRIFT
 
     def at(self, time_ns: int) -> Estimate | None:
-        """Return the offset at an instant of our clock; None before the first exchange."""
+        """Return the offset at a time (ns) of our clock; None before the first exchange."""
         best, points = self._best, self._points
         if best is None:
             return None
@@ -86,15 +86,15 @@ class ClockOffset:
         return Estimate(best.offset_ns + round(self._drift * passed), uncertainty, self._drift)
 
     def may_be_zero(self, time_ns: int) -> bool:
-        """Return whether both clocks may be one at an instant of ours, by all exchanges so far.
+        """Return whether the offset at a time (ns) of our clock may be zero, by all exchanges so far.
 
-        Two processes of one machine have one clock unless the wall clock was set between their starts.
+        Two processes on one machine have the same clock, unless the wall clock was set between their starts.
         """
         estimate = self.at(time_ns)
         return estimate is None or abs(estimate.offset_ns) <= estimate.uncertainty_ns
 
     def _best_of(self, points: list[_Point], time_ns: int) -> _Point:
-        """Return the exchange that says most of an instant: after the last of them they all lose with time alike."""
+        """Return the exchange with the least uncertainty at a time. After the last exchange it stays the same."""
         last = _after(points, time_ns) + NEAREST // 2 if time_ns < points[-1].time_ns else len(points)
         rate = self._drift_error
         near = points[max(last - NEAREST, 0) : last] or points[-1:]
@@ -113,7 +113,7 @@ class ClockOffset:
                 points[-1] = point
             return
         if points and point.time_ns < self._window_ns:
-            return  # older than what is kept: it was overtaken
+            return  # older than the present window: the exchange was overtaken
         self._window_ns = point.time_ns
         points.append(point)
         if len(points) > self._history:
@@ -137,7 +137,7 @@ class ClockOffset:
 
 
 def _after(points: list[_Point], time_ns: int) -> int:
-    """Return the index of the first point later than an instant; `points` are sorted."""
+    """Return the index of the first point later than `time_ns`; `points` are sorted."""
     low, high = 0, len(points)
     while low < high:
         middle = (low + high) // 2

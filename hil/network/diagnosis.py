@@ -1,4 +1,4 @@
-"""Find out why nobody answers at an endpoint, which a zenoh session does not report."""
+"""Find out why nothing answers at an endpoint, which a zenoh session does not report."""
 
 import os
 import socket
@@ -13,25 +13,25 @@ if TYPE_CHECKING:
     from hil.network.session import Session
 
 TIMEOUT_S = 2.0
-# A TLS listener lets one connection wait (hil.network.sockets): who comes second is not answered, and tries again.
+# A TLS listener has a queue for one connection (hil.network.sockets): a second one gets no answer and has to retry.
 ATTEMPTS_S = (0.25, 0.25, 0.25, 0.25, 1.0)
 
-# Of X509_verify_cert: what is wrong with the certificate that the other side shows.
+# Codes of X509_verify_cert about the other side's certificate.
 _EXPIRED, _NOT_FOR_THIS_HOST = 10, (62, 64)
 
 
 class Fault(NamedTuple):
-    """A fault with its remedy, and whether waiting does not help (`lasting`)."""
+    """A fault with its remedy. `lasting`: waiting does not help."""
 
     text: str
     lasting: bool
 
 
 def why_not(endpoint: str, folder: str = "", routed: bool = False, session: "Session | None" = None) -> Fault | None:
-    """Try to reach a slave, or if `routed` a router, as a session does, with the certificates in `folder` ("": none).
+    """Connect as a session does, and return what is wrong; `folder` has the certificates, "" without TLS.
 
-    None when all is well, as when `session` has its links there: then what is missing is the node, or the right to
-    listen. Raises NetworkError when the endpoint cannot be meant.
+    The endpoint is a slave's, or a router's if `routed`. Return None if it answers, or if `session` has its links
+    there; then the node is missing, or the right to listen. Raises NetworkError for an invalid endpoint.
     """
     _, host, port = split_endpoint(endpoint)
     if session and session.has_dialled(port) and (routed or session.has_dialled(port + 1)):
@@ -47,7 +47,7 @@ def why_not(endpoint: str, folder: str = "", routed: bool = False, session: "Ses
 
 
 def _connect(host: str, port: int) -> socket.socket:
-    """Return a connection that waits up to TIMEOUT_S for what is read. Raises OSError."""
+    """Return a connection whose reads wait up to TIMEOUT_S. Raises OSError."""
     for seconds in ATTEMPTS_S:
         with suppress(TimeoutError):
             connection = socket.create_connection((host, port), seconds)
@@ -57,7 +57,7 @@ def _connect(host: str, port: int) -> socket.socket:
 
 
 def _second(host: str, port: int) -> Fault | None:
-    """Return what is wrong with the port of a slave's second link (`hil.network.settings`), which a router has not."""
+    """Return what is wrong with the port of a slave's second link (`hil.network.settings`); a router has none."""
     try:
         _connect(host, port).close()
     except ConnectionRefusedError:
@@ -94,16 +94,16 @@ def _with_certificate(connection: socket.socket, host: str, folder: str) -> Faul
         return Fault(f"{host} answers without TLS: its scenario has no [security] section, and this one has", True)
     except TimeoutError:
         return Fault(f"{host} does not answer a TLS handshake within {TIMEOUT_S:g} s: is it busy?", False)
-    except OSError:  # closed: what speaks TLS answers
+    except OSError:  # connection closed; a TLS peer would have answered
         return Fault(f"{host} answers without TLS: its scenario has no [security] section, and this one has", True)
     return None
 
 
 def _without(connection: socket.socket) -> Fault | None:
-    """Return whether the other side, which we would speak to openly, wants TLS."""
+    """Return a fault if the other side expects TLS although we have no certificate."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
-    context.verify_mode = ssl.CERT_NONE  # nothing is said to it: it is only asked whether it speaks TLS
+    context.verify_mode = ssl.CERT_NONE  # no data is sent; the handshake only tests for TLS
     try:
         _shake(context, connection, "")
     except ssl.SSLError as error:
@@ -118,10 +118,9 @@ def _without(connection: socket.socket) -> Fault | None:
 
 
 def _shake(context: ssl.SSLContext, connection: socket.socket, host: str) -> None:
-    """Do the TLS handshake, then wait: a refusal of our certificate comes after it (RFC 8446, 4.4).
+    """Do the TLS handshake, then wait for a refusal of our certificate, which comes after it (RFC 8446, 4.4).
 
-    The peer that accepts us waits for our first message, and closes the connection after its own limit for opening a
-    link.
+    A peer that accepts us waits for our first message, and closes the connection after its own timeout.
     """
     with context.wrap_socket(connection, server_hostname=host or None) as secure:
         try:

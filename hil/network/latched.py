@@ -1,6 +1,6 @@
-"""Declare topics whose last message late joiners get, compatible with rmw_zenoh (zenoh's advanced publishers).
+"""Declare topics whose last message goes to late joiners, compatible with rmw_zenoh (zenoh's advanced publishers).
 
-Loaded for such a topic only.
+Loaded only for latched topics.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ from zenoh.ext import (
 
 
 def declare_publisher(session: zenoh.Session, key: str, **options: Any) -> Any:
-    """Return a publisher that keeps its last message for others; `options` are those of any publisher."""
+    """Return a publisher that stores its last message for late joiners; `options` as for any zenoh publisher."""
     beat = MissDetectionConfig(heartbeat=None, sporadic_heartbeat=0.5)
     cache = CacheConfig(max_samples=1)
     return declare_advanced_publisher(
@@ -25,6 +25,6 @@ def declare_publisher(session: zenoh.Session, key: str, **options: Any) -> Any:
 
 
 def declare_subscriber(session: zenoh.Session, keys: str, channel: Any) -> Any:
-    """Return a subscriber that asks such publishers what they said last."""
+    """Return a subscriber that first gets the last message of each latched publisher."""
     history = HistoryConfig(detect_late_publishers=True, max_samples=1)
     return declare_advanced_subscriber(session, keys, channel, history=history)

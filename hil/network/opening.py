@@ -1,4 +1,4 @@
-"""Open the session of a slave, at once or in a thread; and any other by its settings."""
+"""Open the session of a slave, at once or in a thread, and any other session from its settings."""
 
 import os
 import threading
@@ -17,26 +17,26 @@ if TYPE_CHECKING:
 def listen(
     endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
 ) -> Session:
-    """Return the session of a slave: it waits for masters at `endpoint`, and dials a router if `network` names one.
+    """Return a slave's session. Masters connect to it at `endpoint`; it connects to the router in `network`, if any.
 
-    `pictures`: it passes on those of its imaging process. Raises NetworkError, also when the port is taken.
+    `pictures`: it also forwards the samples of its imaging process. Raises NetworkError, also if the port is in use.
     """
     text = settings("slave", (endpoint,), (network.router,) if network.router else (), network, security, pictures)
     session = open_session("listen on", endpoint, text)
     if network.router:
-        from hil.network.tokens import router_key  # without a router not loaded before the vehicle is ready
+        from hil.network.tokens import router_key  # not loaded before the vehicle is ready, unless there is a router
 
         session.declare_token(router_key(session.zid))
     return session
 
 
-CLOSE_WITHIN_S = 5.0  # a session closes in 0.1 s; now and then the library takes 10 s for each of several steps
+CLOSE_WITHIN_S = 5.0  # usually 0.1 s, but sometimes the library takes 10 s for each of several steps
 
 
 class Listening:
-    """A session that is being opened in a thread while the caller does other work.
+    """A session that a thread opens while the caller does other work.
 
-    `is_stuck`: the library did not close it in time. The process then ends only by `os._exit`.
+    `is_stuck`: the library did not close the session in time; the process can then end only by `os._exit`.
     """
 
     is_stuck = False
@@ -51,8 +51,8 @@ class Listening:
         self._thread.start()
 
     def _run(self) -> None:
-        # The library's threads inherit it. What a peer declares can keep them busy for a second: real-time ones would
-        # keep the processor from the kernel's threads for that long, and so from the loop's serial line.
+        # The library's threads inherit this scheduling. A peer's declarations can keep them busy for a second;
+        # real-time threads would then block the kernel's threads, and with them the loop's serial line.
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         try:
             self._session = listen(*self._arguments)
@@ -60,7 +60,7 @@ class Listening:
             self._error = error
 
     def session(self) -> Session:
-        """Return the open session. Raises what `listen` does."""
+        """Return the open session. Raises the errors of `listen`."""
         self._thread.join()
         if self._error:
             raise self._error
@@ -68,7 +68,7 @@ class Listening:
         return self._session
 
     def close(self) -> None:
-        """Close it, if it came to be open, in a thread that is waited for some seconds. Closing twice is harmless."""
+        """Close the session if it was opened; wait some seconds at most. May be called twice."""
         self._thread.join()
         if self._session and not self.is_stuck:
             closing = threading.Thread(target=self._session.close, name="close session", daemon=True)
@@ -78,9 +78,9 @@ class Listening:
 
 
 def open_session(action: str, name: str, text: str, has_pairs: bool = False, dialled: int = 1) -> Session:
-    """Return a session with the settings `text`, `has_pairs` and `dialled` as in `Session`.
+    """Return a session with the zenoh settings `text`; `has_pairs` and `dialled` as in `Session`.
 
-    Raises NetworkError, which says that we cannot `action` `name`, and why.
+    Raises NetworkError; its text says that `action` on `name` is impossible, and why.
     """
     try:
         return Session(lambda: zenoh.open(zenoh.Config.from_json5(text)), name, has_pairs, dialled)
@@ -102,11 +102,11 @@ def _reason(text: str) -> str:
         return "no machine is called that here; give its address"
     if "Unable to connect" in text:
         return "there is no router, or it refuses us; start it first, `uuv-hil router`"
-    return text.partition(" at /")[0]  # without the place in the library's source
+    return text.partition(" at /")[0]  # without the position in the library's source
 
 
 def _taken_port(text: str) -> str:
-    """Return which port the library could not have, by what it says of it."""
+    """Return which port is in use, from the library's error text."""
     address = text.partition("bound to ")[2].partition(": ")[0].partition("?")[0].partition("#")[0]
     port = address.rpartition(":")[2]
     return f"port {port}" if port.isdigit() else "the port (or the next one)"

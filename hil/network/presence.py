@@ -13,19 +13,19 @@ Watch = Callable[[Presence, bool], None]
 
 
 def declare_presence(session: Session, node: str, part: Part, ident: str = "", rank: int = 0) -> Callable[[], None]:
-    """Announce this process as present for a node, until the returned function is called or the session lost.
+    """Announce this process as present for a node, until the returned function is called or the session is lost.
 
-    `ident` and `rank`: see `hil.network.tokens.Presence`; by default one of chance and 0.
+    `ident` and `rank`: see `hil.network.tokens.Presence`; by default a random ident and rank 0.
     """
-    name = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")  # Windows has none
+    name = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")  # Windows has no uname
     process = f"{name}:{os.getpid()}"
     return session.declare_token(presence_key(Presence(node, part, rank, ident or os.urandom(16).hex(), process)))
 
 
 def watch_presence(session: Session, node: str, deliver: Watch) -> None:
-    """Call `deliver(presence, alive)` for each process that is present for a node ("*": any), comes or goes.
+    """Call `deliver(presence, alive)` for each process of a node ("*": any) that is present, appears or leaves.
 
-    One that vanishes without a word goes after the lease. Otherwise like `Session.subscribe`.
+    A process that crashed or lost its link leaves when its lease ends. Otherwise like `Session.watch_tokens`.
     """
 
     def pass_on(key: str, alive: bool) -> None:
@@ -37,19 +37,19 @@ def watch_presence(session: Session, node: str, deliver: Watch) -> None:
 
 
 def _nothing() -> None:
-    """Do nothing: there is nothing to update."""
+    """Do nothing."""
 
 
 def serve_last(session: Session, node: str, catch_up: Callable[[], None] = _nothing) -> None:
-    """Serve late joiners the last messages of this session's publishers of a node, see `fetch_last`.
+    """Serve the last messages of a node's publishers in this session to late joiners, see `fetch_last`.
 
-    `catch_up` is called before: it makes the last of each be the last indeed. What is large is left out: an answer has
-    no less priority than the samples, which would wait for it.
+    `catch_up` is called first, to encode samples that were not sent. Large messages are left out: an answer has the
+    same priority as samples, which would have to wait for it.
     """
 
     def answer(query: zenoh.Query) -> None:
         catch_up()
-        with suppress(zenoh.ZError), query:  # who asked may be gone; leaving the query says that this was all
+        with suppress(zenoh.ZError), query:  # the client may have left; the end of the `with` completes the answer
             for publisher in list(session.publishers):
                 name, last = publisher.topic.name, publisher.last
                 if last is None or publisher.background or publisher.topic.qos.latched or name.startswith("/"):
@@ -61,6 +61,6 @@ def serve_last(session: Session, node: str, catch_up: Callable[[], None] = _noth
 
 
 def fetch_last(session: Session, node: str, deliver: Deliver, topic: str = "*") -> None:
-    """Call `deliver(topic name, payload, attachment)`, here and now, for the last message of each topic of the node."""
+    """Call `deliver(topic name, payload, attachment)` in this thread for the last message of each topic of the node."""
     for key, payload, attachment in session.query(last_key(node, topic), ANSWER_WITHIN_S):
         deliver(key.rpartition("/")[2], payload, attachment)

@@ -16,9 +16,9 @@ from hil.ros.topics import Priority, Topic, hash_of
 if TYPE_CHECKING:
     from hil.network.worker import WorkerThread
 
-WAITING = 1  # large messages that may wait for the thread that sends them
-UNDECLARE_ATTEMPTS, UNDECLARE_WAIT_S = 20, 0.005  # of a publisher that another thread is using
-# The session was closed; or, of the bindings' own, another thread is undeclaring the publisher at this moment.
+WAITING = 1  # large messages that may wait for the sending thread
+UNDECLARE_ATTEMPTS, UNDECLARE_WAIT_S = 20, 0.005  # while another thread is using the publisher
+# ZError: the session was closed. RuntimeError, of the Python bindings: another thread is undeclaring the publisher.
 _UNDECLARED = (zenoh.ZError, RuntimeError)
 
 _PRIORITIES: dict[Priority, zenoh.Priority] = {
@@ -29,24 +29,24 @@ _PRIORITIES: dict[Priority, zenoh.Priority] = {
 
 
 class _Ended:
-    """Stand-in for a publisher of a closed session: it publishes nothing and has no subscribers."""
+    """Replacement for a publisher of a closed session: it publishes nothing and has no subscribers."""
 
     matching = False
 
     @property
     def matching_status(self) -> "_Ended":
-        """Return false: there are no subscribers."""
+        """This object, whose `matching` is false: there are no subscribers."""
         return self
 
     def put(self, _payload: bytes, attachment: bytes = b"") -> None:
-        """Publish nothing."""
+        """Do nothing."""
 
     def declare_matching_listener(self, _handler: Any) -> None:
-        """Watch nobody."""
+        """Do nothing."""
 
 
 def close_session(session: zenoh.Session) -> None:
-    """Close a session of the library, which gives up after 10 s: then it is left as it is, and its user goes on."""
+    """Close a session of the library. If the library gives up (after 10 s), abandon it without an error."""
     with suppress(zenoh.ZError):
         session.close()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
 
@@ -54,8 +54,8 @@ def close_session(session: zenoh.Session) -> None:
 class Declared:
     """A declaration on the library's session, repeated on each session that replaces it.
 
-    `current` is what the library gave for it; it lives as long as this does. `name` is where the session is connected.
-    Raises NetworkError while it is lost.
+    `current` is the library's object; it lives as long as this one. `name` is the endpoint, for the error text.
+    Raises NetworkError while the session is lost.
     """
 
     def __init__(self, declare: Callable[[zenoh.Session], Any], session: zenoh.Session, name: str) -> None:
@@ -66,11 +66,11 @@ class Declared:
             raise NetworkError(f"no connection to {name} at this moment; try again when it is back") from None
 
     def renew(self, session: zenoh.Session) -> None:
-        """Declare the publisher on this session."""
+        """Repeat the declaration on this session."""
         self.current = self._declare(session)
 
     def end_watching(self) -> bool:
-        """Undeclare it if it watches whether there are subscribers; True if it did."""
+        """Undeclare `current` if it is a listener for subscribers; return whether it is."""
         if not isinstance(self.current, zenoh.MatchingListener):
             return False
         with suppress(zenoh.ZError):  # the session was closed
@@ -78,10 +78,10 @@ class Declared:
         return True
 
     def end_publishing(self) -> None:
-        """Undeclare it if it is a publisher; it publishes nothing from then on."""
+        """Undeclare `current` if it is a publisher; later messages are dropped."""
         if not hasattr(self.current, "put") or isinstance(self.current, _Ended):
             return
-        publisher, self.current = self.current, _Ended()  # who publishes does not come to it any more
+        publisher, self.current = self.current, _Ended()  # later calls of `put` no longer reach the publisher
         for _ in range(UNDECLARE_ATTEMPTS):
             try:
                 publisher.undeclare()
@@ -97,12 +97,12 @@ Declare = Callable[[Callable[[zenoh.Session], Any]], Declared]
 
 
 class Publisher:
-    """Publish one topic of one node: count and stamp messages, and store the last.
+    """Publish one topic of one node: number and stamp messages, and store the last.
 
-    `gid` (16 bytes) tells publishers apart; `last` is payload and attachment, None before the first. What the network
-    cannot take in time is left out; with `wait` it is waited for; what is sent in the background holds up nobody.
-    `has_subscribers` tells whether anybody listens, where that is watched. `declare` declares on the library's session,
-    as `hil.network.session.Session` does; while that is closed nothing is sent.
+    `gid` (16 bytes) identifies the publisher. `last` is payload and attachment, None before the first message. Messages
+    that the network cannot take in time are dropped; with `wait` the caller waits; in the background, another thread
+    waits. `has_subscribers` is valid once `watch_subscribers` was called, before that true. `declare` declares on the
+    library's session, see `hil.network.session.Session`; while that is closed nothing is sent.
     """
 
     background = False
@@ -119,7 +119,7 @@ class Publisher:
         self.last: tuple[bytes, bytes] | None = None
 
     def put(self, payload: bytes, wall_ns: int) -> int:
-        """Send `payload` with its time (ns since 1970); the sequence number it went out with."""
+        """Send `payload` with its time (ns since 1970); return its sequence number."""
         self.sequence = sequence = self.sequence + 1
         attachment = ros.pack_attachment(sequence, wall_ns, self.gid)
         self.last = payload, attachment
@@ -127,14 +127,14 @@ class Publisher:
         return sequence
 
     def check_subscribers(self) -> bool:
-        """Return whether anybody out there listens now; False too when the session was closed."""
+        """Return whether there are subscribers now; False if the session was closed."""
         try:
             return is_matched(self._publisher.current)
         except _UNDECLARED:
             return False
 
     def store_last(self, payload: bytes, wall_ns: int) -> None:
-        """Store a message as the last one without sending it, when there are no subscribers."""
+        """Store a message as the last one without sending it, because there are no subscribers."""
         self.last = payload, ros.pack_attachment(self.sequence, wall_ns, self.gid)
 
     def watch_subscribers(self, worker: "WorkerThread") -> None:
@@ -151,7 +151,7 @@ class Publisher:
     def publish_in_background(self, worker: "WorkerThread") -> None:
         """Send in the thread of `worker` from now on; while a message waits there, the next ones are dropped.
 
-        They go after everything else, as two who send with one priority wait for each other.
+        The priority becomes the lowest, because publishers of equal priority wait for each other.
         """
         self.background = self.has_subscribers = True
         topic = self.topic._replace(priority="background")
@@ -165,13 +165,13 @@ class Publisher:
 
 
 def key_of(topic: Topic, node: str) -> str:
-    """Return the key on which we publish a topic of that node, and so do ROS nodes of our release of ROS 2."""
+    """Return the key of a node's topic, the same as that of ROS nodes of our ROS 2 release."""
     return ros.data_key(dialect.domain(), topic.full_name(node), topic.type, hash_of(topic.type))
 
 
 def is_matched(publisher: zenoh.Publisher) -> bool:
-    """Return whether anybody out there listens to what it publishes."""
-    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]  # its type is not the one zenoh says
+    """Return whether the publisher has subscribers outside this session."""
+    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]  # zenoh annotates another type
 
 
 def _declare(session: zenoh.Session, key: str, topic: Topic, wait: bool = False) -> Any:

@@ -1,4 +1,4 @@
-"""Name of the part that a process plays on the network."""
+"""The roles that a process can have on the network."""
 
 from typing import Literal
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def open_master_session(*endpoints: str, network: Network = Network(), security: "Security | None" = None) -> Session:
     """Open a master's session, which connects to each slave once it is present, and again after each loss.
 
-    Raises NetworkError when an endpoint cannot be meant, or a router is not there.
+    Raises NetworkError if an endpoint is invalid or a router is missing.
     """
     text = settings("master", (), endpoints, network, security)
     try:
@@ -34,10 +34,10 @@ def open_client_session(
     seconds: float = 0.0,
     pause: Callable[[], None] = lambda: None,
 ) -> Session:
-    """Open a client's session: a slave passes on to it also what others publish and declare, masters included.
+    """Open a client's session. The slave forwards to it also what others publish and declare, masters included.
 
-    Tries for so many `seconds`, with `pause` called in between, which may raise; later it connects again after each
-    loss. Raises NetworkError when nobody is there.
+    Try for `seconds`; `pause` is called between two attempts and may raise. The session reconnects after each loss.
+    Raises NetworkError if nothing answers.
     """
     text = settings("client", (), (endpoint,), network, security)
     deadline = now_ns() + seconds_ns(seconds)
@@ -60,9 +60,8 @@ def open_peer_session(
 ) -> Session:
     """Open the session of one planner among several: others connect to `endpoint`, it connects to `endpoints`.
 
-    Of two peers only one may connect to the other. With a router in between all connect to that alone. With `security`
-    those that connect here may do what `hil.network.security.planner_access` says. Raises NetworkError, also when the
-    port is taken.
+    Of two peers only one may connect to the other. In routed mode all connect to the router instead. With `security`,
+    `hil.network.security.planner_access` limits what the peers may do. Raises NetworkError, also if the port is in use.
     """
     if network.mode == "routed":
         return open_master_session(network.router, network=network, security=security)
@@ -77,7 +76,8 @@ def open_router_session(
 ) -> Session:
     """Open the session of a router at `endpoint`, which forwards between all that connect. Raises NetworkError.
 
-    `others`: endpoints of further routers; it forwards to all that is behind them, and dials them until they are there.
+    `others`: endpoints of further routers. It connects to them once they are present, and forwards to everything
+    behind them.
     """
     session = open_session("listen on", endpoint, settings("router", (endpoint,), others, network, security))
     session.free_links()
@@ -88,7 +88,7 @@ def open_router_session(
 
 
 def _shorten_queues() -> None:
-    """Let few connections wait where we listen with TLS."""
+    """Shorten the queue of waiting connections at our TLS listeners."""
     from hil.network.sockets import shorten_queues
 
     shorten_queues()
@@ -102,7 +102,7 @@ def _open(action: str, name: str, text: str, network: Network, has_pairs: bool =
 
 
 def _refusal(endpoints: tuple[str, ...], network: Network, security: "Security | None") -> str:
-    """Return what stands in the way of the first that it does, if that does not pass by waiting; else empty."""
+    """Return the first fault at the endpoints that waiting does not remove; "" if there is none."""
     from hil.network.diagnosis import why_not
 
     folder = security.folder("master") if security else ""

@@ -1,12 +1,12 @@
-"""Care for the links of a router: find slaves that have a link and are not known, and limit send buffers.
+"""Maintain the links of a router: reconnect slaves that stayed unknown, and limit send buffers.
 
-To zenoh a slave is a router too. zenoh 1.10.2 drops what another router declares before it has heard of it, as on a
-busy machine with many vehicles: of 40 slaves one or two had a link, and nobody ever saw them. Over a new link they
-declare everything again.
+To zenoh a slave is a router too. zenoh 1.10.2 drops the declarations of another router that arrive before its
+announcement, which happens on a busy machine with many vehicles: of 40 slaves one or two had a link and stayed unknown.
+Over a new link they declare everything again.
 
-All that is declared is sent to a new slave at once, and everybody waits while its send buffer is full: 20 slaves that
-started together on a busy machine held a router up for good. So a new link has a large one, and later a small one, as
-what waits in it delays commands.
+A new slave is sent all declarations at once, and everybody waits while its send buffer is full: 20 slaves that started
+together on a busy machine blocked a router for good. So a new link has a large send buffer. Later it is made small,
+because commands wait behind what it holds.
 """
 
 from collections.abc import Callable
@@ -17,23 +17,23 @@ from hil.network.sockets import cut, limit_send_buffers
 from hil.network.tokens import router_key
 from hil.network.unread_links import Pair, port_of
 
-SETTLED_NS = 3 * NS_PER_S  # after which a slave is known, and all that was declared was sent to it
-ATTEMPTS = 5  # each after twice the time: a router of others is never known
-MOST_PEERS = 1024  # whose attempts are remembered; the oldest is forgotten, as it may never come back
+SETTLED_NS = 3 * NS_PER_S  # after this time a slave is known and has received all declarations
+ATTEMPTS = 5  # each after twice the time; a router of other software never becomes known
+MOST_PEERS = 1024  # whose attempts are counted; the oldest is removed, as it may never connect again
 
 
 class RouterLinks:
-    """The links of a router's `session`; `report` gets a line for each that is cut."""
+    """The links of a router's `session`; `report` gets a line for each link that is closed."""
 
     def __init__(self, session: Session, report: Callable[[str], None]) -> None:
         self._session, self._report = session, report
-        self._since: dict[Pair, int] = {}  # when each link was seen first
+        self._since: dict[Pair, int] = {}  # link -> when (monotonic ns) it was first seen
         self._settled: set[Pair] = set()
         self._known: set[Pair] = set()
-        self._attempts: dict[str, int] = {}  # of each peer that is not known
+        self._attempts: dict[str, int] = {}  # unknown peer -> number of its links that were closed
 
     def check(self, now: int) -> None:
-        """Look at the links at an instant (monotonic ns), a few times a second."""
+        """Check the links at `now` (monotonic ns); to be called a few times a second."""
         links = {(port_of(ours), port_of(theirs)): peer for peer, ours, theirs in self._session.links()}
         self._since = {pair: self._since.get(pair, now) for pair in links}
         settled = {pair for pair, since in self._since.items() if now - since >= SETTLED_NS}

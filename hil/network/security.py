@@ -1,7 +1,7 @@
 """Mutual TLS and access control as zenoh settings. Loaded only by sessions with a [security] section.
 
-The name (CN) in its certificate identifies the peer, which the handshake proves; what it may do there
-is decided where vehicles are: by the slave, and by a router in between.
+The name (CN) in its certificate identifies a peer; the TLS handshake proves it. The slave, and a router in between,
+enforce what the peer may do.
 """
 
 import os
@@ -15,9 +15,9 @@ from hil.ros.topics import TOPICS
 CA, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"  # the files of a machine's folder
 
 _GRAPH = "@ros2_lv/**"
-_EVERYTHING = ["**", _GRAPH]  # a "**" does not reach parts that begin with @
-_LOOKING_ON = [presence_keys("*", "observer"), _GRAPH]  # who listens is no master, and no vehicle
-_LAST = [last_key("*", "*"), "**/@adv/**"]  # the second is that of latched ROS 2 topics
+_EVERYTHING = ["**", _GRAPH]  # "**" does not match key parts that begin with @
+_LOOKING_ON = [presence_keys("*", "observer"), _GRAPH]  # presence of an observer, but not of a master or vehicle
+_LAST = [last_key("*", "*"), "**/@adv/**"]  # the second one is for latched ROS 2 topics
 _ASK = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
 _BE_THERE = ["liveliness_token"]
 _DELIVER = ["put", "delete", "reply", "declare_queryable", "liveliness_token", "declare_subscriber"]
@@ -27,11 +27,11 @@ _ALL = sorted({*_ASK, *_BE_THERE, *_DELIVER, "query"})
 class Security(NamedTuple):
     """Mutual TLS, and the rights of machines.
 
-    `slave`, `master` and `router` are folders that `uuv-hil keys add NAME` made, each only on its own machine; their
-    last part is the name in the certificate. Machines named in `may_command` command; those in `may_listen` get what
-    the vehicle says ("*": every machine with a certificate); all others get nothing. A master's ident is not bound to
-    a name: a machine that may command can also do so in another's place. `vehicles` names the machines of further
-    slaves, for a router that forwards those of several.
+    `slave`, `master` and `router` are folders made by `uuv-hil keys add NAME`, each only on its own machine; the name
+    of the folder is the name in the certificate. Machines in `may_command` may command; those in `may_listen` receive
+    what the vehicle publishes ("*": every machine with a certificate); all others get nothing. A master's ident is not
+    bound to a name: a machine that may command can also pose as another one. `vehicles` names the machines of further
+    slaves, for a router that serves several.
     """
 
     slave: str
@@ -42,7 +42,7 @@ class Security(NamedTuple):
     vehicles: tuple[str, ...] = ()
 
     def resolve_paths(self, folder: str) -> "Security":
-        """Return the same with its folders found from `folder`, that of the scenario."""
+        """Return a copy with its paths resolved against `folder`, the scenario's folder."""
         slave, master, router = (path and os.path.join(folder, path) for path in (self.slave, self.master, self.router))
         return self._replace(slave=slave, master=master, router=router)
 
@@ -51,7 +51,7 @@ class Security(NamedTuple):
         return os.path.basename(os.path.abspath(self.folder(role)))
 
     def folder(self, role: Role) -> str:
-        """Return where the keys of a role are. Raises NetworkError when the scenario names none."""
+        """Return the folder with the keys of a role. Raises NetworkError if the scenario names none."""
         folder: str = self.master if role in ("client", "planner") else getattr(self, role)
         if not folder:
             raise NetworkError(f"[security] names no {role}; add {role} = a folder made by `uuv-hil keys add NAME`")
@@ -59,7 +59,7 @@ class Security(NamedTuple):
 
 
 def tls(folder: str) -> dict[str, Any]:
-    """Return the certificates of a machine's folder, for both directions. Raises NetworkError when one is missing."""
+    """Return zenoh's TLS settings for a machine's folder, both directions. Raises NetworkError for a missing file."""
     paths = {name: os.path.join(folder, name) for name in (CA, CERTIFICATE, KEY)}
     for path in paths.values():
         if not os.access(path, os.R_OK):
@@ -78,7 +78,7 @@ def tls(folder: str) -> dict[str, Any]:
 
 
 def access(security: Security) -> dict[str, Any]:
-    """Return what each certificate may do, everything else being denied."""
+    """Return the access control of a slave or router: the rights of each certificate; everything else is denied."""
     ping, _, masters_ping = clock_keys("*")
     commands = [f"*/*/{topic.name}/*/*" for topic in TOPICS.values() if topic.from_master]
     rules = [
@@ -104,10 +104,10 @@ def access(security: Security) -> dict[str, Any]:
 
 
 def planner_access(security: Security) -> dict[str, Any]:
-    """Return what each certificate may do at a planner of a fleet, to which other planners connect.
+    """Return the access control of a planner to which other planners connect.
 
-    Planners, those in `may_command`, exchange reports: none sends another's vehicle a command through it, none passes
-    for a vehicle. Who may listen reads the reports. The vehicle that it connects to may do everything.
+    Planners, the machines in `may_command`, exchange reports. None can command another's vehicle through it or pose as
+    a vehicle. Machines in `may_listen` read the reports. The planner's own vehicle may do everything.
     """
     reports = [f"*/*/{TOPICS['formation'].name}/*/*"]
     rules = [
@@ -130,7 +130,7 @@ def planner_access(security: Security) -> dict[str, Any]:
 
 
 def _table(rules: list[dict[str, Any]], *parties: tuple[dict[str, Any], dict[str, Any]] | None) -> dict[str, Any]:
-    """Return the library's table of these rules and the parties that are somebody."""
+    """Return the zenoh table for these rules and parties; None parties are left out."""
     named = [party for party in parties if party]
     return {
         "enabled": True,
@@ -146,7 +146,7 @@ def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> dict[st
 
 
 def _party(name: str, machines: list[str], rules: list[str]) -> tuple[dict[str, Any], dict[str, Any]] | None:
-    """Machines with the same rights, by the names in their certificates; None for none of them."""
+    """Return the subject and policy for machines with the same rights, by certificate names; None for no machines."""
     if not machines:
         return None
     anybody = "*" in machines

@@ -1,6 +1,6 @@
-"""ROS 2 services as rmw_zenoh carries them: a query with the request, a reply with the response.
+"""ROS 2 services as rmw_zenoh transports them: a query with the request, a reply with the response.
 
-Both are CDR, each with the attachment of its kind; the answer repeats the number and the gid of the request
+Both are CDR, each with an attachment; the reply repeats the request's sequence number and gid
 (ros2/rmw_zenoh, src/detail/rmw_service_data.cpp).
 """
 
@@ -24,11 +24,11 @@ from hil.ros.graph import Node
 from hil.ros.message import Message
 from hil.ros.topics import hash_of
 
-WAITING = 16  # calls that may wait; beyond it the oldest go without an answer
-# Bytes of a request, which the loop reads between two steps: 8 kB take it 1 to 7 ms. One of set_pose has 200, and one
-# that sets the longest failures of eight thrusters 2,250.
+WAITING = 16  # calls that may wait; beyond it the oldest ones get no answer
+# Limit of a request, in bytes. The loop decodes requests between two steps, and 8 kB take 1 to 7 ms. A set_pose request
+# has 200 bytes; one that sets the longest failures of eight thrusters has 2,250.
 LARGEST = 8192
-AGAIN_S = 0.1  # from a call that nobody took to the next
+AGAIN_S = 0.1  # between two attempts of a call that got no answer
 
 Answer = Callable[[Message], Mapping[str, Any]]
 
@@ -36,18 +36,18 @@ Answer = Callable[[Message], Mapping[str, Any]]
 class Server:
     """Receive calls in zenoh's thread, answer them when `serve` is called, and send the answers in a third thread.
 
-    So who calls `serve`, a real-time loop, never waits for the network. `fileno` is readable while a call is waiting.
-    `calls` counts what was answered, `malformed` what was no request, `oversized` what was refused unread, `dropped`
-    what did not wait its turn.
+    So the caller of `serve`, a real-time loop, never waits for the network. `fileno` is readable while a call is
+    waiting. `calls` counts answered calls, `malformed` invalid requests, `oversized` requests refused for their size,
+    `dropped` calls that were removed from a full queue.
     """
 
     def __init__(self, session: Session, node: Node) -> None:
         self._session = session
         self._node = node
         self._waiting: deque[tuple[str, zenoh.Query]] = deque(maxlen=WAITING)  # its append and popleft are atomic
-        self._answered: deque[tuple[str, zenoh.Query, tuple[bytes, bytes] | None]] = deque()  # that are to be sent
-        self._last: dict[tuple[str, ros.Attachment], tuple[bytes, bytes]] = {}  # answers, by what asked for them
-        self._is_held_up = False  # no call is answered before an answer has been sent
+        self._answered: deque[tuple[str, zenoh.Query, tuple[bytes, bytes] | None]] = deque()  # answers to be sent
+        self._last: dict[tuple[str, ros.Attachment], tuple[bytes, bytes]] = {}  # service and request id -> answer
+        self._is_held_up = False  # the queue of answers is full: wait until one has been sent
         self._send_soon = session.deferred(self._send)
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._lock = threading.Lock()
@@ -58,13 +58,13 @@ class Server:
         self.dropped = 0
 
     def offer(self, name: str, type_name: str, answer: Answer) -> None:
-        """Offer the service of that whole name ("/uuv1/arm"): `answer` makes its response of the request.
+        """Offer the service with the full name `name` ("/uuv1/arm"); `answer` returns the response to a request.
 
         Both are messages of hil.ros.message. Raises ConfigError for an unknown type.
         """
         key = ros.data_key(dialect.domain(), name, type_name, hash_of(type_name))
         self._offered[key] = (f"{type_name}_Request", f"{type_name}_Response", answer)
-        ros_message.empty(f"{type_name}_Request")  # its definition is read now, not at the first call
+        ros_message.empty(f"{type_name}_Request")  # loads the definition now, not at the first call
         ros_message.empty(f"{type_name}_Response")
         self._session.answer_queries(key, lambda query: self._answer_query(key, query))
         self._node.serves(name, type_name)
@@ -74,25 +74,25 @@ class Server:
         return self._event
 
     def serve(self) -> None:
-        """Answer one call, the one that waits longest: the caller has other work, and comes back for the next."""
+        """Answer the oldest call. Only one, because the caller has other work between two calls."""
         with suppress(BlockingIOError):
             os.eventfd_read(self._event)
         if not self._waiting:
             return
         if len(self._answered) >= WAITING:
-            self._is_held_up = True  # from now on `_send` says when there is room
-            if len(self._answered) >= WAITING:  # there was none before it knew
+            self._is_held_up = True  # from now on `_send` signals when there is room
+            if len(self._answered) >= WAITING:  # no room was made before `_send` knew
                 return
         self._is_held_up = False
         key, query = self._waiting.popleft()
         if self._waiting:
             os.eventfd_write(self._event, 1)
-        # The last reference to a query must not be ours: to end a call is a call of the network, too.
+        # Another thread has to hold the last reference to a query, because its deletion calls the network.
         self._answered.append((key, query, self._answer(key, query)))
         self._send_soon()
 
     def close(self) -> None:
-        """Close the descriptor. Calls are not answered after that."""
+        """Close the descriptor. Later calls get no answer."""
         with self._lock:
             os.close(self._event)
             self._event = -1
@@ -114,9 +114,9 @@ class Server:
                 query.reply_err(why, encoding=REFUSAL)
 
     def _answer(self, key: str, query: zenoh.Query) -> tuple[bytes, bytes] | None:
-        """Return the response and its attachment; None for what is no request.
+        """Return the response and its attachment; None for an invalid request.
 
-        One that comes again, because its answer was lost with a link, is not done again.
+        A request that is repeated, because its answer was lost with a link, is not executed again.
         """
         request_type, response_type, answer = self._offered[key]
         stamp = ros.unpack_attachment(query.attachment.to_bytes()) if query.attachment else None
@@ -135,7 +135,7 @@ class Server:
     def _send(self) -> None:
         """Send the oldest answer; in a thread of the session."""
         key, query, answer = self._answered.popleft()
-        with suppress(zenoh.ZError), query:  # who called may be gone; leaving the `with` ends the call
+        with suppress(zenoh.ZError), query:  # the caller may have left; the end of the `with` completes the call
             if answer:
                 query.reply(key, answer[0], attachment=answer[1])
         with self._lock:
@@ -146,11 +146,11 @@ class Server:
 def call(
     session: Session, name: str, type_name: str, request: Mapping[str, Any] | None = None, seconds: float = 5.0
 ) -> Message:
-    """Call the service of that whole name ("/uuv1/arm", "std_srvs/srv/SetBool"); return its response.
+    """Call the service with the full name `name` ("/uuv1/arm", "std_srvs/srv/SetBool"); return its response.
 
-    It is called again while nobody answers, as after a break of the network; no server does it twice. Raises
-    ConfigError for an unknown type or a request that does not fit it, NetworkError when no answer comes within the time
-    or the request is refused.
+    The call is repeated until there is an answer, for example after a network loss; a server executes it only once.
+    Raises ConfigError for an unknown type or a request that does not fit it; NetworkError if no answer comes within
+    `seconds` or the request is refused.
     """
     key = ros.data_key(dialect.domain(), name, type_name, hash_of(type_name))
     payload = ros_message.encode(f"{type_name}_Request", request or {})

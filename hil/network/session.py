@@ -1,11 +1,11 @@
-"""One zenoh session a process, with the settings that keep a command ahead of an image.
+"""One zenoh session a process, with settings that send a command before a picture.
 
-The slave listens, the master dials, never both; with a router in between both dial it. How loss is noticed and mended
-is in `hil.network.settings`. A reader is a thread of ours on a channel, because an open session with a Python
-callback hangs the interpreter at exit. What comes seldom shares one, see `hil.network.worker`.
+The slave listens and the master connects; with a router in between both connect to it. `hil.network.settings` describes
+how a loss is detected and repaired. Each reader is a thread of ours on a channel, because an open session with a Python
+callback hangs the interpreter at exit. Rare messages share one thread, see `hil.network.worker`.
 
-Each declaration is stored as a function of the library's session, so that a session which has stopped working can be
-opened again with all that was declared (`Session.reopen`).
+Each declaration is stored as a function of the library's session. So a session that has stopped working can be replaced
+by a new one with the same declarations (`Session.reopen`).
 """
 
 import atexit
@@ -26,22 +26,22 @@ from hil.ros.topics import TOPICS, Topic
 if TYPE_CHECKING:
     from hil.network.worker import BoundedQueue, WorkerThread
 
-ASKING = 8  # queries that may wait for a reader at once
+ASKING = 8  # queries that may wait for a reader
 ANSWER_WITHIN_S = 1.0
-CALLS_END_S = 0.05  # in which what the library calls of ours has ended
-OFTEN_HZ = 20.0  # from here on it pays to give a key a number
-REFUSAL = zenoh.Encoding.TEXT_PLAIN  # of the reason why there is no answer
+CALLS_END_S = 0.05  # within this time the library's calls of our callbacks have ended
+OFTEN_HZ = 20.0  # at this rate and above a numeric key id pays off
+REFUSAL = zenoh.Encoding.TEXT_PLAIN  # encoding of the reason for a refusal
 
 Deliver = Callable[[str, bytes, bytes], None]
 
 
 class Session:
-    """The process's one session. Use as a context; leaving it ends the readers.
+    """The process's one session. Use as a context manager; leaving it ends the readers.
 
-    `open_library` returns an open session of the library; it may raise zenoh.ZError. `name` is where it listens or what
-    it dials, `dialled` how many peers that is, `publishers` all that were made so far. `has_pairs`: it has two links
-    with each peer, as a master has with a slave. `openings` counts how often it was opened. `has_cut`: a link that was
-    not read was cut (`hil.network.stall`), which nobody has reported yet.
+    `open_library` returns an open session of the library; it may raise zenoh.ZError. `name` is the endpoint where it
+    listens or to which it connects, `dialled` the number of peers to connect to. `has_pairs`: it has two links with
+    each peer, as a master has with a slave. `publishers` are all made so far. `openings` counts how often the session
+    was opened. `has_cut`: an unread link was closed (`hil.network.stall`), and this has not been reported yet.
     """
 
     def __init__(
@@ -52,17 +52,17 @@ class Session:
         self._open_library = open_library
         self._session = open_library()
         self._zid = str(self._session.info.zid())
-        self._turn = threading.Condition()  # of declarations, and of opening and closing
+        self._turn = threading.Condition()  # guards declarations, opening and closing
         self._declared: list[Declared] = []
         self._is_open = True
         self._is_opening = False
         self._readers: list[threading.Thread] = []
-        self._worker: WorkerThread | None = None  # of what comes seldom
-        self._sending: WorkerThread | None = None  # of what is large
+        self._worker: WorkerThread | None = None  # for rare messages
+        self._sending: WorkerThread | None = None  # for large messages
         self._closed = threading.Event()
         self.publishers: list[Publisher] = []
-        self._numbered: set[str] = set()  # keys that have a number
-        # A reader that the ending interpreter catches inside the library aborts the process: they end before.
+        self._numbered: set[str] = set()  # keys that have a numeric id
+        # Readers have to end before the interpreter does: a thread stopped inside the library aborts the process.
         atexit.register(self.close)
 
     def __enter__(self) -> "Session":
@@ -78,20 +78,20 @@ class Session:
         return publisher
 
     def watch_subscribers(self, publisher: Publisher) -> None:
-        """Let it know from now on whether anybody listens."""
+        """Let `publisher.has_subscribers` follow the subscribers from now on."""
         publisher.watch_subscribers(self._shared_worker())
 
     def publish_in_background(self, publisher: Publisher) -> None:
-        """Let it send in another thread, for a loop with messages so large that the network takes its time."""
+        """Let the publisher send in another thread: for a loop with messages so large that sending takes long."""
         if self._sending is None:
             self._sending = self._start_worker("sender")
         publisher.publish_in_background(self._sending)
 
     def subscribe(self, node: str, topic: str, deliver: Deliver, depth: int) -> None:
-        """Call `deliver(topic name, payload, attachment)` for what a node publishes, in a thread of its own.
+        """Call `deliver(topic name, payload, attachment)` for each message of a node's topic, in a separate thread.
 
-        `topic` may be "*": all topics of the node. At most `depth` messages wait; beyond it the oldest are
-        dropped. `deliver` must be quick and must not raise. Of a latched topic the last message comes at once.
+        `topic` "*" means all topics of the node. At most `depth` messages wait; beyond it the oldest are dropped.
+        `deliver` must be quick and must not raise. The last message of a latched topic comes at once.
         """
         keys = f"{dialect.domain()}/{node}/{topic}/*/*"
         channel = self._subscribe(keys, depth, topic in TOPICS and TOPICS[topic].qos.latched)
@@ -99,7 +99,7 @@ class Session:
         self._read(channel, lambda sample: _deliver(sample, deliver), f"reader {topic}")
 
     def sender(self, key: str) -> Callable[[bytes], None]:
-        """Return what sends bytes at once on a key of `hil.network.tokens`, before everything else."""
+        """Return a function that sends bytes at once, with the highest priority, on a key of `hil.network.tokens`."""
         publisher = self._declare(
             lambda session: session.declare_publisher(
                 key,
@@ -117,10 +117,10 @@ class Session:
         return send
 
     def receive(self, key: str, deliver: Callable[[bytes], None], depth: int, rate: float = inf) -> "BoundedQueue":
-        """Call `deliver(payload)` for what comes on such a key, in one thread for all that comes seldom.
+        """Call `deliver(payload)` for each message on such a key, in the shared thread for rare messages.
 
-        It must be quick and must not raise. What comes while `depth` messages wait, or beyond `rate` in a second, is
-        dropped, and counted by what this gives.
+        `deliver` must be quick and must not raise. Messages are dropped while `depth` of them wait, or beyond `rate` a
+        second; the returned queue counts them.
         """
         queue = self._shared_worker().open_queue(lambda sample: deliver(sample.payload.to_bytes()), depth, rate)
         self._declare(lambda session: session.declare_subscriber(key, queue.callback))
@@ -128,11 +128,11 @@ class Session:
 
     @property
     def zid(self) -> str:
-        """Zenoh id of the session as it was opened first, by which ROS tells our nodes apart."""
+        """Zenoh id of the first opened session, by which ROS distinguishes our nodes."""
         return self._zid
 
     def declare_token(self, key: str) -> Callable[[], None]:
-        """Declare a liveliness token, which lives until what this gives is called, or the session lost."""
+        """Declare a liveliness token; it lives until the returned function is called or the session is lost."""
         token = self._declare(lambda session: session.liveliness().declare_token(key))
 
         def withdraw() -> None:
@@ -144,16 +144,16 @@ class Session:
         return withdraw
 
     def tokens(self, keys: str, seconds: float = ANSWER_WITHIN_S) -> list[str]:
-        """Return the liveliness tokens that others have declared on `keys`, asked for here and now."""
+        """Return the liveliness tokens on `keys` that others have declared, by a query at this moment."""
         with suppress(zenoh.ZError):  # the session was closed
             replies = self._session.liveliness().get(keys, zenoh.handlers.FifoChannel(1024), timeout=seconds)
             return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
         return []
 
     def watch_tokens(self, keys: str, deliver: Callable[[str, bool], None]) -> None:
-        """Call `deliver(key, alive)` for each token of others on `keys` that is there, comes or goes.
+        """Call `deliver(key, alive)` for each token of others on `keys` that exists, appears or is withdrawn.
 
-        That of a session which vanishes without a word goes after the lease. Otherwise like `receive`; none is dropped.
+        The tokens of a session that was lost are withdrawn after its lease. Otherwise like `receive`; none is dropped.
         """
 
         def pass_on(sample: zenoh.Sample) -> None:
@@ -163,15 +163,15 @@ class Session:
         self._declare(lambda session: session.liveliness().declare_subscriber(keys, queue.callback, history=True))
 
     def subscribe_keys(self, keys: str, deliver: Deliver, depth: int, latched: bool = False) -> None:
-        """Call `deliver(key, payload, attachment)` for what anyone publishes on `keys`; otherwise like `subscribe`.
+        """Call `deliver(key, payload, attachment)` for every message on `keys`; otherwise like `subscribe`.
 
-        `latched`: also for what was said last on a latched topic.
+        `latched`: get the last message of latched topics too.
         """
         channel = self._subscribe(keys, depth, latched)
         self._read(channel, lambda sample: deliver(str(sample.key_expr), *_content(sample)), f"reader {keys}")
 
     def answer_queries(self, key: str, handler: Callable[[zenoh.Query], None]) -> None:
-        """Call `handler` for each query of `key`, in a thread of the library: it must be quick and must not raise."""
+        """Call `handler` for each query of `key`, in a thread of the library. It must be quick and must not raise."""
         self._declare(
             lambda session: session.declare_queryable(
                 key, zenoh.handlers.Callback(handler, indirect=False), complete=True
@@ -179,7 +179,7 @@ class Session:
         )
 
     def answer(self, keys: str, handler: Callable[[zenoh.Query], None]) -> None:
-        """Call `handler` for each query of `keys`, otherwise like `receive`; the youngest of too many are dropped."""
+        """Call `handler` for each query of `keys`; else like `receive`. If too many wait, new ones are dropped."""
         queue = self._shared_worker().open_queue(handler, ASKING)
         self._declare(lambda session: session.declare_queryable(keys, queue.callback))
 
@@ -191,9 +191,9 @@ class Session:
         attachment: bytes | None = None,
         refused: Callable[[str], None] | None = None,
     ) -> Iterator[tuple[str, bytes, bytes]]:
-        """Return key, payload and attachment of each answer to a query that comes within the time.
+        """Yield key, payload and attachment of each answer to a query that comes within `seconds`.
 
-        `refused` is called with the reason, by each who says that there will be none.
+        `refused` is called with the reason of each refusal.
         """
         with suppress(zenoh.ZError):  # the session was closed
             replies: Any = self._session.get(
@@ -208,26 +208,26 @@ class Session:
             for reply in replies:
                 if reply.ok is not None:
                     yield str(reply.ok.key_expr), *_content(reply.ok)
-                elif refused and reply.err.encoding == REFUSAL:  # and not the library's own, when the time is over
+                elif refused and reply.err.encoding == REFUSAL:  # not the library's own error after the timeout
                     refused(reply.err.payload.to_bytes().decode(errors="replace"))
 
     def deferred(self, run: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that has `run` called in the worker thread: for callers that must not wait."""
+        """Return a function that lets the worker thread call `run`; for callers that must not wait."""
         queue = self._shared_worker().open_queue(lambda _: run())
         return lambda: queue.put(None)
 
     def others(self) -> list[str]:
-        """Return who is connected: the names in their certificates, or their addresses where there are none."""
+        """Return the connected peers: the names in their certificates, or without certificates their addresses."""
         return sorted({link.auth_identifier or link.dst.partition("?")[0] for link in self._session.info.links()})
 
     def watch_keys(self, keys: str) -> Callable[[], bool]:
-        """Return what tells whether anybody out there wants messages with such keys."""
+        """Return a function that returns whether anybody subscribes to messages with such keys."""
         remote = zenoh.Locality.REMOTE
         publisher = self._declare(lambda session: session.declare_publisher(keys, allowed_destination=remote))
         return lambda: is_matched(publisher.current)
 
     def every(self, seconds: float, run: Callable[[], None], name: str) -> None:
-        """Call `run` every so many seconds until the session is closed, in a thread of its own."""
+        """Call `run` every `seconds` in a separate thread, until the session is closed."""
 
         def repeat() -> None:
             while not self._closed.wait(seconds):
@@ -236,11 +236,11 @@ class Session:
         self._start(repeat, name=name)
 
     def has_dialled(self, port: int) -> bool:
-        """Return whether there is a link that we have opened, to somebody's `port`."""
+        """Return whether there is a link that we have opened to this `port` of any peer."""
         return any(link.dst.partition("?")[0].endswith(f":{port}") for link in self._session.info.links())
 
     def close(self) -> None:
-        """Close the session and wait for its readers to end. Closing twice is harmless."""
+        """Close the session and wait for its readers to end. May be called twice."""
         atexit.unregister(self.close)
         with self._turn:
             self._closed.set()
@@ -254,10 +254,11 @@ class Session:
                 reader.join(1.0)
 
     def reopen(self, openings: int) -> bool:
-        """Close the library's session and open another with all that was declared; return whether this was done.
+        """Replace the library's session by a new one with all declarations; return whether this was done.
 
-        `openings` is what the caller knows of: several clients may share a session, and one opens it again for all.
-        What was on its way is lost. Where it cannot be opened, as when its router is gone, each later call tries again.
+        `openings` is the count that the caller knows: several clients may share the session, and only one reopens it.
+        Messages in transit are lost. If it cannot be opened, for example without its router, each later call tries
+        again.
         """
         with self._turn:
             if self._closed.is_set() or self._is_opening or (self._is_open and openings != self.openings):
@@ -266,7 +267,7 @@ class Session:
             self._is_opening = True
         opened = None
         with suppress(zenoh.ZError):
-            opened = self._open_library()  # takes long without a router; clients may be closed meanwhile
+            opened = self._open_library()  # takes long without a router; the lock is free, so that clients can close
         with self._turn:
             self._is_opening = False
             if opened:
@@ -287,29 +288,29 @@ class Session:
 
     @property
     def is_lost(self) -> bool:
-        """True while the session is lost and could not be opened again."""
+        """True while the session is lost and could not be reopened."""
         return not (self._is_open or self._closed.is_set())
 
     def links(self) -> list[tuple[str, str, str]]:
-        """Return of each link the identity of the peer and both addresses, ours and the peer's."""
+        """Return for each link the peer's zenoh id, our address and the peer's address."""
         return [(str(link.zid), link.src, link.dst) for link in self._session.info.links()]
 
     def routers(self) -> set[str]:
-        """Return the identities of the peers that are routers to the library, as slaves are."""
+        """Return the zenoh ids of the peers that the library takes for routers; slaves are among them."""
         return {str(zid) for zid in self._session.info.routers_zid()}
 
     def free_links(self) -> None:
         """Close lost links at once, so that they do not delay the next one; see `hil.network.sockets`."""
-        from hil.network.sockets import free_new  # the vehicle is ready before this is loaded
+        from hil.network.sockets import free_new  # loaded after the vehicle is ready
 
         queue = self._shared_worker().open_queue(free_new)
         self._declare(lambda session: session.info.declare_link_events_listener(queue.callback, history=True))
 
     def _number(self, node: str, keys: zenoh.KeyExpr) -> None:
-        """Let the library give numbers to those of `keys` on which messages come often.
+        """Let the library assign numeric ids to those of `keys` that are often used.
 
-        It does so for a key that somebody subscribes to letter by letter. With wildcards each message carries the text
-        of its key, and is looked up again where it arrives: 110 bytes and 40 us of a command's way.
+        The library does so for a key that has a subscriber without wildcards. With wildcards each message carries the
+        text of its key, which the receiver has to look up: 110 bytes and 40 us for each command.
         """
         for key in [key_of(topic, node) for topic in TOPICS.values() if topic.rate_hz >= OFTEN_HZ]:
             if key not in self._numbered and keys.includes(zenoh.KeyExpr(key)):
@@ -317,7 +318,7 @@ class Session:
                 self._declare(partial(_declare_unread, key))
 
     def _declare(self, declare: Callable[[zenoh.Session], Any]) -> Declared:
-        """Declare something now, and each time that the session is opened again."""
+        """Declare something now, and again on each session that replaces this one."""
         with self._turn:
             self._turn.wait_for(lambda: self._closed.is_set() or not self._is_opening)
             declared = Declared(declare, self._session, self.name)
@@ -327,9 +328,9 @@ class Session:
     def _close_library(self) -> None:
         """Close the library's session, which wakes the readers.
 
-        A publisher that is still declared then would keep all of the session for good, 30 kB. While one of a latched
-        topic is undeclared, the library keeps the interpreter's lock and waits for its thread, for up to 10 s if that
-        calls us at this moment: so nothing is watched any more by then, and calls that have begun get time to end.
+        First, all publishers are undeclared; otherwise they would keep 30 kB of the session in memory. While a latched
+        publisher is undeclared, the library holds the interpreter lock and waits for its thread, up to 10 s if that
+        thread calls us meanwhile. So first the listeners are undeclared, and running calls get time to end.
         """
         self._is_open = False
         watched = sum(declared.end_watching() for declared in self._declared)
@@ -340,14 +341,14 @@ class Session:
         close_session(self._session)
 
     def _subscribe(self, keys: str, depth: int, latched: bool) -> Declared:
-        """Declare a subscriber whose messages a thread takes."""
+        """Declare a subscriber whose messages a reader thread receives."""
         declare: Any = zenoh.Session.declare_subscriber
         if latched:
             from hil.network.latched import declare_subscriber as declare
         return self._declare(lambda session: declare(session, keys, zenoh.handlers.RingChannel(depth)))
 
     def _shared_worker(self) -> "WorkerThread":
-        """Return the thread for everything that is rare, started on first use."""
+        """Return the thread for rare messages, started on first use."""
         if self._worker is None:
             self._worker = self._start_worker("worker")
         return self._worker
@@ -365,7 +366,7 @@ class Session:
                 current = channel.current
                 try:
                     item = current.recv()
-                except zenoh.ZError:  # the session was closed, or is opened again
+                except zenoh.ZError:  # the session was closed, or is being reopened
                     self._await_other(channel, current)
                 else:
                     use(item)
@@ -373,7 +374,7 @@ class Session:
         self._start(receive, name=name)
 
     def _await_other(self, declared: Declared, current: object) -> None:
-        """Wait until it is declared on another session of the library, or ours is closed."""
+        """Wait until the declaration is repeated on another session of the library, or this session is closed."""
         with self._turn:
             self._turn.wait_for(lambda: self._closed.is_set() or declared.current is not current)
 
@@ -388,7 +389,7 @@ def _declare_unread(key: str, session: zenoh.Session) -> Any:
 
 
 def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:
-    name = str(sample.key_expr).split("/", 2)[2].rsplit("/", 2)[0]  # it may have several parts
+    name = str(sample.key_expr).split("/", 2)[2].rsplit("/", 2)[0]  # a topic's name may contain "/"
     deliver(name, *_content(sample))
 
 

@@ -1,9 +1,9 @@
 """Make the zenoh configuration of a session: endpoints, retries, leases, buffer sizes.
 
-The numbers were found by measuring: two TCP links by priority with small send buffers and small batches, because
-the kernel's buffer, and no queue of the library, is what a command waits in behind a picture (still smaller ones starve
-a link that loses packets); a lease under a second. Through a router it is one link: of two, one in seven did not carry
-anything any more after a router had been out of reach.
+The values were found by measurement. Two TCP links, split by priority, have small send buffers and small batches,
+because a command waits behind a picture in the kernel's send buffer, not in a queue of the library. Still smaller
+buffers starve a link with packet loss. The lease is below 1 s. Through a router there is one link: with two, one in
+seven carried nothing any more after the router had been unreachable.
 """
 
 import os
@@ -18,38 +18,38 @@ if TYPE_CHECKING:
     from hil.network.security import Security
 
 SEND_BUFFER = 16384  # bytes
-NEW_SEND_BUFFER = 1 << 20  # of a router's link as long as it is new, see hil.network.router_links
+NEW_SEND_BUFFER = 1 << 20  # bytes, of a router's link while it is new, see hil.network.router_links
 BATCH = 8192  # bytes
-KEEP_ALIVES = 4  # a lease
+KEEP_ALIVES = 4  # in one lease
 FIRST_RETRY_MS = 20
-ROUTER_WAIT_MS = 5000  # that a master waits for a router to begin with
-CLIENT_WAIT_MS = 500  # that one attempt of a client takes at most
-# Bytes that one message to a role may have.
+ROUTER_WAIT_MS = 5000  # a master's wait for the router at its start
+CLIENT_WAIT_MS = 500  # limit of one attempt of a client to connect
+# Limit of one message to a role, in bytes.
 LARGEST = dict.fromkeys(("master", "planner", "client", "router"), 1 << 26) | {"slave": 1 << 20, "imaging": 1 << 20}
-LARGEST_PICTURE = 1 << 26  # which a slave gets from its imaging process
-# Where all but masters ping a slave, and how many of them a second it lets in over each link: what is beyond costs it
-# next to nothing. Not behind a router, where they share a link, and one that comes just after another would be lost.
+LARGEST_PICTURE = 1 << 26  # bytes, limit of a message from the imaging process to its slave
+# Key of the pings to a slave, masters' excepted, and the rate limit for each link: further pings cost the slave almost
+# nothing. Not behind a router, where all pings share a link and one that follows another closely would be lost.
 PINGS = "uuv_hil/*/ping"  # as in hil.network.tokens, which is not loaded before the vehicle is ready
 PINGS_HZ = 250.0
-# That a large message may take on a slow network (one of n batches at most 2^n ms), before the rest is left out.
+# How long a large message may wait on a slow network before the rest of it is dropped (batch n waits at most 2^n ms).
 LARGE_WAIT_US = 1_000_000
 SAMPLE_WAIT_US = 5_000
-# Messages with the priority of commands that may wait for the library's thread that sends, one a batch; 2 otherwise.
-# On a busy machine that comes 0.3 s late now and then, and a recorder would not hear of the commands meanwhile.
+# Batches of command priority that may wait for the library's sending thread, one message each; the default is 2. On a
+# busy machine that thread is sometimes 0.3 s late, and a recorder would miss the commands of that time.
 URGENT_BATCHES = 16
-# That what must not be left out, a recording that is played, waits for a network that takes nothing, before the link
-# is closed; 5 s otherwise, in which nobody could end it.
+# How long a message that must not be dropped, as of a replayed recording, waits for a blocked network before the link
+# is closed. The default is 5 s, during which the process could not be stopped.
 STUCK_WAIT_US = 1_000_000
 
 
 class Network(NamedTuple):
-    """Settings of how slave and masters connect and notice a loss.
+    """Settings of how slave and masters connect and detect a loss.
 
-    `mode`: "direct": the slave listens, masters dial it. "routed": all dial a router in between, `uuv-hil router`,
-    which forwards; the slave dials it at `router`, and does not need it to start; a master does.
-    `discovery`: the slave answers masters that look for it by multicast. A peer from which nothing has come for
-    `lease` is lost. `retry` is the longest pause between attempts to connect, `open_timeout` what one may take.
-    `command_rate`: commands a second that a slave takes in; what is beyond it is dropped.
+    `mode`: "direct": the slave listens, masters connect to it. "routed": all connect to a router in between, `uuv-hil
+    router`, which forwards. The slave connects to it at `router` and starts without it; a master needs it to start.
+    `discovery`: the slave answers masters that search by multicast. A peer that sent nothing for `lease` is lost.
+    `retry` is the longest pause between attempts to connect, `open_timeout` the limit of one attempt. `command_rate`:
+    commands a second that a slave accepts; further ones are dropped.
     """
 
     mode: Literal["direct", "routed"] = "direct"
@@ -61,17 +61,17 @@ class Network(NamedTuple):
     command_rate: Annotated[float, Range(1.0, 5000.0, "Hz")] = 200.0
 
     def validate(self) -> str | None:
-        """Return why `mode` and `router` do not fit, or None."""
+        """Return why `mode` and `router` do not fit together, or None."""
         if (self.mode == "routed") != bool(self.router):
             return 'mode = "routed" and router = "tcp/HOST:PORT" go together'
         return validate_endpoint("router", self.router) if self.router else None
 
 
 def endpoints(endpoint: str, secure: bool = False, one: bool = False, send_buffer: int = SEND_BUFFER) -> list[str]:
-    """Return the two links of "tcp/HOST:PORT": urgent traffic on PORT, the rest on PORT + 1; or `one` for all.
+    """Return the two links of "tcp/HOST:PORT": urgent traffic on PORT, the rest on PORT + 1; or `one` link for all.
 
-    With `secure` they are TLS, whatever the scheme says. `send_buffer` (bytes) is the kernel's. Raises NetworkError
-    when the endpoint is not of this form, ConfigError when it asks for TLS without certificates.
+    With `secure` the links use TLS, whatever the scheme is. `send_buffer` (bytes) is the kernel's. Raises NetworkError
+    if the endpoint does not have this form, ConfigError if it requests TLS without certificates.
     """
     if not secure and (problem := no_certificates(endpoint)):
         raise ConfigError(problem)
@@ -90,9 +90,9 @@ def settings(
     security: "Security | None",
     pictures: bool = False,
 ) -> str:
-    """Return the configuration of a session, as text for the library. Raises NetworkError, ConfigError.
+    """Return a session's configuration as text for zenoh. Raises NetworkError, ConfigError.
 
-    `pictures`: a slave passes on those of its imaging process.
+    `pictures`: the slave forwards the samples of its imaging process.
     """
     buffer = NEW_SEND_BUFFER if role == "router" else SEND_BUFFER
     how = security is not None, role == "router" or network.mode == "routed", buffer
@@ -108,15 +108,15 @@ def settings(
             },
         },
         "scouting": {
-            "delay": 0,  # half a second, otherwise
-            # Found, not connected to: only masters dial.
+            "delay": 0,  # the default is 0.5 s
+            # Found, but not connected to: only masters open links.
             "multicast": {
                 "enabled": network.discovery and role in ("slave", "router"),
                 "autoconnect": {"peer": [], "router": []},
             },
             "gossip": _gossip(role, security),
         },
-        "timestamping": {"enabled": role == "router"},  # what latched topics need is a number; a slave saves the time
+        "timestamping": {"enabled": role == "router"},  # latched topics need sequence numbers only, so a slave has none
         "transport": _transport(role, network, how[1], pictures),
     }
     if table["mode"] == "client":
@@ -131,9 +131,9 @@ def settings(
 
 
 def _transport(role: Role, network: Network, one: bool, pictures: bool) -> dict[str, Any]:
-    """Return the settings of links; `one` for all priorities."""
+    """Return the settings of links; `one` link for all priorities, or two."""
     tx: dict[str, Any] = {"lease": _milliseconds(network.lease), "keep_alive": KEEP_ALIVES, "batch_size": BATCH}
-    if role in ("slave", "imaging"):  # in a router what comes behind a large message would wait too
+    if role in ("slave", "imaging"):  # not in a router, where other messages would wait behind a large one
         drop = {"wait_before_drop": SAMPLE_WAIT_US, "max_wait_before_drop_fragments": LARGE_WAIT_US}
         block = {"wait_before_close": STUCK_WAIT_US}
         size = {"real_time": URGENT_BATCHES}
@@ -150,12 +150,12 @@ def _transport(role: Role, network: Network, one: bool, pictures: bool) -> dict[
 
 
 def _secure(table: dict[str, Any], role: Role, security: "Security") -> None:
-    """Add certificates and, where others dial us, what they may do. Raises NetworkError."""
-    from hil.network.security import access, planner_access, tls  # no session without certificates pays for it
+    """Add certificates, and access control where others connect to us. Raises NetworkError."""
+    from hil.network.security import access, planner_access, tls  # not loaded by sessions without certificates
 
     machine: Role = "slave" if role == "imaging" else role
     table["transport"]["link"] |= {"tls": tls(security.folder(machine)), "protocols": ["tls"]}
-    if role == "imaging":  # it dials its own machine, whose name there need not be in the certificate
+    if role == "imaging":  # it connects to its own machine by an address that need not be in the certificate
         table["transport"]["link"]["tls"]["verify_name_on_connect"] = False
     elif role in ("slave", "router"):
         table["access_control"] = access(security)
@@ -164,23 +164,24 @@ def _secure(table: dict[str, Any], role: Role, security: "Security") -> None:
 
 
 def _mode(role: Role, network: Network) -> str:
-    """Return what the library calls it. Only one that is a router to the library tells ROS 2 contexts of each other.
+    """Return zenoh's mode for a role.
 
-    And only what comes from a router or a client is passed on to the peers of another router, as ROS 2 contexts are.
+    Only a "router" announces ROS 2 contexts to each other. Only data from a router or client is forwarded to the peers
+    of another router, which ROS 2 contexts are.
     """
     if role in ("slave", "router"):
         return "router"
     if network.mode == "routed":
-        return "router" if role == "imaging" else "client"  # the pictures' process starts without a router, too
+        return "router" if role == "imaging" else "client"  # the imaging process has to start without a router too
     return "peer" if role in ("master", "planner") else "client"
 
 
 def _gossip(role: Role, security: "Security | None") -> dict[str, Any]:
-    """Return the settings of gossip, by which our clients learn about each other and connect directly.
+    """Return the settings of gossip, by which clients learn of each other's addresses and connect directly.
 
-    ROS 2 contexts need it: their messages go from one to the other, and through no router. None of ours ever dials
-    whose addresses it gets. Under TLS gossip is off: who may not listen must not learn who is there, and what goes past
-    the vehicle, or the router, is not under its access control.
+    ROS 2 contexts need it: their messages go directly, through no router. Our own sessions never connect to such
+    addresses. With TLS gossip is off: a machine without rights must not learn of the others, and direct traffic would
+    bypass the access control of the vehicle or router.
     """
     if role not in ("slave", "router") or security:
         return {"enabled": False}
@@ -193,19 +194,19 @@ def _gossip(role: Role, security: "Security | None") -> dict[str, Any]:
 
 
 def save_threads(pictures: bool) -> None:
-    """Let as few of the library's threads as a slave needs read; before the process's first session is opened.
+    """Limit the library's reading threads to what a slave needs; call before the first session is opened.
 
-    Little comes in: one thread reads it, and waits for it, where by default each message wakes one that wakes another.
-    A second one where there are pictures to forward: a thread that does may wait a second for room on the way out, and
-    those that accept connections and look what comes on them are then kept apart. What the environment says does not
-    hold: with a recorder's single thread the slave would pass on no message of several batches, such as a sonar's.
+    A slave receives little: one thread waits and reads, whereas by default each message wakes one thread that wakes
+    another. With `pictures` there are two, because a thread that forwards one may wait a second for the output; the
+    threads that accept connections are then separate. A value in the environment is overwritten: with the single thread
+    of a recorder, the slave would forward no message of several batches, such as a sonar's.
     """
     few = "(rx: (worker_threads: 2))" if pictures else "(rx: (worker_threads: 1), acc: (handover: rx))"
     os.environ["ZENOH_RUNTIME"] = few
 
 
 def json5(value: Any) -> str:
-    """Return plain values as JSON5; the json module would cost 2 ms of every start."""
+    """Return plain values as JSON5; the json module would lengthen every start by 2 ms."""
     if isinstance(value, dict):
         return "{" + ",".join([f"{key!r}:{json5(item)}" for key, item in value.items()]) + "}"
     if isinstance(value, (list, tuple)):

@@ -1,9 +1,9 @@
-"""Handle zenoh's sockets directly: close lost links at once, cut those that are not read, limit what waits at them.
+"""Handle zenoh's sockets directly: close lost links at once, close unread links, limit queues and buffers.
 
-The library's sockets linger: closing one whose last bytes nobody has acknowledged blocks a thread of the library for up
-to ten seconds, and that may be the one which accepts or opens the next link (eclipse-zenoh/zenoh#2350,
-tokio-rs/tokio#7751). A black-out of 7 s was mended up to 14 s after its end. So linger is disabled on each link as soon
-as it is there; what is on its way when a session closes is still sent, by the kernel.
+The library's sockets linger: closing one with unacknowledged bytes blocks a thread of the library for up to 10 s. That
+thread may be the one that accepts or opens the next link (eclipse-zenoh/zenoh#2350, tokio-rs/tokio#7751): after an
+outage of 7 s the link came back up to 14 s later. So linger is disabled on each new link. The kernel still sends what
+is queued when a session closes.
 """
 
 import os
@@ -17,32 +17,32 @@ import zenoh
 
 from hil.network.settings import SEND_BUFFER
 
-WAITING = 0  # connections that a listener lets wait; the kernel adds one
-DO_NOT_LINGER = pack("ii", 0, 0)  # struct linger: not switched on
+WAITING = 0  # length of a listener's queue; the kernel adds one
+DO_NOT_LINGER = pack("ii", 0, 0)  # struct linger: off
 
 
 def free_new(link: zenoh.LinkEvent) -> None:
-    """Prepare the socket of a new link."""
+    """Disable linger on the socket of a new link."""
     if link.kind == zenoh.SampleKind.PUT:
         free_sockets()
 
 
 def free_sockets() -> None:
-    """Let no network socket of this process linger. A slave has about twenty descriptors: 0.1 ms."""
+    """Disable linger on all network sockets of this process: 0.1 ms for the about twenty descriptors of a slave."""
     for _, end in network_sockets():
         end.setsockopt(SOL_SOCKET, SO_LINGER, DO_NOT_LINGER)
 
 
 def cut(pairs: Collection[tuple[int, int]]) -> None:
-    """End this process's connections with these ports, ours and theirs; who dialled opens them again."""
+    """Shut down this process's connections with these pairs of ports (ours, theirs); the peer reconnects."""
     for pair, end in network_sockets():
         if pair in pairs:
-            with suppress(OSError):  # it has just ended by itself
+            with suppress(OSError):  # it has just been closed
                 end.shutdown(SHUT_RDWR)
 
 
 def limit_send_buffers(pairs: Collection[tuple[int, int]]) -> None:
-    """Give this process's connections with these ports, ours and theirs, the small send buffer of all others."""
+    """Set the usual, small send buffer on this process's connections with these pairs of ports (ours, theirs)."""
     if not pairs:
         return
     for pair, end in network_sockets():
@@ -51,12 +51,12 @@ def limit_send_buffers(pairs: Collection[tuple[int, int]]) -> None:
 
 
 def shorten_queues() -> int:
-    """Let one connection wait at each network socket on which this process listens; how many sockets that are.
+    """Limit the queue of each listening socket of this process to one connection; return the number of sockets.
 
-    The library accepts all connections that wait, and then fails those without a TLS handshake one by one, with a pause
-    of 100 ms after each (eclipse-zenoh/zenoh#2685): a thousand of them, which take a client without a certificate some
-    seconds, keep everybody out for two minutes and hold a thousand descriptors. With a queue of one it gets no more of
-    them in a pause than it fails behind it. listen(2) once more, by a second descriptor, changes that of the first.
+    The library accepts all waiting connections, then rejects those without a TLS handshake one by one, with a pause of
+    100 ms after each (eclipse-zenoh/zenoh#2685). A client without a certificate can open a thousand within seconds, and
+    so lock everybody out for two minutes and occupy a thousand descriptors. With a queue of one, no more arrive in a
+    pause than are rejected after it. A second listen(2) on a duplicated descriptor changes the queue of the first.
     """
     shortened = 0
     for _, end in network_sockets():
@@ -67,10 +67,10 @@ def shorten_queues() -> int:
 
 
 def network_sockets() -> Iterator[tuple[tuple[int, int], socket]]:
-    """Yield a second descriptor of each, by which the first can be worked on, and its ports, ours and theirs (0: none).
+    """Yield, for each network socket of this process, its ports (ours, theirs; 0: none) and a duplicated descriptor.
 
-    What raises OSError with one, as that it has been closed meanwhile, is left to the next. Only Linux has the list.
-    psutil would cost the slave's start (hil/slave/health/usage.py), and has no descriptor without an address.
+    An OSError that the caller raises with one socket, for example because it was closed, skips to the next. Only Linux
+    has the list. psutil would lengthen the slave's start (hil/slave/health/usage.py), and omits unbound sockets.
     """
     if sys.platform != "linux":
         return
@@ -80,7 +80,7 @@ def network_sockets() -> Iterator[tuple[tuple[int, int], socket]]:
                 descriptor = os.dup(int(name))
                 try:
                     end = socket(fileno=descriptor)
-                except OSError:  # the first was another thing's by the time of the second
+                except OSError:  # the number has been reused for something else
                     os.close(descriptor)
                     continue
                 try:
@@ -93,5 +93,5 @@ def network_sockets() -> Iterator[tuple[tuple[int, int], socket]]:
 def _their_port(end: socket) -> int:
     try:
         return int(end.getpeername()[1])
-    except OSError:  # it listens
+    except OSError:  # a listening socket
         return 0

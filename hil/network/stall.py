@@ -1,7 +1,7 @@
-"""Detect that a vehicle answers pings but sends no samples, or that none comes at all.
+"""Detect that a vehicle answers pings but sends no samples, or that nothing arrives over its link.
 
-A session has two links, one for commands and answers, one for samples: either may carry nothing while the other does.
-The cause that is known, `hil.network.unread_links` finds by itself; this is for any other.
+A session has two links, one for commands and answers and one for samples; either may fail alone. The one known cause is
+found by `hil.network.unread_links`; this module detects any other.
 """
 
 from collections.abc import Callable
@@ -10,37 +10,37 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.network.session import Session
 from hil.network.unread_links import CHECK_NS, UnreadLinks
 
-LONGEST_CHECK_NS = NS_PER_S // 2  # that counts between two looks: longer ones are pauses of this process
-FIRST_GAP_NS = NS_PER_S  # between two messages of a vehicle: at the least its figures of health come that often
-GAPS = 3  # of the longest that was usual, on top of the leases
-FORGOTTEN = 0.9  # is what remains of the longest gap at each look at which messages had come
+LONGEST_CHECK_NS = NS_PER_S // 2  # limit of the time counted between two checks; the rest was a pause of this process
+FIRST_GAP_NS = NS_PER_S  # longest usual time between two messages of a vehicle: the period of its diagnostics
+GAPS = 3  # gaps without a sample, in addition to the leases
+FORGOTTEN = 0.9  # decay factor of the longest gap at each check with new samples
 LEASES = 2
-CHECK_S = 0.25  # between two looks whether anybody has come
-LONGEST_PAUSE_NS = 60 * NS_PER_S  # between two attempts to mend it
+CHECK_S = 0.25  # between two checks for the first vehicle
+LONGEST_PAUSE_NS = 60 * NS_PER_S  # between two attempts to reopen the session
 
 
 class StallDetector:
-    """Compare counts of answers and samples several times a second, at times (monotonic ns) that the caller gives.
+    """Detect a stall from counts of answers and samples, checked some times a second at the caller's monotonic times.
 
-    A stall is that answers came, or there was a link, and no sample for two leases (of `lease` s) and three gaps: the
-    longest usual one between samples, or without answers, which take longer to come back, 1 s. `attempts` counts how
-    often it was told since the last sample; each takes twice as long as the one before. `lasted_s` is how long (s) no
-    sample has come since the last was told.
+    A stall means: answers arrived, or there was a link, but no sample for two leases (of `lease` s) and three gaps. The
+    gap is the longest usual one between samples, or 1 s without answers, which take longer to come back. `attempts`
+    counts the stalls detected since the last sample; the time limit doubles with each. `lasted_s` is how long (s) no
+    sample had arrived at the last detection.
     """
 
     def __init__(self, lease: float) -> None:
         self._least_ns = round(LEASES * lease * NS_PER_S)
         self._updated_ns = 0
         self._answers = self._samples = 0
-        self._silent_ns = 0  # in which there were answers
+        self._silent_ns = 0  # time with answers, or a link, but without samples
         self._gap_ns = FIRST_GAP_NS
         self.attempts = 0
         self.lasted_s = 0.0
 
     def is_stalled(self, now: int, answers: int, samples: int, is_deaf: bool = False) -> bool:
-        """Return whether it is time to connect again; `answers` and `samples` are how many have come so far.
+        """Return whether to connect again; `answers` and `samples` are the numbers received so far.
 
-        `is_deaf`: there is a link to the vehicle, and not even answers come.
+        `is_deaf`: there is a link to the vehicle, but not even answers arrive.
         """
         passed_ns = min(now - self._updated_ns, LONGEST_CHECK_NS) if self._updated_ns else 0
         self._updated_ns = now
@@ -61,18 +61,18 @@ class StallDetector:
         return True
 
     def restart(self) -> None:
-        """Count the silence from now on: another client of the session has opened it again."""
+        """Restart the measurement, because another client of the session has reopened it."""
         self._silent_ns = 0
         self.attempts += 1
 
 
 def is_linked(session: Session) -> bool:
-    """Return whether each peer that we dial has a link, as a lost one has not."""
+    """Return whether there is a link to each peer that we connect to."""
     return len({peer for peer, *_ in session.links()}) >= max(1, session.dialled)
 
 
 def mend_links(session: Session, lease: float) -> None:
-    """Cut links that the library does not read, so that they are opened again, until it is closed; `lease` in s."""
+    """Close links that the library does not read, to have them reopened, until the session closes; `lease` in s."""
     unread = UnreadLinks(lease, session.has_pairs)
 
     def mend() -> None:
@@ -82,11 +82,11 @@ def mend_links(session: Session, lease: float) -> None:
 
 
 def mend_while_nobody(session: Session, is_anybody: Callable[[], bool], lease: float) -> None:
-    """Let a session meet its first vehicle, from a thread of its own until it is closed; `lease` in s.
+    """Reopen a session that finds no vehicle, from a separate thread until it is closed; `lease` in s.
 
-    What zenoh sends first on a link gets lost now and then on a busy machine, and with it all that we declared: while
-    there are links and nobody is there, the session is opened again. A vehicle that is there is watched by
-    `hil.client.liveness`.
+    On a busy machine zenoh sometimes loses the first messages on a link, and with them all our declarations. So while
+    there are links but no vehicle is present, the session is reopened. Once a vehicle is present,
+    `hil.client.liveness` monitors it.
     """
     stall, met = StallDetector(lease), 0
 

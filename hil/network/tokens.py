@@ -3,23 +3,23 @@
 from struct import Struct
 from typing import Any, Literal, NamedTuple
 
-PING = Struct("<16s3q")  # whose; when it was sent; when a pong before it was sent (slave's clock) and came (ours), or 0
-PONG = Struct("<16s3q2qd")  # whose; the ping's instant; when it came and was answered; offset, uncertainty, drift
+PING = Struct("<16s3q")  # sender; send time; last pong's send time (slave's clock) and receive time (sender's), or 0
+PONG = Struct("<16s3q2qd")  # receiver; the ping's send time; times it came and was answered; offset, uncertainty, drift
 Part = Literal["slave", "master", "observer"]
 
 _PARTS: dict[str, Part] = {"slave": "slave", "master": "master", "observer": "observer"}
 _RANKS = frozenset("0123456789")
-_LONGEST_NAME = 64  # characters of who somebody is
-_LONGEST_NODE = 255  # characters of the name of a node
+_LONGEST_NAME = 64  # characters of a process name
+_LONGEST_NODE = 255  # characters of a node name
 _LONGEST_IDENT = 64  # hexadecimal digits
-_FARTHEST_NS = 4 * 10**18  # that an instant may be from 1970: what is computed of such instants fits into a pong
+_FARTHEST_NS = 4 * 10**18  # limit of times, ns from 1970; values computed from them fit into a pong
 
 
 class Presence(NamedTuple):
-    """A participant of a node: the slave itself, a master, an observer.
+    """A participant of a node: the slave itself, a master, or an observer.
 
-    `ident` is what its commands are signed with, in hexadecimal; a master of higher `rank` takes over. `process` is for
-    people: machine and process.
+    `ident` is the sender id (gid) of its commands, in hexadecimal. A master with a higher `rank` takes over. `process`
+    is for people to read: machine and process id.
     """
 
     node: str
@@ -30,18 +30,18 @@ class Presence(NamedTuple):
 
 
 def presence_key(presence: Presence) -> str:
-    """Return the liveliness token that says so."""
+    """Return the key of the liveliness token that announces `presence`."""
     node, part, rank, ident, process = presence
     return f"uuv_hil/{node}/alive/{part}/{rank}/{ident}/{_plain(process)}"
 
 
 def presence_keys(node: str, part: str) -> str:
-    """Return the tokens of all that are there for a node as `part` ("*": any)."""
+    """Return the key expression for the tokens of all participants of a node with role `part` ("*": any)."""
     return f"uuv_hil/{node}/alive/{part}/**"
 
 
 def read_presence(key: str) -> Presence | None:
-    """Return what `presence_key` made; None for any other key."""
+    """Return the presence in a key of `presence_key`; None for any other key."""
     parts = key.split("/")
     if len(parts) != 7 or parts[2] != "alive" or parts[3] not in _PARTS:
         return None
@@ -52,26 +52,26 @@ def read_presence(key: str) -> Presence | None:
 
 
 def router_key(zid: str) -> str:
-    """Return the token by which a router knows what else is a router to the library: a slave, or another router."""
+    """Return the token that marks a router of this project, because slaves are routers to zenoh too."""
     return f"uuv_hil_router/{zid}"
 
 
 def last_key(node: str, topic: str) -> str:
-    """Return where a node tells late joiners the last message of a topic ("*": of all)."""
+    """Return the key on which a node serves late joiners the last message of a topic ("*": of all)."""
     return f"uuv_hil/{node}/last/{topic}"
 
 
 def clock_keys(node: str) -> tuple[str, str, str]:
     """Return the keys of a node's clock exchange: requests, answers, and the masters' requests and reports.
 
-    By the last it judges how old their commands are, so it is only for those who may command, and no others who ask
-    stand in their way.
+    From the masters' key the slave computes the age of their commands, so only machines that may command can use it,
+    and pings of others cannot delay it.
     """
     return f"uuv_hil/{node}/ping", f"uuv_hil/{node}/pong", f"uuv_hil/{node}/ping/master"
 
 
 def read_clock(layout: Struct, payload: bytes) -> tuple[Any, ...] | None:
-    """Return what `layout`, PING or PONG, packed; None for anything else, and for instants that cannot be."""
+    """Return the values of a PING or PONG `layout`; None for a wrong length or impossible times."""
     if len(payload) != layout.size:
         return None
     values = layout.unpack(payload)
@@ -79,7 +79,7 @@ def read_clock(layout: Struct, payload: bytes) -> tuple[Any, ...] | None:
 
 
 def _plain(text: str, most: int = _LONGEST_NAME) -> str:
-    """Return `text`, which others wrote, with the characters that a key forbids replaced, and cut."""
+    """Return `text` from the network with the characters that keys forbid replaced, cut to `most` characters."""
     return "".join([c if c.isascii() and (c.isalnum() or c in "._-:") else "_" for c in text[:most]]) or "_"
 
 

@@ -1,8 +1,8 @@
 """One thread for everything that is rare: pings, presence, matching listeners, queries for the last message.
 
-A thread that waits in a channel of zenoh wakes ten times a second to look for signals; three such threads cost a
-vehicle a thousandth of a processor. So zenoh's own threads only put items into queues here, and one thread of ours
-waits for them without a timeout. Loaded when there is something to wait for.
+A thread that waits in a zenoh channel wakes ten times a second to check for signals; three such threads cost a vehicle
+a thousandth of a processor. So zenoh's own threads only put items into queues here, and one thread of ours waits for
+them without a timeout. Loaded on first use.
 """
 
 import sys
@@ -21,23 +21,23 @@ Job = tuple[Callable[[Any], None], Any]
 
 
 class BoundedQueue:
-    """Accept items for `handle`, at most `rate` per second, while fewer than `capacity` jobs wait.
+    """Accept items for `handle`, at most `rate` a second, while fewer than `capacity` jobs wait.
 
-    `lost` counts the items that were dropped. The first `rate` items of each second are accepted, without a pause
-    between them: so a sender of few items gets through beside one whose rate is a little above the limit.
+    `lost` counts dropped items. The first `rate` items of each second are accepted, without a pause between them, so
+    that a sender of few items gets through beside one slightly above the limit.
     """
 
     def __init__(
         self, jobs: "SimpleQueue[Job | None]", handle: Callable[[Any], None], capacity: float, rate: float
     ) -> None:
         self._jobs, self._handle, self._capacity, self._rate = jobs, handle, capacity, rate
-        self._second_ns = 0  # when the current second began,
-        self._left = rate  # and how many items it still accepts
+        self._second_ns = 0  # when the current second began
+        self._left = rate  # how many items are still accepted in it
         self.lost = 0
 
     @property
     def callback(self) -> "zenoh.handlers.Callback[Any]":
-        """Handler for a zenoh declaration whose items go into this queue."""
+        """Handler for a zenoh declaration, which puts the items into this queue."""
         # Called in a thread of the library.
         handler: zenoh.handlers.Callback[Any] = zenoh.handlers.Callback(self.put, indirect=False)
         return handler
@@ -57,7 +57,7 @@ class BoundedQueue:
 class WorkerThread:
     """Handle queued items one after the other, in the thread that calls `run`.
 
-    A handler that raises loses its item and nothing else. `failures` counts them; the first of each type is reported.
+    If a handler raises, only its item is lost. `failures` counts such items; the first error of each type is reported.
     """
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class WorkerThread:
         self.failures = 0
 
     def open_queue(self, handle: Callable[[Any], None], capacity: float = inf, rate: float = inf) -> BoundedQueue:
-        """Return a queue whose items `handle` gets; items beyond `capacity` waiting or `rate` per second are lost."""
+        """Return a queue whose items go to `handle`; items beyond `capacity` waiting or `rate` a second are dropped."""
         return BoundedQueue(self._jobs, handle, capacity, rate)
 
     def run(self) -> None:
@@ -75,15 +75,15 @@ class WorkerThread:
             handle, item = job
             try:
                 handle(item)
-            except Exception as error:  # noqa: BLE001 - whatever it is, the other handlers still need the thread
+            except Exception as error:  # noqa: BLE001 - any error: the other handlers still need the thread
                 self._fail(error)
 
     def end(self) -> None:
-        """Let `run` return after the items that wait now."""
+        """Let `run` return after the items that are waiting now."""
         self._jobs.put(None)
 
     def _fail(self, error: Exception) -> None:
-        """Report the error as if the thread had ended with it."""
+        """Report the error as `threading` does for a thread that ends with one."""
         self.failures += 1
         if type(error) not in self._reported:
             self._reported.add(type(error))
