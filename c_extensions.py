@@ -52,7 +52,7 @@ def unavailable_reason() -> str | None:
         return "it is for CPython on Linux"
     if sysconfig.get_config_var("Py_GIL_DISABLED"):
         return "a free-threaded Python has no stable ABI"
-    return None if compiler() else "no C compiler (sudo apt install gcc)"
+    return None if compiler() else "no C compiler (sudo apt install gcc python3-dev)"
 
 
 def build(folder: str) -> str | None:

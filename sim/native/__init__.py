@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sim.vehicle.failures import Failure
 
 SWITCH = "UUV_HIL_NATIVE"
-REMEDY = "install gcc, then uuv-hil again; in a clone: python c_extensions.py"
+REMEDY = "sudo apt install gcc python3-dev, then install uuv-hil again; in a clone: python c_extensions.py"
 COMPILE_AGAIN = "install uuv-hil again; in a clone: python c_extensions.py"
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
@@ -159,9 +159,9 @@ def choose() -> tuple[type[Dynamics], str]:
     try:
         binary = load("sim.native._native")
     except ImportError as error:
-        reason = f"the step in C is not there: {error} ({REMEDY})"
+        reason = f"the step in C is not there: {error}"
         if wish == "1":
-            raise ConfigError(f"{SWITCH}=1, but {reason}") from None
+            raise ConfigError(f"{SWITCH}=1, but {reason} ({REMEDY})") from None
         return Dynamics, f"Python; {reason}"
     return NativeDynamics, f"C, {binary.__file__}"
 
