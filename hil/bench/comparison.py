@@ -1,8 +1,8 @@
 """Decide which differences between two results are significant: bootstrap intervals of the ratio of medians.
 
-What one start of the programs gives is alike: where they came to lie in memory and what else ran then is in all of it.
-So a start counts as one value, its median. With few starts the commands themselves are drawn again, in blocks as
-neighbours are alike; then two starts of one program differ as well, and no difference is called better or worse.
+All values of one start of the programs have something in common: the programs' place in memory, and what else ran
+then. So a start counts as one value, its median. With few starts single commands are resampled instead, in blocks, as
+neighbours are alike. Then two starts of one program may differ too, and no difference is called better or worse.
 """
 
 from math import isfinite, nan
@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 from hil.bench.record import Better, Figure, Record
 from hil.bench.statistics import Interval, median, median_interval, ratio_interval
 
-FEWEST = 5  # values, or starts, on each side; of fewer, intervals are as narrow as chance wants
-A_START_A_VALUE = ("table", "startup")  # benchmarks whose every value is of a start of its own
-LOADED = 1.0  # a difference of the machine's load that is reported: a processor's worth
+FEWEST = 5  # values, or starts, on each side; intervals of fewer values mean nothing
+A_START_A_VALUE = ("table", "startup")  # benchmarks in which every value is from a separate start
+LOADED = 1.0  # a difference of the machine's load that is reported: one busy processor
 Verdict = Literal["same", "better", "worse", "changed", "too few", "few starts"]
 
 
@@ -21,8 +21,7 @@ class Difference(NamedTuple):
     """One figure in both results. `ratio` is after / before; `interval` is where that lies.
 
     Both are nan where a median is not above 0: then the values are compared, not their ratio. "same" also stands for a
-    real difference that is smaller than what was asked to matter, "few starts" for one that may be between two starts
-    rather than two programs.
+    real difference smaller than the least that matters, "few starts" for one that two starts of one program may have.
     """
 
     name: str
@@ -56,7 +55,7 @@ def difference(name: str, before: Figure, after: Figure, least: float, confidenc
 
 
 def unlike(before: Record, after: Record) -> list[str]:
-    """Return what makes the two hard to compare: another machine, in another state, other labels, other settings."""
+    """Return the differences that make the two hard to compare: machine, its state, labels, settings."""
     differences = []
     if before.kind != after.kind:
         differences.append(f"results of different benchmarks: {before.kind} and {after.kind}")
@@ -97,7 +96,7 @@ def _differs(name: str, before: Any, after: Any) -> list[str]:
 
 
 def _format_value(value: Any) -> str:
-    """Return a value as text; of governors, which are counted, names and numbers."""
+    """Return a value as text; of governors, which are counted, names and counts."""
     if isinstance(value, dict):
         value = ", ".join(f"{key} ({number})" for key, number in value.items())
     return str(value or "none")

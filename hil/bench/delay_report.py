@@ -13,13 +13,13 @@ from hil.common.quantiles import quantile
 from hil.plots.plotting import pyplot, save_figure
 
 SHARES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
-ENOUGH = 1.0  # commands beyond a quantile, or it is only the maximum
+ENOUGH = 1.0  # commands beyond a quantile that is shown: with fewer it is only the maximum
 COLORS = ("#1e3a8a", "#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#9ca3af", "#c2410c")  # of the hops
 MOST_SHOWN = 0.98  # of the commands of each configuration are in the histogram, if the rest are far away
 FAR = 2.0  # times what the others took
 SQUEEZED = 5.0  # times as high as the histogram is wide, and time is shown with a logarithmic axis
 BINS = 60
-FEWEST_ROWS = 4  # for which there is room, so that one bar alone is not as high as the picture
+FEWEST_ROWS = 4  # of bars that the axis has room for, so that a single one is not as high as the picture
 
 
 def text(results: Mapping[str, Result]) -> str:

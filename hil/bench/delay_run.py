@@ -29,9 +29,9 @@ COMMAND_BYTES = 52 + 33  # geometry_msgs/Twist in CDR, and what rmw_zenoh adds t
 IN_SLAVE = ("python", "unicorn")  # kinds of STM32 that run in the slave's process
 WARM_UP = 20  # commands that are not counted: arming, first samples
 SETTLE_S = 0.5  # for the last traces to come
-OFF = 0.05  # by which a rate or a baud may differ from what was asked, and so many bare messages be lost, unsaid
+OFF = 0.05  # share by which a rate or a baud may be wrong, and of bare messages that may be lost, without a warning
 BURN = "while True: sum(range(1_000_000))"
-STEP_S = 0.40618  # a step of the motion measurement: the golden ratio of an IMU's 10 ms over, so none meets it alike
+STEP_S = 0.40618  # between steps in surge; not a multiple of an IMU's 10 ms, so that each falls elsewhere in its period
 STEP_M_S = 0.4
 MOVED_M_S2 = 0.05  # a change of acceleration that only the thrusters make: 0.13 and more in the first 2.5 ms
 
@@ -56,9 +56,9 @@ Echo = tuple[str, int, int]  # host, UDP port, TCP port of a `hil.bench.floors.n
 class Result(NamedTuple):
     """Result of one run in ms; `hops` and `delay` have one value a command, `at_s` is when it was published.
 
-    `udp` and `tcp` are empty where there is no echo beside the slave. `wire` is what no command undercuts on the line:
-    its bits, see `wire_ms`, or what a QEMU takes at the quickest. `rate` is that of the commands as they were sent, Hz.
-    `warnings` say why the figures are not to be trusted, `labels` what a slave elsewhere says of its machine.
+    `udp` and `tcp` are empty where there is no echo beside the slave. `wire` is the least time on the line: that of the
+    bits (`wire_ms`), or the shortest answer of QEMU. `rate` is the rate at which commands were sent, Hz. `warnings` are
+    reasons to doubt the figures, `labels` are what a slave elsewhere reports of its machine.
     """
 
     delay: list[float]
@@ -86,7 +86,7 @@ class Result(NamedTuple):
 
 
 class Observer(VehicleClient):
-    """A master that keeps the accelerations it hears of, with when they came (monotonic ns)."""
+    """A master that records accelerations with their times of receipt (monotonic ns)."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         self.surge: list[tuple[int, float]] = []
@@ -124,7 +124,7 @@ def pooled(runs: Sequence[Result]) -> Result:
 
 
 def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = None) -> Result:
-    """Measure one configuration. `endpoint` is that of a slave elsewhere, `echo` what answers beside it.
+    """Measure one configuration. `endpoint` is that of a slave elsewhere, `echo` the echo server beside it.
 
     Without `echo` a slave elsewhere has no floor, and there can be no payload. Raises HilError.
     """
@@ -146,7 +146,7 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
         result = _result(client.delays, spans, motion, floor, counted)
         paced = not endpoint and _pace(bench.scenario.link) > 0
         result.warnings.extend(_doubts(result, plan, floor, load, client.contact.losses, paced))
-        # Where the slave's own QEMU was quicker, in a calmer moment, the bare one was no floor.
+        # Where the slave's own QEMU was quicker, at a calmer time, the bare one is no lower limit.
         return result._replace(
             wire=min([bare, *result.hops["STM32"]]) if bare else counted,
             labels=labels_of(client.diagnostics()) if endpoint else (),
@@ -154,13 +154,13 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
 
 
 def wire_ms(scenario: Scenario, slave: Diagnostics, elsewhere: bool = False) -> float:
-    """Return the time on its line, ms, of what a measured delay holds; 0 where the line has no speed (a pty, a socket).
+    """Return the part of a measured delay that the line takes, ms; 0 where it has no speed (a pty, a socket).
 
-    slave: its diagnostics. Of a slave `elsewhere` they alone tell protocol, baud and thrusters, and that a UART leads
-    to a real STM32; of a CAN bus they do not tell the speed, so that is not counted.
+    slave: its diagnostics. For a slave `elsewhere` protocol, baud, thrusters, and whether a UART leads to a real STM32
+    are known from them alone. They do not have the speed of a CAN bus, so that is not counted.
 
-    That is the command's frame, or its frames on a CAN bus, and unless the STM32 is in the slave, where it can be seen
-    when its outputs take the command, the answer's too: it is heard only then.
+    It is the time of the command's frame, or frames on a CAN bus, and that of the answer's too, which ends the delay.
+    With an STM32 in the slave the answer does not count, as the time at which its outputs change is known there.
     """
     link = scenario.link
     on_uart = slave.link_wire in ("uart", "rs485")
@@ -178,12 +178,12 @@ def wire_ms(scenario: Scenario, slave: Diagnostics, elsewhere: bool = False) -> 
 
 
 def _pace(link: Link) -> int:
-    """Return the baud that we hold it to ourselves, 0 if we do not."""
+    """Return the baud at which we send and receive by a timer of ours, 0 without one."""
     return link.faults.baud if link.faults else 0
 
 
 def _link_of(ours: Link, slave: Diagnostics) -> Link:
-    """Return the UART of a slave elsewhere. How frames look it does not tell: as here, if the protocol is the same."""
+    """Return the UART of a slave elsewhere. Its frame layout is taken to be ours if the protocol is the same."""
     protocol: Any = slave.link_protocol or ours.protocol
     baud, port = slave.link_baud or ours.baud, slave.link_port or ours.port
     link = ours._replace(protocol=protocol, baud=baud, port=port, faults=None)
@@ -193,10 +193,10 @@ def _link_of(ours: Link, slave: Diagnostics) -> Link:
 def _command(
     client: Observer, slave: Process | None, plan: Plan, floor: Floor | None, load: Load | None
 ) -> list[tuple[int, int]]:
-    """Command for the plan's time, the floor measured half a period after each; when each put began and ended (wall).
+    """Send commands for the plan's time; return when each put began and ended (wall clock).
 
-    Where no half period is left, as at high rates, the floor is measured with every so many commands. The payload is
-    under way when the command follows it; what is left of it is moved afterwards, and the floor measured without it.
+    The floor is measured half a period after each command, at high rates after every n-th. The payload is on its way
+    when the command follows it; the rest of it is sent afterwards, and the floor is measured without it.
     """
     period = round(NS_PER_S / plan.rate)
     every = max(1, round(plan.rate / 50.0))
@@ -217,7 +217,7 @@ def _command(
         elif load:
             load.finish(began + period)
         schedule.due(now_ns())
-    wait_ns(began + period)  # or what is commanded next overtakes the last of them in the slave's command_receiver
+    wait_ns(began + period)  # or the next command replaces the last one in the slave's command_receiver
     return spans[WARM_UP:]
 
 
@@ -229,7 +229,7 @@ def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
         sign = 1.0 if number % 2 else -1.0
         sent = now_ns()
         client.command(VelocityCommand(sign * STEP_M_S, 0.0, 0.0))
-        wait_ns(began + round((number + 1) * STEP_S * NS_PER_S))  # not by `sent`: what it is late by would add up
+        wait_ns(began + round((number + 1) * STEP_S * NS_PER_S))  # not counted from `sent`: its lateness would add up
         first = first_motion(list(client.surge), _applied_ns(client.delays, sent), sign)
         if first and number:  # the first step is from rest
             delays.append((first - sent) / NS_PER_MS)
@@ -237,10 +237,7 @@ def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
 
 
 def _applied_ns(meter: DelayMeter, sent: int) -> int:
-    """Return when the STM32 had the newest command, which was `sent` then (both monotonic).
-
-    That, where no trace tells.
-    """
+    """Return when the STM32 applied the newest command (monotonic ns); without a trace its time of publish, `sent`."""
     if not meter.samples or (published := from_wall_ns(meter.samples[-1].published_ns)) < sent:
         return sent
     return published + max(meter.totals_ns(newest=1)[0], 0)
@@ -306,7 +303,7 @@ def _result(
 def _doubts(
     result: Result, plan: Plan, floor: Floor | None, load: Load | None, losses: int, paced: bool
 ) -> Iterator[str]:
-    """Return what else was not as it was meant to be.
+    """Return further reasons to doubt the result.
 
     The result's `wire` is what was counted; if `paced`, what we made.
     """
@@ -376,7 +373,7 @@ def _bare_qemu_ms(bench: Bench) -> float:
 
 @contextmanager
 def _burners(number: int) -> Iterator[None]:
-    """Processes that do nothing but take processor time; a Ctrl-C at the terminal is not for them."""
+    """Start processes that do nothing but take processor time; Ctrl-C at the terminal does not reach them."""
     command = foreign_command(sys.executable, "-I", "-c", BURN)
     processes = [start_child(command) for _ in range(number)]
     try:

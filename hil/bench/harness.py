@@ -97,7 +97,7 @@ class Process:
 
     @property
     def ending(self) -> str:
-        """Return how it ended and its last output, to be put behind its name."""
+        """Return how it ended and its last output, as text that follows its name."""
         code = self._process.poll()
         if code is None:
             how = "is still running"
@@ -113,7 +113,7 @@ class Process:
         """Return the first line of output with `word` in it. Raises NetworkError if none comes in time."""
         deadline = now_ns() + round(seconds * NS_PER_S)
         while True:
-            running = self.running  # before what it said is read
+            running = self.running  # checked before its output is read
             line = next(
                 (line for line in self.output.splitlines(keepends=True) if word in line and line[-1] == "\n"), ""
             )
@@ -133,7 +133,7 @@ class Process:
             raise NetworkError(f"a process runs on after {seconds:g} s; its last output: {self.last_words}") from None
 
     def join(self) -> int:
-        """Return its exit code, at once when it has ended: a wait with a timeout looks now and then, which costs."""
+        """Wait for its end; return its exit code. Without a timeout, as a wait with one polls, which takes processor time."""
         os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
         return self._process.wait()
 
@@ -149,7 +149,7 @@ class Process:
             return self._process.wait()
 
     def family(self) -> list[int]:
-        """Return its process id and those of the processes it has started, and they."""
+        """Return its process id and those of all its descendants."""
         return family(self.pid)
 
 
@@ -162,9 +162,9 @@ def _environment(exec_ns: int, more: dict[str, str]) -> dict[str, str]:
 class Bench:
     """Folder and processes of one measurement. Use as a context, which ends the processes and removes the folder.
 
-    scenario: name or path; `changes` to it by dotted key. `limits` bind the slave. `scenario` and `path` are the
-    changed one, `processes` what was started. A share of a processor binds no real-time process: under such a limit
-    the slave runs without. Raises ConfigError.
+    scenario: name or path; `changes` to it by dotted key. `limits` apply to the slave. `scenario` and `path` are the
+    changed one, `processes` those that were started. A share of a processor does not limit a real-time process: under
+    such a limit the slave runs without real-time scheduling. Raises ConfigError.
     """
 
     def __init__(self, scenario: str, changes: dict[str, Any] | None = None, limits: Limits = Limits()) -> None:
@@ -217,13 +217,13 @@ class Bench:
         return self._scratch.file(name)
 
     def start_slave(self, *options: str, environment: dict[str, str] | None = None) -> Process:
-        """Return the scenario's slave; it is not waited for."""
+        """Start the scenario's slave; do not wait for it."""
         command = [*program(), "slave", self.path, *options]
         log = self.file(f"slave-{len(self.processes)}.log")
         return self._start(Process(command, log, self._confinement, environment))
 
     def start_master(self, *options: str, endpoint: str = "") -> Process:
-        """Return the scenario's master, which flies its mission; comes back when it dials."""
+        """Start the scenario's master, which flies its mission; return when it connects."""
         read_fd, write_fd = os.pipe()
         command = [*program(), "master", self.path, "--connect", endpoint or self.endpoint, *options]
         log = self.file(f"master-{len(self.processes)}.log")
@@ -271,16 +271,16 @@ def await_vehicle(client: VehicleClient, slave: Process | None = None, seconds: 
         if now_ns() > deadline:
             missing = f"no vehicle {client.node!r} answered at {client.endpoint} within {seconds:g} s"
             raise NetworkError(f"{missing}; {f'the slave {slave.ending}' if slave else _why_silent(client)}")
-    client.require_acceptance(client.refusal)  # whatever drives its thrusters, armed or not
+    client.require_acceptance(client.refusal)  # also for an autopilot or a disarmed vehicle
 
 
 def _why_silent(client: VehicleClient) -> str:
-    """Return what stands in the way of a slave elsewhere, and what to do."""
+    """Return why a slave elsewhere cannot be reached, and the remedy."""
     from hil.network.diagnosis import why_not  # only on the way to an error
 
     fault = why_not(client.endpoint, session=client.session)
     reason = f"somebody answers there, but no {client.node!r} that lets us listen"
-    if fault and not fault.lasting:  # what lasts is of certificates, and ours are not asked for here
+    if fault and not fault.lasting:  # lasting faults concern certificates, which are not used here
         reason = fault.text
     return (
         f"{reason}; is `uuv-hil slave` running there, with --listen on an address this machine reaches, and the same "

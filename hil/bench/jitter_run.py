@@ -17,7 +17,7 @@ from hil.common.quantiles import rank
 from hil.ros.diagnostics import or_nan
 
 COMMAND_HZ = 20.0
-# The bare loop: the slave's clock, its scheduling and what it asks of the processors, and nothing to do.
+# The bare loop has the slave's clock and scheduling, and the same requests to the processors, but does no work.
 BARE = """
 import json, select, sys
 from hil.common.lifeline import die_with_parent
@@ -66,7 +66,7 @@ class Cycles(NamedTuple):
 
 
 def changes_for(rate: float) -> dict[str, Any]:
-    """Return what makes a scenario's loop run at `rate` Hz."""
+    """Return the changes with which a scenario's loop runs at `rate` Hz."""
     return {"slave.step": 1.0 / rate, "slave.control_period": max(0.02, 2.0 / rate)}
 
 
@@ -105,7 +105,7 @@ def bare_loop(bench: Bench, seconds: float) -> Lateness:
 
 
 def cyclictest(bench: Bench, seconds: float) -> Lateness | None:
-    """Return what rt-tests' program finds for a thread that just sleeps, as often as the slave's and under its limits.
+    """Return the lateness of a thread that only sleeps, by rt-tests' program, at the slave's rate and under its limits.
 
     None where it is not installed or not permitted.
     """
@@ -120,7 +120,7 @@ def cyclictest(bench: Bench, seconds: float) -> Lateness | None:
 
 
 def _run(bench: Bench, name: str, command: list[str]) -> tuple[int, str]:
-    """Return its exit code and what it said."""
+    """Return its exit code and its output."""
     process = bench.start(name, command, limited=True)
     return process.join(), process.output
 

@@ -1,9 +1,9 @@
 """Limit processors, CPU share and memory of a benchmark, so that a laptop stands for a small board.
 
-Processors are chosen by affinity. A share of one, and memory, are what a control group gives: where systemd keeps
-those of version 2, it is asked for one, as root or as a user; elsewhere root makes them, of version 2 or 1. What does
-not fit into the memory is not swapped out. A page is charged to the group that touches it first, so files that others
-have read before, Python and its libraries mostly, are not counted. Figures under limits are labelled: another
+Processors are chosen by affinity. A share of one, and memory, are limited by a control group: where systemd manages
+those of version 2, it makes one, as root or as a user; elsewhere root makes them, of version 2 or 1. Memory beyond the
+limit is not swapped out. A page is charged to the group that uses it first, so files that others have read before,
+mostly Python and its libraries, are not counted. Figures under limits are labelled: another
 processor's cache, memory and clock remain the laptop's.
 
 Files of control groups: Linux, Documentation/admin-guide/cgroup-v2.rst, cgroup-v1/memory.rst, and
@@ -24,11 +24,11 @@ from hil.common.scratch import lock_unused
 ROOT = "/sys/fs/cgroup"
 SYSTEMD = "/run/systemd/system"  # a folder that is there if it is systemd that was booted: sd_booted(3)
 PERIOD_US = 20_000  # of the quota: a process that has used it up waits at most so long
-LEAST_QUOTA_US = 1_000  # that the kernel takes; below 5 % of a core the period is longer
-REMOVAL_S = 2.0  # that what was killed may take to be gone
+LEAST_QUOTA_US = 1_000  # the kernel's least; below 5 % of a core the period is longer
+REMOVAL_S = 2.0  # that killed processes may take to end
 MIB = 1 << 20
 MOST_MIB = 1 << 30  # a PiB
-MOST_CPUS = 1 << 16  # more than any kernel knows of
+MOST_CPUS = 1 << 16  # more than any kernel supports
 OPTIONS = {"cpu": "--cpu-quota", "memory": "--memory"}  # controller -> what asks for it
 REMEDIES = {
     "cpu": "use a kernel with CONFIG_CFS_BANDWIDTH",
@@ -68,17 +68,17 @@ class Limits(NamedTuple):
 
 
 class Confinement:
-    """A place for processes under `limits`. Use as a context: the place is gone when it is left, and what is still in
-    a group of ours then is killed.
+    """Start processes under `limits`. Use as a context, which at its end kills those that are left in our group.
 
-    `by` says what does it. Raises ConfigError when this machine, or this user, cannot have such limits.
+    `by` is the means: systemd or a control group. Raises ConfigError where such limits are
+    not possible or not permitted.
     """
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
         self.by = ""
         self._groups: list[str] = []
-        self._locks: list[int | None] = []  # of the groups, so that nobody takes them for abandoned
+        self._locks: list[int | None] = []  # of the groups, so that other benchmarks do not remove them
         self._prefix: tuple[str, ...] = ()
         wrong = set(limits.cpus) - os.sched_getaffinity(0)
         if wrong:
@@ -212,7 +212,7 @@ def _remove_abandoned(folder: str) -> None:
 
 
 def _remove(group: str) -> None:
-    """Remove a group and kill its processes; a group that outlives even that costs nothing."""
+    """Remove a group and kill its processes; one that cannot be removed is left, as it is empty."""
     deadline = time.monotonic() + REMOVAL_S
     while os.path.isdir(group) and time.monotonic() < deadline:
         try:

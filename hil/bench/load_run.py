@@ -23,7 +23,7 @@ EVERY_S = 1.0
 
 
 class Setting(NamedTuple):
-    """One thing that slaves are asked to do: changes to the scenario, and how many slaves."""
+    """One configuration: changes to the scenario, and how many slaves."""
 
     name: str
     changes: dict[str, Any]
@@ -56,12 +56,12 @@ class Course(NamedTuple):
 def settings(fitted: Collection[str] | None, rates: list[float], vehicles: list[int]) -> Iterator[Setting]:
     """Return the scenario as it is; each sensor by itself taken out or put in; loop rates (Hz); numbers of vehicles.
 
-    fitted: the sensors it has; None to leave them all alone. At last it is as it was once more, which tells how much
-    comes and goes by itself.
+    fitted: the sensors it has; None: do not change them. The last setting is the unchanged scenario again, which
+    shows how much the figures vary.
     """
     yield Setting("as it is", {})
     for name in SENSORS if fitted is not None else ():
-        if name in (fitted or ()) and name not in FEEDBACK:  # which the controller lives on
+        if name in (fitted or ()) and name not in FEEDBACK:  # which the controller needs
             yield Setting(f"without {name}", {f"sensors.{name}.rate": 0})
         elif name not in (fitted or ()):
             yield Setting(f"with {name}", {f"sensors.{name}": {}})
@@ -83,7 +83,7 @@ def impossible(setting: Setting, scenario: str) -> str:
 
 
 def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: Callable[[float], None]) -> Course:
-    """Let slaves be commanded for so long; `watch` is called with the share that is done. Raises HilError."""
+    """Command slaves for `seconds`; `watch` is called with the share that is done. Raises HilError."""
     with ExitStack() as stack:
         benches = [
             stack.enter_context(Bench(scenario, {**setting.changes, "slave.node": f"uuv{number + 1}"}, limits))
@@ -94,7 +94,7 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
         there = list(zip(clients, slaves, strict=True))
         for client, slave in there:
             await_vehicle(client, slave)
-            client.watch(*PICTURES)  # which are not made for nobody
+            client.watch(*PICTURES)  # which are only made for subscribers
         names: dict[int, str] = {}
 
         def command() -> None:
@@ -136,7 +136,7 @@ def _pace(seconds: float, command: Callable[[], None]) -> None:
 
 
 def course(setting: Setting, readings: list[Threads], names: dict[int, str]) -> Course:
-    """Return what the processes called so used between the looks."""
+    """Return what the named processes used between the readings."""
     steps = [shares(before, after) for before, after in pairwise(readings)]
     threads = thread_names({key for each in readings for key in each.cpu_s})
     processes: dict[str, Cost] = {}
@@ -170,12 +170,12 @@ def difference(values: list[float], base: list[float], again: Collection[list[fl
 
 
 def groups(courses: list[Course]) -> list[str]:
-    """Return what processes there are, by what they do, the first setting's first."""
+    """Return the kinds of processes, those of the first setting first."""
     return list(dict.fromkeys(kind(name) for each in courses for name in each.processes))
 
 
 def kind(name: str) -> str:
-    """Return what a process does, of its name: "uuv2 STM32" is an "STM32"."""
+    """Return the kind of a process from its name: "uuv2 STM32" is an "STM32"."""
     words = [word for word in name.split() if not word.startswith("#")]
     return words[-1]
 

@@ -18,7 +18,7 @@ from hil.slave.drivers.driver import ThrusterDriver, open_driver
 from hil.slave.drivers.ends import end_protocol, with_faults
 
 BITS_A_BYTE = 10  # start bit, eight of data, stop bit
-LOST_NS = NS_PER_S  # an echo that has not come by then will not come
+LOST_NS = NS_PER_S  # after which an echo counts as lost
 CALM_PULSES, WIDEST = 1500, 200  # us: pulses differ from command to command, so that echoes tell them apart
 
 
@@ -69,7 +69,7 @@ class Result(NamedTuple):
 
 
 class _Far(ABC):
-    """The other end as this test sees it."""
+    """The other end of the link."""
 
     port: str
     counters: Counters
@@ -92,7 +92,7 @@ class _Far(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Give the devices back."""
+        """Close the devices."""
 
 
 class _Stm32(_Far):
@@ -124,14 +124,14 @@ class _Stm32(_Far):
 
 
 class _Jumper(_Far):
-    """TX led to RX: what we send is what we hear. Its commands are known again by their pulses."""
+    """TX wired to RX: everything sent is received. Commands are recognised by their pulses."""
 
     def __init__(self, plan: Plan) -> None:
         link = plan.link
         wire = with_faults(open_address(link.port, "host", link.baud, link.bitrate), link, plan.seed)
         self.port = wire.name
         self._link = ThrusterLink(wire, end_protocol(link, "host", plan.channels))
-        self._receiver = end_protocol(link, "device", plan.channels)  # it hears, and answers nothing
+        self._receiver = end_protocol(link, "device", plan.channels)  # it receives, and answers nothing
         self._sent: dict[tuple[int, ...], int] = {}
 
     @property
@@ -177,7 +177,7 @@ def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int]
 
 
 class _Test:
-    """One run: what is on its way, and what has come back."""
+    """One run: the commands on their way, and the echoes."""
 
     def __init__(self, plan: Plan, far: _Far) -> None:
         self._plan = plan
@@ -188,7 +188,7 @@ class _Test:
         self._began = now_ns()
 
     def run(self, progress: Callable[[int, int], None] | None) -> None:
-        """Send and listen for the plan's time, then listen until all is answered or lost."""
+        """Send and receive for the plan's time, then receive until all commands are answered or lost."""
         period = round(NS_PER_S / self._plan.rate) if self._plan.rate else 1
         self._began = now_ns()
         schedule, end = RateKeeper(period, self._began), self._began + round(self._plan.seconds * NS_PER_S)
@@ -196,12 +196,12 @@ class _Test:
         while (now := now_ns()) < end or (self._waiting and now < end + LOST_NS):
             if now < end and (schedule.due(now) if self._plan.rate else not self._waiting):
                 self._send()
-                self._listen()  # an STM32 in this process answers as it is sent to, and has nothing to wait on
+                self._receive()  # an STM32 in this process answers at once, without a descriptor to wait on
             wake = min(schedule.deadline_ns if now < end else end + LOST_NS, self._far.deadline_ns())
             if not self._plan.rate and self._waiting:
                 wake = min(now + LOST_NS, self._far.deadline_ns())
             select.select(self._far.descriptors(), (), (), max(0, wake - now_ns()) / NS_PER_S)
-            self._listen()
+            self._receive()
             if progress and now - shown > NS_PER_S:
                 shown = now
                 progress(self._sent, len(self._trips_ns))
@@ -214,7 +214,7 @@ class _Test:
         self._waiting[sequence] = now_ns()
         self._far.send(ThrusterCommand(sequence, self._plan.spin, pulses))
 
-    def _listen(self) -> None:
+    def _receive(self) -> None:
         answered = list(self._far.answers(now_ns()))
         now = now_ns()
         for sequence in answered:
@@ -250,7 +250,7 @@ def wire_ms(plan: Plan) -> float:
 
 
 def settled(link: Link, channels: int, armed: bool) -> tuple[bytes, bytes]:
-    """Return a command and its answer as they go over `link` once its ends know each other.
+    """Return a command and its answer as they go over `link` after its two ends have connected.
 
     Before that there may be more in them: MAVLink's host asks for arming with each command until that is confirmed.
     """

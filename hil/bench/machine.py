@@ -17,7 +17,7 @@ PACKAGES = ("eclipse-zenoh", "numpy", "pyserial", "python-can", "pymavlink", "un
 
 
 def describe(root: str = "/") -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return what the machine whose files are below `root` is, and the labels its figures need."""
+    """Return a description of the machine whose files are below `root`, and the labels of its figures."""
     tree = Tree(root)
     board = recognise(tree)
     kernel = os.uname()
@@ -42,7 +42,7 @@ def describe(root: str = "/") -> tuple[dict[str, Any], tuple[str, ...]]:
 
 
 def _limits(root: str) -> tuple[str, ...]:
-    """Return what we were started under, as by taskset, and with us all that is measured here."""
+    """Return the limits of this process, such as those of taskset, which apply to all that is measured here."""
     online, usable = os.sysconf("SC_NPROCESSORS_ONLN"), len(os.sched_getaffinity(0))
     return (f"limited: {usable} of {online} processors",) if usable < online and root == "/" else ()
 

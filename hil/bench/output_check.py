@@ -60,7 +60,7 @@ class Finding(NamedTuple):
 
 
 class StoppedError(Exception):
-    """The person has had enough, which `stop_fd` told."""
+    """The person has stopped the check, by `stop_fd`."""
 
 
 def check_outputs(
@@ -68,7 +68,7 @@ def check_outputs(
 ) -> list[Finding] | None:
     """Check all outputs; return what was found, None if `stop_fd` became readable first.
 
-    `report` gets what happens to the link, `on_finding` each finding at once. Raises DeviceError when the STM32 does
+    `report` gets events of the link, `on_finding` each finding at once. Raises DeviceError when the STM32 does
     not answer or its link is lost; ConfigError, MissingExtraError as `open_driver` does.
     """
     driver = open_driver(plan.stm32, plan.link, plan.channels, True, 1, report)
@@ -154,7 +154,7 @@ class _Check:
         return reports
 
     def _why_silent(self) -> str:
-        """Return what is known of an STM32 whose answers are none."""
+        """Return what is known of an STM32 that does not answer."""
         counters = self._driver.host.counters if self._driver.host else None
         if counters is None or not counters.bytes_in:
             return "the STM32 does not answer: check power, wiring (TX to RX), --baud and --protocol"

@@ -12,13 +12,13 @@ from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
 PATIENCE_S = 5.0  # that a slave under load, or a network, may be silent for while it is measured
-BACK_S = 2.0  # that it may need to answer once more at the end
+BACK_S = 2.0  # that it may need for an answer at the end
 
 
 def wait_for_silence(client: VehicleClient, slave: Process | None = None, patience: float = PATIENCE_S) -> str:
     """Return why the vehicle counts as lost: ended, or silent for longer than `patience` s; "" if it is present.
 
-    Silent is one that answers no comparing of clocks, and one that tells nothing more of its health.
+    A vehicle is silent if it answers no comparison of clocks, or sends no diagnostics any more.
     """
     if slave and not slave.running:
         return f"the slave {slave.ending}"
@@ -26,7 +26,7 @@ def wait_for_silence(client: VehicleClient, slave: Process | None = None, patien
     report_age_s = (now_ns() - stamped.received_ns) / NS_PER_S if stamped else 0.0
     if client.contact.silence_s > patience:
         return f"{client.node} at {client.endpoint} has not answered for {client.contact.silence_s:.1f} s"
-    if report_age_s > max(patience, PATIENCE_S):  # it tells once a second, in a thread that gives way to all others
+    if report_age_s > max(patience, PATIENCE_S):  # diagnostics come once a second, from a thread of the lowest priority
         return f"{client.node} at {client.endpoint} has reported nothing of its health for {report_age_s:.1f} s"
     return ""
 

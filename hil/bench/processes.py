@@ -59,7 +59,7 @@ def shares(before: Threads, after: Threads) -> dict[str, float]:
 
 
 def thread_names(keys: set[str]) -> dict[str, str]:
-    """Return what to call each thread within its process: its name, numbered where several have the same.
+    """Return a unique name for each thread within its process: its name, numbered where several have the same.
 
     keys: "process id/thread id name".
     """
@@ -73,7 +73,7 @@ def thread_names(keys: set[str]) -> dict[str, str]:
 
 
 def role(pid: int, slave: int) -> str:
-    """Return what a process of a slave's family does: "slave", "imaging" or "STM32"."""
+    """Return the role of a process of a slave's family: "slave", "imaging" or "STM32"."""
     if pid == slave:
         return "slave"
     with suppress(psutil.Error):
@@ -83,7 +83,7 @@ def role(pid: int, slave: int) -> str:
 
 
 def family(pid: int) -> list[int]:
-    """Return a process and those that it and they have started; none if it has ended."""
+    """Return a process and all its descendants; none if it has ended."""
     try:
         process = psutil.Process(pid)
         return [pid, *(child.pid for child in process.children(recursive=True))]
@@ -102,9 +102,9 @@ def cpu_s(pids: Iterable[int]) -> float:
 
 
 def resident_mib(pids: Iterable[int]) -> float:
-    """Resident memory (MiB) of processes: what they take when nobody else uses what they share with others.
+    """Return the resident memory (MiB) of processes, shared pages included; nan if none is left.
 
-    Not a number if none is left. By their mappings, as the kernel's quick sum may lag behind.
+    From their mappings, as the kernel's quick sum may lag behind.
     """
     total = 0
     for pid in pids:

@@ -23,7 +23,7 @@ Better = Literal["lower", "higher", ""]
 class Figure(NamedTuple):
     """One quantity: all the values found, one a repetition or one a sample, and which of two would be better.
 
-    `runs`: how many of the values each start of the programs gave, in their order; empty if that is not told.
+    `runs`: how many of the values each start of the programs gave, in their order; empty if not known.
     """
 
     values: list[float]
@@ -38,7 +38,7 @@ class Figure(NamedTuple):
 
     @property
     def by_run(self) -> list[list[float]]:
-        """The values, run by run; none if `runs` does not tell."""
+        """The values, run by run; none if `runs` is empty."""
         rest = iter(self.values)
         return [list(islice(rest, count)) for count in self.runs]
 
@@ -59,9 +59,9 @@ class Figure(NamedTuple):
 
 
 class Record(NamedTuple):
-    """One run of a benchmark. `kind` is its name, `settings` what was asked for, `details` whatever else it found.
+    """One run of a benchmark. `kind` is its name, `settings` its options, `details` other findings.
 
-    `labels` say what makes its figures stand for something else than the bare machine: emulated, limited.
+    `labels` are the conditions under which the figures do not stand for the bare machine: emulated, limited.
     """
 
     kind: str
@@ -80,7 +80,7 @@ def new_record(
     labels: Iterable[str] = (),
     details: dict[str, Any] | None = None,
 ) -> Record:
-    """Return a record of now and of this machine; without the values that could not be had (nan)."""
+    """Return a record of now and of this machine; without values that are nan."""
     machine, own_labels = describe()
     finite = {name: figure.finite for name, figure in figures.items()}
     made = time.strftime("%Y-%m-%dT%H:%M:%S%z")

@@ -23,17 +23,17 @@ from hil.ros.diagnostics import Diagnostics, or_nan
 
 COMMAND_HZ = 20.0
 QUIET_S = 1.0  # after which a vehicle that does not answer a master is reported as silent
-RETURN_S = 10.0  # that the vehicle may take to answer a master that comes back
-GLANCE_S = 0.25  # between looks for an end that is wished, while the vehicle is waited for
-BLOCKS = 20  # of the record that are drawn again for an interval
+RETURN_S = 10.0  # that the vehicle may take to answer a master that connects again
+GLANCE_S = 0.25  # between two checks for a stop, while waiting for the vehicle
+BLOCKS = 20  # of the record, which are resampled for an interval
 DRAWS = 1000
 
 
 class Observation(NamedTuple):
-    """One reading of the slave: `at_s` since the start, threads, descriptors, what it says of itself.
+    """One reading of the slave: `at_s` since the start, threads, descriptors, and its own diagnostics.
 
-    Memory (MiB) is the proportional set size, `private` of it what no other process has a share in. What it says of
-    itself is nan while it says nothing.
+    Memory (MiB) is the proportional set size, `private` the part that no other process shares. Its own
+    diagnostics are nan while none come.
     """
 
     at_s: float
@@ -47,7 +47,7 @@ class Observation(NamedTuple):
 
 
 class Outage(NamedTuple):
-    """The slave ended, hung or was out of reach: when (s since the start), for how long (s), and how that showed."""
+    """The slave ended, hung or was out of reach: when (s since the start), for how long (s), and the symptom."""
 
     at_s: float
     seconds: float
@@ -57,7 +57,7 @@ class Outage(NamedTuple):
 class Soak(NamedTuple):
     """Readings of a soak test: times (s) of each return of the master until data flowed, None for never; silences.
 
-    The master's first coming, when the slave starts, is no return.
+    The first connection, when the slave starts, is no return.
     """
 
     observations: list[Observation]
@@ -73,11 +73,11 @@ class Soaking:
         self._slave = bench.start_slave()
         self._began = time.monotonic()
         self._stopped = False
-        self._quiet = ""  # how it shows that the slave is silent now
+        self._quiet = ""  # the symptom of a slave that is silent now
         self._soak = Soak([], [], [])
 
     def run(self, seconds: float, leave_every: float) -> Soak:
-        """Command it for so long; the master leaves and comes back every `leave_every` s.
+        """Command it for `seconds`; the master disconnects and connects again every `leave_every` s.
 
         Raises NetworkError when the slave does not start. One that ends or hangs later is a silence.
         """
@@ -170,7 +170,7 @@ def measured(values: Sequence[float]) -> list[float]:
 
 
 def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tuple[float, Interval]:
-    """Slope in units an hour by least squares, and where it lies with 95 %: blocks of the record drawn again.
+    """Slope in units an hour by least squares, and its interval of 95 %, by resampling blocks of the record.
 
     Blocks, because neighbours are alike (moving block bootstrap: Kuensch, Annals of Statistics 17, 1989).
     """

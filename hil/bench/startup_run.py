@@ -14,7 +14,7 @@ from hil.common.clock import NS_PER_MS, now_ns, to_wall_ns
 from hil.common.errors import ConfigError, NetworkError
 from hil.ros.diagnostics import or_nan
 
-# The slave's own instants, and what has gone on until each of them.
+# The instants that the slave reports, and the phase that ends with each.
 PHASES = {
     "python": "interpreter",
     "scenario": "scenario",
@@ -25,7 +25,7 @@ PHASES = {
     "ready": "first step",
 }
 AT_MASTER = "first sample at the master"
-LISTENED = ("odom",)  # as a master that flies does; a sample of another topic may come sooner
+LISTENED = ("odom",)  # as a master that flies; a sample of another topic may come sooner
 DROP_CACHES = "/proc/sys/vm/drop_caches"
 
 
@@ -49,7 +49,7 @@ class Start(NamedTuple):
 
 
 def start(bench: Bench) -> Start:
-    """Start a slave while a master dials, and end both. Raises NetworkError."""
+    """Start a slave while a master connects, and end both. Raises NetworkError."""
     with bench.client(topics=LISTENED) as client:
         slave = bench.start_slave()
         await_vehicle(client, slave)
@@ -61,7 +61,7 @@ def start(bench: Bench) -> Start:
 
 
 def floors() -> dict[str, str]:
-    """Return what interpreters run for comparison, by its name; a slave does without numpy, and so may this machine."""
+    """Return the code that interpreters run for comparison, by name; with numpy where it is installed."""
     programs = {"bare interpreter": "pass"}
     if find_spec("numpy"):
         programs["numpy and zenoh"] = "import numpy, zenoh"
@@ -104,7 +104,7 @@ def _modules(text: str) -> set[str]:
 
 
 def coldness(files: Iterable[str], whole_machine: bool) -> tuple[Callable[[], None], str]:
-    """Return what makes the next start cold, and how, in words. Raises ConfigError when that is not allowed."""
+    """Return a function that makes the next start cold, and its description. Raises ConfigError where not permitted."""
     if whole_machine:
         if not os.access(DROP_CACHES, os.W_OK):
             raise ConfigError(f"{DROP_CACHES}: only root may; without --drop-caches only the files of a start go")

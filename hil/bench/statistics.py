@@ -9,7 +9,7 @@ from hil.common.quantiles import quantile
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
-MOST_RESAMPLED = 2000  # values; more of them are thinned evenly, which leaves their median as it is
+MOST_RESAMPLED = 2000  # values; more of them are thinned evenly, which does not change their median
 
 
 class Interval(NamedTuple):
@@ -43,7 +43,7 @@ def median_interval(
 ) -> Interval:
     """Return where the median lies, by resampling (percentile bootstrap: Efron and Tibshirani 1993, chapter 13).
 
-    `block`: for values in the order of their time, of which neighbours are alike; else none may depend on another.
+    `block`: for values in the order of time, of which neighbours are alike; without it values must be independent.
     """
     return _interval(sorted(_resampled(values, random.Random(seed), block)), confidence)
 

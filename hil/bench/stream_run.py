@@ -24,9 +24,9 @@ SENSOR_TOPICS = {"odometry": ("odom",), "dvl": ("dvl", "dvl_twist", "altitude")}
 
 
 class Stream(NamedTuple):
-    """One topic as it came.
+    """The received messages of one topic.
 
-    `rate` Hz, `nominal` likewise, nan where nothing says how often it should come. `loss` 0 to 1 by sequence numbers,
+    `rate` Hz, `nominal` likewise, nan where no rate is specified. `loss` 0 to 1 by sequence numbers,
     `missing` 0 to 1 of what should have come by the nominal rate. Ages (ms) from publish, nan if unknown; `bytes_s`.
     """
 
@@ -58,7 +58,7 @@ class _Seen:
 
 
 class Listener:
-    """An observer of a scenario's node that keeps count of everything but pictures. Use as a context."""
+    """An observer of a scenario's node that counts all messages but pictures. Use as a context."""
 
     def __init__(self, endpoint: str, scenario: Scenario) -> None:
         node, network, security = scenario.slave.node, scenario.network, scenario.security
@@ -78,9 +78,9 @@ class Listener:
         self._session.close()
 
     def listen(self, seconds: float, slave: Process | None, watch: Callable[[float], None]) -> Listening:
-        """Return what came in so long; `watch` is called with the share that is done.
+        """Return what was received in `seconds`; `watch` is called with the share that is done.
 
-        Raises NetworkError when the vehicle is not there, goes or hangs.
+        Raises NetworkError when the vehicle is not there, ends or hangs.
         """
         await_vehicle(self.client, slave)
         losses = self.client.contact.losses
@@ -117,7 +117,7 @@ class Listener:
         seen.stamps.append((stamp.time_ns, received_ns))
 
     def _ages(self, seen: _Seen) -> list[float]:
-        """Return the ages from publish to receipt in ms by the clocks; negative where one of them is wrong."""
+        """Return the ages from publish to receipt in ms by the clocks; negative where a clock is wrong."""
         delays, same = self.client.delays, self.client.contact.same_clock
         if not same and not delays.clock.exchanges:
             return []

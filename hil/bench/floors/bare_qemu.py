@@ -2,8 +2,8 @@
 
     python -m hil.bench.floors.bare_qemu SCENARIO
 
-Its UART has no baud, but hands the firmware byte after byte, and sends each of the answer's by itself. It is asked from
-a process with the slave's scheduling, which QEMU inherits there too: without it the same takes half as long again.
+QEMU's UART has no baud: it passes single bytes to the firmware and from it. This process has the slave's scheduling,
+which QEMU inherits there too: without it the time is half as long again.
 """
 
 import select
@@ -20,13 +20,13 @@ from sim.vehicle.vehicle import load_vehicle
 
 TIMES = 100
 PATIENCE_S = 5.0
-QUIET_S = 0.004  # what was under way has come by then
+QUIET_S = 0.004  # after which nothing is on its way any more
 
 
 def answer_ms(scenario: Scenario) -> float:
-    """Return the time, ms, from a command written on the line of an STM32 in QEMU to its answer read, at the quickest.
+    """Return the shortest time, ms, from writing a command to an STM32 in QEMU until its answer is read.
 
-    Not in the mean, as it is not asked in the same seconds as the slave's. Command and answer are those of the
+    Not the mean, as it is not measured in the same seconds as the slave's delay. Command and answer are those of the
     scenario's link, their instants those of a slave's trace, and nothing else runs meanwhile. Raises DeviceError
     without QEMU, or if it does not answer.
     """
@@ -43,7 +43,7 @@ def _answer_ns(link: ThrusterLink, channels: int, number: int) -> int:
     while select.select([link.wire], (), (), QUIET_S)[0]:
         link.receive()
     link.tick(now_ns())
-    # Pulses differ from one command to the next, as some protocols' reports tell only by them what they answer.
+    # Pulses differ from command to command: in some protocols only they show which command a report answers.
     command = ThrusterCommand(number, True, (PWM_NEUTRAL_US + number,) * channels)
     link.send(command)
     written = now_ns()

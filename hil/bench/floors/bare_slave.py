@@ -2,8 +2,8 @@
 
     python -m hil.bench.floors.bare_slave ENDPOINT STEP_NS MESSAGES_PER_S SECONDS REALTIME
 
-It begins when somebody listens, and says its share of a core. Messages go out twenty times a second, as often as a
-vehicle says where it is, each as large as that. What is not in it: commands, and the thruster link.
+It begins with the first subscriber, and prints its share of a core. Its messages are as frequent (20 Hz) and as large
+as those of a vehicle's odometry. Not included: commands, and the thruster link.
 """
 
 import select
@@ -23,12 +23,12 @@ NODE = "bare"
 KEY = key_of(TOPICS["odom"], NODE)
 PERIOD_NS = NS_PER_S // 20
 PAYLOAD, ATTACHMENT = bytes(724), bytes(33)  # of an Odometry
-SETTLE_S = 0.5  # after somebody has come to listen
+SETTLE_S = 0.5  # after the first subscriber
 PATIENCE_NS = 20 * NS_PER_S
 
 
 def _loop(put: Callable[[], None], step_ns: int, rate: float, seconds: float) -> None:
-    """Wake every step, and send what is due, for so many seconds."""
+    """Wake every step, and send the messages that are due, for `seconds`."""
     begun = send_ns = now_ns()
     schedule, sent = RateKeeper(step_ns, begun), 0
     while schedule.deadline_ns < begun + round(seconds * NS_PER_S):

@@ -14,12 +14,12 @@ from hil.common.errors import NetworkError
 MOST = 1 << 16  # bytes at once
 ZEROS = memoryview(bytes(MOST))
 PATIENCE_S = 1.0  # with a connection, and with a client that sends and does not read
-LEAST_S = 0.001  # that an answer may take, however late it was asked for
-GIVE_UP = 3  # questions without any answer, after which no more are asked
+LEAST_S = 0.001  # that an answer may take, even if it was requested late
+GIVE_UP = 3  # requests without any answer, after which no more are sent
 
 
 def serve(address: str, stop_fd: int) -> None:
-    """Send everything back that comes by UDP or TCP, until `stop_fd` becomes readable; prints address and ports.
+    """Echo everything that comes by UDP or TCP, until `stop_fd` becomes readable; prints address and ports.
 
     Raises NetworkError.
     """
@@ -39,10 +39,10 @@ def serve(address: str, stop_fd: int) -> None:
                         stream.close()
                     return
                 if ready is datagrams:
-                    with suppress(OSError):  # who asked will miss it
+                    with suppress(OSError):  # the client counts it as lost
                         datagrams.sendto(*datagrams.recvfrom(MOST))
                 elif ready is server:
-                    with suppress(OSError):  # it has gone again
+                    with suppress(OSError):  # disconnected already
                         streams.append(_prompt(server.accept()[0]))
                 elif not _echo(ready):
                     streams.remove(ready)
@@ -55,7 +55,7 @@ def _prompt(stream: socket.socket) -> socket.socket:
 
 
 def _echo(stream: socket.socket) -> bool:
-    """Send back what has come; return whether there may be more."""
+    """Echo the received bytes; return whether there may be more."""
     with suppress(OSError):  # reset, or the client does not read
         data = stream.recv(MOST)
         if data:
@@ -71,7 +71,7 @@ def _connect(host: str, port: int, kind: socket.SocketKind) -> socket.socket:
         opened.settimeout(PATIENCE_S)
         opened.connect((host, port))
         return opened if kind == socket.SOCK_DGRAM else _prompt(opened)
-    except (OSError, OverflowError, UnicodeError) as error:  # of a port or a name that cannot be
+    except (OSError, OverflowError, UnicodeError) as error:  # an impossible port or name
         opened.close()
         raise NetworkError(f"no echo at {host}:{port}: {error}; start `uuv-hil bench echo` there") from None
 
@@ -89,7 +89,7 @@ class RoundTrips:
 
     @property
     def is_silent(self) -> bool:
-        """True if the peer has never answered and need not be asked again."""
+        """True if the peer has never answered, after GIVE_UP requests."""
         return not self.taken_ns and self.lost >= GIVE_UP
 
     def measure_once(self, until_ns: int) -> None:
@@ -116,7 +116,7 @@ class RoundTrips:
         return message
 
     def close(self) -> None:
-        """Give the socket back."""
+        """Close the socket."""
         self._socket.close()
 
 
@@ -143,7 +143,7 @@ class Floor:
         self.tcp.close()
 
     def measure(self, until_ns: int) -> None:
-        """Measure one round trip, by UDP and by TCP in turn: each begins on a machine as idle as a command finds it.
+        """Measure one round trip, by UDP and TCP alternately: each begins on a machine as idle as before a command.
 
         An answer that has not come by `until_ns` (monotonic) counts as lost, so that the caller need not wait.
         """
@@ -156,8 +156,8 @@ class Floor:
 class Load:
     """`size` bytes at a time that cross the network to an echo and back beside something else. Use as a context.
 
-    They have a connection of their own. `late` counts how often they were still under way when the next were due,
-    which then are not sent. Raises NetworkError when there is no echo, or it goes away.
+    They have a connection of their own. `late` counts how often they were still on their way when the next were due,
+    which are then not sent. Raises NetworkError when there is no echo, or it goes away.
     """
 
     def __init__(self, host: str, tcp: int, size: int) -> None:

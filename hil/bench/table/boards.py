@@ -18,7 +18,7 @@ from hil.common.errors import ConfigError
 from hil.plots.plotting import pyplot
 from hil.ros.diagnostics import Diagnostics
 
-DRAWN = ("master_cpu", "startup", "memory_share", "delay_p50")  # what the paper has too
+DRAWN = ("master_cpu", "startup", "memory_share", "delay_p50")  # the figures that the paper has too
 CLOCKED = ("startup", "delay_p50", "delay_p99", "delay_max")  # between instants of two processes
 HERE = "this machine"
 NAME, LINE = 28, 190  # characters of a name and of a line below, in the picture
@@ -28,8 +28,8 @@ MARGIN = 0.5  # decades beside the outermost points, for their numbers
 class Column(NamedTuple):
     """One board's, or one earlier run's, figures.
 
-    `about`: which machine, and when. `labels`: what else its figures stand for. `warnings`: why those that a clock of
-    another process has a part in are not to be trusted.
+    `about`: which machine, and when. `labels`: under which conditions. `warnings`: reasons to doubt those figures that
+    depend on the clock of another process.
     """
 
     title: str
@@ -39,7 +39,7 @@ class Column(NamedTuple):
     warnings: tuple[str, ...] = ()
 
     def doubts(self, row: Row) -> tuple[str, ...]:
-        """Return why this figure of it is not to be trusted."""
+        """Return the reasons to doubt its figure in this row."""
         return self.warnings if row.name in CLOCKED else ()
 
 
@@ -62,8 +62,8 @@ def paper() -> list[Column]:
 def ratios(column: Column, board: str) -> str:
     """Return a line: ratio of the reference platform's figure on the same board to each figure of a column.
 
-    board: the name of the board's profile. "" where the platform had no such board, or the column's machine is not a
-    real one, or a limited one, as its labels tell.
+    board: the name of the board's profile. "" where the platform had no such board, or where the column's labels
+    say that its machine is emulated or limited.
     """
     theirs = next((place for place, one in enumerate(PAPER_BOARDS) if load_board(one.profile).name == board), None)
     if theirs is None or column.labels:
@@ -107,7 +107,7 @@ def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) 
 
 
 def remarks(columns: Sequence[Column]) -> list[str]:
-    """Return a line a column: of which machine it is, when it was measured, and what else has to be known of it."""
+    """Return a line for each column: its machine, when it was measured, and its labels and warnings."""
     lines = []
     for column in columns:
         labels = [f"label: {label}" for label in column.labels]
@@ -124,7 +124,7 @@ def text(columns: Sequence[Column]) -> str:
 
 
 def markdown(columns: Sequence[Column]) -> str:
-    """Return the same for a document, and what has to be known of each column below it."""
+    """Return the table for a document, with the remarks on each column below it."""
     head, *body = _cells(columns)
     lines = [head, ["---"] * len(head), *body]
     table = [f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines]
@@ -182,7 +182,7 @@ def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:
             panel.errorbar(middle, place, xerr=ends, fmt="o", color=f"C{place % 10}", capsize=3)
             label = {"xy": (middle, place), "xytext": (0, 5), "textcoords": "offset points", "ha": "center"}
             shown += [value for value in (figure.at(0.25), figure.at(0.75)) if value > 0.0]
-        else:  # a logarithmic scale has no place for it
+        else:  # a logarithmic scale has no zero
             label = {"xy": (0.02, place), "xycoords": panel.get_yaxis_transform(), "va": "center"}
         panel.annotate(number or "not measured", fontsize="small", **label)
     low, high = floor(log10(min(shown, default=1.0))), ceil(log10(max(shown, default=1.0)))
@@ -190,11 +190,11 @@ def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:
 
 
 def missed(column: Column, budgets: Budgets) -> list[str]:
-    """Return the budgets that the medians do not keep, in words. A figure that could not be had keeps none."""
+    """Return the budgets that the medians exceed, in words. A figure that is missing exceeds its budget."""
     resident = column.figures.get("memory_alone")
     limits = {
         "startup": budgets.startup,
-        # on a board there is nobody to share with; a slave that runs there tells what it takes there
+        # a board runs one slave, which shares memory with no other; its own diagnostics are used
         "memory_alone" if resident and resident.values else "memory": budgets.memory,
         "slave_cpu": budgets.slave_cpu * 100.0,
         "delay_p50": budgets.delay_p50 * 1e3,

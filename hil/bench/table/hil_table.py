@@ -1,4 +1,4 @@
-"""The HIL table: the reference platform's four figures for a run of ours, with what is behind them.
+"""The HIL table: the reference platform's four figures for a run of ours, with their definitions.
 
 master CPU     processor time of the master process from its first command to its last, over that time,
                as a share of one core and of the whole machine
@@ -41,16 +41,16 @@ PAPER_NOTE = (
     "2022: the boards of Zhang et al., table 1, over a wlan; only a run on such a board may be compared with them"
 )
 UART_BITS = 10  # a byte: start, eight, stop
-# Wires of bytes whose speed is no part of a measured delay, as `link_wire` of the diagnostics names them.
+# Wires whose baud is no part of a measured delay, by their name in `link_wire` of the diagnostics.
 NO_SPEED = {"pty": "a pseudo terminal", "tcp": "a socket", "udp": "a socket"}
 PAPER_BOARD_MIB = 4096.0  # the larger memory of its two boards, to compare a share with when ours is larger
 
 
 class HilTable(NamedTuple):
-    """The figures of one run. Shares are 0..1; nan where a figure could not be had, `notes` say why.
+    """The figures of one run. Shares are 0..1; nan where a figure is missing, with the reason in `notes`.
 
-    `warnings` say why the delays, and with them the start-up, are not to be trusted: a clock is wrong. `events` are a
-    line for each thing that went wrong in the run.
+    `warnings` are reasons to doubt the delays and the start-up: a clock is wrong. `events` has a line for each event of
+    the run, such as a collision.
     """
 
     master_cpu_core: float
@@ -149,7 +149,7 @@ def _startup_s(client: VehicleClient, health: Diagnostics, offset_ns: int, notes
 def render(table: HilTable) -> str:
     """Return the table as text for a terminal."""
     ram = min(table.slave_ram_mib, PAPER_BOARD_MIB)
-    memory = table.slave_rss_mib / ram  # on a machine by itself it shares nothing
+    memory = table.slave_rss_mib / ram  # alone on a machine it shares memory with no other slave
     delay = table.delay
     rows = [
         ("", *(f"{board.title}, 2022" for board in PAPER_BOARDS), "this run"),

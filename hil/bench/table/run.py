@@ -20,8 +20,8 @@ from hil.common.ports import free_ports
 from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics, or_nan
 
-BARE_S = 3.0  # that the floor of the slave's CPU is measured for
-FLEW = (0, 6)  # exit codes of a master that flew: the goal was reached, or not in this time
+BARE_S = 3.0  # of the measurement of the slave's CPU floor
+FLEW = (0, 6)  # exit codes of a master that flew: the goal was reached, or not within the time
 
 
 class Row(NamedTuple):
@@ -81,7 +81,7 @@ def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
 
 
 def _bare_share(bench: Bench, slave: Diagnostics) -> float:
-    """Return the share of a core that only waking and publishing as often as `slave` takes here and now.
+    """Return the share of a core that a process takes which only wakes and publishes as often as `slave`.
 
     Raises NetworkError.
     """
@@ -107,7 +107,7 @@ def _read(table: dict[str, Any], limit_mib: float, alone_mib: float) -> Run:
     def number(name: str, factor: float = 1.0) -> float:
         return float("nan") if table[name] is None else table[name] * factor
 
-    if not isfinite(alone_mib):  # elsewhere it tells by itself
+    if not isfinite(alone_mib):  # a slave elsewhere reports it itself
         alone_mib = number("slave_rss_mib")
     ram = limit_mib or min(number("slave_ram_mib"), PAPER_BOARD_MIB)
     values = {
