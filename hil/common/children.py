@@ -1,7 +1,7 @@
 """Start child processes that end with this one, whatever ends it, SIGKILL included.
 
 All that the project starts and does not wait for at once is started here, so that nothing of it is left on a port, a
-link or a processor. How it works is said in hil.common.lifeline, which is the child's side: our own programs call
+link or a processor. How it works is described in hil.common.lifeline, which is the child's side: our own programs call
 `die_with_parent` first of all, and those of others are started by `foreign_command`.
 """
 

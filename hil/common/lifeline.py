@@ -5,7 +5,7 @@
 A command loads this file first, for Ctrl-C before it runs (`leave_on_ctrl_c`): what is loaded earlier Ctrl-C can hit.
 
 The child holds the read end of a pipe (the lifeline) whose only write end is in its parent. It asks the kernel for a
-SIGKILL when that end closes, as it does when the parent is gone: O_ASYNC, F_SETOWN and F_SETSIG of fcntl(2). Then it
+SIGKILL when that end closes, as it does when the parent has ended: O_ASYNC, F_SETOWN and F_SETSIG of fcntl(2). Then it
 looks whether the pipe is at its end already, so that no moment is left open. An exec keeps all of it.
 
 This is not PR_SET_PDEATHSIG: that follows the thread that started the child, and links are opened again by threads
@@ -71,7 +71,7 @@ def tie(lifeline: int) -> None:
     fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
     fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC | os.O_NONBLOCK)
     try:
-        if os.read(lifeline, 1) == b"":  # it was closed before the kernel knew of our wish
+        if os.read(lifeline, 1) == b"":  # it was closed before the kernel had our wish
             os.kill(os.getpid(), signal.SIGKILL)
     except BlockingIOError:
         return

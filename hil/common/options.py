@@ -17,8 +17,8 @@ from hil.common.errors import EXIT_CODES, ConfigError, HilError
 from hil.common.schema import UNITS, nearest, shortened, with_unit
 from hil.common.tables import output_file, settings
 
-UNKNOWN = "unrecognized arguments: "  # how argparse begins what it says of words and options that it does not know
-LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # where a slave of this machine listens, unless its scenario says otherwise
+UNKNOWN = "unrecognized arguments: "  # how argparse begins its message on words and options that it does not know
+LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # where a slave of this machine listens, unless its scenario has another address
 MOST_SEEDS = 100_000
 MOST_JOBS = 1024
 DAY_S = 86_400.0
@@ -85,7 +85,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Subcommands(argparse._SubParsersAction):  # type: ignore[type-arg] # no generic at run time
-    """The subcommands of a parser. Each says in its own help what it does, and shows its examples."""
+    """The subcommands of a parser. Each one's own help states what it does, and shows its examples."""
 
     examples = ""
 

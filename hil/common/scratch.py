@@ -88,7 +88,7 @@ def _names(base: str) -> Iterator[str]:
 
 
 def _remove_abandoned(path: str) -> None:
-    with suppress(OSError):  # it is gone meanwhile, or of another user
+    with suppress(OSError):  # it was removed meanwhile, or is another user's
         folder = lock_unused(path)
         if folder is not None:
             _remove(path)

@@ -15,7 +15,7 @@ from hil.common.errors import NetworkError
 from hil.common.stop import cancel_tasks
 
 STOP_WITHIN_S = 10.0
-STALLED_S = 10.0  # after which a client that takes nothing of what it is sent is gone
+STALLED_S = 10.0  # after which a client that takes nothing of what it is sent is closed
 ABNORMAL_CLOSURE = 1006  # how a websocket is closed whose other end answered no heartbeat (RFC 6455, 7.4.1)
 
 
@@ -73,7 +73,7 @@ def cut_when_stalled(websocket: Any, transport: asyncio.Transport) -> Iterator[N
         is_stalled = True
     if is_stalled or websocket.close_code == ABNORMAL_CLOSURE:
         linger = pack("hh" if sys.platform == "win32" else "ii", 1, 0)  # for 0 s
-        with suppress(OSError):  # it has gone meanwhile
+        with suppress(OSError):  # it has closed meanwhile
             transport.get_extra_info("socket").setsockopt(SOL_SOCKET, SO_LINGER, linger)
         transport.abort()
 

@@ -11,7 +11,7 @@ from typing import NoReturn, TextIO
 
 from hil.common.errors import ConfigError
 
-# What a terminal that knows ASCII alone shows instead; "?" for the rest.
+# What a terminal of ASCII alone shows instead; "?" for the rest.
 PLAIN = {"°": "deg", "²": "2", "³": "3", "±": "+-", "·": "*", "µ": "u", "–": "-", "—": "-", "…": "...", "→": "->"}
 
 TERMINAL_PERIOD_S = 0.2

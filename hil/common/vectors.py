@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from math import sqrt
 
-Vector3 = tuple[float, float, float]  # x, y, z of a frame that the name of the value or its docstring says
+Vector3 = tuple[float, float, float]  # x, y, z of a frame that the name of the value or its docstring states
 Quaternion = tuple[float, float, float, float]  # w, x, y, z: from the body's frame to the world's
 
 

@@ -65,7 +65,7 @@ def has_restarted(report: ThrusterTelemetry, newest: ThrusterTelemetry) -> bool:
     """Return whether the STM32 restarted between `newest` and `report`, which is not overtaken.
 
     From one report to the next it counts no more commands than were sent, unless it begins at 0 again. A report from
-    before its first command has sequence 0 too, so that its sequence says nothing.
+    before its first command has sequence 0 too, so that its sequence shows nothing.
     """
     counted, sent = (report.frames - newest.frames) % _WRAP, (report.sequence - newest.sequence) % _WRAP
     if report.frames == 0 and not report.armed:

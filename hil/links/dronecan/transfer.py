@@ -1,7 +1,7 @@
 """DroneCAN transport on CAN 2.0B: split transfers into frames, and reassemble them.
 
 Source: dronecan.github.io, Specification, 4.1 CAN bus transport layer. The last byte of each frame (the
-tail) tells whether it begins and ends a transfer, alternates (toggle), and numbers the transfer modulo 32.
+tail) shows whether it begins and ends a transfer, alternates (toggle), and numbers the transfer modulo 32.
 A transfer of more than 7 bytes takes several frames and begins with a CRC that the data type's signature
 seeds. A frame's 29 bits of identifier are
 

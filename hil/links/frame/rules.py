@@ -111,7 +111,7 @@ def _ids(layout: FrameLayout) -> Iterator[str]:
         if own > limits(field.type)[1]:
             yield f"header: id must hold {own}, which {field.type} cannot"
         for other, its_sender, its_own in messages[:place]:
-            # A request and its answer may share one: the receiver's role tells which it is.
+            # A request and its answer may share one: the receiver's role decides which it is.
             if own == its_own and (name == "telemetry" or sender == its_sender or "both" in (sender, its_sender)):
                 yield f"{other} and {name} have the same id"
 

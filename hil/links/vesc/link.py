@@ -9,7 +9,7 @@ command << 8 | controller; a command takes one frame, with one big-endian int32.
     SET_RPM          3   ERPM x 1               STATUS_5  27   tachometer (6 a turn of the field), volts x 10
     SET_CURRENT_REL 10   fraction x 100 000     PING 17, PONG 18
 
-(The document's table says that SET_RPM is in 1/1000; its own example and the firmware take whole ERPM.)
+(In the document's table SET_RPM is in 1/1000; its own example and the firmware take whole ERPM.)
 
 1100 to 1900 us are -1 to +1 of the quantity that `command` chooses, exact to 1 us; beyond is clamped.
 "No pulse", and all thrusters if not armed, are SET_CURRENT 0: it releases the motor, where duty 0 brakes it.

@@ -75,7 +75,7 @@ def line_bits(data: bytes, on_can: bool) -> int:
 
 
 class Tally:
-    """Counters of the faults in one direction: chunks, unless the name says bytes."""
+    """Counters of the faults in one direction: chunks, unless the name has bytes."""
 
     __slots__ = (
         "chunks", "corrupted_bytes", "disconnects", "dropped", "duplicated", "lost", "refused_bytes", "reordered",
