@@ -1,7 +1,7 @@
 """Simulate a slave's recording again and compare the vehicle's states bit by bit.
 
 A fresh simulation of the recorded scenario gets the recorded pulses, each from its step on, and what was done to the
-vehicle by hand is done again. What its sensors then say is made into messages as the slave did, and held against the
+vehicle by hand is done again. What its sensors measure is made into messages as the slave did, and held against the
 recorded ones byte by byte, in their order. Controller and thruster link are not run again: their part is in the pulses.
 """
 
@@ -20,7 +20,7 @@ from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation
 from sim.sensors.spread import spreads
 
-LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will say no more
+LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will measure no more
 # What a slave receives, or publishes without a request.
 COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
 NOT_SAMPLES = {
@@ -30,7 +30,7 @@ NOT_SAMPLES = {
 
 
 class Verdict(NamedTuple):
-    """`compared` messages of `steps` steps were the same; `difference` says what was not, "" if nothing."""
+    """`compared` messages of `steps` steps were the same; `difference` is what was not, "" if nothing."""
 
     compared: int
     steps: int
@@ -143,7 +143,7 @@ class _Repetition:
         return self._repeated.popleft() if self._repeated else ("", b"")
 
     def _step(self) -> None:
-        sample: Any  # the slave's sample_publisher knows no more of it either
+        sample: Any  # the slave's sample_publisher has no closer type either
         for topic, sample in self._simulation.step(self._pulses):
             stamped = sample._replace(time_ns=self._stamps.stamp(sample.time_ns))
             for name, payload in ros.encoder(topic)(stamped, self._prefix, *self._variances.get(topic, ())):

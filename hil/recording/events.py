@@ -34,7 +34,7 @@ def encode_failures(step: int, failures: Iterable[Failure]) -> bytes:
 
 
 def decode_event(data: bytes) -> dict[str, Any]:
-    """Return what `encode_...` said; empty if it is malformed."""
+    """Return what `encode_...` took; empty if it is malformed."""
     message = ros_message.decode(EVENTS.type, data)
     try:
         event = json.loads(message["data"]) if message else {}

@@ -1,6 +1,6 @@
 """Write an MCAP file that is valid after every flush, also when power is lost.
 
-An MCAP file ends with an index that says where everything is, so a file whose writer was killed has no end and most
+An MCAP file ends with an index of where everything is, so a file whose writer was killed has no end and most
 readers refuse it. Here each flush also writes the shortest end there is, "no index, 50 bytes", in the same system
 call; the next flush overwrites it, and only `close` writes the index. Schemas are "ros2msg" and messages "cdr", as
 rosbag2's own recorder has them.
@@ -26,7 +26,7 @@ _to_disk = getattr(os, "fdatasync", os.fsync)  # Linux'
 class Message(NamedTuple):
     """One message on a topic ("/uuv1/imu"): `data` in CDR, its number from its publisher, and two wall instants (ns).
 
-    `published_ns` is when it was sent, by the sender's clock, which may say anything; `logged_ns` when it came to the
+    `published_ns` is when it was sent, by the sender's clock, which may be anywhere; `logged_ns` when it came to the
     recorder.
     """
 

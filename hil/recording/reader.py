@@ -44,7 +44,7 @@ def read_messages(path: str) -> Iterator[Message]:
 
 
 def read_about(path: str) -> About:
-    """Return what the recording says about its run. Raises ConfigError, MissingExtraError."""
+    """Return what the recording has about its run. Raises ConfigError, MissingExtraError."""
     require_library()
     from mcap.records import Attachment, Chunk, Metadata
 

@@ -64,7 +64,7 @@ class Recorder:
     `about` and `attachments` (name -> text) stand at the beginning of every file. `source` is asked ten times a second,
     and at the end, for what has come since, which costs less than to `put` it. `report` is called when recording ends
     before it was asked to; both in the recorder's thread. `written` counts messages, `lost` those that came faster
-    than the disk took them; `failure` says why recording ended early. Raises ConfigError, MissingExtraError.
+    than the disk took them; `failure` is why recording ended early. Raises ConfigError, MissingExtraError.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class Recorder:
             self._finish()
         except OSError as error:
             self._fail(f"{error.strerror}; free some space, or record less")
-        except Exception as error:  # noqa: BLE001 - of which nobody would hear: a thread dies in silence
+        except Exception as error:  # noqa: BLE001 - nobody would see it: a thread ends without a message
             self._fail(f"{type(error).__name__}: {error}; that is a fault of uuv-hil, please report it")
 
     def _drain(self, now: int, is_last: bool = False) -> None:
@@ -144,7 +144,7 @@ class Recorder:
         due_ns = to_wall_ns(now) - HOLD_NS
         due = len(messages) if is_last else bisect_right(messages, due_ns, key=_log_time)
         # What is far ahead has the time of a clock that was set: nothing to wait for. Ahead of this instant: on a busy
-        # machine a second may have gone by since `now`.
+        # machine a second may have passed since `now`.
         ahead = bisect_left(messages, to_wall_ns(now_ns()) + NS_PER_S, lo=due, key=_log_time)
         self._held = messages[due:ahead]
         self._write(messages[:due] + messages[ahead:])
@@ -212,7 +212,7 @@ class Recorder:
 
 
 def describe(scenario: Scenario, role: str, **more: str) -> tuple[dict[str, str], dict[str, str]]:
-    """Return what a recording says about its run, and the scenario's files as they are: `about` and `attachments`."""
+    """Return what a recording has about its run, and the scenario's files as they are: `about` and `attachments`."""
     import sys
 
     about = {

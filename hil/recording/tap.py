@@ -1,6 +1,6 @@
 """Receive everything that vehicles publish and are sent, at low cost, for recorders and displays.
 
-A tap visits each slave (or a router), and so hears also the commands that a slave gets from others. Many vehicles send
+A tap visits each slave (or a router), and so also gets the commands that others send a slave. Many vehicles send
 thousands of messages a second; a thread that wakes for each would take more of the processor than all the rest, so they
 are fetched in batches, and the library notes when each came.
 """
@@ -36,7 +36,7 @@ DEPTH = 1 << 14  # messages of one endpoint that may wait; beyond it the oldest 
 MOST_NAMES = 4096  # publishers, keys and topics that are remembered; the oldest is forgotten: anybody can make names
 LINKS = 64  # news of links that may wait
 RETRY_S = 0.2
-PATIENCE_NS = 5 * NS_PER_S  # until it is said first that somebody is not there
+PATIENCE_NS = 5 * NS_PER_S  # until it is reported first that somebody is not there
 COMPLAINT_PERIOD_NS = 60 * NS_PER_S
 
 
@@ -69,7 +69,7 @@ class _Line:
         self.news = session.info.declare_link_events_listener(zenoh.handlers.RingChannel(LINKS), history=True)
         history = HistoryConfig(detect_late_publishers=True)
         latched = [topic.full_name("*") for topic in TOPICS.values() if topic.qos.latched]
-        self._subscribers: list[Any] = [  # their type does not say that `try_recv` is theirs
+        self._subscribers: list[Any] = [  # their type does not declare `try_recv`
             session.declare_subscriber(f"{dialect.domain()}/**", zenoh.handlers.RingChannel(DEPTH)),
             # What comes by both is dropped as the same.
             *[
@@ -95,7 +95,7 @@ class _Line:
         """Make messages with this key cheaper, on the wire and here.
 
         Of a declared key the library remembers the subscribers, which it otherwise seeks again for each message. And a
-        publisher, through which nothing is ever said, tells the other end a number for the key, which then comes in
+        publisher, through which nothing is ever sent, gives the other end a number for the key, which then comes in
         place of the text: 100 bytes less of 240.
         """
         if key not in self._known and len(self._known) < MOST_NAMES:

@@ -1,6 +1,6 @@
 """Common Data Representation, the bytes of ROS 2 messages: little-endian XCDR1 (OMG DDS-XTypes 1.3, 7.4.1).
 
-A message is four bytes that say so, then its fields, each aligned to its own size counted from the fifth
+A message is four bytes of header, then its fields, each aligned to its own size counted from the fifth
 byte. Where only the lengths of strings vary, `Layout` compiles the whole message into one `struct` for each
 set of lengths; `Writer` and `Reader` go field by field for what holds sequences of strings.
 """

@@ -268,7 +268,7 @@ class Diagnostics:
     # The network
     may_command = _texts("names of the certificates that may command; not reported without [security]")
     may_listen = _texts("names of the certificates that may listen; not reported without [security]")
-    commanded_by = _text("identifier of the master that is obeyed now; empty if none")
+    commanded_by = _text("identifier of the active master; empty if none")
     commander = _text("who that is")
     masters = _texts("masters that are there")
     observers = _integer("", "observers that are there")
@@ -278,7 +278,7 @@ class Diagnostics:
     services_oversized = _counter("calls that were refused unread, as the request was too large")
     services_dropped = _counter("calls that were dropped, as too many waited")
     pings_dropped = _counter("clock comparisons that were not answered, as there were too many")
-    clock_offset_ms = _number("ms", 4, "clock of the master that is obeyed, minus that of the slave")
+    clock_offset_ms = _number("ms", 4, "clock of the active master, minus that of the slave")
     clock_uncertainty_ms = _number("ms", 4, "uncertainty of that")
     clock_drift_ppm = _number("ppm", 2, "how fast it changes")
     clock_steps = _counter("times that it jumped")

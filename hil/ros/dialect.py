@@ -1,6 +1,6 @@
 """The ROS 2 domain and release that the vehicle uses on the network.
 
-One for the whole process, as with ROS itself. The domain is that of the scenario, [ros] domain; where that says nothing
+One for the whole process, as with ROS itself. The domain is that of the scenario, [ros] domain; where that has none
 the variable ROS_DOMAIN_ID, as ROS has it; else 0. All that has to do with one vehicle must be of one domain.
 """
 
@@ -12,7 +12,7 @@ from hil.common.errors import ConfigError
 Distro = Literal["humble", "jazzy", "kilted", "rolling"]
 FROM_ENVIRONMENT = -1
 MOST = 232  # as ROS 2 allows
-NO_HASH = "TypeHashNotSupported"  # what Humble says in place of the hash of a type
+NO_HASH = "TypeHashNotSupported"  # what Humble sends in place of the hash of a type
 
 _chosen: tuple[int, Distro] = (FROM_ENVIRONMENT, "jazzy")
 

@@ -95,7 +95,7 @@ def decode_dvl_twist(data: bytes) -> DvlSample:
 
 
 def altitude_of(sample: DvlSample) -> AltitudeSample:
-    """Return the distance to the seabed that a DVL tells; inf without bottom lock."""
+    """Return the distance to the seabed that a DVL reports; inf without bottom lock."""
     return AltitudeSample(sample.time_ns, sample.altitude if sample.locked else inf)
 
 

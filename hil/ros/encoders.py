@@ -2,7 +2,7 @@
 
 This is the one place where our frames (world NED, body FRD) and those of ROS (world ENU, body FLU, REP 103)
 meet: every encoder takes ours and sends theirs, every decoder gives ours back, or None for a malformed
-payload. Covariances are diagonals; 0 says "unknown", as in ROS, and -1 that something is not measured.
+payload. Covariances are diagonals; 0 means "unknown", as in ROS, and -1 that something is not measured.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -144,7 +144,7 @@ def decode_odometry(data: bytes) -> OdometrySample:
 
 
 def encode_transform(sample: OdometrySample, frame: str = "odom", child: str = "base_link") -> bytes:
-    """tf2_msgs/TFMessage of one transform: where `child` is in `frame`, as the sample says."""
+    """tf2_msgs/TFMessage of one transform: where `child` is in `frame`, by the sample."""
     struct, (size, name, child_size, child_name) = _TRANSFORMS.named((frame, child))
     time_ns, (north, east, down), (w, x, y, z), _ = sample
     return struct.pack(
@@ -264,7 +264,7 @@ def encoder(topic: str) -> Encoder:
     """Return what turns the simulator's samples called `topic` into messages, each with the topic it goes out on.
 
     Its second argument is set before the names of the vehicle's frames ("uuv1/imu_link"), empty for none. Others are
-    the variances of what is measured, where `sim.sensors.spread` knows them, and `name` is the sensor's own.
+    the variances of what is measured, where `sim.sensors.spread` has them, and `name` is the sensor's own.
     """
     known = _ENCODERS.get(topic)
     if known is None:
@@ -282,13 +282,13 @@ def decoder(topic: str) -> Decoder | None:
 
 
 def introduce(topic: str, encode: Encoder, decode: Decoder) -> None:
-    """Let the samples of a sensor of a user's own go out and come in as its class says (hil.ros.own)."""
+    """Let the samples of a sensor of a user's own go out and come in by its class (hil.ros.own)."""
     _ENCODERS[topic] = encode
     _DECODERS[topic] = decode
 
 
 def _later(topic: str) -> Any:
-    """Return the module that knows the topic: loaded when the vehicle is ready, or never."""
+    """Return the module of the topic: loaded when the vehicle is ready, or never."""
     return import_module(f"hil.ros.{_ELSEWHERE.get(topic, 'sensors')}")
 
 

@@ -17,7 +17,7 @@ from hil.ros import dialect
 from hil.ros.encoders import dds_name
 from hil.ros.topics import Qos, Topic, hash_of
 
-ALL = "@ros2_lv/*/**"  # of all domains: `read_token` tells those of others from ours
+ALL = "@ros2_lv/*/**"  # of all domains: `read_token` distinguishes those of others from ours
 SUBSCRIPTIONS = "@ros2_lv/*/*/*/*/MS/**"  # of them those that are subscriptions
 Kind = Literal["NN", "MP", "MS", "SS", "SC"]  # node, publisher, subscription, service, client
 KINDS: dict[str, Kind] = {"NN": "NN", "MP": "MP", "MS": "MS", "SS": "SS", "SC": "SC"}
@@ -34,7 +34,7 @@ _numbers = count()  # of this process's nodes and endpoints, so that no two of a
 class Entity(NamedTuple):
     """One node, or one endpoint of a node. `node` and `topic` are whole names ("/uuv1", "/uuv1/imu").
 
-    `session` tells sessions apart, `node_id` and `ident` what is in one. A node has no topic, type and hash.
+    `session` distinguishes sessions, `node_id` and `ident` what is in one. A node has no topic, type and hash.
     """
 
     kind: Kind
@@ -55,7 +55,7 @@ def plain_name(name: str) -> str:
 
 
 def token(entity: Entity) -> str:
-    """Return the key that says so."""
+    """Return its key."""
     namespace, _, name = entity.node.rpartition("/")
     parts = ["@ros2_lv", str(dialect.domain()), entity.session, str(entity.node_id), str(entity.ident), entity.kind]
     parts += ["%", _mangle(namespace or "/"), name]
@@ -67,7 +67,7 @@ def token(entity: Entity) -> str:
 def read_token(key: str) -> Entity | None:
     """Return what `token` or rmw_zenoh made; None for any other key, and for another domain's.
 
-    What a newer rmw_zenoh may say behind the parts that are known here is left.
+    What a newer rmw_zenoh may add behind the parts that are known here is left.
     """
     parts = key.split("/")
     if len(parts) < _NODE_PARTS or parts[0] != "@ros2_lv" or parts[5] not in KINDS or not all(parts):
@@ -102,7 +102,7 @@ def qos_text(qos: Qos) -> str:
 
 
 def read_qos(text: str) -> Qos | None:
-    """Return what `qos_text` says; None if it is not of that form."""
+    """Return what `qos_text` encodes; None if it is not of that form."""
     fields = text.split(":")
     history, _, depth = fields[2].partition(",") if len(fields) >= 6 else ("", "", "none")
     if depth and not depth.isdecimal():
@@ -131,10 +131,10 @@ class Declarer(Protocol):
 
 
 class Node:
-    """A node of ours in the graph: `name` is its name, "uuv1". Declares itself, and its endpoints when told to.
+    """A node of ours in the graph: `name` is its name, "uuv1". Declares itself, and its endpoints on request.
 
-    It is there until `leave`, or the session's end. A process that speaks for the node of another gives what `identity`
-    says there as `of`: it declares endpoints of that node, and no second node of the same name.
+    It is there until `leave`, or the session's end. A process that acts for the node of another gives what `identity`
+    returns there as `of`: it declares endpoints of that node, and no second node of the same name.
     """
 
     def __init__(self, session: Declarer, name: str, of: Identity | None = None) -> None:

@@ -16,7 +16,7 @@ class JointStates(NamedTuple):
     """Thrusters, then fins, by their `names` in the vehicle's file, which are those of the URDF's joints.
 
     `efforts` are the thrusts (N), positive along their axes; 0 for a fin. `positions` are the deflections of fins
-    (rad); 0 for a thruster, the angle of whose shaft is not simulated. Empty positions say nothing of them.
+    (rad); 0 for a thruster, the angle of whose shaft is not simulated. Empty positions mean unknown.
     """
 
     time_ns: int

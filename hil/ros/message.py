@@ -56,7 +56,7 @@ def time_of(message: Message) -> int:
 
 
 def empty(type_name: str) -> Message:
-    """Return a message as it is when nothing is said. Raises ConfigError for an unknown type."""
+    """Return a message with its default values. Raises ConfigError for an unknown type."""
     message = decode(type_name, encode(type_name, {}))
     assert message is not None
     return message

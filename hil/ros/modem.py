@@ -1,7 +1,7 @@
 """Messages to and from a modem: std_msgs/UInt8MultiArray, whose one dimension is labelled by the sender.
 
-`modem_tx` is what a vehicle gives its modem, `modem_rx` what that has heard; `modem_range` (sensor_msgs/Range) how far
-the sender of the last message heard is, as the frame's name says.
+`modem_tx` is what a vehicle gives its modem, `modem_rx` what that received; `modem_range` (sensor_msgs/Range) how far
+the sender of the last message received is, by the frame's name.
 """
 
 from typing import NamedTuple

@@ -121,7 +121,7 @@ _FURTHER = {topic for topics in _SAMPLE_TOPICS.values() for topic in topics[1:]}
 
 ALL = "*"  # the topics of a node, but for pictures
 DESCRIPTIONS = ("robot_description", "map", "obstacles")  # made when somebody subscribes
-COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # what a vehicle obeys
+COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # topics of commands to a vehicle
 
 # REP 2016 hashes of the definitions in ROS 2 Jazzy; Humble's are the same but for Range, which had no variance.
 TYPE_HASHES = {
@@ -192,7 +192,7 @@ def add_further(name: str, first: str) -> None:
 
 
 def learn(topic: str, type_name: str, published: Mapping[str, str] = MappingProxyType({})) -> bool:
-    """Let a topic that a vehicle's node in the graph says be known, if it is like one of a sensor; False if not.
+    """Add a topic that a vehicle's node in the graph declares, if it is like one of a sensor; False if not.
 
     So does a process know further sensors whose scenario it has not read. `published` has the types of all topics of
     the node: of kinds with a topic of that type, it is the one that has most of its topics among them.
@@ -237,7 +237,7 @@ def hash_of(type_name: str) -> str:
         return dialect.NO_HASH
     digest = TYPE_HASHES.get(type_name)
     if digest is None:
-        from hil.ros import types  # what the vehicle says stands above
+        from hil.ros import types  # what the vehicle declares stands above
 
         digest = types.type_hash(type_name)
     return digest

@@ -21,7 +21,7 @@ PRIMITIVES = {
 class Field(NamedTuple):
     """One field: `type` a primitive or the full name of a message; `length` of an array, 0 of a sequence, else None.
 
-    `default` is what it is if nothing is said, where that is not 0; `most` the length of a bounded sequence, else 0.
+    `default` is its value if nothing is set, where that is not 0; `most` the length of a bounded sequence, else 0.
     """
 
     name: str
