@@ -1,6 +1,6 @@
 """ArduPilot in the loop by its JSON interface: it sends servo packets, each is answered by the vehicle's state.
 
-ArduPilot waits for every answer, so that time in it is what the answers say. In lockstep the simulation in turn takes
+ArduPilot waits for every answer, so that its time is that of the answers. In lockstep the simulation in turn takes
 one step a packet. In real time the simulation goes on by itself: a packet is answered at once with the newest state if
 that is newer than the last answer, else by the next step.
 """

@@ -18,7 +18,7 @@ from sim.sensors.samples import OdometrySample
 CHECK_NS = NS_PER_S // 10  # between two checks
 STALL_NS = NS_PER_S  # without an answer in lockstep: said once
 SILENT_NS = NS_PER_S // 5  # without outputs: thrusters neutral, as PX4's own simulators do
-ABSENT_NS = 10 * NS_PER_S  # without any sign of an autopilot: said once, and again after that time
+ABSENT_NS = 10 * NS_PER_S  # without any sign of an autopilot: reported once, and again after that time
 
 Report = Callable[[str], None]
 
@@ -27,7 +27,7 @@ class Outputs(NamedTuple):
     """The outputs that an autopilot requests.
 
     `pwm_us` are pulse widths in microseconds, one an output channel of the autopilot; 0 is no output. `armed` is None
-    where the interface does not say. `received_ns` (monotonic) is when they came in.
+    where the interface has none. `received_ns` (monotonic) is when they came in.
     """
 
     pwm_us: tuple[int, ...]
@@ -67,7 +67,7 @@ class Autopilot(ABC):
     @property
     @abstractmethod
     def connected(self) -> bool:
-        """Return whether it has sent outputs, and has not gone since."""
+        """Return whether it has sent outputs, and has not been lost since."""
 
     @abstractmethod
     def update_sensor(self, topic: str, sample: Any) -> None:

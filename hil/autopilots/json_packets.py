@@ -46,7 +46,7 @@ class JsonState(NamedTuple):
 
 
 def decode_servos(packet: bytes) -> ServoPacket | None:
-    """Return what a servo packet says; None for anything else."""
+    """Return the contents of a servo packet; None for anything else."""
     layout = _LAYOUTS.get(len(packet))
     if layout is None:
         return None

@@ -1,4 +1,4 @@
-"""Turn each motor of a frame alone in the simulation, and tell which way the vehicle goes."""
+"""Turn each motor of a frame alone in the simulation, and report which way the vehicle goes."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -18,7 +18,7 @@ OUTPUTS = 16
 class MotorResult(NamedTuple):
     """Result of a motor test: motor `number` (from 1) turned `thruster`, and the vehicle went `push`.
 
-    The pulse width of the test is above neutral. `expected` is where the frame says it goes, "" for a custom one;
+    The pulse width of the test is above neutral. `expected` is where it goes by the frame, "" for a custom one;
     `agrees` is whether it did.
     """
 
@@ -65,6 +65,6 @@ def _moved(scenario: Scenario, vehicle: Vehicle, pulses: Sequence[int]) -> list[
 
 
 def _agrees(row: Sequence[float], push: Sequence[float]) -> bool:
-    """Return whether forces and torques go the same way; a row without one of them says nothing of it."""
+    """Return whether forces and torques go the same way; a row without one of them shows nothing of it."""
     products = [sum(a * b for a, b in zip(row[part], push[part], strict=True)) for part in (slice(0, 3), slice(3, 6))]
     return all(product > 0.0 for product, part in zip(products, (row[:3], row[3:]), strict=True) if any(part))

@@ -7,7 +7,7 @@ from hil.autopilots.frames import MotorMap
 from hil.common.clock import NS_PER_S
 from hil.links.contract import PWM_NEUTRAL_US
 
-WRONG_FRAME_NS = 2 * NS_PER_S  # that outputs have to contradict the frame before it is said
+WRONG_FRAME_NS = 2 * NS_PER_S  # that outputs have to contradict the frame before it is reported
 
 
 class Pulses(NamedTuple):

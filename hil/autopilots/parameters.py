@@ -31,8 +31,8 @@ _POSITIONS: dict[str, Parameters] = {
     "dvl": _EXTERNAL,
     "gps": {"SIM_GPS1_ENABLE": 0.0, "GPS1_TYPE": 14.0},  # 14: by MAVLink
 }
-# What an autopilot knows the place of a sensor by, each followed by X, Y or Z in m. Its own simulated GPS is at the
-# body origin, and so is what a navigation solution says. PX4's antenna: before and since 1.18.
+# Parameters of an autopilot for the place of a sensor, each followed by X, Y or Z in m. Its own simulated GPS is at the
+# body origin, and so is a navigation solution. PX4's antenna: before and since 1.18.
 _PLACES: dict[str, dict[str, tuple[str, ...]]] = {
     "ardupilot": {
         "imu": ("INS_POS1_", "INS_POS2_", "INS_POS3_"), "altimeter": ("RNGFND1_POS_",), "dvl": ("VISO_POS_",),
@@ -40,7 +40,7 @@ _PLACES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "px4": {"imu": ("EKF2_IMU_POS_",), "gps": ("EKF2_GPS_POS_", "SENS_GPS0_OFF")},
 }  # fmt: skip
-_BY_POSITIONS = ("dvl", "gps")  # sensors that ArduPilot hears of only where [autopilot] positions says so
+_BY_POSITIONS = ("dvl", "gps")  # sensors that ArduPilot gets only where [autopilot] positions says so
 
 
 def read_parameters(path: str) -> dict[str, float]:

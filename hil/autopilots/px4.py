@@ -27,7 +27,7 @@ CLOCK_START_US = 1_000_000  # PX4 takes 0 for no time
 TRUTH_PERIOD_NS = NS_PER_S // 50
 RC_PERIOD_NS = NS_PER_S // 50
 BEAT_NS = NS_PER_S
-BEAT_LOST_NS = 3 * NS_PER_S  # a board that sends nothing for so long has gone
+BEAT_LOST_NS = 3 * NS_PER_S  # a board that sends nothing for so long is lost
 UNREADABLE_BYTES = 2000  # that make no packet, before the baud rate is doubted
 MOST_READS = 64  # of the wire at once
 

@@ -49,7 +49,7 @@ class Commanding:
         return [entity for key in keys if (entity := graph.read_token(key))]
 
     def subscribe(self, topic: str) -> None:
-        """Say in the graph that a topic of a vehicle is subscribed to: what describes the vehicle is made then."""
+        """Declare in the graph a subscriber of a vehicle's topic: what describes the vehicle is made then."""
         _, node, name = [*topic.split("/", 2), "", ""][:3]
         if name in DESCRIPTIONS and node in self._fleet.names:
             self._vehicle(node).client.announce(name)

@@ -49,7 +49,7 @@ class SendQueue:
         """Wait for something, and send all there is; a client that does not read holds up nobody but itself.
 
         Raises TimeoutError (asyncio's) when a message could not be sent in STALLED_S, ConnectionError when the client
-        has gone.
+        is closed.
         """
         await self._wake.wait()
         self._wake.clear()

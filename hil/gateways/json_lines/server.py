@@ -65,5 +65,5 @@ def _refuse(opened: socket.socket) -> None:
         opened.settimeout(0)
         try:
             opened.sendall(encode({"id": None, "ok": False, "error": problem}))
-        except OSError:  # it has gone already
+        except OSError:  # it has closed already
             return

@@ -31,7 +31,7 @@ class CameraInfo(NamedTuple):
 
 
 def mjpeg(address: str) -> Stream:
-    """Return the stream of MJPEG over HTTP, for which MAVLink has no word: the address says it."""
+    """Return the stream of MJPEG over HTTP, for which MAVLink has no field: the address has it."""
     kind, encoding = dialect.VIDEO_STREAM_TYPE_RTSP, dialect.VIDEO_STREAM_ENCODING_UNKNOWN
     return Stream("MJPEG", address, kind, encoding)
 

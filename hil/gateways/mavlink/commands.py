@@ -16,7 +16,7 @@ REJECTED: int = dialect.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = dialect.MAV_RESULT_DENIED
 UNSUPPORTED: int = dialect.MAV_RESULT_UNSUPPORTED
 FAILED: int = dialect.MAV_RESULT_FAILED
-FORCE = 21196.0  # param2 of arming and disarming: whatever the checks say
+FORCE = 21196.0  # param2 of arming and disarming: whatever the checks find
 
 
 class CommandRequest(NamedTuple):

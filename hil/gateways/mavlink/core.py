@@ -22,7 +22,7 @@ from sim.sensors.geodesy import TangentPlane
 LOST_NS = 3 * NS_PER_S  # a vehicle that is away for longer is disarmed
 DRIVE_NS = NS_PER_S // 20  # between two commands to the vehicle
 URGENT_NS = NS_PER_S // 100  # the same, where a stick has moved
-ARMING_NS = 9 * NS_PER_S // 5  # that the slave may take to say that it obeys
+ARMING_NS = 9 * NS_PER_S // 5  # that the slave may take to report that it is armed
 WARNING, NOTICE, ERROR, CRITICAL = 4, 5, 3, 2
 Settled = Callable[[int], None]  # gets the MAV_RESULT of arming
 

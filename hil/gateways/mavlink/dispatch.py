@@ -56,7 +56,7 @@ class Dispatcher:
         self.core, self.picture = core, picture
         self.signing = signing or SigningKey()
         self.peers: dict[int, Peer] = {}
-        self.stale = False  # whether what is being read has waited too long to be obeyed
+        self.stale = False  # whether what is being read has waited too long to be executed
         self._ftp, self._logs = ftp, logs
         self._commands = Commands(core)
         self._text_number = 0

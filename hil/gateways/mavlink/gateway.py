@@ -18,7 +18,7 @@ from hil.gateways.mavlink.snapshot import Origin, VehiclePort
 from hil.scenario.mavlink_records import Mavlink
 
 TICK_NS = NS_PER_S // 50
-STALL_NS = NS_PER_S // 2  # after which sticks and targets that have come meanwhile are too old to be obeyed
+STALL_NS = NS_PER_S // 2  # after which sticks and targets that have come meanwhile are too old to be executed
 
 Clock = Callable[[], int]
 

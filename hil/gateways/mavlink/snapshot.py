@@ -25,7 +25,7 @@ class Echo(NamedTuple):
 class Snapshot(NamedTuple):
     """Newest samples of the vehicle; None where it has no such sensor, or that is silent.
 
-    `state` is the navigation solution (NED, FRD). `pulses` are in us, `motors` what the slave knows of each channel.
+    `state` is the navigation solution (NED, FRD). `pulses` are in us, `motors` what the slave reports of each channel.
     `sensors` are the topics that it sends.
     """
 
@@ -63,7 +63,7 @@ class VehiclePort(Protocol):
         """Return why it would not obey us, and the remedy; "" if it would."""
 
     def arm(self) -> None:
-        """Let the slave take commands again, if it was disarmed; `refusal` says when it does."""
+        """Let the slave take commands again, if it was disarmed; `refusal` shows when it does."""
 
     def disarm(self) -> None:
         """Make the slave refuse all commands."""

@@ -17,7 +17,7 @@ from hil.ros.frames import encode_wrench
 from sim.sensors.extra_samples import BatterySample, FixSample
 
 TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak", "motors")
-STALE_S = 1.0  # after which a vehicle whose position does not come counts as gone
+STALE_S = 1.0  # after which a vehicle whose position does not come counts as lost
 SLOW_STALE_S = 3.0  # the same of what comes once a second
 DVL_REACH = 0.05, 200.0  # m: its messages do not say it
 REFRESH_S = 5.0  # between two queries of the slave's sensors and parameters
@@ -51,7 +51,7 @@ class NetworkVehicle:
         self._thread.join(5.0)
 
     def snapshot(self) -> Snapshot | None:
-        """Return its newest samples; None while it is not there, or has not said what it has."""
+        """Return its newest samples; None while it is not there, or has not reported what it has."""
         client = self._client
         odometry = client.latest.get("odom")
         if not client.contact.present or odometry is None or odometry.age_s > STALE_S or not self._is_known:

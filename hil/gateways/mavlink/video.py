@@ -81,7 +81,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             video.on_viewer()
             self._stream(video)
-        except OSError:  # the viewer has gone
+        except OSError:  # the viewer has closed
             return
         finally:
             with video.changed:

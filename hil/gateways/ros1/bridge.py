@@ -64,7 +64,7 @@ class Ros1Bridge(ServerThread):
     """Serves vehicles to the ROS 1 network of `master`, as the node `name`, in a thread of its own. Use as a context.
 
     With `may_command` it takes commands, offers services, and sets parameters. `report` gets lines for a person, in
-    that thread. `ended` says why another node has asked it to end. Raises NetworkError when a port is taken.
+    that thread. `ended` is why another node has asked it to end. Raises NetworkError when a port is taken.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Ros1Bridge(ServerThread):
         self._do(self._subscribe(topic))
 
     async def _subscribe(self, topic: str) -> None:
-        """Say on the vehicle's network that a topic is subscribed to."""
+        """Declare on the vehicle's network a subscriber of a topic."""
         try:
             await asyncio.to_thread(self._commanding.subscribe, topic)
         except HilError as error:

@@ -99,7 +99,7 @@ class Node:
             self.master.add(Item("Service", name, service.name))
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve a connection; one that says nothing proper gets the reason in a header, and is closed."""
+        """Serve a connection; one that sends nothing proper gets the reason in a header, and is closed."""
         self._connections += 1
         try:
             if self._connections > MOST_CONNECTIONS:
@@ -113,7 +113,7 @@ class Node:
                 writer.write(encode_header({"error": str(error)}))
                 await asyncio.wait_for(writer.drain(), xmlrpc.CALL_S)
         except (OSError, asyncio.IncompleteReadError, asyncio.TimeoutError):
-            pass  # it has gone
+            pass  # it has closed
         finally:
             self._connections -= 1
             writer.close()

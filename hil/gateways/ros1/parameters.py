@@ -1,6 +1,6 @@
 """Parameters of vehicles on the parameter server of ROS 1: gains.surge.p of uuv1 is /uuv1/gains/surge/p there.
 
-What vehicles have is written there, whenever it changes. Who may command sets them there, too: the master tells of it,
+What vehicles have is written there, whenever it changes. Who may command sets them there, too: the master reports it,
 and a value that the vehicle refuses is replaced by the one it has.
 """
 

@@ -106,6 +106,6 @@ class Publication:
 
 
 async def _until_closed(reader: asyncio.StreamReader) -> None:
-    """Wait until a peer closes the connection; what it sends is nothing that TCPROS knows."""
+    """Wait until a peer closes the connection; what it sends is not part of TCPROS."""
     while await reader.read(4096):
         pass

@@ -23,7 +23,7 @@ class LogProtocol:
         self._sending: tuple[Partner, Iterator[Any]] | None = None
 
     def list_logs(self, packet: Any) -> list[Any]:
-        """Return LOG_ENTRY of those asked for; one that says there is none without logs."""
+        """Return LOG_ENTRY of those asked for; one with a count of 0 without logs."""
         logs = self._logs()
         if not logs:
             return [dialect.MAVLink_log_entry_message(0, 0, 0, 0, 0)]

@@ -69,7 +69,7 @@ GATEWAY: dict[str, Parameter] = {
 class ParameterTable:
     """All parameters by name. `slave` gives those of the slave, `set_slave` begins to set one of them.
 
-    `path` is the file of stored ones ("": none). What does not fit there is left at its default, and `faults` says so.
+    `path` is the file of stored ones ("": none). What does not fit there is left at its default, and `faults` names it.
     """
 
     def __init__(
