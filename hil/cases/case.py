@@ -24,7 +24,7 @@ class Case(ABC):
     """One experiment.
 
     `scenario` is a preset; `title` a headline, `paper` what the paper shows, `method` how it is done here where that
-    needs saying, `criterion` what success is.
+    needs explanation, `criterion` what success is.
     """
 
     name: str

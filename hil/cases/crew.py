@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class Crew:
     """Processes of `uuv-hil`, one for each of `programs` (name and arguments), which end with the `with`.
 
-    What one says goes into NAME.log in `folder`. Ctrl-C in the terminal reaches only the process that started them.
+    The output of one goes into NAME.log in `folder`. Ctrl-C in the terminal reaches only the process that started them.
     """
 
     def __init__(self, programs: Mapping[str, Sequence[str]], folder: str) -> None:
@@ -45,7 +45,7 @@ class Crew:
         return [process.pid for process in self._running.values()]
 
     def check(self) -> None:
-        """Raise NetworkError, with the last it said, if one has ended."""
+        """Raise NetworkError, with its last output, if one has ended."""
         for name, process in self._running.items():
             if not process.running:
                 raise NetworkError(f"{name} ended with exit code {process.wait(0.0)}: {process.last_words}")

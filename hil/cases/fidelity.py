@@ -17,7 +17,7 @@ from hil.cases.record import Run, Track
 class Fidelity(NamedTuple):
     """HIL against SIL. Lengths in m, time in s; `length`, `time` and `energy` as shares of SIL's.
 
-    `path_*` tell how far the places of the HIL track are from the SIL track, wherever on it, of the vehicle for which
+    `path_*` are how far the places of the HIL track are from the SIL track, wherever on it, of the vehicle for which
     that is worst; `clearance` is HIL's least minus SIL's.
     """
 

@@ -15,7 +15,7 @@ Mode = Literal["sil", "hil"]
 class Result(NamedTuple):
     """One flight in numbers: s, m, J, shares of one core, ms. What was not measured or does not apply is nan.
 
-    `success` is the case's own criterion, and that nothing of sim/run_events.py befell a vehicle but what its scenario
+    `success` is the case's own criterion, and that no vehicle had an event of sim/run_events.py but what its scenario
     allows; `events` are what did, in words. `path_length` is what was travelled, of all vehicles together, `optimum`
     the shortest way that the vehicle's size allows (no margin), `ratio` the first over the second. `least_clearance` is
     from the middle of the vehicle to the nearest obstacle; a vehicle that touched one, or came nearer than its radius,

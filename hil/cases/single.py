@@ -74,7 +74,7 @@ class SingleCase(Case):
         return {}
 
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
-        """Fly once, as `Case.fly` says."""
+        """Fly once, as `Case.fly` documents."""
         changes, world = self.vary(seed)
         listen = f"tcp/127.0.0.1:{free_ports(1)[0]}"
         file = write_variant(self.scenario, folder, {**changes, "seed": seed, "slave.listen": listen}, world)
@@ -165,7 +165,7 @@ def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str]
 
 
 def _telemetry(client: VehicleClient) -> tuple[Sequence[int], Any]:
-    """Return the pulses as the slave last told them, once a second, and the newest sample of the battery."""
+    """Return the pulses as the slave last reported them, once a second, and the newest sample of the battery."""
     battery = client.latest.get("battery")
     return client.diagnostics().pwm_us or (), battery and battery.value
 

@@ -62,7 +62,7 @@ class TargetHunting(Case):
     )
 
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
-        """Hunt once, as `Case.fly` says. The seed varies all noise, of sensors and of localisation."""
+        """Hunt once, as `Case.fly` documents. The seed varies all noise, of sensors and of localisation."""
         members = {"member": members_on_free_ports(self.scenario)} if mode == "hil" else {}
         file = write_variant(self.scenario, folder, {"seed": seed, **members})
         scenario = load_scenario(file)

@@ -20,5 +20,5 @@ class Viewer:
         return nullcontext(lambda _: None)
 
     def show_slaves(self, _scenario: Scenario) -> AbstractContextManager[None]:
-        """Show the slaves of a flight over the network: where its scenario says that they listen."""
+        """Show the slaves of a flight over the network: where they listen by its scenario."""
         return nullcontext()

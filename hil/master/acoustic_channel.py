@@ -1,6 +1,6 @@
 """Simulate the modem channel of a fleet on the network: deliver on `modem_rx` what vehicles send on `modem_tx`.
 
-The simulator knows the true pose of every vehicle; the vehicles do not. Messages arrive after their travel time, or
+The simulator has the true pose of every vehicle; the vehicles do not. Messages arrive after their travel time, or
 are lost.
 """
 
@@ -20,7 +20,7 @@ from sim.modems.optical_channel import Pose
 
 TICK_S = 0.005  # how exactly a message is handed over in time
 QUEUE = 16
-REACH_M = 1e4  # what a distance is said to be below
+REACH_M = 1e4  # the upper bound that is sent with each distance
 
 
 class ModemNetwork:
@@ -78,7 +78,7 @@ class ModemNetwork:
     def _hand_over(self, packet: Packet) -> None:
         now = to_wall_ns(now_ns())
         self._received[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
-        if packet.distance == packet.distance:  # light tells none
+        if packet.distance == packet.distance:  # light has none
             self.ranges[packet.receiver, packet.sender] = packet.distance
             self._measured[packet.receiver].put(encode_range(now, packet.sender, packet.distance, REACH_M), now)
 

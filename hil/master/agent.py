@@ -1,6 +1,6 @@
 """Run the planner of one vehicle of a fleet: command the vehicle, exchange reports with its neighbours.
 
-No other process leads it: what it knows of the others is what their planners say on the topic `formation`, or what
+No other process leads it: what it has of the others is what their planners publish on the topic `formation`, or what
 the modem of a scenario that has one lets through of it; `formation` is then for those who look on.
 """
 
@@ -40,7 +40,7 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
     """Run the planner of the member `which` until `stop_fd` becomes readable.
 
     Waits up to `wait` s for the vehicle. Raises ConfigError, NetworkError, and MissionError if something of
-    sim/run_events.py befell the vehicle that the scenario does not allow.
+    sim/run_events.py happened to the vehicle that the scenario does not allow.
     """
     if scenario.security and scenario.modem:
         raise ConfigError(
@@ -100,7 +100,7 @@ def _modem(session: Session, scenario: Scenario, number: int, planner: HuntPlann
 
 
 def _wait(client: VehicleClient, stop_fd: int, seconds: float) -> bool:
-    """Wait for odometry; return False when told to stop. Raises NetworkError when none arrives."""
+    """Wait for odometry; return False when stopped. Raises NetworkError when none arrives."""
     deadline = now_ns() + seconds_ns(seconds)
     while "odom" not in client.latest:
         if select.select((stop_fd,), (), (), 0.02)[0]:
@@ -186,7 +186,7 @@ class _Agent:
             self._report(f"{time:6.1f} s  {self._planner.progress:4.0%} of the plan, {self._planner.status}")
 
     def _is_lost(self, age_s: float) -> bool:
-        """Return whether the vehicle says nothing; then the plan's clock stands.
+        """Return whether the vehicle sends nothing; then the plan's clock stands.
 
         Raises NetworkError if it stays away.
         """

@@ -50,7 +50,7 @@ class Outcome(NamedTuple):
     """Result of a mission; times in s, lengths in m.
 
     `cpu_s` is processor time of the whole master while flying, `planner_cpu_s` that of the planner alone. `path_length`
-    is that of the planner's first path, `cross_track_max` and `cross_track_rms` tell how far the vehicle truly was from
+    is that of the planner's first path, `cross_track_max` and `cross_track_rms` are how far the vehicle truly was from
     the path it was on, `least_clearance` how near its middle came, on the level, to an obstacle or to ground that its
     lower end would touch. What does not apply is nan. `reached` is the planner's own word; `events` (times from the
     start) are what went wrong on the way, of which those of the kinds in `allow` were expected.
@@ -218,7 +218,7 @@ class Flight:
     def outcome(self, duration: float, cpu_s: float, reason: str = "", events: Sequence[RunEvent] = ()) -> Outcome:
         """Return the summary of a flight of `duration` s and `cpu_s` s of processor; `reason` if it was ended.
 
-        `events` are what the vehicle itself knows to have gone wrong, times from the start.
+        `events` are what went wrong as the vehicle itself reported it, times from the start.
         """
         goal = self._master.goal
         return Outcome(
@@ -238,7 +238,7 @@ class Flight:
         )
 
     def _subscribed(self, samples: Samples) -> Samples:
-        """Return what the planner listens to: with a simulator in the same process there may be more."""
+        """Return what the planner subscribes to: with a simulator in the same process there may be more."""
         wanted = ("odom", *self.planner.subscriptions)
         return ReceivedSamples({topic: samples[topic] for topic in samples if ALL in wanted or topic in wanted})
 

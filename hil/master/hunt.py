@@ -1,7 +1,7 @@
 """The planner of one vehicle in a hunt: its own navigation and its neighbours' reports in, a velocity out.
 
-It knows the plan agreed on before the dive, its own noisy position, and what the neighbours within the range of
-communication say. It sets out when all who begin next to it have been heard.
+It has the plan agreed on before the dive, its own noisy position, and what the neighbours within the range of
+communication report. It sets out when all who begin next to it have reported.
 """
 
 from math import dist
@@ -108,7 +108,7 @@ class HuntPlanner(Planner):
         return command._replace(depth=self._depth)
 
     def report(self) -> bytes:
-        """Return what to tell the neighbours; nothing (b"") before the first command."""
+        """Return the report to the neighbours; nothing (b"") before the first command."""
         return encode_formation(self._here._replace(clock_ns=seconds_ns(self.clock))) if self._here else b""
 
     def modem_report(self) -> bytes:

@@ -19,7 +19,7 @@ FINAL_FIGURES_S = 3.0  # that the vehicle's figures of the time after the flight
 POLL_S = 0.02
 STOPPED = "stopped by the user"
 _NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel", "plan")
-PLAN_PERIOD_S = 1.0  # of telling others the planned path again, for those who come later
+PLAN_PERIOD_S = 1.0  # of publishing the planned path again, for late joiners
 
 
 class Mission:
@@ -45,7 +45,7 @@ class Mission:
     def fly(self, stop_fd: int) -> Outcome:
         """Fly until the planner is done, the time limit or a stop signal.
 
-        Raises NetworkError when the vehicle stays away, says nothing of where it is, or does not obey.
+        Raises NetworkError when the vehicle stays away, does not report where it is, or does not obey.
         """
         began, cpu_began = now_ns(), time.process_time()
         schedule = RateKeeper(self._period_ns, began)
@@ -77,7 +77,7 @@ class Mission:
             self._progress.print_line(f"{self._client.node} last reported its contacts and link {age:.1f} s ago")
 
     def _events(self, began: int, duration: float) -> list[RunEvent]:
-        """Return what the vehicle says went wrong before the flight's end."""
+        """Return what went wrong by the vehicle's events before the flight's end."""
         ended = seconds_ns(duration)
         events = [event for event in self._client.run_events(began) if event.start_ns <= ended]
         return [event._replace(duration_ns=min(event.end_ns, ended) - event.start_ns) for event in events]
@@ -139,6 +139,6 @@ class Mission:
             self._odometry_s = max(elapsed - age, 0.0)
 
     def _samples(self) -> dict[str, Any]:
-        """Return what the vehicle's sensors say; the truth and figures of health are none of a planner's business."""
+        """Return the samples of the vehicle's sensors, without truth and figures of health: no planner uses them."""
         latest = self._client.latest.copy()  # the readers add to it
         return {topic: stamped.value for topic, stamped in latest.items() if topic not in _NOT_SENSED}

@@ -1,7 +1,7 @@
 """The interface of a planner: samples and time in, a command out.
 
 The same object runs in `uuv-hil sim` (software in the loop), in `uuv-hil master` over the network (hardware in the
-loop), and before a real vehicle that listens to `cmd_vel`: it gets samples and the time, and returns a command. It has
+loop), and before a real vehicle that takes `cmd_vel`: it gets samples and the time, and returns a command. It has
 no I/O and no clock of its own. The scenario names it, with the keys its class takes:
 
     [planner]
@@ -29,7 +29,7 @@ Samples = Mapping[str, Any]
 
 
 class ReceivedSamples(dict[str, Any]):
-    """The samples received so far. A topic of which nothing came yet is a KeyError that says so; `get` gives None."""
+    """The samples received so far. A topic of which nothing came yet is a KeyError that names it; `get` gives None."""
 
     def __missing__(self, topic: str) -> Any:
         raise KeyError(

@@ -123,7 +123,7 @@ class RecordedClient(VehicleClient):
 
 @contextmanager
 def recorded(client: RecordedClient, scenario: Scenario, folder: str, report: Callable[[str], None]) -> Iterator[None]:
-    """Record what `client` receives and commands in `folder`/recording, if the scenario says so.
+    """Record what `client` receives and commands in `folder`/recording, if the scenario wants it.
 
     `report` is called if the recording ends before the flight. Raises ConfigError, MissingExtraError.
     """

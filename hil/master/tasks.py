@@ -9,9 +9,9 @@
     at = [5.0, 5.0]
     duration = "20 s"
 
-`hil.autonomy.tasks.scheduler` says what a task is, `hil.master.avoid` what else the section takes. The signals that
+`hil.autonomy.tasks.scheduler` defines what a task is, `hil.master.avoid` what else the section takes. The signals that
 a task
-may wait for: `battery` (share of its charge), `voltage`, `depth`, `altitude`, `leak`, as the vehicle's sensors say.
+may wait for: `battery` (share of its charge), `voltage`, `depth`, `altitude`, `leak`, by the vehicle's sensors.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ from hil.master.avoid import AvoidSettings, Sight
 from hil.master.planner import Done, Planner, PlanRequest, Samples
 
 _NS_PER_S = 1_000_000_000
-SIGNALS = ("battery", "dvl", "leak")  # topics that tell what tasks may wait for
+SIGNALS = ("battery", "dvl", "leak")  # topics with what tasks may wait for
 _HOLD_GAIN = 0.4  # 1/s, of station keeping
 _HOLD_LIMIT = 0.2  # m/s
 

@@ -1,5 +1,5 @@
 """The scenario file as records: slave, master, link, sensors, fleet, modem; `presets/` holds those that are shipped.
 
-Public: `hil.scenario.config.load_scenario` and the records it returns. It knows vehicles and worlds, and must not know
+Public: `hil.scenario.config.load_scenario` and the records it returns. It uses vehicles and worlds, and must not know
 who runs them.
 """

@@ -5,7 +5,7 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 
 def requested_speed(scenario: Scenario) -> tuple[str, float]:
-    """Return the key of a scenario that says how fast its vehicles are to go, and that speed in m/s."""
+    """Return the key of a scenario for how fast its vehicles are to go, and that speed in m/s."""
     if scenario.hunting is not None:
         return "hunting: fields: max_speed", scenario.hunting.fields.max_speed
     return "master: speed", scenario.master.speed

@@ -51,7 +51,7 @@ FEEDBACK = ("imu", "odometry", "pressure")  # what the builtin controller lives 
 
 
 class Scenario(NamedTuple):
-    """One run. `stm32` says who plays the STM32, `controller` who sends it commands.
+    """One run. `stm32` is who plays the STM32, `controller` who sends it commands.
 
     stm32: "python" the firmware's twin inside the slave, on its own frame the firmware in C where that was compiled;
     "process" the twin in a process of its own; "native" the firmware in C in one; "unicorn" (inside the slave) and
@@ -78,7 +78,7 @@ class Scenario(NamedTuple):
     network: Network = Network()
     ros: Ros = Ros()
     recording: Recording = Recording()
-    # These are read by load_scenario, which knows their schemas.
+    # These are read by load_scenario, which has their schemas.
     security: "Security | None" = None
     planner: Mapping[str, Any] = MappingProxyType({})  # class and its keys (hil/master/planner.py); {} the default
     sensors: SensorSet = MappingProxyType({})

@@ -1,4 +1,4 @@
-"""Make the occupancy grid at the vehicle's depth that a planner knows before the dive."""
+"""Make the occupancy grid at the vehicle's depth that a planner has before the dive."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any

@@ -82,7 +82,7 @@ def number(kind: type, limit: Range) -> Schema:
     """Return the schema of a number in its range; one with a unit may also be a text with its unit."""
     plain: Schema = {"type": "integer" if kind is int else "number"}
     ends = {"minimum": limit.low, "maximum": limit.high} if limit is not FINITE else {}
-    plain |= {name: end for name, end in ends.items() if isfinite(end)}  # JSON knows no infinity
+    plain |= {name: end for name, end in ends.items() if isfinite(end)}  # JSON has no infinity
     if not limit.unit:
         return plain
     units = [unit for unit, (si, _) in UNITS.items() if si == limit.unit]
@@ -109,7 +109,7 @@ def required(record: Any, but: tuple[str, ...] = ()) -> list[str]:
 
 
 def chosen(kinds: Mapping[str, Schema]) -> Schema:
-    """Return the schema of a table whose key `kind` says which keys the others are."""
+    """Return the schema of a table whose key `kind` decides which keys the others are."""
     rows = []
     for kind, schema in kinds.items():
         keys = {"kind": {"const": kind, "description": f"One of {', '.join(kinds)}."}, **schema["properties"]}

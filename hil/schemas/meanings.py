@@ -23,7 +23,7 @@ def meaning_of(record: Any, key: str) -> str:
 
 
 def unit_of(record: Any, key: str) -> str:
-    """Return the unit of a number whose schema names none: "-" for a pure number, "" where nothing is said."""
+    """Return the unit of a number whose schema names none: "-" for a pure number, "" where none is stated."""
     match = _UNIT.match(_text(record, key))
     return match[1] if match else ""
 

@@ -111,7 +111,7 @@ def pseudo_inverse(
 
     Of all thrusts f with the least error, the sum of (axis weight x error)² over X Y Z K M N, it gives those
     with the least cost, the sum of thruster weight x f²; the weights are six and n positive numbers, the
-    latter all 1 if None. So an axis weight says what an axis matters where not everything can be had, and a
+    latter all 1 if None. So an axis weight is what an axis matters where not everything is possible, and a
     thruster of weight 4 does a quarter of the work where another can do it: for one that is weak, worn or
     better left alone. Raises ConfigError if there are not as many weights or one is not positive.
 

@@ -71,7 +71,7 @@ class VfhSettings(NamedTuple):
 class Vfh:
     """Choose the direction of travel, scan by scan.
 
-    `density` (0 to 1), `blocked` and `masked` tell of each sector, sector k being centred on k x 2 pi / `sectors`
+    `density` (0 to 1), `blocked` and `masked` are of each sector, sector k being centred on k x 2 pi / `sectors`
     from north. What is out of the scan's sight keeps its state.
     """
 

@@ -1,6 +1,6 @@
 """Observe a hunt whose vehicles and planners are processes of their own.
 
-Slaves with emulated STM32s, an agent for each, and here an observer of the truth, which none of them knows; where
+Slaves with emulated STM32s, an agent for each, and here an observer of the truth, which none of them has; where
 the vehicles have modems, it is also the water between these.
 """
 
@@ -29,7 +29,7 @@ from sim.vehicle.vehicle import load_vehicle
 if TYPE_CHECKING:
     from hil.master.acoustic_channel import ModemNetwork
 
-READY_S = 30.0  # until every vehicle has been seen and every agent heard
+READY_S = 30.0  # until every vehicle has been seen and every agent reported
 LOST_AFTER_S = 5.0  # without a word from one of them
 FINAL_FIGURES_S = 3.0  # that the vehicles' figures of the time after the hunt are waited for
 QUEUE = 64
@@ -52,9 +52,9 @@ class Costs(NamedTuple):
 
 
 def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
-    """Hunt once, in real time, until `watch` says that it is over. The processes' logs go into `folder`.
+    """Hunt once, in real time, until `watch` ends it. The processes' logs go into `folder`.
 
-    Raises KeyboardInterrupt when told to stop, NetworkError when a process ends or falls silent.
+    Raises KeyboardInterrupt when stopped, NetworkError when a process ends or falls silent.
     """
     slaves = {f"slave_{m.node}": ["slave", scenario.path, "--member", m.node] for m in scenario.member}
     agents = {f"agent_{m.node}": ["agent", scenario.path, "--member", m.node] for m in scenario.member}

@@ -33,7 +33,7 @@ class HuntOutcome(NamedTuple):
     `judgement` is the referee's. `closed` is when the last vehicle's plan had ended, inf if it did not. `travelled`
     is the way of all vehicles, `optimum` the shortest, see `shortest_ways`. `target_distance` is how near a vehicle's
     middle came to the target. `off_place_*` is how far vehicles were from where their own clocks wanted them, and
-    `end_error` the largest of these distances at the end. `events` are what befell the vehicles (sim/run_events.py,
+    `end_error` the largest of these distances at the end. `events` are those of the vehicles (sim/run_events.py,
     times from the start), each with whom.
     """
 
