@@ -33,7 +33,7 @@ def ports(case: Case) -> Iterator[Finding]:
 
 
 def console(case: Case) -> Iterator[Finding]:
-    """Check whether the kernel or a login prompt talks on the link's serial port: thrusters would hear it."""
+    """Check whether the kernel or a login prompt talks on the link's serial port: thrusters would receive it."""
     tree = case.tree
     if not case.device:
         return
@@ -112,7 +112,7 @@ def can_bus(case: Case) -> Iterator[Finding]:
 
 
 def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]:
-    """Yield what the kernel's netlink tells of an interface that is up."""
+    """Yield what the kernel's netlink reports of an interface that is up."""
     try:
         details = json.loads(tree.run("ip", "-details", "-json", "link", "show", name) or "")[0]
     except (ValueError, LookupError, TypeError, RecursionError):

@@ -93,7 +93,7 @@ def _check_modem(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFindi
 
 
 def _check_ring(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFinding]:
-    """Compare the distance of neighbours on the ring with what they keep, and with how far they hear."""
+    """Compare the distance of neighbours on the ring with what they keep, and with their range of communication."""
     apart = 2.0 * hunting.ring * sin(pi / len(scenario.member))
     if apart < hunting.min_separation:
         yield ScenarioFinding(
@@ -105,7 +105,7 @@ def _check_ring(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFindin
         yield ScenarioFinding(
             "warning",
             f"hunting: ring: neighbours on it are {apart:.2f} m apart, farther than communication_range of "
-            f"[hunting.fields], {hunting.fields.communication_range:g} m: they do not hear each other",
+            f"[hunting.fields], {hunting.fields.communication_range:g} m: they do not receive each other",
         )
 
 

@@ -81,7 +81,7 @@ def _fault(topic: str, check: Callable[[], object], path: str) -> Finding | None
     """Return what `check` raises, as a problem with the remedy; None if it raises nothing."""
     try:
         check()
-    except (NetworkError, MissingExtraError) as error:  # these tell what to do
+    except (NetworkError, MissingExtraError) as error:  # these name the remedy
         return Finding("problem", topic, str(error))
     except HilError as error:
         return Finding("problem", topic, str(error), f"mend it in {path}")
@@ -176,7 +176,7 @@ def step(case: Case) -> Iterator[Finding]:
         share = case.board.recommended.core_share if case.board else 0.5
         try:
             yield step_cost(scenario, share)
-        except HilError:  # `start` has told it
+        except HilError:  # `start` has reported it
             return
         except Exception as error:  # noqa: BLE001 - a sensor of the user's own may raise anything
             text = f"cannot be taken: {type(error).__name__}: {error}"

@@ -36,13 +36,13 @@ GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
 WITH_BAUD = ("robotell",)
 ANYWHERE = ("0.0.0.0", "::", "::1", "localhost")
 LEAK = 4  # times the recommended memory
-SYSTEM_SERVICE = 239  # the version of systemd that knows @system-service; before it would be nothing that is allowed
+SYSTEM_SERVICE = 239  # the version of systemd that has @system-service; before it would be nothing that is allowed
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # of users and interfaces, as units take them
 DEVICE = re.compile(r"/dev/[A-Za-z0-9_#+:=@./-]+")  # as udev makes them, without what is a pattern in its rules
 
 
 class Service(NamedTuple):
-    """Settings of the service: the slave of `scenario` as `user`, listening at `listen` or where that says."""
+    """Settings of the service: the slave of `scenario` as `user`, listening at `listen` or as the scenario does."""
 
     scenario: Scenario
     name: str  # as it was given
