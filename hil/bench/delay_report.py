@@ -28,7 +28,7 @@ def text(results: Mapping[str, Result]) -> str:
 
 
 def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
-    """Draw histograms, time series and hops; `record` tells machine, date and labels.
+    """Draw histograms, time series and hops; `record` has machine, date and labels.
 
     Raises ConfigError, MissingExtraError.
     """
@@ -108,7 +108,7 @@ def _notes(results: Mapping[str, Result]) -> list[str]:
         "floor: half a round trip of bare TCP in the same seconds, and the frame's time on its line, or a bare QEMU's"
     ]
     if all(not result.tcp for result in results.values()):
-        lines = ["no floor: let `uuv-hil bench echo` run beside the slave, and name what it says with --echo"]
+        lines = ["no floor: let `uuv-hil bench echo` run beside the slave, and name its output with --echo"]
     for name, result in results.items():
         if result.clock_uncertainty:
             lines.append(

@@ -202,7 +202,7 @@ def _properties(limits: Limits) -> Iterator[str]:
 def _remove_abandoned(folder: str) -> None:
     """Remove the groups of benchmarks that were killed; their processes have ended with them."""
     for name in os.listdir(folder):
-        with suppress(OSError):  # it is in use, or gone meanwhile
+        with suppress(OSError):  # it is in use, or removed meanwhile
             lock = lock_unused(os.path.join(folder, name)) if name.startswith(GROUP) else None
             if lock is not None:
                 try:

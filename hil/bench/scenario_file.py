@@ -27,7 +27,7 @@ def write_changed(name: str, changes: dict[str, Any], path: str) -> None:
     write_text(path, "\n".join(_lines(table, "")) + "\n")
     try:
         load_scenario(path)
-    except ConfigError as error:  # nobody knows the file
+    except ConfigError as error:  # there is no such file
         raise ConfigError(str(error).replace(path, f"{name}, as changed")) from None
 
 

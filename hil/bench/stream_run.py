@@ -134,7 +134,7 @@ class Listener:
         return Stream(topic, rate, nominal, loss, short, quantile(ages, 0.5), quantile(ages, 0.99), bytes_s)
 
     def _doubts(self, ages: list[float]) -> list[str]:
-        """Return why the ages are not to be trusted, as hil.client.delay.judge says of commands.
+        """Return why the ages are not to be trusted, as hil.client.delay.judge does for commands.
 
         Nothing if they may be.
         """

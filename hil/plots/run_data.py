@@ -16,7 +16,7 @@ from sim.sensors.samples import OdometrySample
 NS_PER_S = 1e9
 MOST_ROWS = 200_000  # of a column: far more than a figure has pixels
 MOST_VEHICLES = 64
-LONGEST = 1 << 20  # bytes of a message that tells a state, a command or figures; ours have some thousand
+LONGEST = 1 << 20  # bytes of a message with a state, a command or figures; ours have some thousand
 Row = tuple[float, ...]
 
 
@@ -42,7 +42,7 @@ class VehicleData:
 
     `true` and `measured`: north, east, depth (m), yaw (rad), surge, sway, heave (m/s), yaw rate (rad/s); `commands`:
     surge, sway, heave (m/s), yaw rate (rad/s); `pulses`: one a channel (us). `traced` are the times of
-    the samples of `delays`, `events` what the vehicle said went wrong, `tether` where its line was at last (NED, m).
+    the samples of `delays`, `events` what the vehicle reported as gone wrong, `tether` where its line was at last (NED, m).
     """
 
     def __init__(self) -> None:

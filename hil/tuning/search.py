@@ -76,7 +76,7 @@ class Tuner:
     def tune(self, axes: Sequence[str], report: ReportText = lambda text: None) -> list[Tuned]:
         """Return each of `axes` in turn, inner loops first; `control` and `gains` then hold what was found.
 
-        `report` hears what is being done. Raises ConfigError for an axis that the thrusters do not drive.
+        `report` is called with what is being done. Raises ConfigError for an axis that the thrusters do not drive.
         """
         for axis in axes:
             if axis not in self.axes():
