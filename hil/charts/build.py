@@ -29,7 +29,7 @@ class Report(NamedTuple):
     """Quality of a grid. `rmse`, `linear_rmse` and `bias` (m): of soundings held out, over those the linear reaches.
 
     Linear is through the same soundings and contours, held by the same limits; a `bias` above zero is too deep.
-    `held_out` says how many soundings those are, `rmse_all` the error over all that were held out. Shares of the nodes:
+    `held_out` is how many soundings those are, `rmse_all` the error over all that were held out. Shares of the nodes:
     `water`, `land` (what dries is land here), `unknown`; `clamped` of the water was held by the areas' limits.
     `off_limits` soundings are deeper than their area says, `beds_under` obstacles of known depth keep the bed below
     them. `seconds`: what gridding and holding out took. `beds`: the name of each raster, and the share of the nodes
@@ -65,7 +65,7 @@ class _Data(NamedTuple):
     """Data that a surface goes through: `points` (n, 3) are soundings first, then beds below hazards, then guides.
 
     The first `soundings` of them are soundings, the first `measured` are those with the beds. `limits` are at what is
-    measured, and `borders` tells how far, m, that is from the borders of areas.
+    measured, and `borders` is how far, m, that is from the borders of areas.
     """
 
     points: Array

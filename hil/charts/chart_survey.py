@@ -19,11 +19,11 @@ from sim.environment.things.zones import Zone
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
-DRAWN = 0.0005  # m on paper: a line is drawn no finer (IHO S-4), and a grid of a chart's bed says no more
+DRAWN = 0.0005  # m on paper: a line is drawn no finer (IHO S-4), and a grid of a chart's bed has no more detail
 # Places on contours and coasts are so far apart, in the distance from a sounding to the next: nearer ones outweigh it.
 GUIDES_APART = 0.35
 PAPER_APART = 0.002  # m on paper instead, of a chart that has fewer than two soundings
-MOST_BEACH = 1.0  # m that a coast counts as dry: how steep a beach is says little of the bed before it
+MOST_BEACH = 1.0  # m that a coast counts as dry: how steep a beach is shows little of the bed before it
 
 
 class Box(NamedTuple):
@@ -52,7 +52,7 @@ def covered(cells: list[Cell]) -> Box:
 
 
 def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
-    """Return what `cells` say, on `plane`. Raises ConfigError."""
+    """Return the contents of `cells`, on `plane`. Raises ConfigError."""
     layers = [_Layer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.scale)]
     finer: list[list[Edges]] = [[other.coverage for other in layers[i + 1 :]] for i in range(len(layers))]
     pairs = list(zip(layers, finer, strict=True))

@@ -97,7 +97,7 @@ def zones_of(feature: Feature, edges: Edges, detail: float) -> list[Zone]:
 
 
 def nature_of(feature: Feature, points: Array, edges: Edges) -> Nature | None:
-    """Return what an object says of the bed: of several materials the first, which there is most of."""
+    """Return what an object has of the bed: of several materials the first, which there is most of."""
     codes = [code for code in feature.codes.get("NATSUR", ()) if code in _KNOWN]
     if feature.kind != "SBDARE" or not codes:
         return None

@@ -1,4 +1,4 @@
-"""Say in words what a gridded bed was made of and how good it is."""
+"""Describe in words what a gridded bed was made of and how good it is."""
 
 from collections import Counter
 

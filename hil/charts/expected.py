@@ -52,7 +52,7 @@ def leave_limits(grid: Grid, limits: Limits, surface: Surface, known: Mask, deta
     """Return the depths of `grid` (rows, columns) as they are expected within its limits; `known` nodes stay.
 
     The uncertainty of `surface` is asked for each few `detail` m only: it changes slowly but for what known nodes near
-    by say.
+    by weight.
     """
     from scipy.ndimage import distance_transform_edt, maximum_filter
 

@@ -8,7 +8,7 @@ Delfiner, Geostatistics, 2012, 2.5.2). Blending with weights that have no jump i
 unity, Wendland 15.4) leaves no creases, which switching from one set of neighbours to the next would, and which a sonar
 would see.
 
-How far the bed may be off between its points is what kriging with that kernel as variogram tells (Chiles and Delfiner,
+How far the bed may be off between its points follows from kriging with that kernel as variogram (Chiles and Delfiner,
 chapter 3); the variogram's size is estimated from the depths of each patch.
 """
 
@@ -32,7 +32,7 @@ MOST = 300  # points in such a patch
 LEAST = 12  # points that a widened patch must have: it grows until then
 MOST_STRETCH = 3.0  # along contours, of a patch
 FEWEST_PIECES = 4  # of contours, below which a patch has no direction
-LEAST_WEIGHT = 1e-4  # of a patch, below which it has no say
+LEAST_WEIGHT = 1e-4  # of a patch, below which it does not count
 POWER = 1.75  # of the distance, in the kernel
 MAIN_WEIGHT = 0.02  # the same for how far it may be off, which need not be as smooth
 CHUNK = 500  # nodes evaluated at once: the matrices in between stay in the processor's cache
@@ -129,7 +129,7 @@ class Surface:
         """Return the surface at each data point fitted without the points of its fold; nan where the fold is < 0.
 
         And how far it may be off there, which is estimated without them too.
-        Exact and as cheap as one fit: blocks of a system's inverse tell the errors that leaving out its unknowns
+        Exact and as cheap as one fit: blocks of a system's inverse give the errors that leaving out its unknowns
         would make (Rippa, Adv. Comput. Math. 11, 1999, for one point; the same elimination for several).
         """
         total, weights = np.zeros((len(self._points), 3)), np.zeros(len(self._points))
@@ -147,7 +147,7 @@ class Surface:
         return _Fit(self._points[patch.inside], self._depths[patch.inside], patch, _stretch(self._strikes, patch))
 
     def _reached(self, axis: Array, k: int, patch: Patch) -> slice:
-        """Return which of the nodes along one axis `patch` has a say in; beyond the data its border stretches on."""
+        """Return which of the nodes along one axis `patch` has a weight at; beyond the data its border stretches on."""
         clipped = np.clip(axis, self._low[k], self._high[k])
         ends = patch.centre[k] - patch.half[k], patch.centre[k] + patch.half[k]
         return slice(int(np.searchsorted(clipped, ends[0], "right")), int(np.searchsorted(clipped, ends[1], "left")))

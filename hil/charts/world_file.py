@@ -20,7 +20,7 @@ def write_world(
     """Write `placed` to `path` (`.toml`), its depths, kinds of seabed and zones beside it; `notes` stand at its head.
 
     The depths are little-endian float32, row after row from the south-west corner, nan where nothing is known.
-    With an origin it says what the earth's magnetic field is there today. Raises ConfigError, MissingExtraError.
+    With an origin it has the earth's magnetic field there today. Raises ConfigError, MissingExtraError.
     """
     stem = os.path.splitext(os.path.basename(path))[0]
     grid = placed.grid

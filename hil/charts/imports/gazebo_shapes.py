@@ -113,7 +113,7 @@ def _numbers(element: Element, tag: str, path: str) -> list[float]:
 
 
 def _opacity(part: Element, path: str) -> float:
-    """Return how opaque a shape is drawn, 1 where nothing says it."""
+    """Return how opaque a shape is drawn, 1 where it is not stated."""
     words = (part.findtext("material/diffuse") or "").split()
     alpha = number_of(words[3], path) if len(words) == 4 else 1.0
     return min(alpha, 1.0 - number_of(part.findtext("transparency") or "0", path))

@@ -18,7 +18,7 @@ from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain, read_xm
 
 MARGIN = 5.0  # m around all that stands in the world
 _UPRIGHT = 0.9999  # cosine
-_NO_FLOOR = 50.0  # m: the depth of a world in which nothing says it
+_NO_FLOOR = 50.0  # m: the depth of a world that states none
 _THIN, _WIDE = 1.5, 20.0  # m: the water's surface as it is drawn
 _NEAR, _NOTHING = 500.0, 50.0  # m: of the file's origin; and around it, where there is nothing
 _FARTHEST = 9e4  # m
@@ -279,7 +279,7 @@ def _heightmap(shape: Shape, output: str, level: float, path: str, notes: list[s
 
 
 def _place(world: Element, path: str, notes: list[str]) -> dict[str, Any]:
-    """Return what a world says of its place, its water, gravity and magnetic field."""
+    """Return what a world states of its place, its water, gravity and magnetic field."""
     keys: dict[str, Any] = {}
     if (sphere := world.find("spherical_coordinates")) is not None:
         numbers = [

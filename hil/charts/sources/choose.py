@@ -30,11 +30,11 @@ def read_sources(
     positive: Positive = "auto", reach: float | None = None, crs: str | None = None, newest: bool = False,
     priorities: Mapping[str, int] | None = None,
 ) -> tuple[Survey, Extent]:  # fmt: skip
-    """Return what the files say of `area` (all they cover if None), and where that is on the plane, m.
+    """Return the contents of the files in `area` (all they cover if None), and where that is on the plane, m.
 
     `resolution` (m) of the grid that is wanted, what the data resolve if None; `updates` and `positive` as in the
     readers, as `crs`; `reach` (m): how far from loose soundings the seabed is known. Where sources overlap,
-    `priorities` of files say which are believed (hil.charts.sources.priority), and of rasters with the same one the
+    `priorities` of files decide which count (hil.charts.sources.priority), and of rasters with the same one the
     first, or the `newest` if that is asked for, those without a date last. Raises ConfigError, MissingExtraError.
     """
     cells: list[Cell] = []
@@ -88,7 +88,7 @@ def _open(path: str, positive: Positive, crs: str | None) -> Raster:
 def _on_a_plane(
     loose: list[Points], has_others: bool, resolution: float | None, reach: float | None
 ) -> tuple[Survey, Extent]:
-    """Soundings in metres from an origin that nobody knows on the earth."""
+    """Soundings in metres from an origin whose place on the earth is unknown."""
     if has_others or any(points.geographic for points in loose):
         raise ConfigError(
             f"{loose[0].name}: has metres, which neither --area nor files in degrees can be put to: "

@@ -99,7 +99,7 @@ def _degrees(rows: Array, crs: str) -> Array:
 
 
 def _lines(path: str) -> Iterator[str]:
-    """Return the lines that say something, without blanks around them. Raises ConfigError."""
+    """Return the lines that are not empty, without blanks around them. Raises ConfigError."""
     check_file(path, LARGEST)
     count = size = 0
     try:

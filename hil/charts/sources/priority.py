@@ -1,6 +1,6 @@
 """Order sources by their priorities where they overlap.
 
-A raster has the priority 1 and all others 0, unless a person says another for a file. Of rasters the one with the
+A raster has the priority 1 and all others 0, unless a person sets another for a file. Of rasters the one with the
 greater priority is believed, of the same the first. Charts and soundings make one surface: a raster of less than the
 greatest priority of these only fills in where they know nothing. Of charts and soundings those of less priority are
 left out where others know the bed: in what a chart covers, and as far around single soundings as these reach.
@@ -42,7 +42,7 @@ def without_outranked(parts: Sequence[Survey], ranks: Sequence[int]) -> list[Sur
 
 
 def _known(surveys: Sequence[Survey], places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return at which places (n, 2) one of the surveys knows the bed."""
+    """Return at which places (n, 2) one of the surveys has the bed."""
     from scipy.spatial import KDTree
 
     known = np.zeros(len(places), bool)

@@ -21,7 +21,7 @@ def with_uncertainty(path: str) -> bytes | None:
             if COVERAGE not in source:
                 return None
             target.attrs.update(source.attrs)
-            target.create_group("Group_F")  # by which GDAL knows S-100
+            target.create_group("Group_F")  # by which GDAL recognises S-100
             _copy(source[COVERAGE], target.create_group(COVERAGE))
             target.flush()
             return bytes(target.id.get_file_image())

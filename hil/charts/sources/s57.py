@@ -72,7 +72,7 @@ class Cell(NamedTuple):
 
 
 def read_cell(path: str, updates: bool = True) -> Cell:
-    """Return the chart at `path`, brought up to date by the updates beside it unless told not to.
+    """Return the chart at `path`, brought up to date by the updates beside it unless that is switched off.
 
     Raises ConfigError; MissingExtraError without GDAL.
     """
@@ -112,7 +112,7 @@ def _check_kind(path: str, head: bytes) -> None:
 
 
 def _ask_process(path: str, updates: bool) -> bytes:
-    """Return what `hil.charts.sources.s57_process` says of the file. Raises ConfigError, MissingExtraError."""
+    """Return what `hil.charts.sources.s57_process` reads in the file. Raises ConfigError, MissingExtraError."""
     command = module_command("hil.charts.sources.s57_process", path, "APPLY" if updates else "IGNORE")
     try:
         done = finish_child(command, MAX_SECONDS)

@@ -2,7 +2,7 @@
 
     python -P -m hil.charts.sources.s57_process CELL.000 APPLY|IGNORE
 
-A line of JSON says what there is; the coordinates follow as float64, in the same order. See `hil.charts.sources.s57`.
+A line of JSON lists what there is; the coordinates follow as float64, in the same order. See `hil.charts.sources.s57`.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Decide whether values are heights or depths: by what is said, by their signs where all agree, never by guess.
+"""Decide whether values are heights or depths: by what is stated, by their signs where all agree, never by guess.
 
 And of which unit they are, and that they can be depths or heights of the earth at all.
 """
@@ -35,7 +35,7 @@ def direction(path: str, positive: Positive, names: Iterable[str], low: float, h
 
     Without such a name all of one sign are a seabed: below zero they are heights, above it depths; so they are where
     the name says depth and all are below zero. The second is a note on what was assumed so, "" where a name says it.
-    Raises ConfigError where nothing tells.
+    Raises ConfigError where none of these decides.
     """
     if positive != "auto":
         return positive == "up", ""

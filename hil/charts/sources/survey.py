@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class DepthArea(NamedTuple):
-    """An area whose bed lies between `low` and `high` m of depth; negative dries, inf says nothing."""
+    """An area whose bed lies between `low` and `high` m of depth; negative dries, inf means unknown."""
 
     edges: Edges
     low: float
@@ -64,7 +64,7 @@ class Survey(NamedTuple):
     sheet says so; 0 nowhere. `origin`: latitude and longitude in degrees of (0, 0), None where there is none.
     `beds`: depths that are known everywhere, as rasters have them, the first before the next and before all else, each
     with its name; `fillers` are the same where nothing else is known.
-    `charted`: what charts tell beside that.
+    `charted`: what charts have beside that.
     `notes`: what a person should know of how the files were read.
     """
 
