@@ -8,7 +8,7 @@ from hil.scenario.config import AUTOPILOTS, Scenario, load_single
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 EXAMPLES = """\
-`motors` turns each motor alone in the simulation, and says which way the vehicle goes. `link` exchanges states and
+`motors` turns each motor alone in the simulation, and prints which way the vehicle goes. `link` exchanges states and
 outputs with the autopilot, thrusters neutral: losses, round trip, jitter, rate. `parameters` prints the parameters that
 make the autopilot right for this vehicle, as a file for it.
 

@@ -216,7 +216,7 @@ def _watch(
         if select.select((stop_fd,), (), (), 0.1)[0]:
             raise KeyboardInterrupt
         if slave.poll() is not None and master.poll() is None:
-            master.kill()  # told to end it would print the table of a run that was none
+            master.kill()  # ended in order, it would print the table of a run that was none
             if sys.stdout.isatty():
                 print()  # after its line of progress
             with open(log_path, encoding="utf-8", errors="replace") as log:

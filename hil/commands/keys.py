@@ -43,7 +43,7 @@ def main(arguments: list[str]) -> int:
     add.add_argument("--days", metavar="N", type=DAYS, default=730, help="days of validity from today [%(default)s]")
     options = parser.parse_args(arguments)
     try:
-        import cryptography  # noqa: F401 - told here, before anything is written
+        import cryptography  # noqa: F401 - reported here, before anything is written
     except ImportError:
         raise MissingExtraError("certificates need cryptography: pip install 'uuv-hil[security]'") from None
     if options.action == "init":

@@ -39,13 +39,13 @@ QUICK = [f"--{name}" for name in Options._fields if name not in ("scenario", "se
 def main(arguments: list[str]) -> int:
     """Run the slave until a signal stops it; return the exit code."""
     startup = {"exec": process_start_ns(), "python": now_ns()}
-    gc.disable()  # most modules are still to come; the daemon says how it goes on
+    gc.disable()  # most modules are still to come; the daemon sets how it goes on
     _run(_quick(arguments) or _parse(arguments), startup)
     return 0
 
 
 def _quick(arguments: list[str]) -> Options | None:
-    """Return what a plain command line says, without argparse (8 ms of a start of 40); None for any other."""
+    """Return the options of a plain command line, without argparse (8 ms of a start of 40); None for any other."""
     words, values = list(arguments), dict[str, Any]()
     while len(words) > 1 and words[-2] in QUICK:
         value, name = words.pop(), words.pop()

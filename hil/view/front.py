@@ -1,7 +1,7 @@
 """Web server of the live view: its page, a proxy to the scene's server, and the stick of the person who steers.
 
-The scene is served by viser, which knows no passwords. It listens on this machine only, on a port of its own, and
-takes no client but this server, which sends it a secret that nobody else knows. This server lets nobody in without the
+The scene is served by viser, which has no passwords. It listens on this machine only, on a port of its own, and
+takes no client but this server, which sends it a secret that nobody else has. This server lets nobody in without the
 token, and no page of another origin.
 """
 
@@ -23,11 +23,11 @@ MOST_STICK_BYTES = 4096  # of one message of the stick
 MOST_CLIENTS = 32
 MOST_CONNECTIONS = 256  # at once: a browser has some for the page, the stick and the scene
 TOKEN_WITHIN_S = 10.0  # a connection on which nobody has shown the token by then is closed
-HEARTBEAT_S = 10.0  # after which a browser is asked whether it is there; it is gone after half as much again
+HEARTBEAT_S = 10.0  # after which a browser is asked whether it is there; it is closed after half as much again
 LARGEST_MESSAGE = 256 << 20  # of the scene, towards the browser
 
 StickMessage = Mapping[str, Any]
-# Takes a message of the stick of a client (its number), None when the client is gone; the answer is shown there.
+# Takes a message of the stick of a client (its number), None when the client is closed; the answer is shown there.
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 OnStick = Callable[[int, StickMessage | None], Mapping[str, Any]]
 
@@ -120,7 +120,7 @@ class Front(ServerThread):
 
     @property
     def _cookie(self) -> str:
-        return f"{COOKIE}_{self.port}"  # browsers do not tell the ports of a host apart
+        return f"{COOKIE}_{self.port}"  # browsers do not distinguish the ports of a host
 
     def _is_token(self, text: str) -> bool:
         return secrets.compare_digest(text.encode(errors="surrogatepass"), self._token.encode())

@@ -1,4 +1,4 @@
-"""`uuv-hil bench compare`: tell which differences between two results are real."""
+"""`uuv-hil bench compare`: find which differences between two results are real."""
 
 import sys
 from collections import Counter

@@ -84,7 +84,7 @@ class Case(NamedTuple):
     payload: int
 
     def name(self, changing: list[str]) -> str:
-        """Return what tells it from the others."""
+        """Return what distinguishes it from the others."""
         values = {key: getattr(self, key) for key in changing}
         words = [f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}" for key, value in values.items()]
         return ", ".join(words) or "as the scenario has it"

@@ -23,7 +23,7 @@ from hil.plots.plotting import pyplot, save_figure
 
 EXAMPLES = """\
 A slave that is commanded 20 times a second; the master leaves and comes back now and then. Growth is a straight line
-through the memory that no other process shares, without the first tenth, with its interval of 95 %: it is said to be
+through the memory that no other process shares, without the first tenth, with its interval of 95 %: it is reported as
 one when the interval is above 0 and the line steeper than --leak, and not before half an hour. A slave that ends, hangs
 or is out of reach is a finding. Ctrl-C ends early and judges what there is.
 

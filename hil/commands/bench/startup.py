@@ -75,7 +75,7 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series]
     with failures.caught(), Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
         labels = bench.labels
         show("the first start")
-        start(bench)  # the next tells of each module, and would bury the reason of one that fails
+        start(bench)  # the next prints each module, and would bury the reason of one that fails
         files = files_of_a_start(bench)
         kinds = {"warm": _leave}
         if not options.warm_only:

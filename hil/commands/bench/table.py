@@ -51,7 +51,7 @@ examples:
   uuv-hil bench table --output today.json --against yesterday.json --plot table.png
 """
 BUDGET_MISSED = 1
-OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that say nothing to its master
+OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that its master does not use
 
 
 def main(arguments: list[str]) -> int:
@@ -201,7 +201,7 @@ def _description(record: Record) -> list[str]:
 
 
 def _check(columns: list[Column], record: Record, board: Board | None) -> int:
-    """Hold each against its budgets, and say which are missed. Raises ConfigError when a slave has none."""
+    """Hold each against its budgets, and print which are missed. Raises ConfigError when a slave has none."""
     broken = []
     for column in columns:
         its = board or _board_of(column.title, Diagnostics(record.details[column.title or HERE]["slave"]))
@@ -214,7 +214,7 @@ def _check(columns: list[Column], record: Record, board: Board | None) -> int:
 
 
 def _board(options: Any) -> Board | None:
-    """Return the one wished for, else this machine's if it is to be checked; None: slaves elsewhere say theirs.
+    """Return the one wished for, else this machine's if it is to be checked; None: slaves elsewhere report theirs.
 
     Raises ConfigError.
     """
@@ -229,7 +229,7 @@ def _board(options: Any) -> Board | None:
 
 
 def _board_of(endpoint: str, slave: Diagnostics) -> Board:
-    """Return the board that a slave says it is, or this machine's where it runs here. Raises ConfigError."""
+    """Return the board that a slave reports, or this machine's where it runs here. Raises ConfigError."""
     name = slave.board or ""
     boards = map(load_board, preset_names("boards"))
     named = next((board for board in boards if board.name == name), None)

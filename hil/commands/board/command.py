@@ -25,7 +25,7 @@ examples:
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
   sudo .venv/bin/uuv-hil board uninstall
 """
-# What each action can be told.
+# What each action takes.
 OPTIONS = {
     "show": ("board", "root", "json", "sources"),
     "list": ("json",),
@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _misplaced(name: str, value: str) -> str:
-    """Return what to say of an option, or of a scenario, that the action has no use for."""
+    """Return the message about an option, or of a scenario, that the action has no use for."""
     given = f"the scenario {value}" if name == "scenario" else f"--{name.replace('_', '-')}"
     return f"{given} goes only with {', '.join(action for action, names in OPTIONS.items() if name in names)}"
 

@@ -106,7 +106,7 @@ class Unpacked(NamedTuple):
         return {key: self.root + places[key] if places[key] else value for key, value in changes.items()}
 
     def as_named(self, text: str) -> str:
-        """Return a message with the paths that the user knows."""
+        """Return a message with the paths as the user wrote them."""
         return text.replace(self.scenario, self.bundle.scenario).replace(self.root, "")
 
 

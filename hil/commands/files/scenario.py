@@ -28,7 +28,7 @@ PROBLEM = 1
 
 
 def main(arguments: list[str]) -> int:
-    """Do what the first word says; the exit code. Raises ConfigError."""
+    """Do the action of the first word; return the exit code. Raises ConfigError."""
     options = _parser().parse_args(arguments)
     if options.action == "list":
         return _list(options.json)

@@ -32,7 +32,7 @@ examples:
 
 --check needs a slave's own recording ([recording] slave = true). It runs the simulator with the pulses that the
 thrusters got, step by step, and holds every sensor message against the recorded one; exit code 6 at a difference.
-With --connect the wall clock has a say, so there the tracks are compared: start the slave with the same scenario.
+With --connect the wall clock counts, so there the tracks are compared: start the slave with the same scenario.
 Both read the recording's scenario. It can name classes for forces and sensors, and to load one is to run it: that is
 refused unless --own-classes is given, for your own.
 """
@@ -136,7 +136,7 @@ def _show(path: str, own_classes: bool, stop_fd: int) -> int:
 
 
 def _command(options: argparse.Namespace, stop_fd: int) -> int:
-    """Send the commands to a slave; say how far its vehicle goes astray."""
+    """Send the commands to a slave; report how far its vehicle goes astray."""
     from hil.client.client import VehicleClient
     from hil.recording.player import pace
 

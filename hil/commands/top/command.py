@@ -194,7 +194,7 @@ def _run_events(status: Status) -> str:
     return f"{count}, last {max(events, key=lambda event: event.end_ns).name}"
 
 
-# What each row says, and of which figures; a row without any figure is left out.
+# The text of each row, and its figures; a row without any figure is left out.
 ROWS: dict[str, Callable[[Status], str]] = {
     "board": _text(Health.board),
     "its figures are of": lambda status: "; ".join(status.figures.labels or ()) or "-",

@@ -100,7 +100,7 @@ def _open(endpoints: list[str], secure: dict[str, Any], seconds: float, pause: C
 
 
 def _settle(session: Session, stop_fd: int) -> None:
-    """Wait until the other side has told what it has."""
+    """Wait until the other side has declared what it has."""
     deadline = now_ns() + seconds_ns(SETTLE_S)
     while not session.tokens(graph.ALL) and now_ns() < deadline:
         _pause(stop_fd, POLL_S)
@@ -183,7 +183,7 @@ def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple
 
 
 def _starting(session: Session, name: str, published: Collection[str]) -> str:
-    """Return the sensor of a topic if it makes pictures and none is published yet, as its vehicle says; else ""."""
+    """Return the sensor of a topic if it makes pictures and none is published yet, by its vehicle's graph; else ""."""
     node, _, topic = name[1:].partition("/")
     sensor = topic.partition("/")[0]
     if any(each.startswith(f"/{node}/{sensor}/") for each in published):
@@ -290,7 +290,7 @@ def _pub(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
 
 
 def _repeat(publisher: Publisher, payload: bytes, period_ns: int, count: int | None, stop_fd: int) -> None:
-    _pause(stop_fd, POLL_S)  # that the subscriber knows us
+    _pause(stop_fd, POLL_S)  # that the subscriber finds us
     schedule = RateKeeper(period_ns, now_ns())
     while count is None or publisher.sequence < count:
         publisher.put(payload, to_wall_ns(now_ns()))

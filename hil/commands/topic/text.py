@@ -90,7 +90,7 @@ class _Flow:
             return self.mapping()
         if first == "[":
             return self._list()
-        return None if first in ("", ",", "}", "]") else self._scalar()  # nothing said is null
+        return None if first in ("", ",", "}", "]") else self._scalar()  # an empty value is null
 
     def _scalar(self, plain: bool = False) -> Any:
         """Return a text in quotes, or a word; with `plain` always a text."""

@@ -44,7 +44,7 @@ def open_view(
     """Serve a live view at `place` (host, port), print its address, and open it in a browser if there is a screen.
 
     `token` is what a browser has to know, a new one if left out. What leaves this machine without `tls` can be read on
-    the way: it is said. Raises NetworkError, MissingExtraError.
+    the way: this is reported. Raises NetworkError, MissingExtraError.
     """
     from hil.view.live_view import LiveView
 

@@ -42,7 +42,7 @@ def fan_picture(sample: SonarImageSample) -> Any:
 def fan_points(sample: SonarImageSample, altitude: float, mounting: Mounting = Mounting()) -> tuple[Any, Any]:
     """Return places (FRD of the vehicle, m) on a level bed `altitude` m below, and the strength of the echo from each.
 
-    A picture does not tell how far up or down an echo came from. Those from nearer than the bed are put into the
+    A picture does not show how far up or down an echo came from. Those from nearer than the bed are put into the
     plane of the sonar's fan.
     """
     echoes = strengths(sample)
@@ -66,7 +66,7 @@ class Waterfall:
     """The pings of a side-scan sonar, the newest on top, port on the left.
 
     A row is so much of the track as a column is of the range, so that things keep their shape: between pings it is
-    interpolated. Where the vehicle was is said with each ping; without that a ping is a row.
+    interpolated. Where the vehicle was comes with each ping; without that a ping is a row.
     """
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ LEAST_DISTANCE = 1e-3  # m
 def follow(camera: Any, place: Sequence[float]) -> None:
     """Have the camera look at a vehicle's place, from the side and the distance that a person has turned it to.
 
-    A slow browser reports its camera late. So the last report says nothing of where the camera is now, but its place
+    A slow browser reports its camera late. So the last report does not show where the camera is now, but its place
     and the point that it looks at belong together.
     """
     offset = np.asarray(camera.position) - np.asarray(camera.look_at)

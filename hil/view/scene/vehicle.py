@@ -50,7 +50,7 @@ class Track:
 
 
 class VehicleScene:
-    """A vehicle that is drawn as its file says: box or mesh, thrusters, axes. `server` is a viser.ViserServer.
+    """A vehicle that is drawn by its file: box or mesh, thrusters, axes. `server` is a viser.ViserServer.
 
     Without `vehicle` it is a box of a metre. `sensors` draws what it sees with those of `carried`.
     """
@@ -70,7 +70,7 @@ class VehicleScene:
         self._navigation = Track(self._scene, f"/tracks/{name}/navigation", colours.NAVIGATION)
 
     def move(self, latest: Mapping[str, Any]) -> None:
-        """Place the vehicle where the newest samples say it is; by the truth where that is known."""
+        """Place the vehicle where the newest samples have it; by the truth where that is known."""
         state = latest.get("ground_truth") or latest.get("odom")
         if state is None:
             return

@@ -1,4 +1,4 @@
-"""Record what the vehicles at some endpoints say, as long as a person at the live view wants it."""
+"""Record what the vehicles at some endpoints publish, as long as a person at the live view wants it."""
 
 import threading
 from collections.abc import Sequence

@@ -81,7 +81,7 @@ class SimulatedSource:
         return [], {}
 
     def show_pictures(self, wanted: bool) -> None:
-        """Do nothing: the scenario says which cameras and sonars are simulated."""
+        """Do nothing: the scenario decides which cameras and sonars are simulated."""
 
     def log_lines(self) -> list[str]:
         """Return nothing: what happens is in the run's outcome."""

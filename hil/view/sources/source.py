@@ -23,7 +23,7 @@ class Source(Protocol):
 
     @property
     def names(self) -> list[str]:
-        """Names of the vehicles there are, sorted; those that are gone included."""
+        """Names of the vehicles there are, sorted; those that are lost included."""
 
     def is_present(self, name: str) -> bool:
         """Return True if samples of that vehicle come."""

@@ -6,7 +6,7 @@ from typing import Any
 from hil.common.errors import DeviceError, MissingExtraError
 
 DEAD = 0.12  # of an axis about its middle
-FULL = 32_767  # of an axis of a gamepad whose layout SDL knows
+FULL = 32_767  # of an axis of a gamepad whose layout SDL has
 # Of one that it does not know: left stick, and right stick behind the left trigger if there are triggers among the
 # axes, as Linux orders them; a trigger rests at -1.
 PLAIN_AXES, PLAIN_AXES_WITH_TRIGGERS = (0, 1, 2, 3), (0, 1, 3, 4)
@@ -17,7 +17,7 @@ UNPLUGGED = "the gamepad is unplugged: plug it in again"
 class Gamepad:
     """The first gamepad. Raises MissingExtraError, and DeviceError where none is plugged in.
 
-    The shoulder buttons are the dead man's switch. `problem` says why it gives nothing, "" while it does: one that is
+    The shoulder buttons are the dead man's switch. `problem` is why it gives nothing, "" while it does: one that is
     pulled out counts as let go, and works again once it is plugged in.
     """
 

@@ -1,4 +1,4 @@
-"""Keys of a terminal as a stick. A terminal tells no releases: a key counts as held while it repeats."""
+"""Keys of a terminal as a stick. A terminal reports no releases: a key counts as held while it repeats."""
 
 from typing import Any
 

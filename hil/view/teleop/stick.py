@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any, Literal, NamedTuple
 
-SILENT_AFTER_NS = 300_000_000  # a stick that says nothing for so long is let go; it speaks 20 times a second
+SILENT_AFTER_NS = 300_000_000  # a stick that sends nothing for so long is let go; it sends 20 times a second
 AXES = ("surge", "sway", "heave", "yaw")
 Mode = Literal["velocity", "effort"]
 
