@@ -1,6 +1,6 @@
 """Equations of motion of a vehicle in six degrees of freedom. This file is the specification of the step.
 
-Seen from the water, which moves steadily with the current, the vehicle obeys (Fossen 2021, eqs 6.1, 10.1)
+Seen from the water, which moves steadily with the current, the vehicle follows (Fossen 2021, eqs 6.1, 10.1)
 
     M nu_r' + C(nu_r) nu_r + D nu_r + Q |nu_r| nu_r = wrench - g(depth, attitude)
 

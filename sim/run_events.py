@@ -8,7 +8,7 @@ collision   the hull touched an obstacle or the seabed; `what` names it
 capsize     the body's z axis is tilted from the vertical by more than the vehicle's `capsize_tilt`
 surfaced    the origin is nearer to the mean surface than half the hull's height, though no depth so shallow was asked
 too_deep    the origin is deeper than the deepest depth that was asked for, by more than a margin
-link_lost   the thruster link or its STM32 is gone, or the network to the vehicle
+link_lost   the thruster link or its STM32 is lost, or the network to the vehicle
 """
 
 from collections.abc import Iterable, Sequence

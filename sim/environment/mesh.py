@@ -9,7 +9,7 @@ orientation = ["0 deg", "5 deg", "120 deg"]   # roll, pitch and yaw
 scale = 0.001                  # its numbers are millimetres
 
 A file's axes are x forward, y left and z up, as in ROS; with `up = "y"` z is forward, x left and y up, which is what
-glTF says and the default for .glb and .gltf. Without roll, pitch and yaw forward is north. A mesh is a surface: it has
+glTF has and the default for .glb and .gltf. Without roll, pitch and yaw forward is north. A mesh is a surface: it has
 no inside, and what begins there is in free water.
 """
 
@@ -129,7 +129,7 @@ def place(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
 
 
 def put(keys: MeshKeys, triangles: tuple[Triangle, ...], net: tuple[float, float] | None = None) -> MeshObstacle:
-    """Return triangles in their own axes at the place that `keys` say; `net` as of a MeshObstacle."""
+    """Return triangles in their own axes at the place of `keys`; `net` as of a MeshObstacle."""
     rotation = matrix(from_euler(*keys.orientation))
     a, b, c, d, e, f, g, h, i = rotation
     placed = tuple(
@@ -155,7 +155,7 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
     """Return the triangles of a file in m, forward, right and down."""
     try:
         import numpy as np
-        import trimesh  # noqa: F401 - asked for here, to say which extra has it
+        import trimesh  # noqa: F401 - asked for here, to name the extra that has it
     except ImportError:
         raise MissingExtraError(f"{where}: file: meshes need trimesh: pip install 'uuv-hil[mesh]'") from None
     ending = os.path.splitext(file)[1]

@@ -18,7 +18,7 @@ east = east_min + j resolution, each value is the depth of the seabed in m, land
 that a chart of any size takes only the memory of the pages in use.
 
 Beyond the grid the seabed is flat, at the world's `depth`. A node without data is NaN; the cells around it are a wall
-from the seabed to `NO_DATA` m, because nobody knows whether there is a way.
+from the seabed to `NO_DATA` m, because it is unknown whether there is a way.
 """
 
 import os

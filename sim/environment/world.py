@@ -37,7 +37,7 @@ _SECTIONS = ("mesh", "shape", "pipeline", "bottom_map", "zone", "terrain", "ocea
 
 
 class World(NamedTuple):
-    """One place. `source` says where it comes from.
+    """One place. `source` names where it comes from.
 
     `extent` is north_min, north_max, east_min, east_max in m: what a map shows, and where with `walls`
     four walls stand. `depth` is that of the flat seabed, `terrain` the relief there may be instead (the seabed is

@@ -1,7 +1,7 @@
 """Acoustic modems on a shared channel: who receives a message, when, and which messages are lost.
 
-A message takes its time in the water and its time on the air. While a modem sends it hears nothing, and while it
-hears one message it misses another (collision), which disturbs the first. Whether a message is whole is drawn from its
+A message takes its time in the water and its time on the air. While a modem sends it receives nothing, and while it
+receives one message it misses another (collision), which disturbs it. Whether a message is whole is drawn from its
 signal to noise ratio. Time comes in as an argument; the same seed and the same calls give the same losses.
 """
 
@@ -25,9 +25,9 @@ class AcousticModem(NamedTuple):
     """A modem and the sea it works in. The defaults are Newcastle University's Nanomodem V3 (its published table).
 
     `frequency` and `bandwidth` Hz, `bit_rate` bit/s, `source_level` dB re 1 uPa at 1 m, `longest` bytes a message.
-    Ours, as the table does not say: `overhead` s before the first bit (a chirp to detect, the header), `detection` dB
+    Ours, not the table's: `overhead` s before the first bit (a chirp to detect, the header), `detection` dB
     of signal to noise below which nothing is noticed. `spreading` 1 to 2, `wind` m/s, `shipping` 0 to 1: the sea's.
-    `bounces`: echoes from surface and bottom are heard too, up to so many reflections, each of which costs
+    `bounces`: echoes from surface and bottom are received too, up to so many reflections, each of which costs
     `surface_loss` or `bottom_loss` dB. `range_error` is that of a distance (m), measured with `assumed_speed` m/s.
     """
 
@@ -53,7 +53,7 @@ class AcousticModem(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """A message that was heard.
+    """A message that was received.
 
     `sent_ns` is when its sender began, `received_ns` when its last bit was there; `snr` (dB) is that of signal to noise
     and disturbance; `distance` (m) what two clocks that agree make of the time it took, errors included.
@@ -91,7 +91,7 @@ class AcousticChannel:
     """The water between modems, over a bottom at `depth` m. Calls must come in the order of time.
 
     `counts`: sent, delivered, and why not: busy (the sender itself was still sending), too_long, unheard (too weak),
-    shadowed (no ray of sound leads there), deaf (the receiver was sending), collided (it was hearing another), damaged
+    shadowed (no ray of sound leads there), deaf (the receiver was sending), collided (with another), damaged
     (bit errors).
 
     Where the profile of `column` bends the rays (seawater/sound_rays.py) time and length of the direct way are
@@ -196,7 +196,7 @@ class AcousticChannel:
         return fate
 
     def _decide_fate(self, arrival: _Arrival) -> Packet | None:
-        """Return the packet, if it was heard whole; otherwise why not is counted."""
+        """Return the packet, if it was received whole; otherwise why not is counted."""
         modem = self._modem
         disturbance = sum(
             other.power * _overlap(arrival, other)
@@ -223,7 +223,7 @@ class AcousticChannel:
         return self._column.sound_speed(0.5 * (source[2] + place[2])) if self._column else SOUND_SPEED
 
     def _remove_old(self, time_ns: int) -> None:
-        """Drop what can neither be heard nor disturb any more."""
+        """Drop what can neither be received nor disturb any more."""
         fates = self._fates
         awaited = [a.begin_ns for a in self._arrivals if a.direct and fates.get(a.name, RECEIVED) == RECEIVED]
         since = min(awaited, default=time_ns)
@@ -239,6 +239,6 @@ def _end(arrival: _Arrival) -> int:
 
 
 def _overlap(arrival: _Arrival, other: _Arrival) -> float:
-    """Return the share of `arrival` during which `other` is heard too."""
+    """Return the share of `arrival` during which `other` arrives too."""
     common = min(arrival.end_ns, other.end_ns) - max(arrival.begin_ns, other.begin_ns)
     return max(0, common) / max(arrival.end_ns - arrival.begin_ns, 1)

@@ -41,7 +41,7 @@ def _has_native_waves(force: Force) -> bool:
 
 
 def _make_twin(force: Any, kind: type[Twin]) -> Twin:
-    """Return the twin of one force that is in C; one with servos keeps its first, which knows where they are."""
+    """Return the twin of one force that is in C; one with servos keeps its first, which stores where they are."""
     parts = vars(force)
     servos, wave_field = parts.get("servos"), parts.get("wave_field")
     if isinstance(servos, kind):

@@ -1,6 +1,6 @@
 """GLSL shaders of the OpenGL ray engine: each program draws one kind of solid.
 
-All places are m from the camera along the world's axes. Triangles only say which pixels a thing may be on; where the
+All places are m from the camera along the world's axes. Triangles only decide which pixels a thing may be on; where the
 pixel's ray meets it is then computed as in sim/rays/single.py and sim/rays/seabed.py, in 32-bit floats.
 """
 

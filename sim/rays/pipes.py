@@ -17,7 +17,7 @@ _LEAST_ROWS = 32
 class NearPipes:
     """The pieces near a place, as rows of a scene: `rows` of ROW numbers, those that stand for nothing far away.
 
-    Each row says whose piece it is: the number of the pipeline among the objects, the first of which is `first`.
+    Each row names whose piece it is: the number of the pipeline among the objects, the first of which is `first`.
     """
 
     def __init__(self, world: World, first: int) -> None:

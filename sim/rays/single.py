@@ -1,7 +1,7 @@
 """One ray, in plain Python: the specification that sim/native/rays.h repeats to the last bit.
 
-Where a ray begins inside something its distance is 0; a mesh has no inside. A hit tells where on a thing it is by a
-number, `detail`: on the seabed what sim/rays/seabed.py says, of a mesh the triangle, of the others nothing.
+Where a ray begins inside something its distance is 0; a mesh has no inside. A hit has where on a thing it is as a
+number, `detail`: on the seabed that of sim/rays/seabed.py, of a mesh the triangle, of the others nothing.
 """
 
 from array import array

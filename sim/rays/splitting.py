@@ -114,7 +114,7 @@ def _cells(lattice: Lattice, numbers: NDArray[np.int64], divided: NDArray[np.boo
 def _pieces(corner: Floats, sides: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
     """Cut boxes, a corner and three sides each, across their longest side into pieces that are about as long as thick.
 
-    The corners of a long box say little about where it is seen. Returns which box each piece is of, how many pieces
+    The corners of a long box show little of where it is seen. Returns which box each piece is of, how many pieces
     each box has, and the pieces.
     """
     lengths = np.sqrt((sides**2).sum(axis=2))

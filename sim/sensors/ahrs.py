@@ -42,7 +42,7 @@ class Ahrs:
     A complementary filter on the rotations (Mahony, Hamel and Pflimlin 2008, IEEE Trans. Automatic Control
     53:1203): the gyros turn the attitude, the accelerometer pulls it towards the plumb line and the magnetometer
     its heading towards north, with the time constants of the model. So the vehicle's accelerations tilt it, and
-    its iron turns it, as they do in truth. It is aligned when the run starts, and knows the declination. Its
+    its iron turns it, as they do in truth. It is aligned when the run starts, and has the declination. Its
     estimate of the gyros' bias is not modelled: what that leaves is in the model's numbers.
     """
 

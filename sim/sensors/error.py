@@ -90,5 +90,5 @@ def sensor_random(seed: int, sensor: str) -> Random:
 
 
 def variance(model: ErrorModel, period: float) -> float:
-    """Return what a device may say of itself: the variance of its errors, but for that of its scale."""
+    """Return what a device may report of itself: the variance of its errors, but for that of its scale."""
     return model.turn_on**2 + model.bias**2 + model.noise**2 + model.noise_density**2 / period

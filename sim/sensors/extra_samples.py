@@ -73,7 +73,7 @@ class LaserSample(NamedTuple):
 
     For a laser and a scanning sonar the angle is about the sensor's z axis, from x (ahead) towards y (starboard); for a
     profiler about its x axis, from z (down) towards y (starboard). `intensities` are the strengths of the echoes (dB),
-    nan without one; empty for a device that tells none.
+    nan without one; empty for a device that reports none.
     """
 
     time_ns: int

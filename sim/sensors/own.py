@@ -6,7 +6,7 @@
     position = [0.3, 0.0, 0.1]
     surface = 18.0
 
-Its samples go out on the topic of the section's name, in ROS messages of the type that the class says.
+Its samples go out on the topic of the section's name, in ROS messages of the type that the class states.
 """
 
 from collections.abc import Mapping

@@ -106,7 +106,7 @@ class Sensor(Protocol):
     """Interface of a sensor to the simulation.
 
     `Model` is the record of its keys, one of them its `rate` in Hz; `topic` what its samples go out as. A sensor
-    whose samples travel before they arrive, each for a time of its own, says how long the last one does as `delay_ns`,
+    whose samples travel before they arrive, each for a time of its own, has how long the last one does as `delay_ns`,
     which it has from the start.
     """
 

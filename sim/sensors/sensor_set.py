@@ -58,7 +58,7 @@ SENSORS = {
     "side_scan": "sim.sensors.imaging.side_scan:SideScan",
 }
 DEVICES = "sim/sensors/devices"
-ONLY_ONE = ("odometry", "ground_truth")  # they say where the vehicle's origin is
+ONLY_ONE = ("odometry", "ground_truth")  # they report where the vehicle's origin is
 DEFAULT_SENSORS = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 
 
@@ -91,7 +91,7 @@ SensorSet = Mapping[str, SensorSpec]  # by the sensor's name
 
 
 def read_sensors(sections: Any, where: str) -> SensorSet:
-    """Return the sensors that the `[sensors]` table says, and the usual ones. Raises ConfigError."""
+    """Return the sensors of the `[sensors]` table, and the default ones. Raises ConfigError."""
     if not isinstance(sections, dict):
         raise ConfigError(f"{where}: expected a table for each sensor, such as [sensors.imu]")
     for name, section in sections.items():
@@ -239,7 +239,7 @@ def _read_sensor(name: str, section: dict[str, Any], where: str) -> SensorSpec:
 
 
 def _kind_of(name: str, section: dict[str, Any], where: str) -> tuple[str, dict[str, Any]]:
-    """Return the kind that the key `sensor` says, and the section without it. Raises ConfigError."""
+    """Return the kind of the key `sensor`, and the section without it. Raises ConfigError."""
     kind = section["sensor"]
     if not isinstance(kind, str) or kind not in SENSORS:
         raise ConfigError(f"{where}: sensor: no {kind!r}{nearest(str(kind), list(SENSORS))}; there are: {_names()}")
@@ -254,7 +254,7 @@ def _kind_of(name: str, section: dict[str, Any], where: str) -> tuple[str, dict[
 
 
 def _with_device(name: str, section: dict[str, Any], where: str) -> dict[str, Any]:
-    """Return the section with what its `device` says, but for the keys it has itself."""
+    """Return the section with the keys of its `device`, but for the keys it has itself."""
     path = find_preset(DEVICES, str(section["device"]))
     device = read_table(path)
     if device.pop("sensor", None) != name:

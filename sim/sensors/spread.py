@@ -2,7 +2,7 @@
 
 Of each quantity the variance of its white noise, of its wandering bias and of what is drawn when the run starts
 (`sim.sensors.error.variance`); the error of the scale, which grows with the value, is not in it. The GPS, the USBL and
-the velocity log say it with each sample instead, as theirs depends on what was measured.
+the velocity log report it with each sample instead, as theirs depends on what was measured.
 """
 
 from collections.abc import Callable, Mapping

@@ -47,7 +47,7 @@ def terminal_speed(force: float, linear: float, quadratic: float) -> float:
 def reaches(vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity: float = 9.80665) -> tuple[Reach, ...]:
     """Return what `vehicle` can do along each of the six axes, one at a time, all of its thrusters within their limits.
 
-    `inverse` says how thrust is shared: n rows of 6, the thrusts (N) for 1 N or 1 N m along each axis, as
+    `inverse` is how thrust is shared: n rows of 6, the thrusts (N) for 1 N or 1 N m along each axis, as
     `hil.autonomy.control.allocation.pseudo_inverse` gives for the vehicle's wrench matrix. What the vehicle weighs in
     water of `density` kg/m³ under `gravity` m/s² adds to the force down and reduces the force up; propellers lose
     thrust with speed where their curve has a loss, and hull and fins have the drag of sim/vehicle/equipment.py. Left

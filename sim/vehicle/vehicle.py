@@ -54,7 +54,7 @@ EQUIPMENT = (
 
 
 class Vehicle(NamedTuple):
-    """One vehicle. `source` says where its numbers come from.
+    """One vehicle. `source` names where its numbers come from.
 
     `volume` is the displaced volume in m³. With `neutrally_buoyant` it is adjusted until the vehicle weighs nothing in
     the water of its world, as a crew does with ballast. `dimensions` are length, width and height.

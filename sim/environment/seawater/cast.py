@@ -96,7 +96,7 @@ def _thinned(columns: Columns) -> Columns:
 
 
 def _given(columns: Columns, path: str) -> _Water:
-    """Return what the file says itself. Raises ConfigError."""
+    """Return the contents of the file. Raises ConfigError."""
     missing = [name for name in ("depth", "density", "sound_speed") if name not in columns]
     if missing:
         raise ConfigError(

@@ -9,7 +9,7 @@ rows = 21
 columns = 16
 
 A byte is the number that S-57 gives the nature of a surface (attribute 113, NATSUR), 0 where nothing is known: there
-the seabed is what `[bottom]` says. The file is mapped when a sonar or a camera looks; sim.environment.things.natures
+the seabed is that of `[bottom]`. The file is mapped when a sonar or a camera looks; sim.environment.things.natures
 has what they see.
 """
 

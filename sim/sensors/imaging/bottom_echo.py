@@ -19,7 +19,7 @@ _ROUGH = 0.3  # of the variance: a patch that faces away still scatters
 
 
 def make_texture(world: World) -> Texture | None:
-    """Return the texture of a world's bottom, None where nothing is said of it."""
+    """Return the texture of a world's bottom, None where it has none."""
     return Texture(world.bottom) if world.bottom else None
 
 

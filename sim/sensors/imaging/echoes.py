@@ -82,7 +82,7 @@ class Echoes(NamedTuple):
     """Echoes of a ping, one a ray: those of the aperture beam by beam, then those of split rays, then second ones.
 
     Range (m) of its patch's middle, nearest and farthest edge, echo / source, the number of its beam, and the object.
-    `ground` tells where the aperture's own rays have met things, for what knows more of the seabed.
+    `ground` is where the aperture's own rays have met things, for what has more of the seabed.
     """
 
     ranges: Floats
@@ -123,7 +123,7 @@ class Bins:
         self._beyond = np.append(np.cumsum(self._law[::-1])[::-1], 0.0)  # summed from afar, where it is least
 
     def shares(self, echoes: Echoes, beams: int, of: NDArray[np.bool_] | None = None) -> Floats:
-        """Return what of the echoes of each beam is in each bin: beams x bins; of a part of the echoes, if said.
+        """Return what of the echoes of each beam is in each bin: beams x bins; of a part of the echoes, if given.
 
         All at once by sums of sums: of how much begins and ends in each bin, in units of the law.
         """

@@ -27,7 +27,7 @@ class ForwardSonarModel(NamedTuple):
     1 uPa behind the beam former, in the band. `seabed_strength`, `object_strength` and `surface_strength` (the water's
     surface from below) are 10 lg mu in dB; `volume_strength` is that of what drifts in the water, in dB re 1/m: about
     -80 where it is clear, -60 among bubbles or silt. With -200 a strength is none at all. `looks`: see
-    sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam hears
+    sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam receives
     those of its first side lobe; the others fall as those of a line array. With `multipath` sound comes by way of the
     surface and the seabed, which take `surface_loss` and `bottom_loss` dB of it. `error` is that of all ranges.
 
@@ -125,7 +125,7 @@ class ForwardSonar:
         self._scale = RangeScale(model, mounting, seed, self.topic, scene)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Let it hear a solid that goes with a vehicle's `state`, its own axes the body's."""
+        """Add to its echoes a solid that goes with a vehicle's `state`, its own axes the body's."""
         self._pinger.add(solid, state)
 
     def sample(self, time_ns: int, state: State) -> SonarImageSample:

@@ -40,7 +40,7 @@ _NONE = -200.0  # dB: of a strength
 
 
 class Strengths(Protocol):
-    """The keys of a sonar's model that say how strongly things echo: 10 lg mu in dB."""
+    """The keys of a sonar's model for how strongly things echo: 10 lg mu in dB."""
 
     @property
     def seabed_strength(self) -> float:
@@ -201,7 +201,7 @@ def _between(
 ) -> tuple[Floats, Floats]:
     """Return the edges, none beyond what the next ray of the beam has met of the same thing.
 
-    On a plane they never are; where the surface bends away, its tangent says nothing of how far it goes.
+    On a plane they never are; where the surface bends away, its tangent does not show how far it goes.
     """
     first, second, ranges, objects = (x.reshape(shape) for x in (first, second, ranges, objects))
     same = objects[:, 1:] == objects[:, :-1]

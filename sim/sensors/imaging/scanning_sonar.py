@@ -103,7 +103,7 @@ class ScanningSonar:
         self._errors = None if model.ground_truth else RangeErrors(model.error, 1.0 / model.rate, random, self._limits)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Let its intensities hear a solid that goes with a vehicle's `state`, its own axes the body's."""
+        """Add to its intensities a solid that goes with a vehicle's `state`, its own axes the body's."""
         if self._echoes:
             self._echoes.pinger.add(solid, state)
 

@@ -23,7 +23,7 @@ _EMPTY = np.zeros(0, np.float32)
 class Shading:
     """The looks of a `scenery` for pixels `pixel` rad wide, as far as `reach` m.
 
-    `compiled` is sim.native._picture. It knows all looks but those of a map of the bottom.
+    `compiled` is sim.native._picture. It has all looks but those of a map of the bottom.
     """
 
     def __init__(self, compiled: Any, scenery: looks.Scenery, pixel: float, reach: float) -> None:

@@ -90,7 +90,7 @@ class SideScan:
         self._scale = RangeScale(model, mounting, seed, self.topic, scene)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Let it hear a solid that goes with a vehicle's `state`, its own axes the body's."""
+        """Add to its echoes a solid that goes with a vehicle's `state`, its own axes the body's."""
         self._pinger.add(solid, state)
 
     def sample(self, time_ns: int, state: State) -> SideScanSample:

@@ -79,7 +79,7 @@ class RangeScale:
 class Picture:
     """Grey levels out of mean intensities (echo / source), in bins whose middles are `ranges` m, one a row.
 
-    `absorption` dB/m; `solid_angle` (sr) is all that one beam hears.
+    `absorption` dB/m; `solid_angle` (sr) is all that one beam receives.
     """
 
     def __init__(

@@ -95,7 +95,7 @@ class Dvl:
         return DvlSample(time_ns, (u, v, w), altitude, True, fit.covariance, fit.altitude_variance)
 
     def _fit(self, locked: tuple[bool, ...]) -> _Fit:
-        """Return what these beams say together, made once for each set of them."""
+        """Return what these beams give together, made once for each set of them."""
         rows = [list(beam) if held else [0.0, 0.0, 0.0] for beam, held in zip(self._beams, locked, strict=True)]
         columns = transpose(rows)
         spread = inverse(product(columns, rows))

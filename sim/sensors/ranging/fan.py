@@ -26,7 +26,7 @@ def validate_fan(near: float, far: float, first: float, last: float) -> str | No
 
 
 class Fan(ABC):
-    """Beams at even angles, the first and the last of which the model says."""
+    """Beams at even angles, the first and the last of which the model has."""
 
     Model: Any
     topic: str
@@ -52,5 +52,5 @@ class Fan(ABC):
         return LaserSample(time_ns, self._first, self._step, measured, self._limits, strengths)
 
     def measure(self, time_ns: int, state: State) -> tuple[Sequence[float], tuple[float, ...]]:
-        """Return the true distance (m) along each beam and, of devices that tell it, how strong its echo is (dB)."""
+        """Return the true distance (m) along each beam and, of devices that report it, how strong its echo is (dB)."""
         return self._beams.ranges(time_ns, state), ()

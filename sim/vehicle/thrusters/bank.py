@@ -89,7 +89,7 @@ class ThrusterSet:
     """All thrusters of a vehicle: each follows its steady thrust with its time constant, and may fail.
 
     The lag is first order in thrust and solved exactly for a pulse that holds during the step, so it does
-    not depend on the step's length. `sim.assembly.make_thrusters` gives one that knows the models of the vehicle.
+    not depend on the step's length. `sim.assembly.make_thrusters` gives one with the models of the vehicle.
     The thrust at a step's end acts during all of it, so it comes half a step early: a vehicle from rest is ahead by
     its speed times dt / 2, 1.2 mm at 1 m/s with steps of 2.5 ms.
     """

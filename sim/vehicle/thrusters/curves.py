@@ -115,7 +115,7 @@ class Advance(NamedTuple):
         return self.density * self.diameter**4 * kt * self.full_speed**2
 
     def loss(self, static_thrust: float, speed: float) -> float:
-        """Return how much of `static_thrust` (N), which tells the propeller's speed, is lost to `speed` (m/s)."""
+        """Return how much of `static_thrust` (N), which stands for the propeller's speed, is lost to `speed` (m/s)."""
         n = self.full_speed * sqrt(abs(static_thrust) / self.full_thrust(reverse=static_thrust < 0.0))
         return self.density * self.diameter**3 * self.alpha * n * (1.0 - self.wake_fraction) * speed
 

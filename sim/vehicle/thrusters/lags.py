@@ -1,7 +1,7 @@
 """Dynamics between curve and thrust besides the first-order lag, selected by `dynamics = { kind = ... }`.
 
 In all of them a rotor turns at `s` rad/s and thrust goes with s|s|: `full_speed` gives the thruster's limit.
-The curve says which speed it should settle at, so each model settles at the curve's thrust. How far a step
+The curve has the speed it should settle at, so each model settles at the curve's thrust. How far a step
 goes depends on its length alone: Yoerger's and Bessa's are solved exactly for a command that holds.
 """
 

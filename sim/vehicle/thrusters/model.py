@@ -56,7 +56,7 @@ class Thruster(NamedTuple):
     (sim/vehicle/thrusters/curves.py); `max_forward` and `max_reverse` limit that one too.
 
     Thrust follows the curve at once if `time_constant` is 0, else with this first-order lag, or as the table
-    `dynamics` and its `kind` say (sim/vehicle/thrusters/lags.py). The propeller turns the vehicle by `torque` N m for
+    `dynamics` and its `kind` state (sim/vehicle/thrusters/lags.py). The propeller turns the vehicle by `torque` N m for
     each N
     of thrust, right-handed about `direction`. Near the surface it loses thrust by the `diameter` of its propeller (m;
     sim/vehicle/ventilation.py): that of its curve if left out, or what makes as much thrust per area as a Blue

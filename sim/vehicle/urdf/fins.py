@@ -1,6 +1,6 @@
 """Read the fins of a model: each plugin describes lift in its own way, ours is in `sim.vehicle.fins`.
 
-uuv_simulator's fins turn about their link's z and point along its x; Gazebo's say which way is forward. A surface that
+uuv_simulator's fins turn about their link's z and point along its x; Gazebo's have a forward axis. A surface that
 no joint turns is reported, as a vehicle's file has no place for it.
 """
 
@@ -94,7 +94,7 @@ def _as_ours(fin: dict[str, Any], own: Element, path: str) -> dict[str, Any]:
 
 
 def _coefficients(plugin: Element, path: str) -> dict[str, float] | None:
-    """Return area, lift and drag of a plugin; None where it says nothing that is known.
+    """Return area, lift and drag of a plugin; None where it has nothing that is known.
 
     Its drag grows with the angle or its square, ours with that of the lift: the constant is the one that fits best.
     """

@@ -7,7 +7,7 @@ about x, done in `to_frd` and `to_frd_matrix` and nowhere else. Read are, beside
 * the systems of Gazebo (gz-sim): hydrodynamics (`xDotU`, `xU`, `xUabsU` ...) and thruster, and SDFormat's
   `<fluid_added_mass>` of a link.
 
-A URDF without such tags says nothing of water; what is missing is asked for by name, never guessed.
+A URDF without such tags has nothing of water; what is missing is asked for by name, never guessed.
 """
 
 import os
@@ -72,7 +72,7 @@ def read_robot(
 ) -> Imported:
     """Return the vehicle of a `<robot>` of the file at `path`, its sensors, and notes. See `read_urdf`.
 
-    `measure` returns volumes and boxes of mesh files, where the model says its own by its collisions alone.
+    `measure` returns volumes and boxes of mesh files, where the model has its own by its collisions alone.
     """
     notes: list[str] = []
     poses = _link_poses(robot, path)
@@ -97,7 +97,7 @@ def read_robot(
 def _table(
     robot: Element, poses: dict[str, Pose], path: str, given: dict[str, Any], measure: Measure, notes: list[str]
 ) -> dict[str, Any]:
-    """Return the keys that the model says, but for thrusters and fins."""
+    """Return the keys of the model, but for thrusters and fins."""
     table: dict[str, Any] = {
         "name": plain(robot.get("name") or "vehicle"),
         "source": f"imported from {plain(os.path.basename(path))}",
@@ -129,7 +129,7 @@ def _add_shapes(
     table: dict[str, Any], robot: Element, poses: dict[str, Pose], path: str, given: dict[str, Any],
     measure: Measure, notes: list[str], with_volume: bool,
 ) -> None:  # fmt: skip
-    """Add what the model says by its shapes alone: volume and centre of buoyancy, and the box around it."""
+    """Add what the model has by its shapes alone: volume and centre of buoyancy, and the box around it."""
     known = table.keys() | given.keys()
     if with_volume and not {"volume", "center_of_buoyancy"} <= known:
         found = from_collisions(robot, poses, path, measure, notes)
@@ -171,7 +171,7 @@ def _link_poses(robot: Element, path: str) -> dict[str, Pose]:
 
 
 def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
-    """Mass, centre of gravity and inertia about it, of all links together; what they do not say is left out."""
+    """Mass, centre of gravity and inertia about it, of all links together; what they do not have is left out."""
     parts = []
     for link in robot.findall("link"):
         inertial = link.find("inertial")

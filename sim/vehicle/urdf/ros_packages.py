@@ -58,7 +58,7 @@ def _below(top: str, seen: set[str]) -> Iterator[str]:
         try:
             with os.scandir(folder) as entries:
                 inner = sorted(entry.path for entry in entries if entry.is_dir() and entry.name[0] != ".")
-        except OSError:  # not ours to read, or gone meanwhile
+        except OSError:  # not ours to read, or removed meanwhile
             continue
         waiting.extend(inner)
 

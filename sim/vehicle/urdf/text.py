@@ -20,7 +20,7 @@ DEEPEST = 64  # elements in each other: those of robots have some ten
 
 
 def read_xml(path: str, text: bytes | None = None, root: str = "robot") -> Element:
-    """Return the `<robot>` (or what `root` says) of the file, or of `text` in its place. Raises ConfigError.
+    """Return the `<robot>` (or the element `root`) of the file, or of `text` in its place. Raises ConfigError.
 
     An XML entity may stand for another file or for gigabytes: none is ever expanded. Elements are at most `DEEPEST` in
     each other.
@@ -49,7 +49,7 @@ def read_xml(path: str, text: bytes | None = None, root: str = "robot") -> Eleme
 def _as_gazebo_reads(data: bytes) -> bytes:
     """Return an SDF without what Gazebo's parser passes over and others do not.
 
-    The prefixes of its own tags are declared, which many files leave out, and comments, which may hold `--`, are gone.
+    The prefixes of its own tags are declared, which many files leave out, and comments, which may hold `--`, are cut.
     """
     data = re.sub(rb"<!--.*?-->", lambda comment: b"\n" * comment[0].count(b"\n"), data, flags=re.DOTALL)
     for prefix in (b"gz", b"ignition", b"experimental"):
@@ -144,7 +144,7 @@ def plain(name: str) -> str:
 
 def find_mesh(name: str, path: str) -> str:
     """Return the path of a mesh that the file at `path` names; package:// is looked for in the folders above that
-    file, then as sim/vehicle/urdf/ros_packages.py says.
+    file, then as sim/vehicle/urdf/ros_packages.py does.
 
     What cannot be found is given back as it is written.
     """

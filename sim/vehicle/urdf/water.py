@@ -1,4 +1,4 @@
-"""Read what the tags of simulators say of the water on a vehicle: volume, box, added mass and damping."""
+"""Read what the tags of simulators have of the water on a vehicle: volume, box, added mass and damping."""
 
 from collections.abc import Iterator, Mapping
 from math import log, pi, sqrt
@@ -20,7 +20,7 @@ _SPHERE_DRAG = 0.5
 
 
 def read_water(robot: Element, path: str, notes: list[str]) -> dict[str, Any]:
-    """Return the keys of a vehicle's file that the tags say, and `neutral`; `notes` takes what has no place there."""
+    """Return the keys of a vehicle's file that the tags have, and `neutral`; `notes` takes what has no place there."""
     keys: dict[str, Any] = {}
     for inertial in robot.iter("inertial"):
         added = inertial.find("fluid_added_mass")
@@ -108,7 +108,7 @@ def _squares(element: Element) -> Iterator[tuple[int, int, int, str, str, bool]]
 
 
 def _classic_buoyancy(element: Element, path: str) -> dict[str, Any]:
-    """Return what Gazebo classic's buoyancy plugin says of its first link."""
+    """Return what Gazebo classic's buoyancy plugin has of its first link."""
     keys: dict[str, Any] = {}
     if (volume := element.findtext("link/volume")) is not None:
         keys["volume"] = number_of(volume, path)

@@ -29,7 +29,7 @@ class CameraModel(NamedTuple):
 
     The rest is off by default, the same with both renderers, and absent from the ground truth. The lamps are at the
     camera, or two of them `lamp_offset` m to either side of it. Only then can `lamp_shadows` be seen, for a cast of
-    rays more a lamp, and can `backscatter` be told: what the water between sends back of their light, `backscatter`
+    rays more a lamp, and `backscatter` can be computed: what the water between sends back of their light, `backscatter`
     times that of Petzold's particles. `snow` is the number of particles of marine snow in a m³, which stay where
     they are in the water. `caustics` is the contrast that waves give to daylight on the seabed, 1 at its best depth
     of about a metre under a sun overhead. `exposure_time` s is the time over which motion blurs, `readout_time` s

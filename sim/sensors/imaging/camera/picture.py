@@ -25,7 +25,7 @@ from sim.sensors.surface import submersion
 
 Floats = NDArray[np.floating[Any]]
 
-_DEPTH_STEP = 0.1  # m: how exactly the water knows its depth, so that it need not be computed for every picture
+_DEPTH_STEP = 0.1  # m: how exactly the water uses its depth, so that it need not be computed for every picture
 _UNDISTORTED = 1e-6  # of the focal length: less than a thousandth of a pixel
 
 
