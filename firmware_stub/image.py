@@ -54,7 +54,7 @@ def load_image(chip: str) -> Image:
 
 
 def describe_image(path: str) -> Image:
-    """Return what the .toml beside an image says of it. Raises ConfigError without a valid one."""
+    """Return the contents of the .toml beside an image. Raises ConfigError without a valid one."""
     from hil.common.tables import parse_toml  # an emulated STM32 needs the bytes alone
 
     description = path.removesuffix(".bin") + ".toml"

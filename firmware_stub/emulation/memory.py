@@ -8,7 +8,7 @@ from typing import NamedTuple
 from firmware_stub.emulation.models import KIB, Model
 
 FLASH = 0x0800_0000
-# The part of a family's system memory that says which chip it is: its address and size, and from there the chip's own
+# The part of a family's system memory that identifies the chip: its address and size, and from there the chip's own
 # number and the size of its flash.
 SYSTEM = {"f4": (0x1FFF_0000, 0x8000, 0x7A10, 0x7A22), "f1": (0x1FFF_F000, 0x1000, 0x7E8, 0x7E0)}
 READ, WRITE, EXECUTE = 1, 2, 4

@@ -73,7 +73,7 @@ def parse_list(text: str) -> list[DfuBoard]:
 
 
 def choose_image(board: DfuBoard, chip: str | None) -> Image:
-    """Return the image for a board; `chip` is what the person said it is. Raises ConfigError if that cannot be."""
+    """Return the image for a board; `chip` is the person's choice. Raises ConfigError if that cannot be."""
     if chip == "f103":
         raise ConfigError("an STM32F103 has no USB bootloader in its ROM: use a debug probe: --by probe")
     images = {name: load_image(name) for name in WITH_DFU}

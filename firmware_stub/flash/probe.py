@@ -33,7 +33,7 @@ class Probe(NamedTuple):
 
 
 class Board(NamedTuple):
-    """The findings of a probe: the board's name if the probe knows it, and the device id of its chip."""
+    """The findings of a probe: the board's name if the probe has it, and the device id of its chip."""
 
     name: str
     device_id: int
