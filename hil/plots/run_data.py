@@ -42,7 +42,7 @@ class VehicleData:
 
     `true` and `measured`: north, east, depth (m), yaw (rad), surge, sway, heave (m/s), yaw rate (rad/s); `commands`:
     surge, sway, heave (m/s), yaw rate (rad/s); `pulses`: one a channel (us). `traced` are the times of
-    the samples of `delays`, `events` what the vehicle reported as gone wrong, `tether` where its line was at last (NED, m).
+    the samples of `delays`, `events` what went wrong by its own report, `tether` where its line was at last (NED, m).
     """
 
     def __init__(self) -> None:
