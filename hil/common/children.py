@@ -1,8 +1,8 @@
-"""Start child processes that end with this one, whatever ends it, SIGKILL included.
+"""Start child processes that end when this one ends, however it ends, SIGKILL included.
 
-All that the project starts and does not wait for at once is started here, so that nothing of it is left on a port, a
-link or a processor. How it works is described in hil.common.lifeline, which is the child's side: our own programs call
-`die_with_parent` first of all, and those of others are started by `foreign_command`.
+All processes that the project starts without waiting for them are started here, so that none is left over to block a
+port, a link or a processor. hil.common.lifeline is the child's side and explains the mechanism: our own programs call
+`die_with_parent` first; other programs are started by `foreign_command`.
 """
 
 import os
@@ -20,20 +20,20 @@ ROOT = os.path.dirname(
     os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 )  # the folder of the project's packages
 _INSTALLED = ("site-packages", "dist-packages")
-_SAFE_PATH = "PYTHONSAFEPATH"  # as the interpreter's option -P; Python 3.10 has neither
+_SAFE_PATH = "PYTHONSAFEPATH"  # same as the interpreter's option -P; Python 3.10 has neither
 
-_pipe: list[int] = []  # its ends, the read end first; of two pipes if two threads began at once, which is as good
+_pipe: list[int] = []  # read end, write end; a second pipe, if two threads start at once, does no harm
 
 
 def start_child(
     command: Sequence[str], *, environment: Mapping[str, str] | None = None, pass_fds: Sequence[int] = (), **how: Any
 ) -> "subprocess.Popen[Any]":
-    """Start a program in a session of its own that ends with this process; the rest is as of `subprocess.Popen`.
+    """Start a program in a new session, to end with this process; `how` as for `subprocess.Popen`.
 
-    command: one of our programs (`module_command`), or a `foreign_command`. environment: instead of this process's.
-    Ctrl-C in the terminal does not reach it. Raises OSError if it cannot be started.
+    command: one of our programs (`module_command`), or a `foreign_command`. environment: replaces this process's.
+    Ctrl-C in the terminal does not reach the program. Raises OSError if it cannot be started.
     """
-    import subprocess  # the slave imports this file, and may never start anything
+    import subprocess  # not loaded by a slave that starts no process
 
     end = open_lifeline()
     variables = {
@@ -47,7 +47,7 @@ def start_child(
 
 
 def finish_child(command: Sequence[str], seconds: float) -> "subprocess.CompletedProcess[bytes]":
-    """Run one of our programs to its end, for at most so long; return its exit code, its output and its errors.
+    """Run one of our programs to its end, at most `seconds`; return its exit code, output and errors.
 
     Raises subprocess.TimeoutExpired, OSError.
     """
@@ -59,13 +59,13 @@ def finish_child(command: Sequence[str], seconds: float) -> "subprocess.Complete
         try:
             output, errors = process.communicate(timeout=seconds)
         finally:
-            process.kill()  # does nothing to one that has ended
+            process.kill()  # no effect if it has ended
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
 
 
 def limit_self(memory_bytes: int, processor_seconds: int) -> None:
-    """Bound the address space and the processor time of this process, for work on a file of somebody else."""
-    if sys.platform == "win32":  # which has no such limits
+    """Limit this process's address space and processor time, for work on a file from somebody else."""
+    if sys.platform == "win32":  # Windows has no such limits
         return
     import resource
 
@@ -77,21 +77,21 @@ def limit_self(memory_bytes: int, processor_seconds: int) -> None:
 def open_lifeline() -> int:
     """Return a descriptor for one child to inherit; close it here after the child has started.
 
-    The child's environment names it: `lifeline.describe_end` in `lifeline.VARIABLE`.
-    Each child needs an open file of its own, as it is there that the kernel keeps whom to signal.
+    The child's environment names it: `lifeline.describe_end` in `lifeline.VARIABLE`. Each child needs its own open
+    file, because the kernel stores in the open file which process to signal.
     """
     return os.open(_path("self"), os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
 
 
 def module_command(module: str, *arguments: str) -> list[str]:
-    """Return the command that runs a module of ours, which does not look for modules in the current folder."""
+    """Return the command that runs a module of ours; it does not import modules from the current folder."""
     return python_command("-m", module, *arguments)
 
 
 def python_command(*words: str) -> list[str]:
-    """Return the command that gives this interpreter `words`: options, then -c CODE or -m MODULE, then arguments.
+    """Return the command that runs this interpreter with `words`: options, then -c CODE or -m MODULE, then arguments.
 
-    Modules are not looked for in the current folder.
+    Modules are not imported from the current folder.
     """
     if sys.version_info >= (3, 11):
         return [sys.executable, "-P", *words]
@@ -103,7 +103,7 @@ def python_command(*words: str) -> list[str]:
 
 
 def foreign_command(*command: str) -> list[str]:
-    """Return the command that runs a program of others so that it ends with this process."""
+    """Return the command that runs a program of others such that it ends with this process."""
     return [sys.executable, "-I", "-S", lifeline.__file__, *command]
 
 
@@ -116,13 +116,13 @@ def package_environment() -> dict[str, str]:
 
 @contextmanager
 def worker_options() -> Iterator[dict[str, Any]]:
-    """Provide options of `joblib.Parallel` with which the processes of loky end with this one.
+    """Provide options of `joblib.Parallel` that make the worker processes of loky end with this one.
 
-    These look for modules in the current folder no more than our own programs do; but under Python 3.10, which cannot
-    be told so, until they have taken over this process's `sys.path`. Only Linux can end them with this process.
+    The workers do not import modules from the current folder; under Python 3.10, which has no option for this, they may
+    do so until they have copied this process's `sys.path`. Only on Linux do they end with this process.
 
-    multiprocessing's own process is started here, as up to Python 3.12 its start lets held back signals through:
-    `hil.common.stop.ctrl_c_held_back`, inside which the workers are to be started.
+    The helper process of multiprocessing is started here, because up to Python 3.12 its start releases held back
+    signals. The workers have to be started inside `hil.common.stop.ctrl_c_held_back`.
     """
     from warnings import filterwarnings
 
@@ -152,7 +152,7 @@ def _path(process: str) -> str:
 
 
 def _let_go() -> None:
-    """Close the parent's lifelines in a process forked without an exec."""
+    """Close the parent's lifelines in a process that was forked without an exec."""
     while _pipe:
         os.close(_pipe.pop())
 

@@ -1,8 +1,7 @@
-"""Monotonic instants, the absolute-time rate keeper, and what makes a process real-time.
+"""Monotonic time, the rate keeper with absolute deadlines, and the setup of real-time processes.
 
-Time is integer nanoseconds of the monotonic clock. On the network it is the same clock shifted once,
-at start, to the wall clock: two processes of one machine agree, and a wall clock that is stepped while
-they run does not bend a measured delay.
+Time is integer ns of the monotonic clock. On the network it is shifted to the wall clock by the offset at start-up. So
+two processes on one machine agree, and a step of the wall clock while they run does not falsify a measured delay.
 """
 
 import gc
@@ -16,7 +15,7 @@ from hil.common.quantiles import rank
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 NS_PER_US = 1_000
-NEVER_NS = 1 << 63  # an instant that does not come
+NEVER_NS = 1 << 63  # later than any time
 
 now_ns = time.monotonic_ns  # CLOCK_MONOTONIC: the same clock in every process of one machine
 
@@ -24,7 +23,7 @@ _WALL_OFFSET_NS = time.time_ns() - now_ns()
 
 
 def to_wall_ns(monotonic_ns: int) -> int:
-    """Return a monotonic instant as nanoseconds since 1970, by the offset the two clocks had at start."""
+    """Return a monotonic time as ns since 1970, by the offset between the two clocks at start-up."""
     return monotonic_ns + _WALL_OFFSET_NS
 
 
@@ -39,11 +38,11 @@ def seconds_ns(seconds: float) -> int:
 
 
 def process_start_ns() -> int:
-    """Return the monotonic instant at which this process was executed.
+    """Return the monotonic time (ns) at which this process was executed.
 
-    From the variable UUV_HIL_EXEC_NS when the parent set it just before the exec, else from
-    /proc/self/stat, whose resolution is one clock tick (10 ms). psutil gives the same, and would cost the slave's start
-    more than that (hil/slave/health/usage.py).
+    It comes from the variable UUV_HIL_EXEC_NS if the parent has set it just before the exec, else from /proc/self/stat,
+    with a resolution of one clock tick (10 ms). psutil gives the same, but would lengthen the slave's start more than
+    that (hil/slave/health/usage.py).
     """
     value = os.environ.get("UUV_HIL_EXEC_NS", "")
     if value.isdigit():
@@ -55,7 +54,7 @@ def process_start_ns() -> int:
 
 
 def boot_id() -> str:
-    """Return the identifier of this boot; processes that see the same one share a clock."""
+    """Return the identifier of this boot; processes with the same one share a clock."""
     try:
         with open("/proc/sys/kernel/random/boot_id", encoding="utf-8") as file:
             return file.read().strip()
@@ -65,15 +64,15 @@ def boot_id() -> str:
         return f"machine {uuid.getnode():x}"
 
 
-LEARN_NS = 300  # by which the time to wake up is corrected each time
+LEARN_NS = 300  # step by which the wake-up time is corrected
 MOST_LEAD_NS = 100_000
-MOST_FRESH = 1024  # instants that a loop leaves uncounted, of which the slave's has 400 a second
+MOST_FRESH = 1024  # values that a loop leaves uncounted; the slave's loop adds 400 a second
 
 
 class Histogram:
     """Counts of non-negative integers in bins at most 25 % wide: constant memory, no allocation.
 
-    Quantiles are the upper edge of the bin they fall in, so they never flatter.
+    A quantile is the upper edge of its bin, so it is never too small.
     """
 
     __slots__ = ("bins", "maximum")
@@ -97,7 +96,7 @@ class Histogram:
         self.bins[value if shift <= 0 else shift * 4 + (value >> shift)] += 1
 
     def quantile(self, share: float) -> int:
-        """Return the value that `share` (0..1) of all values do not exceed; 0 when there are none."""
+        """Return the value that a `share` (0..1) of all values does not exceed; 0 if there are none."""
         wanted, seen = rank(share, self.count), 0
         for index, number in enumerate(self.bins):
             seen += number
@@ -106,12 +105,12 @@ class Histogram:
         return self.maximum
 
     def share_within(self, value: int) -> float:
-        """Return a share (0..1) of all values that surely does not exceed `value`; 1 when there are none."""
+        """Return a lower bound of the share (0..1) of values that do not exceed `value`; 1 if there are none."""
         within = sum(number for index, number in enumerate(self.bins) if number and self._upper_edge(index) <= value)
         return 1.0 if self.maximum <= value else within / self.count
 
     def since(self, bins: list[int]) -> "Histogram":
-        """Return what was counted after its `bins` were these; the greatest of it is known to its bin."""
+        """Return the histogram of values added since its `bins` had these counts; its maximum is exact to a bin."""
         newer = Histogram()
         newer.bins = [now - before for now, before in zip(self.bins, bins, strict=True)]
         last = max((index for index, number in enumerate(newer.bins) if number), default=0)
@@ -129,8 +128,8 @@ class Histogram:
 class RateKeeper:
     """Count the periods that are due, on an absolute schedule that never drifts.
 
-    A loop that comes late catches up, but not by more than `most_due` periods at once: what is beyond
-    is skipped and counted in `skipped`.
+    A loop that is late catches up, but by at most `most_due` periods at once; further ones are skipped and counted in
+    `skipped`.
     """
 
     __slots__ = (
@@ -153,35 +152,35 @@ class RateKeeper:
         self.skipped = 0
         self.lead_ns = 0
         self._lateness = Histogram()
-        self._fresh: deque[int] = deque()  # lateness that the histogram has not counted yet
+        self._fresh: deque[int] = deque()  # lateness values (ns) that are not in the histogram yet
         self._counting = Lock()
 
     @property
     def lateness(self) -> Histogram:
-        """Return how late each period was noticed (ns). The reader counts them: the loop has no time for it.
+        """Histogram of how late (ns) each period was noticed. It is filled here, because the loop has no time for it.
 
-        Where nobody asks for long, the loop counts what is more than `MOST_FRESH`.
+        If this is not read for long, the loop itself adds what is more than `MOST_FRESH` values.
         """
         with self._counting:
             self._count(0)
         return self._lateness
 
     def timeout(self) -> float:
-        """Return how long (s) to sleep now: until the deadline, less what waking up takes on this machine."""
+        """Return how long (s) to sleep: until the deadline, minus the time that a wake-up takes on this machine."""
         left = self.deadline_ns - self.lead_ns - now_ns()
         return left / NS_PER_S if left > 0 else 0.0
 
     def on_wakeup(self) -> int:
-        """Return the instant (monotonic ns) after such a sleep; the caller, awake early, waits here.
+        """Return the monotonic time (ns) after such a sleep; after an early wake-up, wait here for the deadline.
 
-        What waking up takes is learnt so that one in four comes early: the lateness is a third of what it was, and the
-        processor time no more that can be measured.
+        The wake-up time is learnt such that one in four is early: this reduces the lateness to a third, without a
+        measurable increase in processor time.
         """
         now = now_ns()
         if now >= self.deadline_ns:
             self.lead_ns = min(self.lead_ns + LEARN_NS, MOST_LEAD_NS)
             return now
-        if now < self.deadline_ns - MOST_LEAD_NS:  # something else has woken it
+        if now < self.deadline_ns - MOST_LEAD_NS:  # woken by something else
             return now
         self.lead_ns = max(self.lead_ns - 3 * LEARN_NS, 0)
         while now < self.deadline_ns:
@@ -189,12 +188,12 @@ class RateKeeper:
         return now
 
     def due(self, now: int) -> int:
-        """Return how many periods have ended by `now` (monotonic ns) and not yet been reported."""
+        """Return how many periods have ended by `now` (monotonic ns) since the last call."""
         late = now - self.deadline_ns
         if late < 0:
             return 0
         self._fresh.append(late)
-        if len(self._fresh) > MOST_FRESH and self._counting.acquire(blocking=False):  # nobody is counting just now
+        if len(self._fresh) > MOST_FRESH and self._counting.acquire(blocking=False):  # and no reader is counting
             self._count(MOST_FRESH)
             self._counting.release()
         if late >= self.period_ns:
@@ -204,7 +203,7 @@ class RateKeeper:
         return 1
 
     def _count(self, leave: int) -> None:
-        """Count the oldest, and leave so many uncounted."""
+        """Add the oldest values to the histogram until only `leave` are left."""
         fresh, count = self._fresh, self._lateness.add
         while len(fresh) > leave:
             count(fresh.popleft())
@@ -225,7 +224,7 @@ LOOP_PRIORITY = 40  # SCHED_FIFO, below the kernel's interrupt threads (50)
 
 
 def schedule_fifo(priority: int) -> str:
-    """Give this thread and the threads it starts real-time scheduling; return a line that says whether that worked."""
+    """Give this thread, and threads that it starts, real-time scheduling; return a line on whether that succeeded."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
@@ -234,10 +233,10 @@ def schedule_fifo(priority: int) -> str:
 
 
 def schedule_below_loop() -> None:
-    """Let the loop preempt this thread, and nothing else that is not real-time either, if the loop is.
+    """If the loop is real-time, make this thread real-time too, with a priority just below.
 
-    A thread with normal scheduling that holds the interpreter's lock holds up the loop for as long as other programs
-    keep it from the processor: on a machine with a load of 25 for seconds.
+    A thread with normal scheduling that holds the interpreter lock would delay the loop for as long as other programs
+    occupy the processor: seconds on a machine with a load of 25.
     """
     if os.sched_getscheduler(0) == os.SCHED_FIFO:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(LOOP_PRIORITY - 1))
@@ -249,25 +248,25 @@ def lock_memory() -> str:
 
     mcl_current, mcl_future, mcl_onfault = 1, 2, 4
     libc = ctypes.CDLL(None, use_errno=True)
-    # ONFAULT: lock what is touched; without it the threads' untouched stacks would become resident.
+    # ONFAULT locks pages when they are used; without it the unused stacks of threads would become resident.
     if libc.mlockall(mcl_current | mcl_future | mcl_onfault) != 0:
         reason = os.strerror(ctypes.get_errno())
         return f"memory: not locked; mlockall: {reason} (allow it with `ulimit -l unlimited` or CAP_IPC_LOCK)"
     return "memory: locked as it is touched"
 
 
-_awake: list[int] = []  # the descriptors whose being open keeps the processors awake
+_awake: list[int] = []  # open descriptors that keep the processors awake
 
 
 def stay_awake() -> str:
     """Keep idle processors out of deep sleep while this process lives; return a line that says whether that succeeded.
 
-    By the kernel's PM QoS: without it a loop finds its processor asleep and its caches cold after each pause. It costs
-    power, most on PCs, whose shallowest idle state is to spin.
+    It uses the kernel's PM QoS. Without it a loop finds its processor asleep, with cold caches, after each pause. It
+    costs power, most on PCs, whose shallowest idle state is a busy loop.
     """
     try:
         descriptor = os.open("/dev/cpu_dma_latency", os.O_WRONLY | os.O_CLOEXEC)
-        os.write(descriptor, bytes(4))  # an int: at most so many us to wake up
+        os.write(descriptor, bytes(4))  # an int: the wake-up latency limit in us
     except OSError as error:
         reason = f"/dev/cpu_dma_latency: {error.strerror} (`uuv-hil board install` permits it)"
         return f"idle processors: as they are; {reason}"
@@ -276,7 +275,7 @@ def stay_awake() -> str:
 
 
 def quiet_garbage_collector() -> str:
-    """Take the collector out of the loop's way: what is there now stays, the rest is collected on request."""
+    """Exclude present objects from garbage collection and collect others only on request, to spare the loop pauses."""
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -1,4 +1,4 @@
-"""Format text that fits the terminal: tables whose columns are as wide as their widest cell, paragraphs, and help."""
+"""Format text to fit the terminal: tables with columns as wide as their widest cell, paragraphs, and help."""
 
 import argparse
 import re
@@ -9,19 +9,19 @@ from typing import Any
 from hil.common.text import clean, wrap_command
 
 GAP = "  "
-PIECES = re.compile(r" +|[^ /]*/|[^ /]+")  # what stays on one line if it can
+PIECES = re.compile(r" +|[^ /]*/|[^ /]+")  # pieces that are kept on one line if possible
 COLOUR = re.compile(r"\x1b\[[\d;]*m")  # as Python 3.14 and later write it into a usage
 OPTION_VALUE = re.compile(r"(?<![\w-])(--?[\w-]+) (?=[^\[| ])")  # the space between an option and its value
-LEAST = 6  # letters; a column is never made narrower
+LEAST = 6  # minimum width of a column, in characters
 
 
 def aligned(
     rows: Sequence[Sequence[str]], right: bool = False, rule: bool = False, indent: str = "", width: int = 0
 ) -> list[str]:
-    """Return `rows` of equally many cells as lines; each cell is aligned left or, for numbers, right.
+    """Return `rows` of equally many cells as lines; cells are aligned left, or right with `right`, for numbers.
 
-    With `rule` a line of dashes comes below the first row. What does not print in a cell is replaced. No line is longer
-    than `width` letters, 0: the terminal's, or 80 where the output is no terminal; longer cells go on in the next line.
+    With `rule` a line of dashes follows the first row. Characters that do not print are replaced. No line is longer
+    than `width` characters (0: the terminal's width, or 80 without a terminal); longer cells continue on the next line.
     """
     rows = [[clean(cell) for cell in row] for row in rows]
     widths = _fitted(list(zip(*rows, strict=True)), (width or terminal_width()) - len(indent))
@@ -36,16 +36,16 @@ def aligned(
 
 def paragraph(text: str, indent: str = "") -> str:
     """Return a text as lines that fit the terminal; those after the first begin with `indent`. Words stay whole."""
-    from textwrap import fill  # by few commands
+    from textwrap import fill  # not needed by most commands
 
     return fill(text, terminal_width(), subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
 
 
 class HelpFormatter(argparse.HelpFormatter):
-    """Wrap the paragraphs of a text to the terminal; keep its indented lines, such as those of examples."""
+    """Wrap the paragraphs of a text to the terminal's width; leave indented lines, such as examples, as they are."""
 
     def _format_usage(self, *arguments: Any) -> str:
-        """Return the usage; argparse lets the parts of a narrow one, and options that exclude each other, overflow."""
+        """Return the wrapped usage; argparse itself lets narrow ones and mutually exclusive options overflow."""
         usage = super()._format_usage(*arguments)
         plain = COLOUR.sub("", usage)
         if max(map(len, plain.split("\n"))) <= self._width:
@@ -55,13 +55,13 @@ class HelpFormatter(argparse.HelpFormatter):
         return f"{self._broken(plain, self._width, ' ' * indent)}\n\n"
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
-        """Return the names of an option with its value, which argparse lets overflow if it has many choices."""
+        """Return an option's names and value, wrapped; argparse itself lets many choices overflow."""
         text = super()._format_action_invocation(action)
         width = self._width - self._current_indent
         return text if len(COLOUR.sub("", text)) <= width else self._broken(text, width, " " * 6)
 
     def _broken(self, text: str, width: int, indent: str) -> str:
-        """Return options as lines, an option and its value on one if they fit there, else broken at commas."""
+        """Return options as lines; an option and its value stay on one line if possible, else break at commas."""
         words = OPTION_VALUE.sub("\\1\0", " ".join(COLOUR.sub("", text).split())).split(" ")
         room = width - len(indent)
         parts = [word if len(word) <= room else word.replace("\0", " ").replace(",", ", ") for word in words]
@@ -72,8 +72,8 @@ class HelpFormatter(argparse.HelpFormatter):
         super().start_section("\n".join(self._split_lines(heading, self._width - 1)) if heading else heading)
 
     def _split_lines(self, text: str, width: int, indent: str = "") -> list[str]:
-        """Return the lines of an option's help; argparse breaks file names and commands at their hyphens."""
-        from textwrap import wrap  # by argparse, too, only where help is asked for
+        """Return the lines of an option's help; unlike argparse, do not break names and commands at hyphens."""
+        from textwrap import wrap  # needed only for help
 
         return wrap(" ".join(text.split()), width, subsequent_indent=indent, break_on_hyphens=False)
 
@@ -88,14 +88,14 @@ class HelpFormatter(argparse.HelpFormatter):
 
 
 def terminal_width() -> int:
-    """Return the columns of the terminal, 80 where the output is none."""
+    """Return the number of columns of the terminal; 80 if the output is not a terminal."""
     from shutil import get_terminal_size
 
     return get_terminal_size((80, 24)).columns
 
 
 def _fitted(columns: Sequence[Sequence[str]], total: int) -> list[int]:
-    """Return the widths of columns: the widest made narrower until all fit in `total`, words whole if they can be."""
+    """Return the column widths: reduce the widest until all fit into `total`, if possible without breaking words."""
     widths = [max(map(len, column)) for column in columns]
     words = [
         max(len(piece.rstrip()) for cell in column for piece in PIECES.findall(cell) or [""]) for column in columns
@@ -110,14 +110,14 @@ def _fitted(columns: Sequence[Sequence[str]], total: int) -> list[int]:
 
 
 def _lines(row: Sequence[str], widths: Sequence[int]) -> list[list[str]]:
-    """Return the lines of one row, each with as many cells."""
+    """Return the lines of one row, each with the same number of cells."""
     wrapped = [_wrap(cell, width) for cell, width in zip(row, widths, strict=True)]
     count = max(map(len, wrapped))
     return [[cell[number] if number < len(cell) else "" for cell in wrapped] for number in range(count)]
 
 
 def _wrap(text: str, width: int) -> list[str]:
-    """Return a text as lines: broken at spaces and after slashes, else anywhere."""
+    """Return a text as lines, broken at spaces and after slashes; longer words are broken anywhere."""
     lines = [""]
     for piece in PIECES.findall(text) if len(text) > width else [text]:
         if len(lines[-1]) + len(piece.rstrip()) > width and lines[-1]:

@@ -8,8 +8,8 @@ DEFAULT_PORT = 7447
 def split_endpoint(endpoint: str) -> tuple[str, str, int]:
     """Return scheme, host and port of an endpoint: "tcp/HOST:PORT", "tls/HOST:PORT", or without scheme or port.
 
-    The scheme is tcp and the port DEFAULT_PORT where they are left out; an IPv6 address stands in brackets. A port
-    needs its neighbour, so the last one is none. Raises NetworkError when it is none of these.
+    The default scheme is tcp, the default port DEFAULT_PORT; an IPv6 address stands in brackets. Port 65535 is not
+    allowed, because the next port is used too. Raises NetworkError for any other text.
     """
     scheme, slash, address = endpoint.partition("/")
     if not slash:
@@ -32,7 +32,7 @@ def split_endpoint(endpoint: str) -> tuple[str, str, int]:
 
 
 def no_certificates(endpoint: str) -> str:
-    """Return what is wrong with an endpoint where there are no certificates, "" if nothing is. Raises NetworkError."""
+    """Return the problem with a TLS endpoint where there are no certificates; "" for TCP. Raises NetworkError."""
     if split_endpoint(endpoint)[0] != "tls":
         return ""
     return (
@@ -42,7 +42,7 @@ def no_certificates(endpoint: str) -> str:
 
 
 def validate_endpoint(key: str, endpoint: str) -> str | None:
-    """Return what is wrong with the endpoint under `key` of a file, None if nothing is."""
+    """Return what is wrong with the endpoint under `key` of a file; None if it is valid."""
     try:
         split_endpoint(endpoint)
     except NetworkError as error:
@@ -51,6 +51,6 @@ def validate_endpoint(key: str, endpoint: str) -> str | None:
 
 
 def full_endpoint(endpoint: str) -> str:
-    """Return an endpoint with its scheme and port: "tcp/192.168.3.116:7447" of "192.168.3.116". Raises NetworkError."""
+    """Return an endpoint with scheme and port: "192.168.3.116" gives "tcp/192.168.3.116:7447". Raises NetworkError."""
     scheme, host, port = split_endpoint(endpoint)
     return f"{scheme}/{host}:{port}"

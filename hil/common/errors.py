@@ -1,21 +1,21 @@
-"""The errors that a person can get, and what each one means.
+"""The errors that a user can get, and what each one means.
 
-    HilError                  anything of ours; the command line prints it as one line
-    ├── ConfigError           a file or an option says something that cannot be meant
-    ├── DeviceError           a serial port, pty or bus cannot be opened, is busy, or went away
-    ├── NetworkError          a session cannot listen or connect, or the other side went away
+    HilError                  any error of ours; the command line prints it as one line
+    ├── ConfigError           a value in a file or option is invalid
+    ├── DeviceError           a serial port, pty or bus cannot be opened, is busy, or was lost
+    ├── NetworkError          a session cannot listen or connect, or the peer was lost
     ├── MissingExtraError     a package that this feature needs is not installed
-    └── MissionError          the run ended without reaching what the scenario asked for
-        ├── NoPathError       the map at hand shows no path; a map of more of the world may
-        └── DivergenceError   the simulated motion left the finite numbers
+    └── MissionError          the run ended without reaching the scenario's goal
+        ├── NoPathError       the present map shows no path; a larger map may
+        └── DivergenceError   the simulated motion is no longer finite
 
-Each message names the file, key or port it is about and ends with the remedy. What arrives over a wire
-never raises any of these: it is decoded, or counted and dropped.
+Each message names the file, key or port and ends with the remedy. Bytes from a wire never raise any of these: they are
+decoded, or counted and dropped.
 """
 
 import sys
 
-STOPPED = 130  # the exit code of what a person or a signal has ended, as of a shell after Ctrl-C
+STOPPED = 130  # exit code after a signal, as a shell gives it after Ctrl-C
 EXIT_CODES = (
     "exit codes: 0 done, 1 a check found a problem, 2 a wrong file or option, 3 a device, 4 the network, 5 a missing "
     f"package, 6 the run did not end as it should, {STOPPED} Ctrl-C (0 for a command that runs until then)"
@@ -41,35 +41,35 @@ class DeviceError(HilError):
 
 
 class NetworkError(HilError):
-    """The network session cannot be opened, or the peer it was opened for is not there."""
+    """The network session cannot be opened, or its peer is not present."""
 
     exit_code = 4
 
 
 class MissingExtraError(HilError):
-    """An optional package is needed; the message gives the pip command."""
+    """An optional package is required; the message gives the pip command."""
 
     exit_code = 5
 
 
 class MissionError(HilError):
-    """The mission was run and did not end as the scenario asked."""
+    """The mission ended without reaching the scenario's goal."""
 
     exit_code = 6
 
 
 class NoPathError(MissionError):
-    """A map shows no path between two places, or not both of them: one of more of the world may."""
+    """A map shows no path between two positions, or does not contain both; a larger map may."""
 
 
 class DivergenceError(MissionError):
-    """The state of a simulated vehicle is not finite any more; the message names the time and the term."""
+    """The state of a simulated vehicle is no longer finite; the message names the time and the term."""
 
 
 ELSEWHERE = "on this system run sim, master, view, topic, the gateways, and what needs no board"
 
 
 def require_linux(what: str) -> None:
-    """Raise DeviceError, in one line, on a system that cannot do `what`."""
+    """Raise DeviceError on systems other than Linux; `what` names the feature."""
     if sys.platform != "linux":
         raise DeviceError(f"{what} runs on Linux only, and this is {sys.platform}; {ELSEWHERE}")

@@ -1,57 +1,57 @@
-"""End this process when its parent ends, whatever ends that: the child's side of hil.common.children.
+"""End this process when its parent ends, for whatever reason: the child's side of hil.common.children.
 
-    python -I -S hil/common/lifeline.py PROGRAM [ARGUMENT ...]      run another program so
+    python -I -S hil/common/lifeline.py PROGRAM [ARGUMENT ...]      run another program this way
 
-A command loads this file first, for Ctrl-C before it runs (`leave_on_ctrl_c`): what is loaded earlier Ctrl-C can hit.
+Every command imports this file first, for its handling of an early Ctrl-C (`leave_on_ctrl_c`).
 
-The child holds the read end of a pipe (the lifeline) whose only write end is in its parent. It asks the kernel for a
-SIGKILL when that end closes, as it does when the parent has ended: O_ASYNC, F_SETOWN and F_SETSIG of fcntl(2). Then it
-looks whether the pipe is at its end already, so that no moment is left open. An exec keeps all of it.
+The child holds the read end of a pipe (the lifeline); only the parent holds the write end. The child asks the kernel
+for a SIGKILL when the write end closes, which happens when the parent ends: O_ASYNC, F_SETOWN and F_SETSIG of fcntl(2).
+Then it checks whether the pipe is closed already, so that no gap is left. All this survives an exec.
 
-This is not PR_SET_PDEATHSIG: that follows the thread that started the child, and links are opened again by threads
-that then end; it is lost where a program changes its user; and it needs ctypes, which costs a slave's start-up.
+PR_SET_PDEATHSIG would not do: it follows the thread that started the child, and our links are reopened by threads that
+end afterwards. It is also lost when a program changes its user, and needs ctypes, which lengthens a slave's start.
 """
 
 import os
 import signal
 import sys
 
-NO_PROGRAM = 127  # the exit code, as of a shell
-VARIABLE = "UUV_HIL_LIFELINE"  # in the child's environment: the number of the pipe's read end, a colon, and its inode
+NO_PROGRAM = 127  # exit code, the same as of a shell
+VARIABLE = "UUV_HIL_LIFELINE"  # in the child's environment: number of the pipe's read end, a colon, its inode
 
 
-TYPE_CHECKING = False  # as typing has it, which takes a while to load
+TYPE_CHECKING = False  # instead of the import from typing, which is slow
 if TYPE_CHECKING:
     from types import FrameType
     from typing import NoReturn
 
 
 def leave_on_ctrl_c() -> None:
-    """End the process at Ctrl-C, at once and without a word: so early there is nothing to bring to an end."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored, as by nohup
+    """End the process silently and at once on Ctrl-C; this early there is nothing to clean up."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # keep it ignored, for example under nohup
         signal.signal(signal.SIGINT, _leave)
 
 
 def raise_on_ctrl_c() -> None:
-    """End what `leave_on_ctrl_c` began: Ctrl-C raises KeyboardInterrupt again."""
+    """Undo `leave_on_ctrl_c`: Ctrl-C raises KeyboardInterrupt again."""
     if signal.getsignal(signal.SIGINT) is _leave:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _leave(_number: int, _frame: "FrameType | None") -> "NoReturn":
-    os._exit(130)  # STOPPED of hil.common.errors, which a file that is run by its path cannot import
+    os._exit(130)  # STOPPED of hil.common.errors; a file run by its path cannot import that
 
 
 def die_with_parent() -> None:
-    """Let SIGKILL end this process when its parent ends, if that is one of ours. To be called first of all.
+    """Let SIGKILL end this process when its parent, one of ours, ends. Call this before anything else.
 
-    In a process group of its own the whole group ends. Without a lifeline nothing happens.
+    A process that leads a process group ends with its whole group. Without a lifeline this does nothing.
     """
-    number, _, inode = os.environ.pop(VARIABLE, "").partition(":")  # what this process starts has no such descriptor
+    number, _, inode = os.environ.pop(VARIABLE, "").partition(":")  # removed: our own children lack this descriptor
     try:
         if os.fstat(int(number)).st_ino == int(inode):
             tie(int(number))
-    except (OSError, ValueError, OverflowError):  # none, or a program in between has closed it
+    except (OSError, ValueError, OverflowError):  # no lifeline, or a program in between has closed it
         return
 
 
@@ -65,36 +65,36 @@ def tie(lifeline: int) -> None:
 
     Raises OSError if the descriptor is not open.
     """
-    import fcntl  # not on Windows, where nothing of ours is started with a lifeline
+    import fcntl  # not on Windows, where lifelines are not used
 
     fcntl.fcntl(lifeline, fcntl.F_SETOWN, -os.getpid() if os.getpgrp() == os.getpid() else os.getpid())
     fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
     fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC | os.O_NONBLOCK)
     try:
-        if os.read(lifeline, 1) == b"":  # it was closed before the kernel had our wish
+        if os.read(lifeline, 1) == b"":  # closed before the kernel got our request
             os.kill(os.getpid(), signal.SIGKILL)
     except BlockingIOError:
         return
 
 
 def die_with(path: str) -> None:
-    """Let SIGKILL end this process when the one ends whose lifeline is at `path`, as /proc names its descriptors.
+    """Let SIGKILL end this process when the process with the lifeline at `path` (/proc/PID/fd/N) ends.
 
-    For workers of a library, which hands no descriptors on; they are of the same user, as `path` is else not to be
-    opened, and then nothing happens.
+    For workers that a library starts without inheriting descriptors. They have to run as the same user; otherwise
+    `path` cannot be opened, and this does nothing.
     """
     try:
         tie(os.open(path, os.O_RDONLY | os.O_NONBLOCK))
-    except FileNotFoundError:  # it has ended meanwhile
+    except FileNotFoundError:  # that process has ended already
         os.kill(os.getpid(), signal.SIGKILL)
     except OSError:
         return
 
 
 def main(command: list[str]) -> None:
-    """Replace this process by another program, which ends with the parent; exit with NO_PROGRAM if there is none."""
+    """Replace this process by another program, which ends with the parent; exit with NO_PROGRAM if it is not found."""
     die_with_parent()
-    for ignored in (signal.SIGPIPE, signal.SIGXFSZ):  # by the interpreter, which would be inherited
+    for ignored in (signal.SIGPIPE, signal.SIGXFSZ):  # the interpreter ignores them, and an exec would keep that
         signal.signal(ignored, signal.SIG_DFL)
     try:
         os.execvp(command[0], command)

@@ -1,8 +1,8 @@
-"""Common option parser of every subcommand, and typed converters that check its values.
+"""Common option parser of every subcommand, and typed converters that check option values.
 
-An option that takes a number has a `Number`, `Share` or `List` as its argparse type, each with the range that is
-permitted. What is mistyped, out of range or not known ends with one line that names the option, what was typed and
-what is permitted (ConfigError, exit code 2), with the nearest right word where there is one.
+A numeric option has a `Number`, `Share` or `List` as its argparse type, with the permitted range. An invalid or unknown
+value ends the command with one line (ConfigError, exit code 2) that names the option, the value and what is permitted,
+with the nearest valid word if there is one.
 """
 
 import argparse
@@ -17,8 +17,8 @@ from hil.common.errors import EXIT_CODES, ConfigError, HilError
 from hil.common.schema import UNITS, nearest, shortened, with_unit
 from hil.common.tables import output_file, settings
 
-UNKNOWN = "unrecognized arguments: "  # how argparse begins its message on words and options that it does not know
-LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # where a slave of this machine listens, unless its scenario has another address
+UNKNOWN = "unrecognized arguments: "  # start of argparse's message about unknown words and options
+LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # default endpoint of a slave on this machine
 MOST_SEEDS = 100_000
 MOST_JOBS = 1024
 DAY_S = 86_400.0
@@ -27,10 +27,10 @@ HOST = re.compile(r"(?=.{1,253}\Z)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises ConfigError, one line, where argparse prints its usage and exits.
+    """An argument parser that raises a ConfigError of one line, where argparse prints its usage and exits.
 
-    Its help, and that of its subcommands, ends with the exit codes. A subcommand's help has those of the command's
-    examples that show it.
+    Its help ends with the exit codes, and so does the help of its subcommands. A subcommand's help contains those
+    examples of the command that use it.
     """
 
     def __init__(self, *args: Any, **settings: Any) -> None:
@@ -50,13 +50,13 @@ class Parser(argparse.ArgumentParser):
         return super()._get_formatter()
 
     def format_help(self) -> str:
-        """Return the help: what argparse makes of the options, then what each exit code means."""
+        """Return argparse's help, followed by the exit codes."""
         formatter = self._get_formatter()
         formatter.add_text(EXIT_CODES)
         return f"{super().format_help().rstrip()}\n\n{formatter.format_help()}"
 
     def error(self, message: str) -> NoReturn:
-        """Raise ConfigError with the message, and where to read more."""
+        """Raise ConfigError with the message and a hint to --help."""
         about, unknown, words = message.partition(UNKNOWN)
         raise ConfigError(
             f"{self._unknown(words) if unknown and not about else message.removeprefix('argument ')}; "
@@ -64,20 +64,20 @@ class Parser(argparse.ArgumentParser):
         )
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """Print, and raise on a full disk, which argparse ignores."""
+        """Print a message; unlike argparse, raise OSError on a full disk."""
         (file or sys.stdout).write(message)
 
     def _unknown(self, words: str) -> str:
         known = [name for parser in (self, *subparsers(self).values()) for name in parser._option_string_actions]
         first = words.split(" ", maxsplit=1)[0]
         if first.startswith("-"):
-            name = first.partition("=")[0]  # one that another subcommand has is not what was meant, nor any one letter
+            name = first.partition("=")[0]  # suggest neither this same name, of another subcommand, nor a short option
             meant = nearest(name, [one for one in known if one.startswith("--") and one != name])
             return f"no option {shortened(first)}{meant if name.startswith('--') else ''}"
         return f"too many words: {shortened(words)}"
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse a choice that is none, with the nearest that is one."""
+        """Refuse a value that is not one of the choices, and suggest the nearest one."""
         if action.choices is not None and value not in action.choices:
             choices = [str(choice) for choice in action.choices]
             words = f"{shortened(str(value))} is not one of {', '.join(choices)}{nearest(str(value), choices)}"
@@ -85,12 +85,12 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Subcommands(argparse._SubParsersAction):  # type: ignore[type-arg] # no generic at run time
-    """The subcommands of a parser. Each one's own help states what it does, and shows its examples."""
+    """The subcommands of a parser. The help of each one describes it and shows its examples."""
 
     examples = ""
 
     def add_parser(self, name: str, **settings: Any) -> Parser:
-        """Return the parser of one subcommand; `help` is what it does, in a few words."""
+        """Return the parser of one subcommand; `help` describes it in a few words."""
         about = settings["help"]
         shows_it = re.compile(rf"\s.*{re.escape(self._prog_prefix)} {re.escape(name)}\b")
         shown = [line for line in self.examples.splitlines() if shows_it.match(line)]
@@ -101,7 +101,7 @@ class _Subcommands(argparse._SubParsersAction):  # type: ignore[type-arg] # no g
 
 
 def new_parser(name: str, description: str | None, examples: str) -> Parser:
-    """Return a parser for `uuv-hil NAME` whose --help ends with `examples` as they stand."""
+    """Return a parser for `uuv-hil NAME`; its --help ends with the text `examples`."""
     return Parser(
         prog=f"uuv-hil {name}",
         description=description,
@@ -112,7 +112,7 @@ def new_parser(name: str, description: str | None, examples: str) -> Parser:
 def add_scenario(
     parser: argparse.ArgumentParser, default: str | None = "paper_field", *, optional: bool = False
 ) -> None:
-    """Add SCENARIO, which the command flies or runs, and --set. Without a default it is required unless `optional`."""
+    """Add SCENARIO, the scenario to run, and --set. Without a default it is required unless `optional`."""
     add_scenario_name(parser, default, optional=optional)
     add_changes(parser)
 
@@ -129,13 +129,13 @@ def add_scenario_name(
 
 
 def add_output(parser: argparse.ArgumentParser, metavar: str, about: str, *, required: bool = False) -> None:
-    """Add -o and --output, the file that the command writes, or the folder, which it makes."""
+    """Add -o and --output, the file or folder that the command writes; a missing folder is created."""
     add = add_file if metavar.startswith("FILE.") else argparse.ArgumentParser.add_argument
     add(parser, "-o", "--output", metavar=metavar, help=about, required=required)
 
 
 def add_file(parser: argparse.ArgumentParser, *names: str, help: str, **settings: Any) -> None:  # noqa: A002
-    """Add an option of these `names`: a file that the command writes, in a folder that is there."""
+    """Add an option of these `names` for a file that the command writes; its folder has to exist."""
     parser.add_argument(*names, type=OUTPUT_FILE, help=f"{help}; its folder must be there", **settings)
 
 
@@ -150,34 +150,34 @@ def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
 
 
 def add_listen(parser: argparse.ArgumentParser, of: str = "") -> None:
-    """Add --listen, where a slave listens; `of` names the actions that read it."""
+    """Add --listen, the endpoint of a slave; `of` names the actions that use it."""
     about = f"{of}endpoint that masters connect to, tcp/ADDRESS:PORT [the scenario's]"
     parser.add_argument("--listen", metavar="ENDPOINT", type=ENDPOINT, help=about)
 
 
 def add_serving(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add --listen, where something other than a slave is served; `serving_address` reads it."""
+    """Add --listen, the address of a server other than a slave, parsed by `serving_address`."""
     about = "address to listen on [%(default)s]"
     parser.add_argument("--listen", metavar="[HOST:]PORT", type=serving_address, default=default, help=about)
 
 
 def add_view(parser: argparse.ArgumentParser, about: str = "show it in a browser while it flies") -> None:
-    """Add --view, which shows what the command does in the live view."""
+    """Add --view, which shows the run in the live view."""
     parser.add_argument("--view", action="store_true", help=about)
 
 
 def add_board(parser: argparse.ArgumentParser, of: str = "") -> None:
-    """Add --board, the single-board computer; `of` names the actions that read it."""
+    """Add --board, the single-board computer; `of` names the actions that use it."""
     parser.add_argument("--board", metavar="NAME", help=f"{of}the single-board computer this is [recognised]")
 
 
 def add_member(parser: argparse.ArgumentParser, of: str = "") -> None:
-    """Add --member, one vehicle of a fleet; `of` names the actions that read it."""
+    """Add --member, one vehicle of a fleet; `of` names the actions that use it."""
     parser.add_argument("--member", metavar="NAME", default="", help=f"{of}vehicle of the fleet, by name or number")
 
 
 def add_changes(parser: argparse.ArgumentParser) -> None:
-    """Add --set, which changes keys of the scenario; `changes_of` reads it."""
+    """Add --set, which changes keys of the scenario; `changes_of` returns them."""
     change = 'change a key of the scenario, such as "master.speed=0.5"; may be given several times'
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=change)
 
@@ -201,8 +201,8 @@ def subparsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPa
 class Number:
     """An argparse type: a number in [low, high], or one of the values in `also`.
 
-    With a `unit` of hil.common.schema.UNITS also text with its unit, such as "200 ms". Returns an int if
-    `whole`. `low` may be left out of the range (`above`). Refuses what is not finite.
+    With a `unit` of hil.common.schema.UNITS, text with a unit is allowed too, such as "200 ms". Returns an int if
+    `whole`. Values in `also` may lie outside the range. Refuses nan and inf.
     """
 
     def __init__(
@@ -211,7 +211,7 @@ class Number:
         self.low, self.high, self.unit, self.whole, self.also = low, high, unit, whole, also
 
     def __call__(self, text: str) -> Any:
-        """Return the number in `text`. Raises argparse.ArgumentTypeError, which argparse completes by the option."""
+        """Return the number in `text`. Raises argparse.ArgumentTypeError, to which argparse adds the option."""
         value = self._value(text.strip())
         if value is None or not (self.low <= value <= self.high or value in self.also):  # also refuses nan
             raise argparse.ArgumentTypeError(f"expected {self.permitted}, found {shortened(text)}")
@@ -222,7 +222,7 @@ class Number:
             if self.whole:
                 return int(text)
             value = with_unit(text, self.unit, "") if " " in text and self.unit in UNITS else float(text)
-        except (ValueError, ConfigError):  # also a whole number of more digits than Python reads
+        except (ValueError, ConfigError):  # ValueError also for more digits than Python reads
             return None
         return value if math.isfinite(value) else None
 
@@ -263,7 +263,7 @@ class Share(Number):
 
 
 class List:
-    """An argparse type: values of one kind with commas between, at most `most` of them, as a tuple."""
+    """An argparse type: up to `most` values of one kind, separated by commas, as a tuple without duplicates."""
 
     def __init__(self, item: Callable[[str], Any], most: int = 100) -> None:
         self.item, self.most = item, most
@@ -281,7 +281,7 @@ def whole(low: int, high: int, *, also: tuple[int, ...] = (), unit: str = "") ->
     return Number(low, high, unit, whole=True, also=also)
 
 
-PORT = whole(0, 65_535)  # 0: any that is free
+PORT = whole(0, 65_535)  # 0: any free port
 SEED = whole(0, 2**63 - 1)
 SEEDS = whole(1, MOST_SEEDS)
 JOBS = whole(1, MOST_JOBS, also=(-1,))  # -1: all cores
@@ -289,13 +289,13 @@ REPEAT = whole(1, 1000)
 DESCRIPTOR = whole(0, 65_535)
 LATITUDE = Number(-90.0, 90.0, "degrees")
 LONGITUDE = Number(-180.0, 180.0, "degrees")
-WAIT = Number(0.0, DAY_S, "s")  # for somebody to be there; 0: not at all
+WAIT = Number(0.0, DAY_S, "s")  # time to wait for a peer; 0: do not wait
 BAUD = whole(1200, 12_000_000)
 BITRATE = whole(10_000, 1_000_000)
 
 
 def one_of(*names: str) -> Callable[[str], str]:
-    """Return the type of a word that is one of `names`, for the items of a List."""
+    """Return a type for one word of `names`, as the item type of a List."""
 
     def choose(text: str) -> str:
         if text not in names:
@@ -308,7 +308,7 @@ def one_of(*names: str) -> Callable[[str], str]:
 
 
 def checked(convert: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Return the type that does `convert`, whose HilError argparse completes by the option's name."""
+    """Return an argparse type from `convert`; it turns HilError into an error to which argparse adds the option."""
 
     def call(text: str) -> Any:
         try:
@@ -320,16 +320,16 @@ def checked(convert: Callable[[str], Any]) -> Callable[[str], Any]:
 
 
 OUTPUT_FILE = checked(output_file)
-ENDPOINT = checked(full_endpoint)  # tcp/HOST:PORT, HOST:PORT or HOST, as tcp/HOST:PORT
+ENDPOINT = checked(full_endpoint)  # tcp/HOST:PORT, HOST:PORT or HOST; returns tcp/HOST:PORT
 
 
 def endpoint_or_lan(text: str) -> str:
-    """Return an endpoint, or "lan": the one that answers by multicast."""
+    """Return the endpoint in `text`, or "lan": search by multicast."""
     return text if text == "lan" else str(ENDPOINT(text))
 
 
 def host(text: str) -> str:
-    """Return the name or address of a machine, an IPv6 address without its brackets."""
+    """Return the name or address of a machine; an IPv6 address without its brackets."""
     from ipaddress import ip_address
 
     plain = text[1:-1] if text.startswith("[") and text.endswith("]") else text
@@ -343,7 +343,7 @@ def host(text: str) -> str:
 
 
 def serving_address(text: str) -> tuple[str, int]:
-    """Return host and port of [HOST:]PORT, where something is served; this machine only without a host."""
+    """Return host and port of [HOST:]PORT, the address of a server; without a host only this machine can connect."""
     name, _, port = text.rpartition(":")
     try:
         return host(name) if name else "127.0.0.1", PORT(port)
@@ -365,5 +365,5 @@ def place(text: str) -> tuple[float, float]:
 
 
 def _plain(value: float) -> str:
-    """Return a number without an exponent where that is short."""
+    """Return a number as text, without an exponent if it is short enough."""
     return f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e9 else f"{value:g}"

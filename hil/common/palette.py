@@ -1,8 +1,8 @@
-"""Colours of what every picture shows, as #rrggbb: the same in plots, in reports and in the live view."""
+"""Colours for all pictures, as #rrggbb: the same in plots, in reports and in the live view."""
 
 PATH = "#2563eb"  # planned
 TRACK = "#ea580c"  # true
-NAVIGATION = "#9333ea"  # the track or value by the vehicle's own navigation
+NAVIGATION = "#9333ea"  # estimated by the vehicle's own navigation
 COMMANDED = PATH
 START = "#0f766e"
 GOAL = "#16a34a"

@@ -1,7 +1,7 @@
-"""Load users' own classes named in a file: `class = "module:Class"`, with its arguments beside it.
+"""Load users' own classes that a file names: `class = "module:Class"`, with the arguments as further keys.
 
-Loading a class runs its code, so only the user's own files may name one: code that reads the files of others
-does so within `refusing`.
+Loading a class runs its code, so only the user's own files may name one. Code that reads files of others does so inside
+`refusing`.
 """
 
 import os
@@ -35,10 +35,10 @@ def refusing(why: str) -> Iterator[None]:
 
 
 def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
-    """Return an object of the class that the table's key `class` names, made with its other keys by keyword.
+    """Return an object of the class that the table's key `class` names; the other keys are its keyword arguments.
 
-    The module is looked for where Python looks, and in the present folder. `contract` is the protocol that it is
-    to follow: methods it lacks are named, and nothing is made. `where` (file and section) opens every error message.
+    The module is searched on Python's path and in the current folder. `contract` is the protocol that the class has to
+    follow; if methods are missing, the error names one. `where` (file and section) begins every error message.
     Raises ConfigError.
     """
     name = table.get("class")

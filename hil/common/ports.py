@@ -1,4 +1,4 @@
-"""Find free ports of this machine for slaves of benchmarks, cases and tests."""
+"""Find free ports on this machine for slaves of benchmarks, cases and tests."""
 
 import atexit
 import os
@@ -8,14 +8,14 @@ from functools import cache
 from itertools import cycle, islice
 from random import SystemRandom
 
-# Below those that Linux hands out by itself, from 32768 on: one of these any connection may take before its slave does.
+# Below Linux's ephemeral ports (from 32768), which any connection may take before the slave does.
 _FIRST, _END, _BLOCK = 10_000, 31_000, 125 * 2
 
 
 def free_ports(count: int) -> list[int]:
-    """Return free ports whose next one is free too, as a slave uses both; fewer if there are no more.
+    """Return `count` free ports whose next port is free too, as a slave uses both; fewer if there are no more.
 
-    No other process that asks here gets them meanwhile, and this one gets others the next 100 times.
+    Other processes that call this get other ports; this process gets the same port again only after about 100 calls.
     """
     block, ports = _own_block(os.getpid())
     return list(islice((port for port in islice(ports, block) if _is_free(port) and _is_free(port + 1)), count))
@@ -25,7 +25,7 @@ def free_ports(count: int) -> list[int]:
 def _own_block(pid: int) -> tuple[int, "cycle[int]"]:
     """Reserve a block of ports for this process by an abstract socket name, which only Linux has.
 
-    Return all ports if none is left.
+    Return how many ports there are, and an endless iterator over them. Without a free block these are all ports.
     """
     blocks = list(range(_FIRST, _END, _BLOCK)) if sys.platform == "linux" else []
     for first in SystemRandom().sample(blocks, len(blocks)):

@@ -1,4 +1,4 @@
-"""Read TOML files into frozen records; an error names file, key, what was expected and the nearest key.
+"""Read TOML files into immutable records; an error names the file, the key, what was expected and the nearest key.
 
 A record is a `typing.NamedTuple` whose annotations are the schema:
 
@@ -7,13 +7,13 @@ A record is a `typing.NamedTuple` whose annotations are the schema:
         watchdog: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
         wire: Literal["pty", "uart"] = "pty"
 
-A number with a unit may be written as an SI number (`watchdog = 0.2`) or as text with its unit
-(`watchdog = "200 ms"`); text without a unit and numbers outside the range are refused. A record may
-have a method `validate(self) -> str | None` for rules between several keys: it returns what is
-wrong as text, or None. The reader adds the file and the section and raises ConfigError.
+A number with a unit may be written as an SI number (`watchdog = 0.2`) or as text with its unit (`watchdog = "200 ms"`).
+Text without a unit and numbers outside the range are refused. A record may have a method `validate(self) -> str | None`
+for rules between several keys: it returns the problem as text, or None. The reader adds the file and the section and
+raises ConfigError.
 
-NamedTuples and not dataclasses, because `import dataclasses` alone (it pulls in `inspect` and `ast`)
-costs a lean process a fifth of its start-up time.
+Records are NamedTuples, not dataclasses, because `import dataclasses` (with `inspect` and `ast`) takes a fifth of a
+slave's start-up time.
 """
 
 import math
@@ -25,11 +25,11 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args
 from hil.common.errors import ConfigError
 from hil.common.tables import read_table
 
-LONGEST = 60  # letters of a value that an error shows
+LONGEST = 60  # characters of a value in an error message
 
 Record = TypeVar("Record", bound=tuple[Any, ...])
 
-# unit -> (the SI unit it measures, factor to it)
+# unit -> (SI unit of the same quantity, factor to it)
 UNITS: dict[str, tuple[str, float]] = {
     "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "min": ("s", 60.0), "h": ("s", 3600.0),
     "Hz": ("Hz", 1.0), "kHz": ("Hz", 1e3),
@@ -44,7 +44,7 @@ UNITS: dict[str, tuple[str, float]] = {
 
 
 class Range(NamedTuple):
-    """The closed interval a number must lie in, and its SI unit (empty: a pure number)."""
+    """The closed interval that a number must lie in, and its SI unit ("": a number without a unit)."""
 
     low: float
     high: float
@@ -79,7 +79,7 @@ def parse(table: dict[str, Any], record: type[Record], where: str) -> Record:
     return made
 
 
-# What a preset of each data folder is called in messages.
+# data folder -> what its presets are called in messages
 NOUNS = {
     "hil/scenario/presets": "scenario",
     "sim/vehicles": "vehicle",
@@ -94,9 +94,9 @@ NOUNS = {
 def find_preset(folder: str, name: str, where: str = "") -> str:
     """Return the path of a preset file.
 
-    `name` is a path to a TOML file if it ends in `.toml`, else the name of a file in the installed `folder`
-    ("sim/vehicles"). Raises ConfigError that lists the presets there are. `where` is the file and key that names it,
-    and then a file that is missing is an error too.
+    `name` is a path to a TOML file if it ends in `.toml`, else the name of a preset in the installed `folder`
+    ("sim/vehicles"). For an unknown preset, ConfigError lists the known ones. `where` is the file and key with this
+    name; if it is given, a missing file also raises ConfigError.
     """
     path, opening = name, f"{where}: " if where else ""
     if not name.endswith(".toml"):
@@ -113,12 +113,12 @@ def find_preset(folder: str, name: str, where: str = "") -> str:
 
 
 def shortened(text: str) -> str:
-    """Return a text as an error shows it: quoted, and not endless."""
+    """Return a text for an error message: quoted, and cut if it is long."""
     return repr(text if len(text) <= LONGEST else f"{text[:LONGEST]}...")
 
 
 def preset_folder(folder: str) -> str:
-    """Return the installed place of one of our data folders, e.g. "firmware_stub/frames"."""
+    """Return the installed path of one of our data folders, such as "firmware_stub/frames"."""
     root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
     return os.path.join(root, *folder.split("/"))
 
@@ -198,14 +198,14 @@ def _number(value: Any, kind: Any, limit: Range, where: str) -> Any:
         if limit is FINITE and isinstance(value, float):
             raise ConfigError(f"{where}: expected a finite number, found {value}")
         unit = f" {limit.unit}" if limit.unit else ""
-        is_huge = isinstance(value, int) and abs(value) > FINITE.high  # it has hundreds of digits, and is no float
+        is_huge = isinstance(value, int) and abs(value) > FINITE.high  # hundreds of digits: not convertible to float
         shown = "a number of hundreds of digits" if is_huge else f"{value:g}"
         raise ConfigError(f"{where}: {shown}{unit} is outside {limit.low:g} to {limit.high:g}{unit}")
     return kind(value)
 
 
 def with_unit(text: str, si_unit: str, where: str) -> float:
-    """Return the number that text with its unit, "200 ms", stands for, in `si_unit`. Raises ConfigError at `where`."""
+    """Return the number in text with a unit, "200 ms", converted to `si_unit`. Raises ConfigError at `where`."""
     known = [unit for unit, (si, _) in UNITS.items() if si == si_unit]
     number, _, unit = text.strip().partition(" ")
     unit = unit.strip()
@@ -232,8 +232,8 @@ def _describe(value: Any) -> str:
 
 
 def nearest(name: str, names: list[str]) -> str:
-    """Return the end of an error message: the one of `names` that may have been meant, if any comes near."""
-    import difflib  # only on the way to an error
+    """Return the end of an error message that suggests the nearest of `names`; "" if none is near."""
+    import difflib  # needed only for an error message
 
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     return f"; did you mean {close[0]!r}?" if close else ""

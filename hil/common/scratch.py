@@ -1,8 +1,8 @@
-"""Temporary folders, removed at the end; those of a killed process at the next start.
+"""Temporary folders. They are removed on close; those of a killed process when the next one is made.
 
-Each is locked by who uses it, and the kernel takes a lock back when its process ends, however that is. So a folder that
-can be locked has no owner any more: the process that makes a new one removes it first. A process id would not show
-that. On Windows, where a folder can be neither opened nor locked, those of a killed process stay.
+Each folder is locked by its user. The kernel releases the lock when that process ends, however it ends. So a folder
+that can be locked is abandoned, and the next process that makes a folder removes it. A process id would not show this.
+On Windows folders can be neither opened nor locked, so those of a killed process stay.
 """
 
 import os
@@ -18,14 +18,14 @@ CLOSED, NOT_LOCKED = -1, -2
 
 
 class ScratchFolder:
-    """A new folder that only this user may read, with `purpose` in its name; `path` until `close`.
+    """A new folder that only this user can read, with `purpose` in its name; `path` is valid until `close`.
 
-    It is in `base`, by default the folder for temporary files. Abandoned ones of this user there are removed. The
-    scenario files in it are forgotten in the cache with it. Raises DeviceError if it cannot be made.
+    It is made in `base`, by default the folder for temporary files. Abandoned folders of this user in `base` are
+    removed. Removal also clears the cache of the scenario files in the folder. Raises DeviceError if it cannot be made.
     """
 
     def __init__(self, purpose: str, base: str = "") -> None:
-        import tempfile  # the slave imports this file, and needs no such folder in most scenarios
+        import tempfile  # not needed by a slave in most scenarios
 
         base = base or tempfile.gettempdir()
         can_lock = sys.platform != "win32"
@@ -40,10 +40,10 @@ class ScratchFolder:
             if not can_lock:
                 self._lock = NOT_LOCKED
                 return
-            with suppress(FileNotFoundError):  # another process took it for abandoned before it was opened
+            with suppress(FileNotFoundError):  # removed as abandoned by another process before it was opened
                 self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
                 _lock(self._lock, wait=True)
-                if os.path.exists(self.path):  # or before it was locked
+                if os.path.exists(self.path):  # else it was removed before it was locked
                     return
                 os.close(self._lock)
 
@@ -58,7 +58,7 @@ class ScratchFolder:
         return os.path.join(self.path, name)
 
     def close(self) -> None:
-        """Remove it with all that is in it. Closing twice is harmless."""
+        """Remove the folder with its content. May be called twice."""
         if self._lock != CLOSED:
             _remove(self.path)
             if self._lock != NOT_LOCKED:
@@ -67,9 +67,9 @@ class ScratchFolder:
 
 
 def lock_unused(path: str) -> int | None:
-    """Lock a folder of this user and return its descriptor, to be closed; None if another process holds it.
+    """Lock a folder of this user and return its descriptor, to be closed by the caller; None if it is locked already.
 
-    Raises OSError if it cannot be opened, or is no folder.
+    Raises OSError if it cannot be opened or is not a folder.
     """
     folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
@@ -88,7 +88,7 @@ def _names(base: str) -> Iterator[str]:
 
 
 def _remove_abandoned(path: str) -> None:
-    with suppress(OSError):  # it was removed meanwhile, or is another user's
+    with suppress(OSError):  # already removed, or owned by another user
         folder = lock_unused(path)
         if folder is not None:
             _remove(path)
@@ -103,7 +103,7 @@ def _remove(path: str) -> None:
 
 
 def _lock(folder: int, wait: bool) -> None:
-    """Lock it. Raises BlockingIOError without `wait` when another process holds it."""
-    import fcntl  # not on Windows, where importing this file must do no harm
+    """Lock the folder. Without `wait`, raises BlockingIOError if another process has locked it."""
+    import fcntl  # not on Windows, where this file has to be importable too
 
     fcntl.flock(folder, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))

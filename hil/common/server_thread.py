@@ -1,4 +1,4 @@
-"""A server of asyncio in a thread of its own: started with its port open, stopped with all its clients."""
+"""An asyncio server in a separate thread; its port is open after construction; the end of the context closes it."""
 
 import asyncio
 import logging
@@ -15,14 +15,14 @@ from hil.common.errors import NetworkError
 from hil.common.stop import cancel_tasks
 
 STOP_WITHIN_S = 10.0
-STALLED_S = 10.0  # after which a client that takes nothing of what it is sent is closed
-ABNORMAL_CLOSURE = 1006  # how a websocket is closed whose other end answered no heartbeat (RFC 6455, 7.4.1)
+STALLED_S = 10.0  # a client that does not read for this time is disconnected
+ABNORMAL_CLOSURE = 1006  # close code of a websocket whose peer answered no heartbeat (RFC 6455, 7.4.1)
 
 
 class ServerThread(ABC):
-    """Serves at `host`:`port` (0: any free one; see `port`) in a thread of that name. Use as a context.
+    """Serve at `host`:`port` (0: any free port; see `port`) in a thread called `name`. Use as a context manager.
 
-    Raises NetworkError when the port is taken.
+    Raises NetworkError if the port is in use.
     """
 
     def __init__(self, name: str, host: str, port: int) -> None:
@@ -45,14 +45,14 @@ class ServerThread(ABC):
 
     @abstractmethod
     async def _start(self, host: str, port: int) -> int:
-        """Listen, and return the port. Raises OSError when it is taken."""
+        """Listen and return the port. Raises OSError if the port is in use."""
 
     @abstractmethod
     async def _stop(self) -> None:
-        """Close what `_start` has opened, also where it has failed half-way."""
+        """Close what `_start` has opened, also after `_start` failed half-way."""
 
     def _refusal(self, host: str, port: int, error: OSError) -> NetworkError:
-        """Return the error for a port that is taken."""
+        """Return the error for a port that is in use."""
         return NetworkError(f"cannot listen on {host}:{port}: {error.strerror}; choose another place with --listen")
 
     async def _stop_all(self) -> None:
@@ -62,9 +62,9 @@ class ServerThread(ABC):
 
 @contextmanager
 def cut_when_stalled(websocket: Any, transport: asyncio.Transport) -> Iterator[None]:
-    """Cut the connection of aiohttp's `websocket` if what is done with it ends by TimeoutError or ConnectionError.
+    """Abort the connection of aiohttp's `websocket` if the body ends with TimeoutError or ConnectionError.
 
-    Or if the other end answers no heartbeat. Closed in order, the kernel would wait for a client that does not read.
+    Also if the peer answered no heartbeat. A normal close would wait for a client that does not read.
     """
     is_stalled = False
     try:
@@ -72,14 +72,14 @@ def cut_when_stalled(websocket: Any, transport: asyncio.Transport) -> Iterator[N
     except (asyncio.TimeoutError, ConnectionError):
         is_stalled = True
     if is_stalled or websocket.close_code == ABNORMAL_CLOSURE:
-        linger = pack("hh" if sys.platform == "win32" else "ii", 1, 0)  # for 0 s
-        with suppress(OSError):  # it has closed meanwhile
+        linger = pack("hh" if sys.platform == "win32" else "ii", 1, 0)  # on, 0 s: reset at close
+        with suppress(OSError):  # already closed
             transport.get_extra_info("socket").setsockopt(SOL_SOCKET, SO_LINGER, linger)
         transport.abort()
 
 
 def http_log() -> logging.Logger:
-    """Return a log of aiohttp's for our own mistakes: bytes that are not HTTP would fill it with tracebacks."""
+    """Return a logger for aiohttp that logs our own errors only, not a traceback for bytes that are not HTTP."""
     logger = logging.getLogger(__name__)
     logger.addFilter(_is_ours)
     return logger

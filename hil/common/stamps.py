@@ -1,20 +1,20 @@
-"""Convert simulation time to message stamps: time since 1970 by the machine's clock at that instant.
+"""Convert simulation time to message stamps: ns since 1970 by the machine's clock at that time.
 
-A step of the simulation stands for an instant of the loop's schedule. Steps that are skipped are time that passes
-without the simulation, and a clock that is set counts otherwise from then on: either begins a new epoch, which is the
-wall time of simulation time 0. What was measured before keeps the epoch it was measured in, however late it arrives.
+Each simulation step corresponds to a time in the loop's schedule. A new epoch, the wall time of simulation time 0,
+begins when steps were skipped, because time then passed without the simulation, and when the clock was set. Each sample
+is stamped with the epoch in which it was measured, however late it arrives.
 """
 
 import time
 
 from hil.common.clock import now_ns
 
-SET_NS = 500_000  # a clock that is off by more has been set: both of a machine's clocks are disciplined alike
-_KEPT = 64  # epochs; a sample that is under way for longer than so many does not occur
+SET_NS = 500_000  # a larger change of the offset means that the clock was set; NTP slews both clocks alike
+_KEPT = 64  # epochs that are stored; no sample is delayed for longer than these
 
 
 def wall_offset_ns() -> int:
-    """Return what the wall clock (ns since 1970) is ahead of the monotonic one; the nearest two of three readings."""
+    """Return the wall clock (ns since 1970) minus the monotonic clock; the reading with the shortest gap of three."""
     readings = []
     for _ in range(3):
         before = now_ns()
@@ -27,39 +27,39 @@ def wall_offset_ns() -> int:
 class Stamps:
     """The present epoch, `epoch_ns`, and the earlier ones.
 
-    `offset_ns` is what the wall clock is ahead of the monotonic one by what the epoch was made with; `found_ns` what
-    the clock watch has found since, which the loop takes up.
+    `offset_ns` is the wall clock minus the monotonic clock when the epoch was made. `found_ns` is the newest offset
+    that `check_clock` has found; the loop begins a new epoch with it.
     """
 
     def __init__(self, epoch_ns: int, offset_ns: int | None = None) -> None:
         self.epoch_ns = epoch_ns
         self.offset_ns = self.found_ns = wall_offset_ns() if offset_ns is None else offset_ns
-        self._since_ns = -1  # of simulation time: to what is not later belongs an older one
-        self._older: tuple[tuple[int, int], ...] = ()  # since when, and which; the newest first
+        self._since_ns = -1  # simulation time at which the present epoch began; times up to it have an older epoch
+        self._older: tuple[tuple[int, int], ...] = ()  # (begin in simulation time, epoch), the newest first
 
     def stamp(self, time_ns: int) -> int:
-        """Return the wall time (ns since 1970) of simulation time."""
+        """Return the wall time (ns since 1970) of a simulation time (ns)."""
         if time_ns > self._since_ns:
             return time_ns + self.epoch_ns
         held = [epoch_ns for since_ns, epoch_ns in self._older if time_ns > since_ns]
         return time_ns + (held[0] if held else self._older[-1][1])
 
     def begin(self, time_ns: int, epoch_ns: int) -> None:
-        """Use another epoch for what is measured after this simulation time."""
-        if time_ns > self._since_ns:  # else nothing was measured in the one that ends
+        """Use another epoch for samples measured after this simulation time."""
+        if time_ns > self._since_ns:  # else nothing was measured in the present epoch
             self._older = ((self._since_ns, self.epoch_ns), *self._older)[:_KEPT]
         self.epoch_ns, self._since_ns = epoch_ns, time_ns
 
     def monotonic_ns(self, time_ns: int) -> int:
-        """Return the instant on the monotonic clock of simulation time in the present epoch."""
+        """Return the monotonic time (ns) of a simulation time in the present epoch."""
         return time_ns + self.epoch_ns - self.offset_ns
 
     def wall_ns(self, monotonic_ns: int) -> int:
-        """Return a monotonic instant by the wall clock, as it goes now."""
+        """Return a monotonic time as wall time (ns since 1970), by the newest offset."""
         return monotonic_ns + self.found_ns
 
     def check_clock(self, offset_ns: int) -> int:
-        """Take up how the clocks stand to each other; by how much (ns) the wall clock was set meanwhile, or 0."""
+        """Store a new offset of the clocks; return by how much (ns) the wall clock was set, 0 if it was not."""
         step_ns = offset_ns - self.found_ns
         if abs(step_ns) <= SET_NS:
             return 0

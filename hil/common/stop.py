@@ -1,4 +1,4 @@
-"""Descriptors that a loop waits on beside its own: of signals that end the process, and of another thread."""
+"""Descriptors for a loop to wait on: for signals that end the process, and for events in other threads."""
 
 import os
 import signal
@@ -11,15 +11,15 @@ _ROOM = 4096  # bytes read at a time
 
 
 def stop_signals() -> list[signal.Signals]:
-    """Return the signals that end a process; SIGHUP too, unless the parent had it ignored (nohup)."""
-    hung_up = getattr(signal, "SIGHUP", None)  # Windows has none
+    """Return the signals that end a process; SIGHUP only if the parent did not ignore it, as nohup does."""
+    hung_up = getattr(signal, "SIGHUP", None)  # Windows has no SIGHUP
     others = [] if hung_up is None or signal.getsignal(hung_up) is signal.SIG_IGN else [hung_up]
     return [signal.SIGINT, signal.SIGTERM, *others]
 
 
 @contextmanager
 def every_end_like_ctrl_c() -> Iterator[None]:
-    """Let whatever ends us raise KeyboardInterrupt: joblib then ends its workers, which otherwise outlive us."""
+    """Raise KeyboardInterrupt on every signal that ends us; joblib then ends its workers, which would live on."""
     before = {number: signal.signal(number, signal.default_int_handler) for number in stop_signals()}
     try:
         yield
@@ -30,9 +30,9 @@ def every_end_like_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def ctrl_c_held_back() -> Iterator[None]:
-    """Let Ctrl-C arrive only after the `with`; at processes that are started inside it never does.
+    """Delay Ctrl-C until after the `with`; processes that are started inside it never get it.
 
-    In a terminal it goes to each process of the command, also to one that still loads its modules.
+    A terminal sends Ctrl-C to every process of the command, even to one that is still loading its modules.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -55,9 +55,9 @@ async def cancel_tasks() -> None:
 
 
 class Wakeup:
-    """A descriptor that becomes readable by `set`, from any thread, and stays so until `clear`.
+    """A descriptor that `set` makes readable, from any thread, until `clear`.
 
-    A pipe; where there is none that does not block (Windows, whose select() takes sockets alone; macOS), two sockets.
+    It is a non-blocking pipe. Windows, whose select() accepts only sockets, and macOS use a pair of sockets instead.
     """
 
     def __init__(self) -> None:
@@ -82,16 +82,16 @@ class Wakeup:
         return self._fds[0]
 
     def writer(self) -> int:
-        """Return the descriptor of which each byte written sets it."""
+        """Return the descriptor to write to; each byte does what `set` does."""
         return self._fds[1]
 
     def set(self) -> None:
-        """Make it readable."""
-        with suppress(BlockingIOError):  # it is full, so readable
+        """Make the descriptor readable."""
+        with suppress(BlockingIOError):  # full, so already readable
             self._write(b"\0")
 
     def clear(self) -> None:
-        """Let it be readable no more, if it was."""
+        """Make the descriptor not readable."""
         with suppress(BlockingIOError):
             while len(self._read(_ROOM)) == _ROOM:
                 pass
@@ -103,9 +103,9 @@ class Wakeup:
 
 
 class StopSignals:
-    """Let `stop_signals` only make a descriptor readable inside the `with`: no wait can miss one.
+    """Inside the `with`, signals of `stop_signals` only make a descriptor readable, so that no wait can miss one.
 
-    The value of the `with` is that descriptor; it stays readable from the first signal on.
+    The value of the `with` is this descriptor; it stays readable after the first signal.
     """
 
     def __enter__(self) -> int:

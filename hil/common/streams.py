@@ -1,4 +1,4 @@
-"""Standard streams that accept every text, a line of progress, and a question."""
+"""Standard streams that accept every text, a progress line, and a yes/no question."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ from typing import NoReturn, TextIO
 
 from hil.common.errors import ConfigError
 
-# What a terminal of ASCII alone shows instead; "?" for the rest.
+# Replacements on a terminal that can show only ASCII; "?" for all other characters.
 PLAIN = {"°": "deg", "²": "2", "³": "3", "±": "+-", "·": "*", "µ": "u", "–": "-", "—": "-", "…": "...", "→": "->"}
 
 TERMINAL_PERIOD_S = 0.2
@@ -23,14 +23,14 @@ LOOK_FIRST = "look at it with --dry-run, do it with --yes"
 def prepare() -> None:
     """Make the standard streams of this process usable. Raises ConfigError if standard output is closed.
 
-    What a terminal's character set lacks is shown in other letters. The descriptor of a stream that is closed would go
-    to the first file that is opened.
+    Characters that the terminal's encoding lacks are replaced. Closed standard descriptors are opened on /dev/null;
+    otherwise the next file to be opened would get their number.
     """
     while (fd := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(fd)
     if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - open as long as the process
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - open until the process ends
     if sys.stdout is None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
         raise ConfigError("standard output is closed; send it to /dev/null if nobody is to read it")
@@ -41,35 +41,35 @@ def prepare() -> None:
 
 
 def drop_output() -> None:
-    """Discard what is still to be printed: nobody reads it, or there is no room."""
+    """Discard pending output, because its reader is gone or the disk is full."""
     null = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(null, sys.stdout.fileno())
-    except (OSError, ValueError):  # no file, as under a test
+    except (OSError, ValueError):  # not a real file, as in a test
         pass
     finally:
         os.close(null)
 
 
 def leave(code: int) -> NoReturn:
-    """End the process now, whatever its other threads do, once all that was printed is out."""
+    """Flush the output and end the process at once, whatever its other threads do."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # nobody reads it, or it is closed
+        with suppress(OSError, ValueError):  # the reader is gone, or the stream is closed
             stream.flush()
     os._exit(code)
 
 
 def _plain(error: UnicodeError) -> tuple[str, int]:
-    """Return other letters for those that cannot be encoded, and where to go on (see codecs.register_error)."""
+    """Return the replacement of characters that cannot be encoded, and the next position (codecs.register_error)."""
     assert isinstance(error, UnicodeEncodeError)
     return "".join(PLAIN.get(letter, "?") for letter in error.object[error.start : error.end]), error.end
 
 
 class ProgressLine:
-    """Renews one line on a terminal, some times a second; elsewhere prints a line every ten seconds.
+    """Update one line on a terminal, some times a second; elsewhere print a line every ten seconds.
 
-    Standard output is left to results. The first line elsewhere comes after ten seconds, as short work is done before,
-    or `at_once`. `clock` gives seconds.
+    It is written to standard error, because standard output is for results. Elsewhere the first line comes after ten
+    seconds, so that short work prints none, or immediately if `at_once`. `clock` returns seconds.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class ProgressLine:
         self._is_open = False
 
     def show(self, text: str) -> None:
-        """Print the progress, if it is time to print it again."""
+        """Print the progress if the next update is due."""
         now = self._clock()
         if now < self._due_s:
             return
@@ -92,14 +92,14 @@ class ProgressLine:
         self._stream.flush()
 
     def clear(self) -> None:
-        """Clear the line, before something else is printed."""
+        """Clear the line before other output."""
         if self._is_open:
             print("\r\x1b[K", end="", file=self._stream, flush=True)
         self._is_open = False
 
 
 def agreed(question: str, otherwise: str) -> bool:
-    """Return True if the answer is yes. Raises ConfigError, with what to do `otherwise`, where nobody can be asked."""
+    """Return whether the answer is yes. Raises ConfigError, with the hint `otherwise`, without a terminal for input."""
     if not sys.stdin.isatty():
         raise ConfigError(f"nobody can be asked here: {otherwise}")
     return input(f"{question} [y/N] ").strip().lower() in ("y", "yes")

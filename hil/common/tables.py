@@ -1,7 +1,7 @@
 """Read TOML as nested dicts: files, with a cache of parsed ones, and NAME=VALUE of a command line.
 
-As Python does with its sources, what was read is kept (in the user's cache folder) and taken from there
-while the file has the same time and size: a start then loads no TOML parser, which is a tenth of it.
+Parsed files are cached in the user's cache folder, as Python caches its bytecode, and used while the file has the same
+time and size. A start then imports no TOML parser, which saves a tenth of its time.
 """
 
 import codecs
@@ -15,14 +15,14 @@ from typing import Any
 
 from hil.common.errors import ConfigError
 
-LARGEST = 16 << 20  # bytes of a file: the largest of ours has some thousand
-DEEPEST = 32  # tables and arrays in each other: the deepest of ours has five
+LARGEST = 16 << 20  # bytes of a file; our own largest has some thousand
+DEEPEST = 32  # nesting of tables and arrays; our own deepest has five
 
-# What is kept parsed: beyond one of these the oldest files of the cache go, down to half of it.
+# Limits of the cache: beyond the first or second one, the oldest files are removed down to half of it.
 MOST_KEPT = 500
 MOST_KEPT_BYTES = 32 << 20
-LARGEST_KEPT = 1 << 20  # bytes of one
-PROGRAM = "uuv-hil-stm32-native"  # firmware_stub.native keeps programs in the same folder, and clears them itself
+LARGEST_KEPT = 1 << 20  # bytes of one cached file
+PROGRAM = "uuv-hil-stm32-native"  # programs of firmware_stub.native in the same folder, which that removes itself
 
 Stamp = tuple[int, int]  # time of change in ns, size in bytes
 
@@ -50,11 +50,11 @@ def check_file(path: str, largest: int) -> Stamp:
         status = os.stat(path)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:  # a path with a 0 in it is a ValueError
+    except (OSError, ValueError) as error:  # ValueError for a path with a zero byte
         raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
     if stat.S_ISDIR(status.st_mode):
         raise ConfigError(f"{path}: is a folder, not a file")
-    if not stat.S_ISREG(status.st_mode):  # a pipe would be waited for, a device never ends
+    if not stat.S_ISREG(status.st_mode):  # a pipe may block, a device may never end
         raise ConfigError(f"{path}: is no regular file")
     if status.st_size > largest:
         raise ConfigError(f"{path}: has {status.st_size >> 20} MiB; such a file has at most {largest >> 20} MiB")
@@ -62,15 +62,15 @@ def check_file(path: str, largest: int) -> Stamp:
 
 
 def value_of(text: str) -> Any:
-    """Return what a command line's `text` stands for: the value TOML reads in it, else the text itself."""
+    """Return the value of a command line's `text`: as TOML if it is valid TOML, else the text itself."""
     try:
         return parse_toml(f"value = {text}")["value"]
-    except (ValueError, RecursionError):  # no TOML, or a number of thousands of digits, or too deep
+    except (ValueError, RecursionError):  # not TOML, or a number with thousands of digits, or nested too deep
         return text
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the tables of a text. Raises ValueError where it is not TOML, RecursionError where it is too deep."""
+    """Return the tables of a TOML text. Raises ValueError if it is not TOML, RecursionError if nested too deep."""
     table: dict[str, Any] = _parser().loads(text)
     return table
 
@@ -78,15 +78,16 @@ def parse_toml(text: str) -> dict[str, Any]:
 def _parser() -> ModuleType:
     if sys.version_info >= (3, 11):
         import tomllib as parser
-    else:  # the same as a package
+    else:  # the same parser as a package
         import tomli as parser
     return parser
 
 
 def output_file(text: str) -> str:
-    """Return the name of a file that can be written, as is found by opening it. Raises ConfigError.
+    """Return `text`, the name of an output file, after a test that it can be opened. Raises ConfigError.
 
-    Its folder must be there: one that is mistyped is not made. A pipe with a name would wait for a reader.
+    Its folder has to exist: it may be mistyped, so it is not created. Named pipes are refused, as they wait for a
+    reader.
     """
     there = os.path.exists(text)
     try:
@@ -116,20 +117,20 @@ def settings(texts: Iterable[str], name: str) -> dict[str, Any]:
 
 
 def cache_path(path: str) -> str:
-    """Return where the file at `path` is kept parsed."""
+    """Return the path of the cached, parsed version of the file at `path`."""
     folder = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     name = os.path.abspath(path).replace(os.path.sep, "%")
     return os.path.join(folder, "uuv-hil", f"{name}.{sys.implementation.cache_tag}")
 
 
 def forget_parsed(folder: str) -> None:
-    """Remove what is kept of the files in a folder, which nobody will ask for again."""
+    """Remove the cached versions of the files in a folder that is being deleted."""
     cache, name = os.path.split(cache_path(os.path.join(folder, "")).removesuffix(f".{sys.implementation.cache_tag}"))
     try:
         for kept in os.listdir(cache):
             if kept.startswith(f"{name}%"):
                 os.unlink(os.path.join(cache, kept))
-    except OSError:  # there is no cache, or another process removes the same
+    except OSError:  # no cache, or another process is removing the same files
         return
 
 
@@ -140,8 +141,8 @@ def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise ConfigError(f"{path}: not valid TOML: its text is UTF-16; save it as UTF-8")
     try:
-        text = data.decode("utf-8-sig")  # some editors put a byte order mark first
-        if re.search(rf"(?<![\w-])(?:[\w-]+\.){{{DEEPEST}}}", text):  # a.b.c...: for which the parser takes minutes
+        text = data.decode("utf-8-sig")  # some editors write a byte order mark
+        if re.search(rf"(?<![\w-])(?:[\w-]+\.){{{DEEPEST}}}", text):  # a.b.c...: would take the parser minutes
             raise RecursionError
         table = parse_toml(text)
         if _is_deep(table):
@@ -152,7 +153,7 @@ def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
         raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
     except _parser().TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from None
-    except ValueError:  # whose own words name a setting of the interpreter
+    except ValueError:  # its own message names a setting of the interpreter
         digits = sys.get_int_max_str_digits()
         raise ConfigError(f"{path}: not valid TOML: a number of more than {digits} digits") from None
     write_kept(path, stamp, table)
@@ -160,7 +161,7 @@ def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
 
 
 def _is_deep(table: dict[str, Any]) -> bool:
-    """Return whether tables and arrays are in each other more than DEEPEST deep."""
+    """Return whether tables and arrays are nested more than DEEPEST deep."""
     level: list[Any] = [table]
     for _ in range(DEEPEST):
         inner = [value for value in level if isinstance(value, (dict, list))]
@@ -171,20 +172,20 @@ def _is_deep(table: dict[str, Any]) -> bool:
 
 
 def read_kept(path: str, stamp: Any) -> Any:
-    """Return what `write_kept` was given for `path` with the same `stamp`, None if it is not there."""
+    """Return the value that `write_kept` stored for `path` with the same `stamp`; None if there is none."""
     try:
         with open(cache_path(path), "rb") as file:
-            # Never trust what another user left there. Windows has no such numbers, and folders of one user only.
+            # Do not trust files of another user. Windows has no such numbers, and the folder belongs to one user.
             if hasattr(os, "getuid") and os.fstat(file.fileno()).st_uid != os.getuid():
                 return None
             kept_stamp, value = marshal.loads(file.read())  # load() would read it number by number
-    except (OSError, EOFError, ValueError, TypeError):  # none, or damaged
+    except (OSError, EOFError, ValueError, TypeError):  # missing or damaged
         return None
     return value if kept_stamp == stamp else None
 
 
 def write_kept(path: str, stamp: Any, value: Any) -> None:
-    """Put `value`, made of plain types, into the cache for `path`, if it is small and the folder can be written."""
+    """Store `value`, of plain types, in the cache for `path`, if it is small and the folder is writable."""
     cache = cache_path(path)
     fresh = f"{cache}.{os.getpid()}"
     try:
@@ -196,12 +197,12 @@ def write_kept(path: str, stamp: Any, value: Any) -> None:
             file.write(data)
         os.replace(fresh, cache)
         _prune(os.path.dirname(cache))
-    except (OSError, ValueError):  # a folder we may not write; a date, which cannot be kept
+    except (OSError, ValueError):  # a read-only folder, or a date, which marshal cannot store
         return
 
 
 def _prune(folder: str) -> None:
-    """Remove the oldest files of the cache if there are too many, or too large ones. Raises OSError."""
+    """Remove the oldest files of the cache if their number or total size is too large. Raises OSError."""
     with os.scandir(folder) as entries:
         kept = [
             (entry.path, entry.stat()) for entry in entries if entry.is_file() and not entry.name.startswith(PROGRAM)

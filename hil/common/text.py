@@ -5,26 +5,26 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
-LONGEST = 200  # characters that one name or one value of somebody else may take in a line
+LONGEST = 200  # characters of one name or value from somebody else in a line
 ELLIPSIS = "..."
 
 
 def clean(text: str, most: int = LONGEST) -> str:
-    """Return `text` on one line of at most `most` characters, with "?" for what does not print."""
+    """Return `text` on one line, cut to `most` characters, with "?" for characters that do not print."""
     if len(text) > most:
         text = text[: most - len(ELLIPSIS)] + ELLIPSIS
     return text if text.isprintable() else "".join([c if c.isprintable() else "?" for c in text])
 
 
 def json_text(value: Any, indent: int | None = None) -> str:
-    """Return a value as JSON: tuples as arrays, bytes in hexadecimal, what is not a finite number as null."""
+    """Return a value as JSON text: tuples as arrays, bytes in hexadecimal, nan and inf as null."""
     import json
 
     return json.dumps(json_value(value), indent=indent)
 
 
 def json_value(value: Any) -> Any:
-    """Return a value as JSON has it, for `json_text` and for those who add to it."""
+    """Return a value converted to JSON types, for `json_text` and for further processing."""
     if isinstance(value, dict):
         return {str(key): json_value(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):
@@ -35,7 +35,7 @@ def json_value(value: Any) -> Any:
 
 
 def toml_text(value: Any, number: Callable[[float], str] = repr) -> str:
-    """Return a value as TOML has it, a matrix row after row; `number` writes those with a fraction."""
+    """Return a value as TOML text, a matrix in rows; `number` converts floats to text."""
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
     if isinstance(value, (tuple, list)):
@@ -51,7 +51,7 @@ def toml_text(value: Any, number: Callable[[float], str] = repr) -> str:
 
 
 def wrap_command(line: str, width: int) -> list[str]:
-    """Return a line "command   remark" as lines of at most `width` letters that a shell reads as the same command."""
+    """Return a line "command   remark" as lines of at most `width` characters, with the same meaning to a shell."""
     if len(line) <= width or not line.strip():
         return [line]
     _, indent, command, remark = re.split(r"^( *)(\S+(?: \S+)*)(?:  +)?", line, maxsplit=1)

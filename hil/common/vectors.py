@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from math import sqrt
 
-Vector3 = tuple[float, float, float]  # x, y, z of a frame that the name of the value or its docstring states
-Quaternion = tuple[float, float, float, float]  # w, x, y, z: from the body's frame to the world's
+Vector3 = tuple[float, float, float]  # x, y, z, in the frame that the value's name or docstring states
+Quaternion = tuple[float, float, float, float]  # w, x, y, z, from the body frame to the world frame
 
 
 def minus(a: Sequence[float], b: Sequence[float]) -> Vector3:
@@ -18,12 +18,12 @@ def cross(a: Sequence[float], b: Sequence[float]) -> Vector3:
 
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
-    """Return the scalar product of two vectors of any size."""
+    """Return the dot product of two vectors of equal length."""
     return sum([x * y for x, y in zip(a, b, strict=True)])
 
 
 def unit(vector: Sequence[float]) -> Vector3:
-    """Return a vector of length 1 in the same direction, 0 for one without a direction."""
+    """Return the unit vector in the same direction; the zero vector for a zero vector."""
     x, y, z = vector
     length = sqrt(x * x + y * y + z * z) or 1.0
     return x / length, y / length, z / length
@@ -32,7 +32,7 @@ def unit(vector: Sequence[float]) -> Vector3:
 def off_line(
     north: float, east: float, from_north: float, from_east: float, to_north: float, to_east: float
 ) -> tuple[float, float]:
-    """Return the way (m north, m east) to a place from the nearest place of a straight line."""
+    """Return the vector (m north, m east) from the nearest point of a line segment to a position."""
     x, y, at_x, at_y = to_north - from_north, to_east - from_east, north - from_north, east - from_east
     square = x * x + y * y
     share = min(max((at_x * x + at_y * y) / square, 0.0), 1.0) if square else 0.0
