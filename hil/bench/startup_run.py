@@ -109,9 +109,9 @@ def coldness(files: Iterable[str], whole_machine: bool) -> tuple[Callable[[], No
         if not os.access(DROP_CACHES, os.W_OK):
             raise ConfigError(f"{DROP_CACHES}: only root may; without --drop-caches only the files of a start go")
         return _drop_all, f"all caches dropped ({DROP_CACHES})"
-    kept = list(files)
-    text = f"{len(kept)} files dropped (posix_fadvise); pages that a running process has mapped stay, such as Python's"
-    return lambda: _drop(kept), text
+    paths = list(files)
+    text = f"{len(paths)} files dropped (posix_fadvise); pages that a running process has mapped stay, such as Python's"
+    return lambda: _drop(paths), text
 
 
 def _drop_all() -> None:

@@ -93,7 +93,7 @@ def link_of(options: Any) -> Link:
 
 
 def _broken(result: Result, options: Any) -> list[str]:
-    """Return the limits that were not kept, in words."""
+    """Return the limits that were not met, in words."""
     broken = []
     if result.loss > options.max_loss:
         broken.append(f"loss {result.loss:.2%} is above {options.max_loss:.2%}")

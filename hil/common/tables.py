@@ -30,8 +30,8 @@ Stamp = tuple[int, int]  # time of change in ns, size in bytes
 def read_table(path: str) -> dict[str, Any]:
     """Return the TOML file at `path`. Raises ConfigError if it is missing, cannot be read or is not TOML."""
     stamp = check_file(path, LARGEST)
-    kept: dict[str, Any] | None = read_kept(path, stamp)
-    return _read_toml(path, stamp) if kept is None else kept
+    cached: dict[str, Any] | None = read_cached(path, stamp)
+    return _read_toml(path, stamp) if cached is None else cached
 
 
 def read_bytes(path: str, largest: int = LARGEST) -> bytes:
@@ -156,7 +156,7 @@ def _read_toml(path: str, stamp: Stamp) -> dict[str, Any]:
     except ValueError:  # its own message names a setting of the interpreter
         digits = sys.get_int_max_str_digits()
         raise ConfigError(f"{path}: not valid TOML: a number of more than {digits} digits") from None
-    write_kept(path, stamp, table)
+    write_cached(path, stamp, table)
     return table
 
 
@@ -181,7 +181,7 @@ def read_kept(path: str, stamp: Any) -> Any:
             kept_stamp, value = marshal.loads(file.read())  # load() would read it number by number
     except (OSError, EOFError, ValueError, TypeError):  # missing or damaged
         return None
-    return value if kept_stamp == stamp else None
+    return value if cached_stamp == stamp else None
 
 
 def write_kept(path: str, stamp: Any, value: Any) -> None:
@@ -190,7 +190,7 @@ def write_kept(path: str, stamp: Any, value: Any) -> None:
     fresh = f"{cache}.{os.getpid()}"
     try:
         data = marshal.dumps((stamp, value))
-        if len(data) > LARGEST_KEPT:
+        if len(data) > LARGEST_CACHED:
             return
         os.makedirs(os.path.dirname(cache), mode=0o700, exist_ok=True)
         with open(fresh, "wb") as file:
@@ -204,15 +204,15 @@ def write_kept(path: str, stamp: Any, value: Any) -> None:
 def _prune(folder: str) -> None:
     """Remove the oldest files of the cache if their number or total size is too large. Raises OSError."""
     with os.scandir(folder) as entries:
-        kept = [
+        cached = [
             (entry.path, entry.stat()) for entry in entries if entry.is_file() and not entry.name.startswith(PROGRAM)
         ]
-    size = sum(status.st_size for _, status in kept)
-    if len(kept) <= MOST_KEPT and size <= MOST_KEPT_BYTES:
+    size = sum(status.st_size for _, status in cached)
+    if len(cached) <= MOST_CACHED and size <= MOST_CACHED_BYTES:
         return
-    kept.sort(key=lambda file: file[1].st_mtime_ns, reverse=True)
+    cached.sort(key=lambda file: file[1].st_mtime_ns, reverse=True)
     size = 0
-    for number, (path, status) in enumerate(kept):
+    for number, (path, status) in enumerate(cached):
         size += status.st_size
-        if number >= MOST_KEPT // 2 or size > MOST_KEPT_BYTES // 2:
+        if number >= MOST_CACHED // 2 or size > MOST_CACHED_BYTES // 2:
             os.unlink(path)

@@ -28,7 +28,7 @@ class Rows(list[Row]):
         self._every, self._count = 1, 0
 
     def append(self, row: Row) -> None:
-        """Add a row at the end, if it is one that is kept."""
+        """Add a row at the end, if it is one that is stored."""
         if self._count % self._every == 0:
             super().append(row)
         self._count += 1

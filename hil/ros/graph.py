@@ -107,8 +107,8 @@ def read_qos(text: str) -> Qos | None:
     history, _, depth = fields[2].partition(",") if len(fields) >= 6 else ("", "", "none")
     if depth and not depth.isdecimal():
         return None
-    kept = 0 if history == _KEEP_ALL else int(depth or _DEFAULT_DEPTH)
-    return Qos(fields[0] != _BEST_EFFORT, fields[1] == _TRANSIENT_LOCAL, kept)
+    depth_stored = 0 if history == _KEEP_ALL else int(depth or _DEFAULT_DEPTH)
+    return Qos(fields[0] != _BEST_EFFORT, fields[1] == _TRANSIENT_LOCAL, depth_stored)
 
 
 def ros_name(dds: str) -> str:

@@ -34,7 +34,7 @@ class Moment(NamedTuple):
 
 
 class Recorder:
-    """A controller that hands on what another one asks, keeps the last wrench, and may add to it."""
+    """A controller that passes on another one's wrench, stores the last one, and may add to it."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller

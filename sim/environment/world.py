@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, find_preset, parse
-from hil.common.tables import LARGEST, check_file, read_kept, read_table, write_kept
+from hil.common.tables import LARGEST, check_file, read_cached, read_table, write_cached
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 
@@ -28,10 +28,10 @@ Angle = Annotated[float, Range(-pi, pi, "rad")]
 
 
 _RELIEF_WITHIN = 50.0  # m
-# From so many obstacles on they are kept as they were found, and not checked again while the files stay as they are: a
+# From so many obstacles on they are cached as they were read, and not checked again until a file changes: a
 # chart's two thousand take a slave of a tenth of a second a third more.
 _MANY = 100
-_CHECKED = ".obstacles"  # what they are kept as, after the world's file
+_CHECKED = ".obstacles"  # the name they are cached under, after the world's file
 _FARTHEST_MESH = 5.0  # how far a mesh may reach, in the longer side of its world
 _SECTIONS = ("mesh", "shape", "pipeline", "bottom_map", "zone", "terrain", "ocean")
 
@@ -201,18 +201,18 @@ def load_world(name_or_path: str) -> World:
     """Return a preset of `sim/worlds`, or a file ending in `.toml`. Raises ConfigError."""
     path = find_preset("sim/worlds", name_or_path)
     stamp = (*check_file(path, LARGEST), Cylinder._fields, Box._fields)
-    kept = read_kept(path + _CHECKED, stamp)
-    table, piles, blocks, bed = kept or (read_table(path), (), (), None)
+    cached = read_cached(path + _CHECKED, stamp)
+    table, piles, blocks, bed = cached or (read_table(path), (), (), None)
     sections = {key: table.pop(key) for key in _SECTIONS if key in table}
     world = _with_sections(parse(table, World, path), sections, path)
-    if kept:
+    if cached:
         world = world._replace(cylinder=tuple(map(Cylinder._make, piles)), box=tuple(map(Box._make, blocks)))
     now = _stamp_of_bed(sections.get("terrain"), path)
-    if problem := (None if kept and now == bed else world.buried()) or world.misplaced_mesh():
+    if problem := (None if cached and now == bed else world.buried()) or world.misplaced_mesh():
         raise ConfigError(f"{path}: {problem}")
-    if len(world.cylinder) + len(world.box) >= _MANY and not (kept and now == bed):
+    if len(world.cylinder) + len(world.box) >= _MANY and not (cached and now == bed):
         rest = {key: value for key, value in table.items() if key not in ("cylinder", "box")}
-        write_kept(
+        write_cached(
             path + _CHECKED, stamp, ({**rest, **sections}, [*map(tuple, world.cylinder)], [*map(tuple, world.box)], now)
         )
     if world.terrain is not None:

@@ -24,7 +24,7 @@ class Boxes(NamedTuple):
 def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], place: Any, reach: float) -> Boxes:
     """Return the boxes around all solids but half spaces, cut to what is within about `reach` m of `place`.
 
-    `trees` keeps the boxes of meshes, by their root, from one call to the next.
+    `trees` stores the boxes of meshes, by their root, from one call to the next.
     """
     rows = np.frombuffer(geometry.solids).reshape(-1, ROW) if len(geometry.solids) else np.empty((0, ROW))
     north, east = rows[:, POSITION] - place[0], rows[:, POSITION + 1] - place[1]

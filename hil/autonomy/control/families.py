@@ -32,7 +32,7 @@ FAMILIES = {
 class Controller(Protocol):
     """Interface of a control law: from a velocity command to a wrench, one call a control period.
 
-    Whatever comes in, what goes out are six finite numbers; it keeps no time of its own, so that the same calls
+    Whatever comes in, what goes out are six finite numbers; it reads no clock, so that the same calls
     give the same wrenches.
     """
 

@@ -219,12 +219,12 @@ def _depth(
 
 def _in_water(placed: Sequence[_Placed], depth: float, notes: list[str]) -> list[_Placed]:
     """Return what is in the water, neither all above it nor all in the seabed."""
-    kept = [each for each in placed if each.low[2] < 0.0 and -each.high[2] < depth]
-    names = [each.shape.name for each in placed if each not in kept]
+    wet = [each for each in placed if each.low[2] < 0.0 and -each.high[2] < depth]
+    names = [each.shape.name for each in placed if each not in wet]
     if names:
         shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
         notes.append(f"Left out: what is above the water or in the seabed: {shown}.")
-    return kept
+    return wet
 
 
 def _obstacle(each: _Placed, level: float, folder: str) -> tuple[str, dict[str, Any]]:

@@ -22,7 +22,7 @@ from hil.common.options import Number, add_scenario, changes_of, new_parser
 EXAMPLES = """\
 The slave and the interpreters start in turn. Warm: all files are in memory, from a start before. Cold: they have been
 dropped from the page cache before each start; by default only the files that a start reads, as root with
---drop-caches all that the kernel keeps.
+--drop-caches all that the kernel caches.
 
 examples:
   uuv-hil bench startup

@@ -209,7 +209,7 @@ def _check(columns: list[Column], record: Record, board: Board | None) -> int:
     for text in broken:
         print(f"BUDGET MISSED: {text}")
     if not broken:
-        print("every budget is kept")
+        print("every budget is met")
     return BUDGET_MISSED if broken else 0
 
 

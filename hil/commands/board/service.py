@@ -27,7 +27,7 @@ UDEV = [
     ("udevadm", "control", "--reload"),
     ("udevadm", "trigger", *(f"--subsystem-match={name}" for name in ("tty", "misc", "net", "usb", "usb-serial"))),
 ]
-KEPT = ("/var/lib/uuv-hil", "/var/cache/uuv-hil")  # the unit's StateDirectory and CacheDirectory
+STATE_FOLDERS = ("/var/lib/uuv-hil", "/var/cache/uuv-hil")  # the unit's StateDirectory and CacheDirectory
 
 
 def install(tree: Tree, options: argparse.Namespace) -> int:
@@ -75,9 +75,9 @@ def uninstall(tree: Tree, options: argparse.Namespace) -> int:
         _run(tree, after)
         again = f"once that is taken away, uninstall again, which ends the record of it, {board_changes.MANIFEST}"
         print(f"uninstalled but for what stays; {again}" if plan.changed else "uninstalled")
-        kept = [folder for folder in KEPT if tree.exists(folder)]
-        if kept:
-            print(f"what the service kept is still there; take it away with: sudo rm -r {' '.join(kept)}")
+        left = [folder for folder in STATE_FOLDERS if tree.exists(folder)]
+        if left:
+            print(f"files of the service are still there; remove them with: sudo rm -r {' '.join(left)}")
     return 0
 
 

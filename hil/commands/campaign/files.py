@@ -75,7 +75,7 @@ def collect(scenario: str, sets: Sequence[Mapping[str, Any]]) -> Bundle:
 
 
 def unpack(bundle: Bundle) -> "Unpacked":
-    """Return the files in a folder of this process, which is kept until another bundle comes or the process ends.
+    """Return the files in a folder of this process, which stays until another bundle comes or the process ends.
 
     Raises ConfigError if uuv-hil here is of another version than where the bundle was made.
     """
@@ -182,7 +182,7 @@ class _Watch:
 
 @contextmanager
 def _opened_files() -> Iterator[set[str]]:
-    """Provide the absolute paths of all files that are opened inside; what is kept parsed is read again there."""
+    """Provide the absolute paths of all files that are opened inside; cached files are read again there."""
     if not _Watch.is_set:
         sys.addaudithook(_Watch.record_open)
         _Watch.is_set = True

@@ -147,9 +147,9 @@ def fitting(lines: list[str], room: int, last: int) -> list[str]:
     """Return the lines that fit, with the `last` ones among them, and how many are missing."""
     if len(lines) <= room:
         return lines
-    kept = max(room - last - 1, 0)
+    fitting = max(room - last - 1, 0)
     end = lines[len(lines) - last :]
-    return [*lines[:kept], f"... {len(lines) - last - kept} more lines in a higher window", *end][: max(room, 1)]
+    return [*lines[:fitting], f"... {len(lines) - last - fitting} more lines in a higher window", *end][: max(room, 1)]
 
 
 def _figure(figure: Figure[float], form: str = ".0f") -> Callable[[Status], str]:

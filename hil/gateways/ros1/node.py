@@ -77,11 +77,11 @@ class Node:
         await self._session.close()
         await self._runner.cleanup()
 
-    def publish(self, topic: str, kind: Kind, keep: int, on_subscriber: Callable[[str], None]) -> Publication | None:
+    def publish(self, topic: str, kind: Kind, latched: int, on_subscriber: Callable[[str], None]) -> Publication | None:
         """Return the publication of a topic, which is registered if it is new; None for one too many."""
         publication = self.publications.get(topic)
         if publication is None and len(self.publications) < MOST_TOPICS:
-            publication = self.publications[topic] = Publication(topic, kind, keep, on_subscriber)
+            publication = self.publications[topic] = Publication(topic, kind, latched, on_subscriber)
             self.master.add(Item("Publisher", topic, kind.name))
         return publication
 

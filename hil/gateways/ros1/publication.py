@@ -45,15 +45,15 @@ class Subscriber:
 
 
 class Publication:
-    """One topic. With `keep` a new subscriber gets the last so many different messages (0: none)."""
+    """One topic. A new subscriber gets the last `latched` different messages (0: none)."""
 
-    def __init__(self, topic: str, kind: Kind, keep: int, on_subscriber: Callable[[str], None]) -> None:
+    def __init__(self, topic: str, kind: Kind, latched: int, on_subscriber: Callable[[str], None]) -> None:
         self.topic = topic
         self.kind = kind
         self.unreadable = 0
         self.subscribers: set[Subscriber] = set()
         self._on_subscriber = on_subscriber
-        self._last: deque[Message] = deque(maxlen=keep)
+        self._last: deque[Message] = deque(maxlen=latched)
         self._sequence = 0
 
     def publish(self, message: Message) -> None:

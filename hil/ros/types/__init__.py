@@ -63,7 +63,7 @@ def definition(name: str) -> Definition:
 
 
 def full_text(name: str) -> str:
-    """Return the definition with those of all messages in it, as rosbag and MCAP keep it ("ros2msg").
+    """Return the definition with those of all messages in it, as rosbag and MCAP store it ("ros2msg").
 
     Raises ConfigError.
     """

@@ -7,7 +7,7 @@ depth,temperature,salinity
 The first line names the columns, in any order, with others among them: `depth` (m) or `pressure` (dbar, of the water),
 `temperature` (deg C, ITS-90) and `salinity` (practical), or instead of these `sound_speed` (m/s) and `density` (kg/m³).
 Units after the name, as `depth (m)`, are not read. Lines that begin with # are left out. What is made of temperature
-and salinity is by TEOS-10 (gsw), and is kept, so that a slave's next start needs no library for it.
+and salinity is by TEOS-10 (gsw), and is cached, so that a slave's next start needs no library for it.
 """
 
 import csv
@@ -17,7 +17,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from hil.common.errors import ConfigError, MissingExtraError
-from hil.common.tables import check_file, read_bytes, read_kept, write_kept
+from hil.common.tables import check_file, read_bytes, read_cached, write_cached
 
 Place = tuple[float, float]
 
@@ -46,12 +46,12 @@ def read_cast(path: str, origin: Place | None) -> dict[str, Any]:
     MissingExtraError.
     """
     stamp = (*check_file(path, MOST_BYTES), origin)
-    made: dict[str, Any] | None = read_kept(f"{path}.profile", stamp)
+    made: dict[str, Any] | None = read_cached(f"{path}.profile", stamp)
     if made is None:
         columns = _thinned(_read(path))
         water = _by_teos10(columns, origin, path) if "temperature" in columns else _given(columns, path)
         made = water._asdict()
-        write_kept(f"{path}.profile", stamp, made)
+        write_cached(f"{path}.profile", stamp, made)
     return made
 
 

@@ -33,8 +33,8 @@ def test_the_second_reading_needs_no_parser(file: Path, monkeypatch: pytest.Monk
 def test_the_oldest_go_when_there_are_too_many(
     most: int, most_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tables, "MOST_KEPT", most)
-    monkeypatch.setattr(tables, "MOST_KEPT_BYTES", most_bytes)
+    monkeypatch.setattr(tables, "MOST_CACHED", most)
+    monkeypatch.setattr(tables, "MOST_CACHED_BYTES", most_bytes)
     program = Path(cache_path("x")).parent / f"{tables.PROGRAM}-abc"
     program.parent.mkdir(parents=True)
     program.write_bytes(b"x" * 1000)
@@ -43,17 +43,17 @@ def test_the_oldest_go_when_there_are_too_many(
         path.write_text(f"a = {number}\n")
         read_table(str(path))
         os.utime(cache_path(str(path)), (number, number))
-        kept = [kept for kept in program.parent.iterdir() if kept != program]
-        assert len(kept) <= most
-        assert sum(file.stat().st_size for file in kept) <= most_bytes
+        cached = [file for file in program.parent.iterdir() if file != program]
+        assert len(cached) <= most
+        assert sum(file.stat().st_size for file in cached) <= most_bytes
     assert Path(cache_path(str(tmp_path / "39.toml"))).exists(), "the newest"
     assert not Path(cache_path(str(tmp_path / "0.toml"))).exists(), "the oldest"
     assert program.exists(), "is no file that was parsed"
 
 
-def test_what_is_large_is_not_kept(tmp_path: Path) -> None:
+def test_what_is_large_is_not_cached(tmp_path: Path) -> None:
     path = tmp_path / "large.toml"
-    path.write_text(f"a = '{'x' * tables.LARGEST_KEPT}'\n")
+    path.write_text(f"a = '{'x' * tables.LARGEST_CACHED}'\n")
     read_table(str(path))
     assert not Path(cache_path(str(path))).exists()
 
@@ -82,7 +82,7 @@ def test_the_copy_of_another_user_is_not_used(file: Path) -> None:
     assert read_table(str(file)) == {"a": 1}
 
 
-def test_what_cannot_be_kept_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_cached_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     dated = tmp_path / "dated.toml"
     dated.write_text("day = 2026-01-01\n")
     assert read_table(str(dated))["day"].year == 2026
