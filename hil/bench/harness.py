@@ -133,7 +133,7 @@ class Process:
             raise NetworkError(f"a process runs on after {seconds:g} s; its last output: {self.last_words}") from None
 
     def join(self) -> int:
-        """Wait for its end; return its exit code. Without a timeout, as a wait with one polls, which takes processor time."""
+        """Wait for its end; return its exit code. Without a timeout, as a wait with one polls and costs time."""
         os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
         return self._process.wait()
 

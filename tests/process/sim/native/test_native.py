@@ -328,7 +328,7 @@ def test_python_is_taken_where_c_is_not(monkeypatch: pytest.MonkeyPatch) -> None
     assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is Dynamics
     assert "the step in C is not there" in choose()[1]
     monkeypatch.setenv("UUV_HIL_NATIVE", "1")
-    with pytest.raises(ConfigError, match="UUV_HIL_NATIVE=1, but.*python c_extensions.py"):
+    with pytest.raises(ConfigError, match=r"UUV_HIL_NATIVE=1, but.*python c_extensions.py"):
         choose()
 
 
@@ -369,7 +369,7 @@ def test_a_binary_of_other_sources_is_refused_with_the_remedy(name: str, monkeyp
 
 
 def test_a_change_of_c_changes_its_size(tmp_path: Path) -> None:
-    """What is compiled in is what is there, without files that are no sources."""
+    """Compile all sources that are there, and no other files."""
     (tmp_path / "a.c").write_text("int a;\n")
     (tmp_path / "a.h").write_text("extern int a;\n")
     (tmp_path / "a.abi3.so").write_text("binary")
