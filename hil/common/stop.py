@@ -20,12 +20,20 @@ def stop_signals() -> list[signal.Signals]:
 @contextmanager
 def every_end_like_ctrl_c() -> Iterator[None]:
     """Raise KeyboardInterrupt on every signal that ends us; joblib then ends its workers, which would live on."""
-    before = {number: signal.signal(number, signal.default_int_handler) for number in stop_signals()}
+    before = {number: signal.signal(number, _interrupt) for number in stop_signals()}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, and print no errors of other threads: joblib's has one when its workers are killed."""
+    import threading
+
+    threading.excepthook = lambda _: None
+    raise KeyboardInterrupt
 
 
 @contextmanager
