@@ -15,7 +15,7 @@ from collections.abc import Callable
 from importlib import import_module
 
 from hil.common import streams
-from hil.common.errors import EXIT_CODES, STOPPED, ConfigError, DeviceError, HilError, MissingExtraError
+from hil.common.errors import EXIT_CODES, STOPPED, ConfigError, DeviceError, HilError, MissingExtraError, MissionError
 
 # name -> module with `main(arguments) -> exit code`, and what it does
 COMMANDS = {
@@ -149,12 +149,28 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # `uuv-hil ... | head`
         streams.drop_output()
         return 141
-    except OSError as error:
-        if error.errno not in FULL:
-            raise
-        streams.drop_output()
-        print(f"{name}: {error.filename or 'the output'}: {error.strerror}; free some space", file=sys.stderr)
-        return DeviceError.exit_code
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in FULL:
+            streams.drop_output()
+            print(f"{name}: {error.filename or 'the output'}: {error.strerror}; free some space", file=sys.stderr)
+            return DeviceError.exit_code
+        if _print_own_traceback(name, error):
+            return MissionError.exit_code
+        raise
+
+
+def _print_own_traceback(name: str, error: Exception) -> bool:
+    """Print what a class of the user's raised, from its own lines on; False if the exception is of none."""
+    from hil.common.plugins import own_traceback
+
+    own = own_traceback(error)
+    if own is None:
+        return False
+    import traceback
+
+    print(f"{name}: an error in {os.path.basename(own.tb_frame.f_code.co_filename)}, a file of yours:", file=sys.stderr)
+    traceback.print_exception(type(error), error, own)
+    return True
 
 
 def _dispatch(words: list[str]) -> int:

@@ -10,11 +10,15 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hil.common.errors import ConfigError
 
-loaded: set[str] = set()  # names of the modules whose classes were loaded
+if TYPE_CHECKING:
+    from types import TracebackType
+
+OURS = ("hil", "sim")  # packages whose classes a file may name as well
+loaded: set[str] = set()  # names of the modules whose classes were asked for
 
 
 class _OfThread(threading.local):
@@ -61,8 +65,18 @@ def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
         raise ConfigError(f"{where}: {name} does not take these keys: {error}") from error
 
 
+def own_traceback(error: BaseException) -> "TracebackType | None":
+    """Return the traceback of an exception from the first line of a user's class on; None if none was running."""
+    here = error.__traceback__
+    own = {module for module in loaded if module.partition(".")[0] not in OURS}
+    while here and here.tb_frame.f_globals.get("__name__") not in own:
+        here = here.tb_next
+    return here
+
+
 def _find(name: str, where: str) -> Any:
     module, _, attribute = name.partition(":")
+    loaded.add(module)  # before it runs: what it raises then is its own, too
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
@@ -74,7 +88,6 @@ def _find(name: str, where: str) -> Any:
         raise ConfigError(f"{where}: {module} cannot be imported: {error}") from error
     except AttributeError:
         raise ConfigError(f"{where}: {module} has no {attribute!r}") from None
-    loaded.add(module)
     return plugin
 
 

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import os
 import statistics
 import sys
 import time
@@ -15,6 +16,7 @@ from hil.commands.campaign.files import collect
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError
 from hil.common.options import JOBS, SEEDS, add_json, add_output, add_scenario, changes_of, new_parser
+from hil.common.plugins import own_traceback
 from hil.common.schema import shortened
 from hil.common.stop import every_end_like_ctrl_c
 from hil.common.streams import ProgressLine
@@ -102,6 +104,12 @@ def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
         outcome, _ = fly(scenario, prepare(scenario))
     except HilError as error:
         return row | {"reason": str(error)}
+    except Exception as error:  # of a planner of the user's, which other seeds may not meet
+        own = own_traceback(error)
+        if own is None:
+            raise
+        place = f"{os.path.basename(own.tb_frame.f_code.co_filename)}:{own.tb_lineno}"
+        return row | {"reason": f"{place}: {type(error).__name__}: {error}"}
     figures = {name: getattr(outcome, name) for name in METRICS}
     counts = {kind: sum(event.kind == kind for event in outcome.events) for kind in KINDS}
     result = {"success": outcome.success, "reached": outcome.reached, "reason": outcome.verdict}

@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,31 @@ def test_sim_says_it_and_returns_6(into_wall: Path, tmp_path: Path) -> None:
     with Program(tmp_path, "sim", into_wall, "--fast", environment=where) as sim:
         assert sim.wait() == 0, sim.output
     assert "expected: collision with the north wall" in sim.output
+
+
+@pytest.mark.parametrize("words", [("sim", "--fast"), ("demo", "--output", "out")])
+def test_an_error_in_a_planner_of_ones_own_is_shown_from_there_on(
+    words: tuple[str, ...], into_wall: Path, tmp_path: Path
+) -> None:
+    planner = tmp_path / "blind.py"
+    planner.write_text(planner.read_text().replace("return Done('there')", "return open('no/such/file')"))
+    where = {"PYTHONPATH": str(tmp_path)}
+    with Program(tmp_path, words[0], into_wall, *words[1:], environment=where) as program:
+        assert program.wait() == 6, program.output
+    _, shown, lines = program.output.partition("an error in blind.py, a file of yours:\nTraceback")
+    assert shown
+    assert re.findall(r'File "(.+)", line (\d+), in (\w+)', lines) == [(str(planner), "7", "command")]
+    assert "FileNotFoundError" in lines
+
+
+def test_an_error_in_a_planner_is_a_failed_run_of_a_campaign(into_wall: Path, tmp_path: Path) -> None:
+    planner = tmp_path / "blind.py"
+    planner.write_text(planner.read_text().replace("return Done('there')", "return 1 / 0"))
+    where = {"PYTHONPATH": str(tmp_path)}
+    with Program(tmp_path, "campaign", into_wall, "--seeds", "2", environment=where) as program:
+        assert program.wait() == 6, program.output
+    assert "0/2" in program.output
+    assert "no success: blind.py:7: ZeroDivisionError: division by zero" in program.output
 
 
 def test_a_kind_that_is_none_is_named(into_wall: Path, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import pytest
 
+from hil.common import plugins
 from hil.common.errors import ConfigError
 from hil.common.plugins import load_class, refusing
 
@@ -77,3 +78,21 @@ def test_a_module_that_does_not_load_says_why(
 def test_a_module_that_is_missing_says_where_it_is_looked_for() -> None:
     with pytest.raises(ConfigError, match="No module named 'nowhere_at_all'; it has to be on PYTHONPATH"):
         load("nowhere_at_all:Class")
+
+
+def test_an_error_as_a_module_loads_is_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "loaded", set())  # without the names of other tests
+    (tmp_path / "unfinished.py").write_text("import json\njson.loads('{')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ValueError, match="Expecting") as caught:
+        load("unfinished:Good")
+    own = plugins.own_traceback(caught.value)
+    assert own is not None
+    assert (Path(own.tb_frame.f_code.co_filename).name, own.tb_lineno) == ("unfinished.py", 2)
+
+
+def test_an_error_of_the_project_is_no_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "loaded", {"hil.common.plugins", "json"})
+    with pytest.raises(ConfigError) as caught:
+        load("no_such_module:Good")
+    assert plugins.own_traceback(caught.value) is None
