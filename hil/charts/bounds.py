@@ -1,11 +1,11 @@
 """Limits of depth at every node of a grid from a chart's areas: depth range, land, or unknown."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.polygons import Mask, contains, fill
+from hil.autonomy.paths.polygons import Edges, Mask, contains, edge_distance, fill, segments
 from hil.charts.grid import Depths, Grid
 from hil.charts.sources.survey import Sheet, Survey
 
@@ -15,24 +15,33 @@ Indices = NDArray[np.intp]
 LAND_RISE = 2.0  # m above the water at a shore; the chart's beach where that is higher
 LAND_SLOPE = 0.15  # the shape of land is not on a chart: it rises so, up to
 LAND_TOP = 30.0  # m
+# In cells: a narrower slope at an edge askew has teeth, as a grid's bed is bilinear between its nodes.
+BANK = 1.5
 BORDER = 2.0  # how far, in what a chart resolves, a border of depth areas may be off
 SPREAD = 0.98
 PASSES = 24
 
 
 class Bounds(NamedTuple):
-    """Limits of the depth at each node, (rows, columns): shoal and deep limit in m, masks of land and known nodes."""
+    """Limits of the depth at each node, (rows, columns): shoal and deep limit in m, masks of land and known nodes.
+
+    `shore`: how far in cells it is to the edge of charted land, inf where that is far.
+    """
 
     low: Array
     high: Array
     land: Mask
     known: Mask
+    shore: Depths
 
 
 def paint(survey: Survey, north: Array, east: Array) -> Bounds:
     """Return the bounds at the crossings of `north` and `east` (m), the finer chart over the coarser."""
     shape = len(north), len(east)
-    bounds = Bounds(np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool))
+    bounds = Bounds(
+        np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool),
+        np.full(shape, np.inf, np.float32),
+    )  # fmt: skip
     if survey.reach > 0.0 and len(survey.soundings):
         bounds.known[:] = _near(survey.soundings, north, east, survey.reach)
         bounds.low[:], bounds.high[:] = survey.soundings[:, 2].min(), survey.soundings[:, 2].max()
@@ -46,7 +55,7 @@ def _paint_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> Non
     covered = np.zeros(bounds.known.shape, bool)
     covered[part] = valid
     bounds.low[covered], bounds.high[covered] = -np.inf, np.inf
-    bounds.land[covered], bounds.known[covered] = False, True
+    bounds.land[covered], bounds.known[covered], bounds.shore[covered] = False, True, np.inf
     for area in sheet.areas:
         part, inside = fill(area.edges, north, east)
         inside &= covered[part]
@@ -55,6 +64,17 @@ def _paint_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> Non
         for edges in many:
             part, inside = fill(edges, north, east)
             mask[part][inside & covered[part]] = value
+    part, away = edge_distance(*_outer(sheet.land), north, east)
+    np.copyto(bounds.shore[part], away, where=covered[part])
+
+
+def _outer(areas: tuple[Edges, ...]) -> tuple[Array, Array]:
+    """Return the starts and ends of the straight pieces, (n, 2) each, that no two areas share."""
+    start, end = segments(edge for edges in areas for edge in edges)
+    swap = (start[:, 0] > end[:, 0]) | ((start[:, 0] == end[:, 0]) & (start[:, 1] > end[:, 1]))
+    pieces = np.where(swap[:, None], np.hstack([end, start]), np.hstack([start, end]))
+    pieces, counts = np.unique(pieces, axis=0, return_counts=True)
+    return pieces[counts == 1, :2], pieces[counts == 1, 2:]
 
 
 def _near(points: Array, north: Array, east: Array, reach: float) -> Mask:
@@ -165,13 +185,31 @@ def keep_shoals(grid: Grid, soundings: Array, shoalest: Array, low: Array, passe
     return grid._replace(depths=depths)
 
 
-def raise_land(depths: Depths, land: Mask, water: Mask, resolution: float) -> Depths:
-    """`depths` with a slope where there is `land`: up from its shore, or from the beach if that is higher."""
+def banked(depths: NDArray[np.floating[Any]], tops: Array, inside: Array) -> Array:
+    """Return `depths` (m) with what rises from them to `tops` (m) and has a slope as its edge; never deeper.
+
+    `inside`: how far in cells each place is within that edge, negative outside. What comes out of the water has its
+    water line there, what does not its full height.
+    """
+    rise = np.maximum(depths - tops, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):  # no rise
+        at_edge = np.clip((depths - np.maximum(tops, 0.0)) / rise, 0.0, 1.0)
+    return np.asarray(depths - np.nan_to_num(np.clip(at_edge + inside / BANK, 0.0, 1.0)) * rise)
+
+
+def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
+    """`depths` with a slope where there is land: up from its shore, or from the beach if that is higher."""
     from scipy.ndimage import distance_transform_edt
 
+    land, water = bounds.land, bounds.known & ~bounds.land
     if not land.any():
         return depths
     distance, nearest = distance_transform_edt(~water, sampling=resolution, return_indices=True)
-    shore = np.minimum(depths[tuple(nearest)], -LAND_RISE)
+    before = depths[tuple(nearest)]
+    shore = np.minimum(before, -LAND_RISE)
     slope = np.maximum(shore - LAND_SLOPE * distance, np.minimum(shore, -LAND_TOP))
-    return np.where(land, slope, depths).astype(np.float32)
+    raised = np.where(land, slope, depths).astype(np.float32)
+    # Not where land ends with its chart: there is no shore.
+    edge = (bounds.shore < BANK) & (land | water) & (distance < (BANK + 1.0) * resolution)
+    raised[edge] = banked(before[edge], slope[edge], np.where(land[edge], 1.0, -1.0) * bounds.shore[edge])
+    return raised

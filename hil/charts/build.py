@@ -141,8 +141,10 @@ def _settled(survey: Survey, data: _Data, bounds: Bounds, empty: Grid, progress:
     if survey.sheets:
         known = known_nodes(bounds, grid, data.points)
         grid = grid._replace(depths=leave_limits(grid, Limits(low, high), data.surface, known, survey.detail))
-    grid = grid._replace(depths=raise_land(grid.depths, bounds.land, water, resolution))
-    return keep_shoals(grid, measured, data.limits.low, np.where(water, low, -np.inf)), clamped
+    grid = grid._replace(depths=raise_land(grid.depths, bounds, resolution))
+    np.minimum(low, grid.depths, out=low)  # shoaler at a shore
+    low[~water] = -np.inf
+    return keep_shoals(grid, measured, data.limits.low, low), clamped
 
 
 def _report(grid: Grid, data: _Data | None, clamped: float, begin: float) -> Report:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.polygons import Edges, fill
-from hil.charts.bounds import limits_at
+from hil.autonomy.paths.polygons import Edges, edge_distance, fill, segments
+from hil.charts.bounds import banked, limits_at
 from hil.charts.charted import BottomGrid, Charted
 from hil.charts.grid import Grid
 from hil.charts.gridding import Surface
@@ -151,12 +151,14 @@ def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
     """Raise the bed of `grid` to the top of an area; False for what floats, has no area, or none that holds a node."""
     if hazard.bottom < STANDING:
         return False
-    part, inside = fill(hazard.edges, grid.north, grid.east)
-    if not inside.any():
+    (rows, columns), away = edge_distance(*segments(hazard.edges), grid.north, grid.east)
+    inside, (part, held) = np.full(away.shape, -1.0), fill(hazard.edges, grid.north[rows], grid.east[columns])
+    if not held.any():
         return False
-    bed = grid.depths[part]
-    top = np.maximum(shoal_limit[part] if hazard.top is None else hazard.top, -LEAST_HEIGHT)
-    np.copyto(bed, top, where=inside & (bed > top), casting="same_kind")
+    inside[part][held] = 1.0
+    bed = grid.depths[rows, columns]
+    top = np.maximum(shoal_limit[rows, columns] if hazard.top is None else hazard.top, -LEAST_HEIGHT)
+    bed[:] = banked(bed, top, inside * away)
     return True
 
 

@@ -29,7 +29,7 @@ from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World, load_world
 
 MOST_KEPT_BYTES = 1 << 30  # beyond it those go that were not used for longest
-METHOD = 7  # to be counted up when the same files are gridded in another way
+METHOD = 8  # to be counted up when the same files are gridded in another way
 
 
 class Whole(NamedTuple):

@@ -50,6 +50,39 @@ def _crossed(start: Array, end: Array, north: Array, east: Array) -> Mask:
     return np.asarray(np.cumsum(flips[:, :-1], axis=1) % 2 == 1)
 
 
+def edge_distance(start: Array, end: Array, north: Array, east: Array) -> tuple[Window, Array]:
+    """Return how far crossings of `north` and `east`, evenly `north[1] - north[0]` m apart, are from straight pieces.
+
+    `start`, `end`: of the pieces, (n, 2). The rows and columns around them, and of those crossings the distance in
+    spacings, float32: right where it is less than 1.5, larger or inf elsewhere.
+    """
+    spacing, corner = north[1] - north[0], np.array([north[0], east[0]])
+    start, along = (start - corner) / spacing, (end - start) / spacing
+    counts = np.maximum(1, np.ceil(np.hypot(*along.T))).astype(np.intp)  # of parts no longer than a spacing
+    which = np.repeat(np.arange(len(start)), counts)
+    part = (np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts))[:, None]
+    along = (along / counts[:, None])[which]
+    start = start[which] + part * along
+    near = np.floor(start + 0.5 * along).astype(np.intp)
+    on = ((near >= -2) & (near <= (len(north), len(east)))).all(axis=1)
+    if not on.any():
+        return (slice(0, 0), slice(0, 0)), np.zeros((0, 0), np.float32)
+    start, along, near = start[on], along[on], near[on]
+    first, last = near.min(axis=0) - 1, near.max(axis=0) + 3
+    found = np.full(last - first, np.inf, np.float32)
+    lengths = np.maximum((along * along).sum(axis=1), 1e-12)
+    for row in range(-1, 3):
+        for column in range(-1, 3):
+            node = near + np.array((row, column))
+            apart = node - start
+            share = np.clip((apart * along).sum(axis=1) / lengths, 0.0, 1.0)
+            away = np.hypot(*(apart - share[:, None] * along).T).astype(np.float32)
+            np.minimum.at(found, tuple((node - first).T), away)
+    low, high = np.maximum(first, 0), np.minimum(last, (len(north), len(east)))
+    rows, columns = (slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+    return (rows, columns), found[tuple(slice(a, b) for a, b in zip(low - first, high - first, strict=True))]
+
+
 def contains(edges: Edges, points: Array) -> Mask:
     """Return which of `points` (n, 2) north, east are inside: (n,)."""
     inside = np.zeros(len(points), bool)

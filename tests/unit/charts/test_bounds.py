@@ -154,12 +154,19 @@ def test_land_rises_from_its_shore() -> None:
     land = np.zeros((11, 11), bool)
     land[6:] = True
     depths[5] = -4.0  # a beach
-    raised = raise_land(depths, land, ~land, 10.0)
+    axis = np.arange(0.0, 110.0, 10.0)
+    land_to_the_north = Sheet("", (box(-9.0, -9.0, 109.0, 109.0),), (), ((box(55.0, -50.0, 200.0, 150.0),),))
+    bounds = paint(Survey("", None, np.zeros((3, 3)), sheets=(land_to_the_north,)), axis, axis)
+    assert (bounds.land == land).all()
+    raised = raise_land(depths, bounds, 10.0)
     assert (raised[:6] == depths[:6]).all()
     assert (raised[6:] <= -4.0).all()
     assert (np.diff(raised[5:, 3]) < 0.0).all()
-    quay = raise_land(np.full((11, 11), 6.0, np.float32), land, ~land, 10.0)
-    assert (quay[6:] <= -LAND_RISE).all()
+    quay = raise_land(np.full((11, 11), 6.0, np.float32), bounds, 10.0)
+    assert (quay[:5] == 6.0).all()
+    assert (quay[7:] <= -LAND_RISE).all()
+    assert (quay[5] > 0.0).all(), "on either side of the water line"
+    assert (quay[6] < 0.0).all()
 
 
 def hazard(kind: str, places: list[tuple[float, float]], top: float | None, edges: tuple[Array, ...] = ()) -> Hazard:
@@ -188,7 +195,8 @@ def test_where_hazards_end_up() -> None:
     ]  # fmt: skip
     inside = filled((area,), grid.north, grid.east)
     assert (placed.grid.depths[inside] == 7.0).all()
-    assert (placed.grid.depths[~inside] == grid.depths[~inside]).all()
+    away = ~filled((box(0.5, 0.5, 39.5, 39.5),), grid.north, grid.east)
+    assert (placed.grid.depths[away] == grid.depths[away]).all()
     assert (grid.depths[:, :15] == 12.0).all()
 
 

@@ -1,0 +1,112 @@
+"""Edges of land and of raised areas that lie askew to the grid: straight in the bed between the nodes, not teeth."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil.autonomy.paths.polygons import edge_distance, fill, segments
+from hil.charts.bounds import LAND_RISE
+from hil.charts.build import build
+from hil.charts.grid import Grid
+from hil.charts.hazards import OUT_OF_WATER, place
+from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey
+
+Array = NDArray[np.float64]
+CELL, DEPTH, HALF = 5.0, 6.0, 15.0  # m; half the width of the moles
+ANGLE = np.radians(30.0)
+ALONG, ACROSS = np.array([np.cos(ANGLE), np.sin(ANGLE)]), np.array([-np.sin(ANGLE), np.cos(ANGLE)])
+MIDDLE = np.array([101.3, 98.9])
+
+
+def mole(half: float = HALF, start: float = -70.0, end: float = 70.0) -> Array:
+    """Return the corners of a rectangle along ALONG through MIDDLE, the first of them twice."""
+    sides = ((start, -half), (end, -half), (end, half), (start, half), (start, -half))
+    return np.array([MIDDLE + a * ALONG + b * ACROSS for a, b in sides])
+
+
+def built(*land: Array) -> Grid:
+    """Return the grid of a survey of 200 m x 200 m, level but for this land."""
+    everywhere = (np.array([(-9.0, -9.0), (-9.0, 209.0), (209.0, 209.0), (209.0, -9.0), (-9.0, -9.0)]),)
+    soundings = np.array([(n, e, DEPTH) for n in range(0, 201, 40) for e in range(0, 201, 40)], float)
+    sheet = Sheet("", everywhere, (DepthArea(everywhere, 5.0, 10.0),), tuple((ring,) for ring in land))
+    return build(Survey("", None, soundings, sheets=(sheet,)), (0.0, 200.0, 0.0, 200.0), CELL).placed.grid
+
+
+def offsets(grid: Grid, level: float, half: float = HALF) -> Array:
+    """Return how far outside of the mole's eastern side the bed goes below `level`, in cells, along 100 m."""
+    out = np.linspace(-2.0, 2.0, 401)
+    places = [MIDDLE + a * ALONG + (half + CELL * out[:, None]) * ACROSS for a in np.linspace(-50.0, 50.0, 101)]
+    return np.array([out[np.argmax(grid.at(line) > level)] for line in places])
+
+
+def masked(top: float) -> Grid:
+    """Return what nodes that are either in the mole or not make of it."""
+    grid = Grid(np.full((41, 41), DEPTH, np.float32), 0.0, 0.0, CELL)
+    part, inside = fill((mole(),), grid.north, grid.east)
+    grid.depths[part][inside] = top
+    return grid
+
+
+def raised(top: float) -> Grid:
+    grid = Grid(np.full((41, 41), DEPTH, np.float32), 0.0, 0.0, CELL)
+    hazard = Hazard("SLCONS", mole(), 1.0, top, (mole(),))
+    return place((hazard,), grid, np.full((41, 41), 5.0)).grid
+
+
+def test_the_distance_to_an_edge_is_that_to_the_nearest_of_its_pieces() -> None:
+    """A star, part of it off the grid, one of its pieces of no length."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 11)
+    radius = np.where(np.arange(11) % 2, 40.0, 17.0)
+    star = np.column_stack([30.0 + radius * np.cos(angles), 20.0 + radius * np.sin(angles)])
+    start, end = segments([np.vstack([star[:1], star])])
+    north, east = np.arange(-10.0, 44.0, 3.0), np.arange(5.0, 74.0, 3.0)
+    part, found = edge_distance(start, end, north, east)
+    away = np.full((18, 23), np.inf)
+    away[part] = found
+    nodes = np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1)
+    true = np.full((18, 23), np.inf)
+    for one, other in zip(start, end, strict=True):
+        places = one + np.linspace(0.0, 1.0, 1001)[:, None, None, None] * (other - one)
+        true = np.minimum(true, np.hypot(*np.moveaxis(nodes - places, -1, 0)).min(axis=0) / 3.0)
+    near = true < 1.49
+    assert 100 < near.sum() < near.size - 50
+    assert away[near] == pytest.approx(true[near], abs=0.01)
+    assert (away[~near] > 1.48).all()
+    (rows, columns), nothing = edge_distance(start + 1e3, end + 1e3, north, east)
+    assert (rows, columns, nothing.size) == (slice(0, 0), slice(0, 0), 0)
+
+
+@pytest.mark.parametrize(("grid", "most"), [(built(mole()), 0.1), (raised(OUT_OF_WATER), 0.25)], ids=["land", "hazard"])
+def test_a_mole_s_water_line_is_straight_where_it_is_charted(grid: Grid, most: float) -> None:
+    """So many cells from its edge at most; and what is half as deep as the bed runs along it to 0.1 of a cell."""
+    assert abs(offsets(grid, 0.0)).max() < most
+    assert np.ptp(offsets(grid, 0.5 * DEPTH)) < 0.1
+    teeth = masked(-LAND_RISE)
+    assert abs(offsets(teeth, 0.0)).max() > 0.5, "where nodes are either in or out"
+    assert np.ptp(offsets(teeth, 0.5 * DEPTH)) > 0.8
+    away = grid.at(MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * ALONG + (HALF + 2.6 * CELL) * ACROSS)
+    assert away == pytest.approx(np.full(101, DEPTH)), "two cells and a half away the bed is as it was"
+
+
+def test_what_is_always_under_water_has_its_full_height_to_its_edge() -> None:
+    grid = raised(2.0)
+    part, inside = fill((mole(),), grid.north, grid.east)
+    assert (grid.depths[part][inside] == 2.0).all()
+    assert grid.depths.min() == 2.0
+    assert np.ptp(offsets(grid, 4.0)) < 0.1
+
+
+def test_a_mole_narrower_than_a_cell_has_no_gaps() -> None:
+    """0.8 of a cell wide: many nodes along it are beside it, and the water over them was 6 m deep."""
+    crest = built(mole(2.0)).at(MIDDLE + np.linspace(-60.0, 60.0, 400)[:, None] * ALONG)
+    assert crest.max() < 0.5
+
+
+def test_no_shore_where_two_pieces_of_land_meet() -> None:
+    """Nor where land ends with its chart."""
+    whole, halves = built(mole()), built(mole(end=10.0), mole(start=10.0))
+    assert halves.depths == pytest.approx(whole.depths, abs=1e-6)
+    beyond = built(np.array([(-50.0, -50.0), (-50.0, 300.0), (48.0, 300.0), (48.0, -50.0), (-50.0, -50.0)]))
+    assert (beyond.depths[:8] <= -LAND_RISE).all()
+    at_limit = built(np.array([(-4.0, -4.0), (-4.0, 204.0), (48.0, 204.0), (48.0, -4.0), (-4.0, -4.0)]))
+    assert (at_limit.depths[:8] == beyond.depths[:8]).all()
