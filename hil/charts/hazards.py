@@ -1,4 +1,4 @@
-"""Obstructions, wrecks, rocks, piles, islets, structures, marks and what floats, of a chart: positions and heights.
+"""Obstructions, wrecks, rocks, piles, islets, structures, buildings, marks and what floats, of a chart.
 
 A chart gives most of them as points, without a size. The radii and draughts here are ours, on the large side of what
 such things measure. Where no depth is given, WATLEV tells how the water's level lies to them. Of shore constructions,
@@ -26,7 +26,7 @@ RADII = {
     "OBSTRN": 2.0, "WRECKS": 8.0, "UWTROC": 2.0, "PILPNT": 0.4, "PYLONS": 3.0, "MORFAC": 1.0, "LNDARE": 5.0,
     "SLCONS": 1.0, "CAUSWY": 3.0, "DAMCON": 3.0, "PONTON": 1.0, "HULKES": 4.0, "FLODOC": 4.0,
     "OFSPLF": 5.0, "GATCON": 1.0, "DYKCON": 3.0, "FSHFAC": 0.5, "LOGPON": 1.0, "OILBAR": 0.5, "LITVES": 4.0,
-    "LITFLT": 2.0,
+    "LITFLT": 2.0, "LNDMRK": 2.0, "BUISGL": 3.0,
     **dict.fromkeys(("BCNCAR", "BCNISD", "BCNLAT", "BCNSAW", "BCNSPP"), 0.3),
     **dict.fromkeys(("BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP"), 1.0),
 }  # fmt: skip
@@ -45,6 +45,8 @@ STANDS_UP = {
     "LNDARE",
     "OFSPLF",
     "FSHFAC",
+    "LNDMRK",
+    "BUISGL",
     *(kind for kind in RADII if kind.startswith("BCN")),
     *STRUCTURES,
 }  # they come out of the water unless WATLEV says otherwise

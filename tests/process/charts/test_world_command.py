@@ -13,6 +13,7 @@ from hil.common.errors import ConfigError, MissingExtraError
 from sim.environment.geomagnetism import field_at
 from sim.environment.obstacles import STANDING
 from sim.environment.world import load_world
+from tests.support.charts.s57_encoder import square
 from tests.support.charts.small_cell import bay, bed
 
 
@@ -51,6 +52,20 @@ def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys
     assert depths[3, 7] == np.float32(
         world.seabed(world.terrain.grid.north_min + 60.0, world.terrain.grid.east_min + 140.0)
     )
+
+
+def test_a_lighthouse_and_a_house_on_piles_stand_in_the_water_and_others_on_land(tmp_path: Path) -> None:
+    cell = bay()
+    for latitude in (54.005, 54.009):
+        cell.point(74, (latitude, 10.012))
+        cell.area(12, square(latitude, 10.002, latitude + 1e-4, 10.0022))
+    path = cell.write(tmp_path / "BAY.000")
+    assert command.main(["build", path, "--resolution", "20", "-o", str(tmp_path / "w")]) == 0
+    found = {(pile.north, pile.east) for pile in load_world(str(tmp_path / "w.toml")).cylinder if pile.top < 0.0}
+    middles = [(0.0, 262.0), (6.0, -386.0)]  # m
+    for north, east in middles:
+        assert [1 for n, e in found if abs(n - north) < 3.0 and abs(e - east) < 3.0] == [1], found
+    assert len(found) == 4, "with the pile and what floats"
 
 
 def test_the_report_for_programs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

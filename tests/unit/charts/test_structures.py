@@ -60,7 +60,7 @@ def test_a_pontoon_floats_above_the_bed() -> None:
 
 def test_marks_stand_or_float_and_a_platform_stands() -> None:
     """A beacon and a platform reach from the bed into the air, a buoy, and a mooring that is one, a metre down."""
-    for kind in ("BCNLAT", "BCNSPP", "OFSPLF", "FSHFAC"):
+    for kind in ("BCNLAT", "BCNSPP", "OFSPLF", "FSHFAC", "LNDMRK", "BUISGL"):
         (mark,) = placed(kind).cylinders
         assert (mark.top, mark.bottom) == (OUT_OF_WATER, STANDING)
     for kind in ("BOYLAT", "BOYSPP", "BOYINB"):
