@@ -1,7 +1,8 @@
 """The seabed as a grid of depths."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from errno import EISDIR
 from typing import NamedTuple
 
@@ -67,6 +68,20 @@ class Grid(NamedTuple):
 
 def grid_of(world: World, resolution: float | None = None) -> Grid:
     """Return the seabed of `world`: its terrain's grid, at another `resolution` (m), or a flat one over its extent."""
+    frame = frame_of(world, resolution)
+    if world.terrain is not None and frame.resolution == world.terrain.grid.resolution:
+        return frame
+    depths = np.empty(frame.depths.shape, np.float32)
+    for first in range(0, len(depths), STRIP_ROWS):
+        depths[first : first + STRIP_ROWS] = strip(world, frame, slice(first, first + STRIP_ROWS))
+    return frame._replace(depths=depths)
+
+
+def frame_of(world: World, resolution: float | None = None) -> Grid:
+    """Return `grid_of` with depths that take no memory: the terrain's own, or else all alike; `strip` has them right.
+
+    They cannot be written to.
+    """
     terrain = world.terrain
     if terrain is not None and resolution in (None, terrain.grid.resolution):
         place = terrain.grid
@@ -75,15 +90,21 @@ def grid_of(world: World, resolution: float | None = None) -> Grid:
     south, north, west, east = world.extent
     step = resolution or max(north - south, east - west) / FLAT_CELLS
     rows, columns = (max(2, int((high - low) / step + 1e-9) + 1) for low, high in ((south, north), (west, east)))
-    flat = Grid(np.full((rows, columns), world.depth, np.float32), south, west, step)
-    if terrain is None:
-        return flat
-    whole, easts = grid_of(world), flat.east
-    for row, place in enumerate(flat.north):
-        flat.depths[row] = whole.at(np.column_stack([np.full(columns, place), easts]))
-        if row % STRIP_ROWS == 0:
-            terrain.unmap()
-    return flat
+    return Grid(np.broadcast_to(np.float32(world.depth), (rows, columns)), south, west, step)
+
+
+def strip(world: World, frame: Grid, rows: slice) -> Depths:
+    """Return the depths of some rows of `grid_of`, whose `frame_of` is given; no mapped file stays in memory."""
+    if world.terrain is None:
+        return frame.depths[rows]
+    whole, columns = frame_of(world), frame.depths.shape[1]
+    if frame.resolution == whole.resolution:
+        depths = np.array(frame.depths[rows])
+    else:
+        places = (np.column_stack([np.full(columns, north), frame.east]) for north in frame.north[rows])
+        depths = np.array([whole.at(row) for row in places], np.float32)
+    world.terrain.unmap()
+    return depths
 
 
 def thinning(grid: Grid, most: int) -> int:
@@ -126,18 +147,30 @@ def write_file(path: str, data: bytes) -> None:
 
 def write_files(contents: Mapping[str, bytes]) -> None:
     """Write whole files, all of them or none, by their paths. Raises ConfigError."""
-    fresh = {path: f"{path}.{os.getpid()}" for path in contents}
+    with replaced(*contents) as names:
+        for name, data in zip(names, contents.values(), strict=True):
+            with open(name, "wb") as file:
+                file.write(data)
+
+
+@contextmanager
+def replaced(*paths: str) -> Iterator[list[str]]:
+    """Give names to write files under, which become those at `paths` when all is written, or else go.
+
+    Makes their folders. Raises ConfigError for an OSError.
+    """
+    fresh = {f"{path}.{os.getpid()}": path for path in paths}
     try:
-        for path, data in contents.items():
+        for path in paths:
             os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
             if os.path.isdir(path):
-                raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
-            with open(fresh[path], "wb") as file:
-                file.write(data)
-        for path in contents:
-            os.replace(fresh[path], path)
+                raise IsADirectoryError(EISDIR, os.strerror(EISDIR), path)
+        yield list(fresh)
+        for name, path in fresh.items():
+            os.replace(name, path)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+        path = fresh.get(str(error.filename), paths[0])
+        raise ConfigError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
-        for left in filter(os.path.exists, fresh.values()):
+        for left in filter(os.path.exists, fresh):
             os.remove(left)

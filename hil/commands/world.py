@@ -2,6 +2,7 @@
 
 import argparse
 import os
+from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -175,14 +176,14 @@ def _export(options: argparse.Namespace) -> int:
 
 def _write(world: World, path: str, ending: str, resolution: float | None, depth: float | None) -> str:
     """Write `world` in the format that `ending` says; a line on it."""
-    from hil.charts.grid import grid_of
+    from hil.charts.grid import frame_of, grid_of, strip
 
-    grid = grid_of(world, resolution)
+    frame = frame_of(world, resolution)
     if depth is not None:
         from hil.charts.describe import percent
         from hil.charts.exports.free_water import free_water
 
-        cells = free_water(world, grid_of(world), depth, grid.resolution)
+        cells = free_water(world, grid_of(world), depth, frame.resolution)
         cells.write_pgm(path)
         return (
             f"{percent(1.0 - float(cells.cells.mean()))} of it free {depth:g} m down; {os.path.splitext(path)[0]}.yaml"
@@ -190,18 +191,20 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
     if ending in (".tif", ".tiff"):
         from hil.charts.exports.geotiff import write_geotiff
 
-        write_geotiff(grid, world.origin, path)
+        write_geotiff(frame, world.origin, path, partial(strip, world, frame))
         return "heights in m" + ("" if world.origin else ", without a place on the earth: the world has no origin")
     if ending == ".sdf":
         from hil.charts.exports.gazebo import MOST_NODES, spacing, write_gazebo
 
+        grid = grid_of(world, resolution)
         note, apart = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", spacing(grid)
         is_coarser = apart > 1.001 * grid.resolution
         note += f"; one every {apart:.3g} m, as {MOST_NODES} a side are the most" if is_coarser else ""
         return note + (f"; its {len(world.mesh)} meshes are left out" if world.mesh else "")
-    from hil.charts.exports.mesh import write_glb, write_stl
+    from hil.charts.exports.mesh import check_size, write_glb, write_stl
 
-    (write_stl if ending == ".stl" else write_glb)(grid, path)
+    check_size(frame)
+    (write_stl if ending == ".stl" else write_glb)(grid_of(world, resolution), path)
     return f"{os.path.getsize(path) / 1e6:.1f} MB; the bed alone"
 
 

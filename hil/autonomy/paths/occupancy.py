@@ -24,7 +24,7 @@ FINEST, COARSEST = 1e-3, 1e3  # m, of a cell
 FARTHEST = 1e5  # m north and east, as in a world
 _PGM_HEADER = re.compile(rb"P5" + 2 * rb"(?:\s|#[^\n]*\n)+([0-9]{1,9})" + rb"(?:\s|#[^\n]*\n)+255\s")
 
-_FREE, _OCCUPIED = 254, 0  # grey levels as ROS map_saver writes them
+_GREY = np.array((254, 0), np.uint8)  # of free and occupied cells, as ROS map_saver writes them
 # Lines are looked at this far (in cells) to both sides, so that none slips between two cells at a corner.
 _HALF_WIDTH = 1e-6
 
@@ -172,8 +172,7 @@ class OccupancyGrid:
         ROS has x to the east and y to the north (REP 103): the image's first row is the north edge, the
         origin the south-west corner. Raises ConfigError if the files cannot be written.
         """
-        image = np.where(self.cells, _OCCUPIED, _FREE).astype(np.uint8)[::-1]
-        rows, columns = image.shape
+        rows, columns = self.cells.shape
         north, east = self.origin
         description = (
             f"image: {os.path.basename(path)}\n"
@@ -186,7 +185,9 @@ class OccupancyGrid:
         )
         try:
             with open(path, "wb") as file:
-                file.write(b"P5\n%d %d\n255\n" % (columns, rows) + image.tobytes())
+                file.write(b"P5\n%d %d\n255\n" % (columns, rows))
+                for part in reversed(_strips(rows, columns)):
+                    file.write(_GREY[self.cells[part][::-1].view(np.uint8)].tobytes())
             with open(os.path.splitext(path)[0] + ".yaml", "w", encoding="utf-8") as text:
                 text.write(description)
         except OSError as error:

@@ -25,6 +25,8 @@ def free_water(world: World, grid: Grid, depth: float, resolution: float) -> Occ
         places = np.column_stack([norths.ravel(), easts.ravel()])
         below = grid.at(places).reshape(norths.shape) - depth
         free = np.where(below > 0.0, np.inf, -1.0)  # nan is no water
+        if world.terrain is not None:
+            world.terrain.unmap()
         for obstacle in standing:
             if obstacle.top < depth:
                 lower(free, obstacle, norths, easts)

@@ -42,12 +42,10 @@ def height_map(grid: Grid) -> tuple[NDArray[np.uint16], float, float]:
     Heights in m of 0 and of its brightest.
     """
     side = _side(grid)
-    rows, columns = np.linspace(grid.north[0], grid.north[-1], side), np.linspace(grid.east[0], grid.east[-1], side)
-    places = np.meshgrid(rows, columns, indexing="ij")
-    inside = np.column_stack(
-        [np.clip(p.ravel(), a[0], a[-1]) for p, a in zip(places, (grid.north, grid.east), strict=True)]
-    )
-    heights = -grid.at(inside).reshape(side, side)
+    south, north, west, east = grid.extent
+    columns = np.clip(np.linspace(west, east, side), west, east)
+    rows = np.clip(np.linspace(south, north, side), south, north)
+    heights = np.array([-grid.at(np.column_stack([np.full(side, row), columns])) for row in rows])
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     high = max(high, low + 0.01)  # a flat bed, too, has a range
     levels = np.rint((np.nan_to_num(heights, nan=high) - low) / (high - low) * LEVELS)

@@ -16,12 +16,8 @@ MOST_NODES = 4_000_000  # of a mesh: 8 million triangles, 0.4 GB as STL; making 
 _SAND = {"baseColorFactor": [0.76, 0.7, 0.5, 1.0], "metallicFactor": 0.0}
 
 
-def triangulate(grid: Grid) -> tuple[Corners, Triangles]:
-    """Corners (n, 3) as east, north, up in m, and triangles (m, 3) of them, seen from above counter-clockwise.
-
-    Two triangles a cell; none where one of its nodes is unknown. Raises ConfigError if none is left, or for more nodes
-    than MOST_NODES.
-    """
+def check_size(grid: Grid) -> None:
+    """Raise ConfigError if a mesh of `grid` had more nodes than MOST_NODES, which memory may not hold."""
     rows, columns = grid.depths.shape
     if rows * columns > MOST_NODES:
         fits = rounded_up(grid.resolution * (rows * columns / MOST_NODES) ** 0.5 * 1.001)
@@ -29,6 +25,16 @@ def triangulate(grid: Grid) -> tuple[Corners, Triangles]:
             f"--resolution: {grid.resolution:g} m makes a mesh of {rows} x {columns} nodes, more than {MOST_NODES}: "
             f"take {fits:g} m or a coarser one"
         )
+
+
+def triangulate(grid: Grid) -> tuple[Corners, Triangles]:
+    """Corners (n, 3) as east, north, up in m, and triangles (m, 3) of them, seen from above counter-clockwise.
+
+    Two triangles a cell; none where one of its nodes is unknown. Raises ConfigError if none is left, or for more nodes
+    than MOST_NODES.
+    """
+    check_size(grid)
+    rows, columns = grid.depths.shape
     north, east = np.meshgrid(grid.north, grid.east, indexing="ij")
     corners = np.stack([east, north, -grid.depths], axis=-1).reshape(-1, 3).astype(np.float32)
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()

@@ -134,7 +134,7 @@ def test_geotiff_without_a_place_on_the_earth(tmp_path: Path) -> None:
 
 
 def test_an_export_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "rasterio.io", None)
+    monkeypatch.setitem(sys.modules, "rasterio", None)
     monkeypatch.setitem(sys.modules, "PIL", None)
     with pytest.raises(MissingExtraError, match=r"uuv-hil\[raster\]"):
         write_geotiff(sloping(), None, str(tmp_path / "bed.tif"))
