@@ -76,9 +76,10 @@ def forward_sonar_rows(figure: Figure) -> None:
 
 def side_scan(figure: Figure) -> None:
     """In the world `fractal` with a wall, a block and a bollard on it, at 18 m depth, 80 m to the north at 1 m/s. A
-    line is a ping, the oldest below. In the middle is the water below the vehicle, then the first return of the
-    bottom. Behind each object lies its shadow, which is longer at a larger distance. The ground is rock. Its relief
-    below the cells of the grid (2 m), and its kind at each place, are generated."""
+    line is a ping, the oldest below. The line in the middle is the ringing of the transducers, then comes the water
+    below the vehicle, then the first return of the bottom. Behind each object lies its shadow, which is longer at a
+    larger distance. The ground is rock. Its relief below the cells of the grid (2 m), and its kind at each place, are
+    generated."""
     scene, axes = looking(rough_ground()), figure.add_subplot()
     scan = SideScan(SideScanModel(max_range=50.0), Mounting(), SEED, scene)
     lines = []

@@ -69,16 +69,19 @@ def scanning_sonar(figure: Figure) -> None:
 
 def scanning_sonar_echoes(figure: Figure) -> None:
     """With `bins`, as the device `ping360`: a turn at rest at the same place, 40 m around, with a block on the
-    seabed. Piles and quays have shadows. The seabed begins where the beam first meets it. Oblique surfaces look
-    thicker at a larger distance, because the beam is 2 deg wide. Behind the quay there is only noise."""
+    seabed. The middle is white while the transducer rings. Piles and quays have shadows, and faint arcs of side
+    lobes. The seabed begins where the beam first meets it. Oblique surfaces look thicker at a larger distance, because
+    the beam is 2 deg wide. Behind the quay there is only noise."""
     world = harbour()
     world = world._replace(box=(*world.box, Box(30.0, -9.0, 3.0, 1.0, 0.5, top=7.2)))
-    sonar = ScanningSonar(ScanningSonarModel(bins=600, max_range=40.0), Mounting(), SEED, looking(world))
+    sonar = ScanningSonar(
+        ScanningSonarModel(bins=600, min_range=0.0, max_range=40.0, ringing=0.75), Mounting(), SEED, looking(world)
+    )
     pings = [sonar.sample(ping, PLACE).echoes for ping in range(400)]
     grey = np.array([np.frombuffer(echoes.intensities, np.uint8) for echoes in pings]).T
     step = pings[0].range_step
     angles = np.append([echoes.beams[0] for echoes in pings], pi) - 0.5 * step / 40.0
-    angle, distance = np.meshgrid(angles, 0.75 + np.arange(601) * step)
+    angle, distance = np.meshgrid(angles, np.arange(601) * step)
     axes = figure.add_subplot()
     places = distance * np.sin(angle), distance * np.cos(angle)
     axes.pcolormesh(*places, grey, cmap=ECHO, rasterized=True)

@@ -14,6 +14,7 @@ sim/rays/splitting.py. Echoes of the water are in reverberation.py. Not modelled
 glint, Doppler.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,7 +67,8 @@ class Aperture(NamedTuple):
     `directions` are the middles of the patches, `edges` (one more a beam) what parts them, `weights` b² dO. With a
     `lattice` of the same cells and the `height` (rad at half power) of its beams rays are split where there are
     small things; `columns` is what the weights of each column have beside that height's.
-    `sides` are the edges to the left and right of patches so wide that their range differs there.
+    `sides` are the edges to the left and right of patches so wide that their range differs there. `receive` returns
+    the receiver's b by unit vectors, of what is in the weights.
     """
 
     directions: Floats
@@ -76,6 +78,7 @@ class Aperture(NamedTuple):
     height: float = 0.0
     columns: Floats | None = None
     sides: tuple[Floats, ...] = ()
+    receive: Callable[[Floats], Floats] | None = None
 
 
 class Echoes(NamedTuple):
@@ -92,6 +95,11 @@ class Echoes(NamedTuple):
     beam: NDArray[np.int64]
     object: NDArray[np.int32]
     ground: Ground | None = None
+
+    def moved(self, scale: Any, offset: float = 0.0) -> "Echoes":
+        """Return the echoes at other ranges: `scale` times these, by ray if there are several, and `offset` m more."""
+        ranges, near, far = (scale * x + offset for x in (self.ranges, self.near, self.far))
+        return self._replace(ranges=ranges, near=near, far=far)
 
 
 class Rays(NamedTuple):

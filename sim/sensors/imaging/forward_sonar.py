@@ -29,7 +29,9 @@ class ForwardSonarModel(NamedTuple):
     -80 where it is clear, -60 among bubbles or silt. With -200 a strength is none at all. `looks`: see
     sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam receives
     those of its first side lobe; the others fall as those of a line array. With `multipath` sound comes by way of the
-    surface and the seabed, which take `surface_loss` and `bottom_loss` dB of it. `error` is that of all ranges.
+    surface and the seabed, which take `surface_loss` and `bottom_loss` dB of it. `ringing` m, 0 for none: how far the
+    transducer's own ringing after each pulse hides echoes; it is white from the first bin on and falls, evenly in dB,
+    to the noise there. `error` is that of all ranges.
 
     The picture: amplitudes to the power of `contrast`; white is the echo of seabed right across a beam, `gain` dB more
     is brighter; `tvg` is the share of the losses by range that the device makes good (1: all). The gain ends where the
@@ -67,6 +69,7 @@ class ForwardSonarModel(NamedTuple):
     multipath: bool = False
     surface_loss: Annotated[float, Range(0.0, 100.0)] = 3.0
     bottom_loss: Annotated[float, Range(0.0, 100.0)] = 10.0
+    ringing: Annotated[float, Range(0.0, 10.0, "m")] = 0.0
     error: ErrorModel = ErrorModel(scale=0.005)
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0)] = 12.0
@@ -83,7 +86,7 @@ class ForwardSonar:
     """Beams about the sensor's x axis in its x-y plane, each as tall as the beam's main lobe.
 
     Echoes of the same range and bearing fall on the same place of the picture, at any height, as with a real one. Not
-    modelled: what sim.sensors.imaging.echoes leaves out, and the motion of the vehicle during a ping.
+    modelled: what sim.sensors.imaging.echoes leaves out.
     """
 
     Model = ForwardSonarModel
@@ -100,7 +103,7 @@ class ForwardSonar:
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
-        self._model = model
+        self._model, self._mounting = model, mounting
         spacing = model.sector / model.beams
         angles = (np.arange(model.beams) + 0.5) * spacing - 0.5 * model.sector
         self._angles = tuple(angles.tolist())
@@ -144,13 +147,16 @@ class ForwardSonar:
         import numpy as np
 
         from sim.sensors.imaging.bottom_echo import shares_of
+        from sim.sensors.imaging.ping_motion import motion_of
 
         m = self._model
-        scaled = self._scale.measure(self._pinger.ping(time_ns, state), state)
-        if scaled is None:
+        scaled = self._scale.measure(state, self._pinger.ping(time_ns, state))
+        if not scaled:
             return np.zeros((m.beams, self._bins.count), np.float32)
-        echoes = shares_of(scaled, self._bins, m.beams, self._texture, self._stride)
-        echoes = self._pinger.with_water(echoes, scaled, self._bins, m.volume_strength).astype(np.float32)
+        echoes = shares_of(scaled[0], self._bins, m.beams, self._texture, self._stride)
+        echoes = self._pinger.with_water(echoes, scaled[0], self._bins, m.volume_strength).astype(np.float32)
+        if motion := motion_of(state, self._mounting, None):
+            echoes = motion.turn_beams(echoes, self._bins, m.sector / m.beams)
         received: Floats = self._received @ echoes
         return received
 
@@ -167,7 +173,12 @@ def _aperture(model: ForwardSonarModel, angles: "Floats", spacing: float) -> "Ap
     downs = 0.5 * (edges[1:] + edges[:-1])
 
     lattice = Lattice(np.linspace(-0.5 * model.sector, 0.5 * model.sector, model.beams + 1), edges)
+
+    def receive(toward: "Floats") -> "Floats":
+        return pattern(np.arcsin(toward[:, 2].clip(-1.0, 1.0)), model.beam_height)
+
     solid_angles = spacing * (np.sin(edges[1:]) - np.sin(edges[:-1]))
     weights = solid_angles * pattern(downs, model.beam_height) ** 2
     middles, parted = (lattice.unit(*np.meshgrid(angles, down, indexing="ij")) for down in (downs, edges))
-    return Aperture(middles, parted, np.tile(weights, (model.beams, 1)), lattice, model.beam_height)
+    weights = np.tile(weights, (model.beams, 1))
+    return Aperture(middles, parted, weights, lattice, model.beam_height, receive=receive)

@@ -30,6 +30,7 @@ from sim.sensors.imaging.echoes import (
     pattern,
 )
 from sim.sensors.imaging.multipath import second_echoes
+from sim.sensors.imaging.ping_motion import PingMotion, motion_of
 from sim.sensors.imaging.reverberation import volume_echoes
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
@@ -92,7 +93,7 @@ class Pinger:
         self._strengths = np.insert(self._strengths, number, self._object_strength)
 
     def ping(self, time_ns: int, state: State, turned: Quaternion | None = None) -> Echoes | None:
-        """Return what comes back to where the sonar is now; None out of the water.
+        """Return what comes back to where the sonar is by then; None out of the water.
 
         `turned` is how a head stands in the sensor's axes, for one that turns.
         """
@@ -103,13 +104,14 @@ class Pinger:
         turn = np.array(matrix(multiply(attitude, turned) if turned else attitude)).reshape(3, 3)
         weights = self._aperture.weights.ravel()
         rays = self._cast(place, turn, self._flat, self._edges, weights, self._beam)
-        found, facing = self._echoes(rays, turn, self._aperture.weights.shape)
+        motion = motion_of(state, self._mounting, turned)
+        found, facing = self._echoes(rays, turn, motion, self._aperture.weights.shape)
         lattice = self._aperture.lattice
         cells = lattice and split(lattice, self._rays, place, turn, self._reach, rays.object)
         several = [found]
         if lattice and cells:
             found.energy[cells.parent] = 0.0
-            several.append(self._echoes(self._cast(place, turn, *self._smaller(lattice, cells)), turn)[0])
+            several.append(self._echoes(self._cast(place, turn, *self._smaller(lattice, cells)), turn, motion)[0])
         if self._mirrors:
             several += self._second(self._mirrors, place, turn, rays)
         ground = Ground(place, rays.points, facing, self._aperture.weights.shape)
@@ -143,7 +145,9 @@ class Pinger:
         edges = lattice.unit(cells.across, upper), lattice.unit(cells.across, lower)
         return lattice.unit(cells.across, cells.down), edges, weights, cells.column
 
-    def _echoes(self, rays: Rays, turn: Floats, shape: tuple[int, ...] | None = None) -> tuple[Echoes, Floats]:
+    def _echoes(
+        self, rays: Rays, turn: Floats, motion: PingMotion | None, shape: tuple[int, ...] | None = None
+    ) -> tuple[Echoes, Floats]:
         """Return the echoes, and the cosines of incidence; `shape` if all rays of each beam are there."""
         strengths = self._strengths[rays.object]
         if kinds := self._scene.world.bottom_map:
@@ -162,7 +166,8 @@ class Pinger:
         near, far = ranges, ranges
         for edge in (first, second, *sides):
             near, far = np.minimum(near, edge), np.maximum(far, edge)
-        return Echoes(np.where(echoing, ranges, np.inf), near, far, energy, rays.beam, rays.object), facing
+        echoes = Echoes(np.where(echoing, ranges, np.inf), near, far, energy, rays.beam, rays.object)
+        return motion.apply(echoes, rays.directions, self._aperture.receive) if motion else echoes, facing
 
     def _smoothed(self, facing: Floats, rays: Rays, turn: Floats) -> Floats:
         """Return the cosines of incidence without the facets of the seabed's grid."""

@@ -15,10 +15,12 @@ from sim.sensors.samples import Scene
 
 if TYPE_CHECKING:
     from sim.rays.solids import Solid
-    from sim.sensors.imaging.echoes import Aperture
+    from sim.sensors.imaging.echoes import Aperture, Floats
 
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
 _DEGREE = pi / 180.0
+_LOBES = 8  # slices to either side for side lobes
+_SAMPLES = 16  # of a slice's pattern, for its mean
 
 
 class ScanningSonarModel(NamedTuple):
@@ -26,8 +28,9 @@ class ScanningSonarModel(NamedTuple):
 
     `rings` of rays stand for the beam. With `bins` a ping also gives so many intensities, from `min_range` to
     `max_range`; then the sensor needs numpy and runs beside cameras and sonars. `slices` x `rays` stand for the beam in
-    these; the other keys are those of sim.sensors.imaging.forward_sonar.ForwardSonarModel. With `ground_truth` the
-    distances are the true ones, and intensities the mean ones.
+    these; the other keys are those of sim.sensors.imaging.forward_sonar.ForwardSonarModel. The beam sends as it
+    receives, so side lobes count twice; its first are those of an unshaded element by default. `ringing` hides the
+    first echo too. With `ground_truth` the distances are the true ones, and intensities the mean ones.
 
     Blue Robotics Ping360 (data sheet): 2 x 25 deg, steps of 0.9 deg (1 grad), 0.75 to 50 m with 1200 samples a ping,
     35 s a turn at full reach; 750 kHz, 8 bits (Ping protocol, device_data). Scale: a speed of sound that is 7 m/s off;
@@ -58,6 +61,11 @@ class ScanningSonarModel(NamedTuple):
     surface_strength: Annotated[float, Range(-200.0, 10.0)] = -30.0
     volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 2.0
+    side_lobes: Annotated[float, Range(0.0, 100.0)] = 13.3
+    multipath: bool = False
+    surface_loss: Annotated[float, Range(0.0, 100.0)] = 3.0
+    bottom_loss: Annotated[float, Range(0.0, 100.0)] = 10.0
+    ringing: Annotated[float, Range(0.0, 10.0, "m")] = 0.0
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0)] = 12.0
     contrast: Annotated[float, Range(0.1, 3.0)] = 0.7
@@ -71,8 +79,10 @@ class ScanningSonarModel(NamedTuple):
 
     def validate(self) -> str | None:
         """Return what is wrong between the keys, or None."""
-        if self.min_range >= self.max_range:
-            return "min_range is not below max_range"
+        if max(self.min_range, self.ringing) >= self.max_range:
+            return "min_range or ringing is not below max_range"
+        if self.bins and not (self.beam_width and self.beam_height):
+            return "bins needs a beam_width and a beam_height above 0"
         if not self.step <= self.angle_max - self.angle_min <= 2.0 * pi:
             return "angle_max must be above angle_min by a step or more, and by a turn at most"
         return None
@@ -83,8 +93,7 @@ class ScanningSonar:
 
     Over a whole turn the head goes round. Over a sector it goes there and back. Each ping is measured from where the
     vehicle is then, so a scan of a moving vehicle is skewed as a real one is. The distance is that of the first echo,
-    the least along any of the rays. Not modelled: side lobes, echoes of earlier pings, the turn of the head during a
-    ping.
+    the least along any of the rays. Not modelled: side lobes above and below the beam, echoes of earlier pings.
     """
 
     Model = ScanningSonarModel
@@ -96,7 +105,7 @@ class ScanningSonar:
         self._steps = int(sector / model.step + 1e-9)  # from one end to the other
         self._whole_turn = sector > 2.0 * pi - 1e-9
         self._ping = 0
-        self._limits = model.min_range, model.max_range
+        self._limits = max(model.min_range, model.ringing), model.max_range
         self._beams = Beams(scene, mounting, cone(model.beam_width, model.beam_height, model.rings), model.max_range)
         random = sensor_random(seed, self.topic)
         self._echoes = Intensities(model, mounting, seed, scene, self.topic) if model.bins else None
@@ -105,7 +114,7 @@ class ScanningSonar:
     def add(self, solid: "Solid", state: State) -> None:
         """Add to its intensities a solid that goes with a vehicle's `state`, its own axes the body's."""
         if self._echoes:
-            self._echoes.pinger.add(solid, state)
+            self._echoes.add(solid, state)
 
     def sample(self, time_ns: int, state: State) -> Any:
         """Return the measurement of `state`, a LaserSample, with `bins` an EchoSample; the head turns on."""
@@ -133,7 +142,7 @@ class Intensities:
 
         from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.bottom_echo import make_texture
-        from sim.sensors.imaging.echoes import Bins
+        from sim.sensors.imaging.echoes import Bins, Mirrors
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
@@ -141,13 +150,21 @@ class Intensities:
         self._model, self._step = model, (model.max_range - model.min_range) / model.bins
         absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         aperture = _aperture(model)
-        self.pinger = Pinger(scene, mounting, aperture, model.max_range, absorption, model)
+        mirrors = Mirrors(model.surface_loss, model.bottom_loss) if model.multipath else None
+        self._pingers = [Pinger(scene, mounting, aperture, model.max_range, absorption, model, mirrors)]
+        if model.side_lobes:
+            self._pingers.append(Pinger(scene, mounting, _side_lobes(model), model.max_range, absorption, model))
         self._bins = Bins(model.min_range, self._step, model.bins, absorption)
         ranges = model.min_range + (np.arange(model.bins) + 0.5) * self._step
         self._picture = Picture(model, ranges, absorption, float(aperture.weights.sum()), seed, topic)
         # The same device: its clock is as wrong as that of its distances.
         self._scale = RangeScale(model, mounting, seed, topic, scene, sonar)
         self._texture = make_texture(scene.world)
+
+    def add(self, solid: "Solid", state: State) -> None:
+        """Add a solid that goes with a vehicle's `state`."""
+        for pinger in self._pingers:
+            pinger.add(solid, state)
 
     def measure(self, time_ns: int, state: State, angle: float) -> SonarImageSample:
         """Return the echoes with the head at an angle (rad)."""
@@ -157,11 +174,14 @@ class Intensities:
         from sim.sensors.imaging.sonar_picture import encoding
 
         m = self._model
-        echoes = self._scale.measure(self.pinger.ping(time_ns, state, from_euler(0.0, 0.0, angle)), state)
+        head = from_euler(0.0, 0.0, angle)
+        pings = self._scale.measure(state, *[pinger.ping(time_ns, state, head) for pinger in self._pingers])
         mean = np.zeros(m.bins)
-        if echoes is not None:
-            shares = shares_of(echoes, self._bins, m.slices, self._texture)
-            mean = self.pinger.with_water(shares, echoes, self._bins, m.volume_strength).sum(axis=0)
+        if pings:
+            shares = shares_of(pings[0], self._bins, m.slices, self._texture)
+            mean = self._pingers[0].with_water(shares, pings[0], self._bins, m.volume_strength).sum(axis=0)
+        for echoes in pings[1:]:
+            mean += self._bins.shares(echoes, 2 * _LOBES).sum(axis=0)
         return SonarImageSample(
             time_ns, (angle,), m.bins, m.min_range, self._step, m.frequency, m.sound_speed, m.beam_width,
             m.beam_height, encoding(m), self._picture.make(mean[:, None]),
@@ -172,15 +192,44 @@ def _aperture(model: ScanningSonarModel) -> "Aperture":
     """Return slices of the main lobe beside each other, each from its upper to its lower end."""
     import numpy as np
 
+    from sim.sensors.imaging.echoes import main_lobe, pattern
+
+    wide = main_lobe(model.beam_width)
+    edges = np.linspace(-wide, wide, model.slices + 1)
+
+    def receive(toward: "Floats") -> "Floats":
+        across, down = np.arctan2(toward[:, 1], toward[:, 0]), np.arcsin(toward[:, 2].clip(-1.0, 1.0))
+        return pattern(across, model.beam_width) * pattern(down, model.beam_height)
+
+    columns = pattern(0.5 * (edges[1:] + edges[:-1]), model.beam_width) ** 2
+    return _slices(model, edges, model.rays, columns)._replace(receive=receive)
+
+
+def _side_lobes(model: ScanningSonarModel) -> "Aperture":
+    """Return a slice for each side lobe to either side of the main one, of its mean strength."""
+    import numpy as np
+
+    from sim.sensors.imaging.echoes import array_pattern, main_lobe, pattern
+
+    span = min(_LOBES * main_lobe(model.beam_width), 0.5 * pi)
+    edges = np.linspace(-span, span, 2 * _LOBES + 1)
+    within = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    angles = edges[:-1, None] + np.diff(edges)[:, None] * within
+    lobes = array_pattern(angles, model.beam_width, model.side_lobes) - pattern(angles, model.beam_width)
+    return _slices(model, edges, max(model.rays // 2, 1), (lobes**2).mean(axis=1))
+
+
+def _slices(model: ScanningSonarModel, edges: "Floats", rays: int, columns: "Floats") -> "Aperture":
+    """Return slices beside each other between `edges` (rad), which weigh `columns` beside the weights by height."""
+    import numpy as np
+
     from sim.rays.splitting import Lattice
     from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern
 
-    wide, high = main_lobe(model.beam_width), main_lobe(model.beam_height)
-    lattice = Lattice(np.linspace(-wide, wide, model.slices + 1), np.linspace(-high, high, model.rays + 1))
-    edges = lattice.across
+    high = main_lobe(model.beam_height)
+    lattice = Lattice(edges, np.linspace(-high, high, rays + 1))
     across = 0.5 * (edges[1:] + edges[:-1])
     downs = 0.5 * (lattice.down[1:] + lattice.down[:-1])
-    columns = pattern(across, model.beam_width) ** 2
     rows = np.diff(np.sin(lattice.down)) * pattern(downs, model.beam_height) ** 2
     weights = np.outer(columns * np.diff(edges), rows)
     middles, parted = (lattice.unit(*np.meshgrid(across, down, indexing="ij")) for down in (downs, lattice.down))

@@ -48,6 +48,7 @@ class SideScanModel(NamedTuple):
     surface_strength: Annotated[float, Range(-200.0, 10.0)] = -30.0
     volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 2.0
+    ringing: Annotated[float, Range(0.0, 10.0, "m")] = 0.5
     error: ErrorModel = ErrorModel(scale=0.005)
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0)] = 18.0
@@ -101,9 +102,8 @@ class SideScan:
         from sim.sensors.imaging.sonar_picture import encoding
 
         m = self._model
-        echoes = self._scale.measure(self._pinger.ping(time_ns, state), state)
         sides, altitude = np.zeros((2, self._bins.count)), inf
-        if echoes is not None:
+        for echoes in self._scale.measure(state, self._pinger.ping(time_ns, state)):
             intensities = shares_of(echoes, self._bins, 2 * m.slices, self._texture)
             intensities = self._pinger.with_water(intensities, echoes, self._bins, m.volume_strength)
             sides = intensities.reshape(2, m.slices, -1).sum(axis=1)
@@ -138,4 +138,9 @@ def _aperture(model: SideScanModel) -> "Aperture":
     across = pattern(downs - model.depression, model.beam_height) ** 2 * (edges[1] - edges[0])
     lengthwise = pattern(alongs, model.beam_width) ** 2 * (np.sin(along_edges[1:]) - np.sin(along_edges[:-1]))
     weights = np.outer(np.tile(lengthwise, 2), across)
-    return Aperture(unit(downs), unit(edges), weights)
+
+    def receive(toward: "Floats") -> "Floats":
+        down, along = np.arctan2(toward[:, 2], np.abs(toward[:, 1])), np.arcsin(toward[:, 0].clip(-1.0, 1.0))
+        return pattern(down - model.depression, model.beam_height) * pattern(along, model.beam_width)
+
+    return Aperture(unit(downs), unit(edges), weights, receive=receive)

@@ -39,6 +39,8 @@ class _Levels(Protocol):
     @property
     def noise_grey(self) -> float: ...
     @property
+    def ringing(self) -> float: ...
+    @property
     def ground_truth(self) -> bool: ...
 
 
@@ -63,23 +65,22 @@ class RangeScale:
         random = sensor_random(seed, stream or f"{topic}/range")
         self._error = None if model.ground_truth else ErrorProcess(model.error, 1.0 / model.rate, random)
 
-    def measure(self, echoes: Echoes | None, state: State) -> Echoes | None:
-        """Return the echoes where the device takes them to be; time moves on by one period."""
+    def measure(self, state: State, *several: Echoes | None) -> list[Echoes]:
+        """Return those echoes that there are where the device takes them to be; time moves on by one period."""
+        found = [echoes for echoes in several if echoes is not None]
         if self._error is None:
-            return echoes
+            return found
         true = self._column.sound_speed(self._mounting.depth(state)) if self._column else SOUND_SPEED
         offset = self._error.measure(0.0)
         scale = self._error.numbers()[0] * self._speed / true
-        if echoes is None:
-            return None
-        ranges, near, far = (scale * x + offset for x in echoes[:3])
-        return echoes._replace(ranges=ranges, near=near, far=far)
+        return [echoes.moved(scale, offset) for echoes in found]
 
 
 class Picture:
     """Grey levels out of mean intensities (echo / source), in bins whose middles are `ranges` m, one a row.
 
-    `absorption` dB/m; `solid_angle` (sr) is all that one beam receives.
+    `absorption` dB/m; `solid_angle` (sr) is all that one beam receives. The transducer rings after a pulse:
+    that falls, evenly in dB, from the source's level to the noise at `ringing` m.
     """
 
     def __init__(
@@ -87,6 +88,8 @@ class Picture:
     ) -> None:
         self._model = model
         self._noise = np.float32(10.0 ** (0.1 * (model.noise_level - model.source_level)))
+        ringing = (model.noise_level - model.source_level) / max(model.ringing, 1e-3) * ranges
+        self._ringing = (10.0 ** (0.1 * ringing)).astype(np.float32)[:, None] if model.ringing else np.float32(0.0)
         self._random = np.random.Generator(np.random.SFC64(sensor_random(seed, topic).getrandbits(64)))
         losses = 20.0 * np.log10(ranges) + 2.0 * absorption * ranges
         losses = model.tvg * losses + (1.0 - model.tvg) * np.interp(0.25 * ranges[-1], ranges, losses)
@@ -99,7 +102,7 @@ class Picture:
         """Return the picture, a row a bin."""
         if self._model.ground_truth:
             return np.ascontiguousarray(mean, np.float32).tobytes()
-        intensities = speckled(mean.astype(np.float32) + self._noise, self._model.looks, self._random)
+        intensities = speckled(mean.astype(np.float32) + self._noise, self._model.looks, self._random) + self._ringing
         grey = 255.0 * (intensities * self._scale) ** np.float32(0.5 * self._model.contrast)
         made: bytes = np.minimum(grey, 255.0).astype(np.uint8).tobytes()
         return made

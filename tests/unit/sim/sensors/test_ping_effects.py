@@ -1,0 +1,200 @@
+"""What all sonars that make pictures have in common: ringing, their own motion, and the scanning sonar's side lobes."""
+
+from math import atan2, cos, hypot, radians, sin, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.dynamics import State
+from sim.environment.obstacles import Box
+from sim.environment.seawater.water_column import SOUND_SPEED
+from sim.environment.world import World
+from sim.rays import solids
+from sim.rotations import from_euler
+from sim.sensors.imaging.echoes import array_pattern
+from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
+from sim.sensors.imaging.scanning_sonar import ScanningSonar, ScanningSonarModel
+from sim.sensors.imaging.side_scan import SideScan, SideScanModel
+from sim.sensors.mounting import Mounting
+from sim.sensors.sensor_set import read_sensors
+from sim.simulation import Simulation
+from sim.vehicle.vehicle import load_vehicle
+
+VEHICLE, _ = load_vehicle("bluerov2_heavy")
+EXTENT = (-60.0, 60.0, -60.0, 60.0)
+DEEP = World("deep", "test", EXTENT, 500.0)
+FLAT = World("flat", "test", EXTENT, 20.0)
+FORWARD = ForwardSonarModel(
+    ground_truth=True, beams=121, sector=radians(60.5), min_range=0.0, side_lobes=0.0, surface_strength=-200.0
+)
+SCAN = SideScanModel(ground_truth=True, max_range=60.0, slices=41, surface_strength=-200.0)
+HEAD = ScanningSonarModel(
+    ground_truth=True, bins=500, min_range=0.0, max_range=25.0, slices=31, side_lobes=0.0, surface_strength=-200.0
+)
+BALL = solids.sphere((0.0, 0.0, 0.0), 0.5)
+
+
+def fitted(kind: Any, model: Any, world: World = DEEP) -> Any:
+    return kind(model, Mounting(), 1, Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0)))
+
+
+def at_depth(depth: float, *nu: float) -> State:
+    return State((0.0, 0.0, depth), (1.0, 0.0, 0.0, 0.0), nu or (0.0,) * 6)
+
+
+def picture(sample: Any) -> Any:
+    """Bins x beams."""
+    return np.frombuffer(sample.intensities, sample.encoding).reshape(sample.bins, -1)
+
+
+def sweep(model: ScanningSonarModel) -> tuple[Any, Any]:
+    """Return the angles of a sweep from port to starboard past a ball 10 m ahead, and its echoes, pings x bins."""
+    sonar = fitted(ScanningSonar, model._replace(angle_min=radians(-36.0), angle_max=radians(36.0)))
+    sonar.add(BALL, State((10.0, 0.0, 10.0)))
+    samples = [sonar.sample(ping, at_depth(10.0)).echoes for ping in range(81)]
+    return np.array([s.beams[0] for s in samples]), np.array([picture(s)[:, 0] for s in samples])
+
+
+# --- ringing
+
+
+def test_ringing_hides_what_is_near_and_nothing_beyond() -> None:
+    quiet, ringing = (
+        picture(fitted(ForwardSonar, ForwardSonarModel(min_range=0.0, ringing=r)).sample(0, at_depth(10.0)))
+        for r in (0.0, 2.0)
+    )
+    assert ringing[:5].min() == 255
+    assert quiet[:5].max() < 100
+    falling = ringing[5:20].mean(axis=1)
+    assert (np.diff(falling[falling < 255.0]) < 5.0).all()
+    assert np.abs(ringing[30:].astype(int) - quiet[30:]).max() <= 1
+    truth = fitted(ForwardSonar, FORWARD._replace(ringing=2.0)).sample(0, at_depth(10.0))
+    assert not picture(truth)[:20].any(), "the ground truth has none"
+
+
+def test_a_ping360_has_samples_from_the_transducer_on_and_no_distance_within_its_ringing() -> None:
+    model = read_sensors({"scanning_sonar": {"device": "ping360"}}, "test")["scanning_sonar"].model
+    assert (model.min_range, model.ringing) == (0.0, 0.75)
+    near = FLAT._replace(box=(Box(1.5, 0.0, 2.0, 20.0),))  # 0.5 m ahead
+    sonar = fitted(ScanningSonar, model._replace(angle_min=-0.01, angle_max=0.01, step=0.01), near)
+    _, scan, echoes = sonar.sample(0, at_depth(10.0))
+    assert np.frombuffer(echoes.intensities, np.uint8)[:4].min() == 255
+    assert scan.limits[0] == 0.75
+    assert scan.ranges[0] == -np.inf
+    assert model._replace(ringing=50.0).validate()
+    assert model._replace(ringing=10.0, max_range=5.0).validate()
+
+
+def test_a_side_scans_lines_begin_bright() -> None:
+    sample = fitted(SideScan, SideScanModel(), FLAT).sample(0, at_depth(8.0))
+    for side in (sample.port, sample.starboard):
+        grey = np.frombuffer(side, np.uint8)
+        assert grey[:2].min() == 255
+        assert grey[10:110].max() < 100, "then water"
+
+
+# --- side lobes of a scanning sonar
+
+
+def test_side_lobes_of_a_scanning_sonar_count_twice() -> None:
+    """In pings that look past a ball, it is received by the pattern squared, to 1.5 dB."""
+    angles, echoes = sweep(HEAD._replace(side_lobes=13.26))
+    received = echoes.sum(axis=1)
+    aside = np.linspace(-1.0, 1.0, 51)
+    across, weights = aside * atan2(0.5, 10.0), 1.0 - aside**2  # what a ball scatters by Lambert's rule, by its columns
+
+    def pattern(angle: float) -> float:
+        return float(np.average(array_pattern(angle + across, HEAD.beam_width, 13.26) ** 2, weights=weights))
+
+    for low, high in ((5.5, 8.5), (8.5, 12.0), (12.0, 15.5)):
+        on = (np.abs(angles) > radians(low)) & (np.abs(angles) < radians(high))
+        wanted = np.mean([pattern(angle) for angle in angles[on]]) / pattern(0.0)
+        assert received[on].mean() / received.max() == pytest.approx(wanted, rel=0.4)
+    assert not received[np.abs(angles) > radians(30.0)].any()
+    angles, echoes = sweep(HEAD)
+    assert not echoes[np.abs(angles) > radians(6.0)].any()
+    assert echoes.sum(axis=1).max() == pytest.approx(received.max(), rel=0.02)
+
+
+def test_the_surface_mirrors_what_a_scanning_sonar_hears() -> None:
+    """A ball at the sonar's depth of 1.5 m, 10 m ahead: the bent way is sqrt(10² + 3²) m, one way bent is between."""
+    model = HEAD._replace(
+        angle_min=-0.01, angle_max=0.01, step=0.01, multipath=True, beam_height=radians(50.0), rays=400
+    )
+    sonar, plain = (fitted(ScanningSonar, m) for m in (model, model._replace(multipath=False)))
+    for each in (sonar, plain):
+        each.add(solids.sphere((0.0, 0.0, 0.0), 0.3), State((10.0, 0.0, 1.5)))
+    more = picture(sonar.sample(0, at_depth(1.5)).echoes) - picture(plain.sample(0, at_depth(1.5)).echoes)
+    found = np.flatnonzero(more[:, 0] > 1e-3 * more.max()) * 0.05
+    bent = sqrt(10.0**2 + 3.0**2)
+    assert found.min() == pytest.approx(0.5 * (bent + 10.0) - 0.3, abs=0.15)
+    assert bent - 0.3 < found.max() < bent + 0.3
+
+
+def test_intensities_need_a_beam() -> None:
+    assert HEAD.validate() is None
+    assert "beam_width" in str(HEAD._replace(beam_width=0.0).validate())
+
+
+# --- motion within a ping
+
+
+def test_ranges_of_a_sonar_that_closes_in_are_shorter() -> None:
+    """Sound that comes back to where the sonar is by then: 1 - v / c of the range, ahead; the same across."""
+    sonar = fitted(ForwardSonar, FORWARD._replace(max_range=60.0))
+    sonar._pinger.add(solids.half_space((-1.0, 0.0, 0.0), -50.0), State())
+    still, moving = (sonar._pinger.ping(0, at_depth(10.0, v, 0.0, 0.0, 0.0, 0.0, 0.0)) for v in (0.0, 15.0))
+    hit = np.isfinite(still.ranges)
+    toward = sonar._pinger._flat[hit, 0]
+    assert hit.sum() > 1000
+    assert moving.ranges[hit] / still.ranges[hit] == pytest.approx(1.0 - 15.0 / SOUND_SPEED * toward, abs=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.5, -0.8])
+def test_a_forward_sonar_that_turns_hears_things_where_they_stand_by_then(rate: float) -> None:
+    """A ball at 45 m, 60 ms away: a sonar that turns to starboard finds it farther to port."""
+    model = FORWARD._replace(beam_width=radians(0.6))
+    sonar = fitted(ForwardSonar, model)
+    angle, distance = radians(5.0), 45.0
+    sonar.add(BALL, State((distance * cos(angle), distance * sin(angle), 10.0)))
+    sample = sonar.sample(0, at_depth(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, rate))
+    across = picture(sample).sum(axis=0)
+    found = (across * np.array(sample.beams)).sum() / across.sum()
+    assert found == pytest.approx(angle - rate * 2.0 * (distance - 0.4) / SOUND_SPEED, abs=radians(0.1))
+    still = picture(sonar.sample(0, at_depth(10.0)))
+    assert across.sum() == pytest.approx(still.sum(), rel=0.02)
+
+
+def test_a_side_scan_loses_what_is_far_while_it_turns() -> None:
+    """By 60 m, 80 ms away, a turn of 8 deg/s moved the beam of 0.8 deg by 0.64 deg: it receives less of it."""
+    rate, width = radians(8.0), SCAN.beam_width
+    scan = fitted(SideScan, SCAN, FLAT)
+    still, turning = (
+        np.frombuffer(scan.sample(0, at_depth(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, r)).starboard, np.float32)
+        for r in (0.0, rate)
+    )
+    along = np.linspace(-radians(0.95), radians(0.95), 2001)
+    sent = array_pattern(along, width, 1e3)
+    for number in (200, 400, 590):
+        ranges = (number + 0.5) * 0.1
+        # The beam is turned about the vertical: less so for what lies below.
+        late = rate * 2.0 * ranges / SOUND_SPEED * sqrt(1.0 - (10.0 / ranges) ** 2)
+        wanted = (sent * array_pattern(along + late, width, 1e3)).sum() / (sent**2).sum()
+        window = slice(number - 10, number + 10)
+        assert turning[window].sum() / still[window].sum() == pytest.approx(wanted, abs=0.03)
+    assert turning[590] < 0.5 * still[590]
+
+
+def test_a_head_that_looks_aside_moves_along_its_own_axes() -> None:
+    """Looking to starboard from a vehicle that goes to starboard: a wall there is nearer."""
+    model = HEAD._replace(angle_min=radians(89.0), angle_max=radians(91.0), step=radians(1.0))
+    sonar = fitted(ScanningSonar, model)
+    pinger = sonar._echoes._pingers[0]
+    pinger.add(solids.half_space((0.0, -1.0, 0.0), -20.0), State())
+    head = from_euler(0.0, 0.0, radians(90.0))
+    still, moving = (pinger.ping(0, at_depth(10.0, 0.0, v, 0.0, 0.0, 0.0, 0.0), head) for v in (0.0, 15.0))
+    nearest = still.ranges.argmin()
+    assert still.ranges[nearest] == pytest.approx(20.0, abs=0.01)
+    assert moving.ranges[nearest] / still.ranges[nearest] == pytest.approx(1.0 - 15.0 / SOUND_SPEED, abs=1e-5)
+    assert hypot(*pinger._flat[nearest][1:]) < 0.05
