@@ -19,9 +19,9 @@ LARGEST = 16 << 20  # bytes of a file; our own largest has some thousand
 DEEPEST = 32  # nesting of tables and arrays; our own deepest has five
 
 # Limits of the cache: beyond the first or second one, the oldest files are removed down to half of it.
-MOST_KEPT = 500
-MOST_KEPT_BYTES = 32 << 20
-LARGEST_KEPT = 1 << 20  # bytes of one cached file
+MOST_CACHED = 500
+MOST_CACHED_BYTES = 32 << 20
+LARGEST_CACHED = 1 << 20  # bytes of one cached file
 PROGRAM = "uuv-hil-stm32-native"  # programs of firmware_stub.native in the same folder, which that removes itself
 
 Stamp = tuple[int, int]  # time of change in ns, size in bytes
@@ -171,20 +171,20 @@ def _is_deep(table: dict[str, Any]) -> bool:
     return True
 
 
-def read_kept(path: str, stamp: Any) -> Any:
-    """Return the value that `write_kept` stored for `path` with the same `stamp`; None if there is none."""
+def read_cached(path: str, stamp: Any) -> Any:
+    """Return the value that `write_cached` stored for `path` with the same `stamp`; None if there is none."""
     try:
         with open(cache_path(path), "rb") as file:
             # Do not trust files of another user. Windows has no such numbers, and the folder belongs to one user.
             if hasattr(os, "getuid") and os.fstat(file.fileno()).st_uid != os.getuid():
                 return None
-            kept_stamp, value = marshal.loads(file.read())  # load() would read it number by number
+            cached_stamp, value = marshal.loads(file.read())  # load() would read it number by number
     except (OSError, EOFError, ValueError, TypeError):  # missing or damaged
         return None
     return value if cached_stamp == stamp else None
 
 
-def write_kept(path: str, stamp: Any, value: Any) -> None:
+def write_cached(path: str, stamp: Any, value: Any) -> None:
     """Store `value`, of plain types, in the cache for `path`, if it is small and the folder is writable."""
     cache = cache_path(path)
     fresh = f"{cache}.{os.getpid()}"
