@@ -127,9 +127,9 @@ def forget_parsed(folder: str) -> None:
     """Remove the cached versions of the files in a folder that is being deleted."""
     cache, name = os.path.split(cache_path(os.path.join(folder, "")).removesuffix(f".{sys.implementation.cache_tag}"))
     try:
-        for kept in os.listdir(cache):
-            if kept.startswith(f"{name}%"):
-                os.unlink(os.path.join(cache, kept))
+        for file in os.listdir(cache):
+            if file.startswith(f"{name}%"):
+                os.unlink(os.path.join(cache, file))
     except OSError:  # no cache, or another process is removing the same files
         return
 
