@@ -19,7 +19,7 @@ All of them at once: uuv-hil case target_hunting --hil
 
 
 def main(arguments: list[str]) -> int:
-    """Lead the vehicle until told to stop; the exit code. Raises MissionError if something went wrong with it."""
+    """Lead the vehicle until stopped; return the exit code. Raises MissionError if something went wrong with it."""
     parser = new_parser("agent", __doc__, EXAMPLES)
     add_scenario(parser, None)
     add_member(parser)

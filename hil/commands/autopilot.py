@@ -21,7 +21,7 @@ SLOW_MS = 10.0  # of a round trip, beyond which an estimator of 250 Hz sees old 
 
 
 def main(arguments: list[str]) -> int:
-    """Do one of the three; the exit code."""
+    """Do one of the three; return the exit code."""
     parser = new_parser("autopilot", __doc__, EXAMPLES)
     parser.add_argument(
         "what", choices=("motors", "link", "parameters"), metavar="ACTION", help="motors, link or parameters; see below"

@@ -33,7 +33,7 @@ DIR then holds report.md with its pictures, results.json and results.csv, and a 
 
 
 def main(arguments: list[str]) -> int:
-    """Fly a case; 0 when every flight succeeded, else 6."""
+    """Fly a case; return 0 when every flight succeeded, else 6."""
     parser = new_parser("case", __doc__, EXAMPLES)
     parser.add_argument("name", metavar="NAME", help="the experiment, see below, or all")
     parser.add_argument(

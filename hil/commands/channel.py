@@ -28,7 +28,7 @@ REPORT_PERIOD_S = 5.0
 
 
 def main(arguments: list[str]) -> int:
-    """Carry messages until SIGINT or SIGTERM; the exit code. Raises ConfigError, NetworkError."""
+    """Carry messages until SIGINT or SIGTERM; return the exit code. Raises ConfigError, NetworkError."""
     parser = new_parser("channel", __doc__, EXAMPLES)
     add_scenario(parser, None)
     options = parser.parse_args(arguments)

@@ -26,7 +26,7 @@ class _Found(BaseException):
 
 
 def main(arguments: list[str]) -> int:
-    """Print what a shell has to read; 0. Raises ConfigError."""
+    """Print what a shell has to read; return 0. Raises ConfigError."""
     from argcomplete.shell_integration import shellcode
 
     parser = new_parser("completion", __doc__, EXAMPLES)

@@ -52,7 +52,7 @@ LENGTH = Number(1.0, 100_000.0, "m")
 
 
 def main(arguments: list[str]) -> int:
-    """Run slave and master as two processes; the master's exit code."""
+    """Run slave and master as two processes; return the master's exit code."""
     parser = new_parser("demo", __doc__, EXAMPLES)
     add_scenario(parser)
     add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
@@ -156,7 +156,7 @@ def require_free(endpoint: str, routed: bool = False) -> None:
 
 
 def _run(scenario: list[str], endpoint: str, folder: str, observe: Callable[[], bool]) -> int:
-    """Run both processes with the words `scenario`; the master's exit code.
+    """Run both processes with the words `scenario`; return the master's exit code.
 
     `observe` is called often meanwhile, and returns whether anything was seen yet. The slave is ended once it was.
     """

@@ -35,7 +35,7 @@ CRC_PARAMETERS = ("polynomial", "start_value", "reflected", "final_xor")
 
 
 def main(arguments: list[str]) -> int:
-    """List the frames there are, or explain one and the bytes given; the exit code. Raises HilError."""
+    """List the frames there are, or explain one and the bytes given; return the exit code. Raises HilError."""
     options = _parser().parse_args(arguments)
     if options.what == "list":
         print("\n".join(listing()))

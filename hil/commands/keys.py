@@ -25,7 +25,7 @@ examples:
 
 
 def main(arguments: list[str]) -> int:
-    """Make an authority, or one machine's certificates; the exit code."""
+    """Make an authority, or one machine's certificates; return the exit code."""
     parser = new_parser("keys", __doc__, EXAMPLES)
     parser.add_argument("--dir", metavar="FOLDER", default="keys", help="folder of all keys [%(default)s]")
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
 
 
 def init(directory: str) -> str:
-    """Make an authority in `directory`; its folder. Raises ConfigError when there is one already."""
+    """Make an authority in `directory`; return its folder. Raises ConfigError when there is one already."""
     from hil.network.certificates import new_authority
 
     authority = new_authority()
@@ -66,7 +66,7 @@ def init(directory: str) -> str:
 
 
 def add_machine(directory: str, name: str, hosts: list[str], days: int = 730) -> str:
-    """Make certificates for a machine that others dial as one of `hosts`, or as localhost; its folder.
+    """Make certificates for a machine that others dial as one of `hosts`, or as localhost; return its folder.
 
     Raises ConfigError when there is no authority, the name cannot be one, or the machine has certificates.
     """

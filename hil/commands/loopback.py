@@ -35,7 +35,7 @@ LIMIT = Quantity(0.0, 1000.0, "s")
 
 
 def main(arguments: list[str]) -> int:
-    """Test one link; 0, or 1 if a limit is broken. Raises HilError."""
+    """Test one link; return 0, or 1 if a limit is broken. Raises HilError."""
     options = _parser().parse_args(arguments)
     plan = Plan(
         options.stm32, link_of(options), options.channels, options.rate, options.seconds,

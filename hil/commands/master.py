@@ -49,7 +49,7 @@ The folder of the run then holds trajectory.png, table.json, track.csv and maste
 
 
 def main(arguments: list[str]) -> int:
-    """Fly one mission; the exit code."""
+    """Fly one mission; return the exit code."""
     parser = new_parser("master", __doc__, EXAMPLES)
     add_scenario(parser)
     parser.add_argument(

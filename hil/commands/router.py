@@ -28,7 +28,7 @@ Without a [security] section anyone who reaches the port can command.
 
 
 def main(arguments: list[str]) -> int:
-    """Forward until SIGINT or SIGTERM; the exit code."""
+    """Forward until SIGINT or SIGTERM; return the exit code."""
     parser = new_parser("router", __doc__, EXAMPLES)
     parser.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LOCAL_SLAVE, help="endpoint to listen on [%(default)s]"

@@ -31,7 +31,7 @@ examples:
 
 
 def main(arguments: list[str]) -> int:
-    """Fly one mission in simulated time; the exit code."""
+    """Fly one mission in simulated time; return the exit code."""
     parser = new_parser("sim", __doc__, EXAMPLES)
     add_scenario(parser)
     parser.add_argument("--fast", action="store_true", help="run as fast as possible instead of in real time")

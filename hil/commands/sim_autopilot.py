@@ -18,7 +18,7 @@ SHOWN_STEPS = 200
 
 
 def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
-    """Run vehicle and autopilot for [master] time_limit of simulated time; the exit code."""
+    """Run vehicle and autopilot for [master] time_limit of simulated time; return the exit code."""
     line = ProgressLine()
 
     def report(text: str) -> None:

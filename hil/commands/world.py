@@ -34,7 +34,7 @@ NOTE = "Made with `uuv-hil world build`. Not for navigation. Depths count from t
 
 
 def main(arguments: list[str]) -> int:
-    """Run one of build, show, export and list; 0. Raises HilError."""
+    """Run one of build, show, export and list; return 0. Raises HilError."""
     # The systems solved are small: threads of the linear algebra would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     options = _parser().parse_args(arguments)
@@ -175,7 +175,7 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _write(world: World, path: str, ending: str, resolution: float | None, depth: float | None) -> str:
-    """Write `world` in the format that `ending` says; a line on it."""
+    """Write `world` in the format of `ending`; return a line on it."""
     from hil.charts.grid import frame_of, grid_of, strip
 
     frame = frame_of(world, resolution)

@@ -29,7 +29,7 @@ BENCHMARKS = {
 
 
 def main(arguments: list[str]) -> int:
-    """Run one benchmark; its exit code."""
+    """Run one benchmark; return its exit code."""
     name = arguments[0] if arguments else "--help"
     if name in ("-h", "--help"):
         print(_help())

@@ -31,7 +31,7 @@ UNSURE: dict[Verdict, str] = {
 
 
 def main(arguments: list[str]) -> int:
-    """Compare and print; 0, or 1 with --fail-on-regression when something became worse. Raises ConfigError."""
+    """Compare and print; return 0, or 1 with --fail-on-regression when something became worse. Raises ConfigError."""
     parser = new_parser("bench compare", __doc__, EXAMPLES)
     parser.add_argument("before", metavar="A.json", help="the result before a change")
     parser.add_argument("after", metavar="B.json", help="the result after it")

@@ -91,7 +91,7 @@ class Case(NamedTuple):
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
+    """Measure and print; return 0, or 1 when a limit is broken. Raises HilError."""
     options = _parser().parse_args(arguments)
     check_plot(options)
     cases, echo = _cases(options), options.echo
@@ -116,7 +116,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any) -> list[str]:
-    """Print, write, draw; the limits that are broken. Raises ConfigError."""
+    """Print, write, draw; return the limits that are broken. Raises ConfigError."""
     results = {name: pooled(repeats) for name, repeats in runs.items()}
     print(delay_report.text(results))
     figures = {f"{row} [{name}]": figure for name, repeats in runs.items() for row, figure in _figures(repeats).items()}

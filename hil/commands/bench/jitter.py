@@ -50,7 +50,7 @@ class Found(NamedTuple):
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print; 0, or 1 with --check when cycles are missed. Raises HilError."""
+    """Measure and print; return 0, or 1 with --check when cycles are missed. Raises HilError."""
     options = _parser().parse_args(arguments)
     rates = options.rates
     limits = limits_of(options)

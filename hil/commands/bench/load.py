@@ -44,7 +44,7 @@ FAILED = 1
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print; 0, or 1 when a setting could not be measured. Raises HilError."""
+    """Measure and print; return 0, or 1 when a setting could not be measured. Raises HilError."""
     options = _parser().parse_args(arguments)
     check_plot(options)
     plan, left_out = _plan(options)

@@ -51,7 +51,7 @@ SERIES = (
 
 
 def main(arguments: list[str]) -> int:
-    """Run and judge; 0, or 1 when something grows, drifts, hangs or does not come back. Raises HilError."""
+    """Run and judge; return 0, or 1 when something grows, drifts, hangs or does not come back. Raises HilError."""
     options = _parser().parse_args(arguments)
     check_plot(options)
     if options.every >= options.leave_every:
@@ -101,7 +101,7 @@ def _show(observation: Observation) -> None:
 
 
 def judge(soak: Soak, leak: float) -> list[str]:
-    """Print what came out; the findings that are bad."""
+    """Print what came out; return the findings that are bad."""
     observations = soak.observations[len(soak.observations) // 10 :]
     print(f"{observations[-1].at_s / 3600.0 if observations else 0.0:.3f} h, {len(soak.observations)} readings")
     bad = _judge_observations(observations, leak) if observations else []

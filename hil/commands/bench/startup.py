@@ -38,7 +38,7 @@ Series = dict[str, list[float]]
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print; 0, or 1 when a limit is broken. Raises HilError."""
+    """Measure and print; return 0, or 1 when a limit is broken. Raises HilError."""
     parser = new_parser("bench startup", __doc__, EXAMPLES)
     add_scenario(parser)
     add_repeat(parser, 10, "starts of each kind")

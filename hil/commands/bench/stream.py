@@ -48,7 +48,7 @@ ROWS: tuple[tuple[str, str, str, float, Better], ...] = (
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print; the exit code. Raises HilError."""
+    """Measure and print; return the exit code. Raises HilError."""
     options = _parser().parse_args(arguments)
     if options.connect and (options.set or limits_of(options) != Limits()):
         raise ConfigError(

@@ -55,7 +55,7 @@ OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario 
 
 
 def main(arguments: list[str]) -> int:
-    """Measure and print; 0, or 1 with --check when a budget is missed. Raises HilError.
+    """Measure and print; return 0, or 1 with --check when a budget is missed. Raises HilError.
 
     When a run fails after others, or is stopped, the results of those are reported before the error is raised.
     """

@@ -35,7 +35,7 @@ OPTIONS = {
 
 
 def main(arguments: list[str]) -> int:
-    """Show the board, list all, install or uninstall the service; the exit code. Raises HilError."""
+    """Show the board, list all, install or uninstall the service; return the exit code. Raises HilError."""
     parser = _parser()
     options = parser.parse_intermixed_args(arguments)  # parse_args wants both words on the same side of the options
     for name, value in vars(options).items():

@@ -31,7 +31,7 @@ STATE_FOLDERS = ("/var/lib/uuv-hil", "/var/cache/uuv-hil")  # the unit's StateDi
 
 
 def install(tree: Tree, options: argparse.Namespace) -> int:
-    """Make the slave a service; the exit code. Raises HilError, and then nothing was changed."""
+    """Make the slave a service; return the exit code. Raises HilError, and then nothing was changed."""
     if not options.scenario:
         raise ConfigError("install: which scenario is the service to run? Give its file or name")
     user = options.user or os.environ.get("SUDO_USER") or getpass.getuser()
@@ -63,7 +63,7 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
 
 
 def uninstall(tree: Tree, options: argparse.Namespace) -> int:
-    """Put back what was there; the exit code. Raises HilError, and then nothing was changed."""
+    """Put back what was there; return the exit code. Raises HilError, and then nothing was changed."""
     plan = board_changes.plan_uninstall(tree)
     _print_changed(plan)
     before = _leaving([*(change.path for change in plan.removed), *plan.changed])
@@ -115,7 +115,7 @@ def _manager(plan: Plan) -> list[Command]:
 
 
 def _agreed(tree: Tree, plan: Plan, commands: list[Command], options: argparse.Namespace) -> bool:
-    """Show everything that will be done, and ask; whether it is wanted."""
+    """Show everything that will be done, and ask; return whether it is wanted."""
     for change in plan.changes:
         print(board_changes.show(change), end="\n\n")
     for command in commands if tree.live else ():

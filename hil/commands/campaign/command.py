@@ -45,7 +45,7 @@ METRICS = ("duration", "travelled", "goal_error", "cross_track_max", "least_clea
 
 
 def main(arguments: list[str]) -> int:
-    """Run the campaign; 0 when every run reached its goal and nothing went wrong in any, else 6."""
+    """Run the campaign; return 0 when every run reached its goal and nothing went wrong in any, else 6."""
     parser = new_parser("campaign", __doc__, EXAMPLES)
     add_scenario(parser)
     parser.add_argument("--seeds", type=SEEDS, default=10, metavar="N", help="seeds 1 to N [%(default)s]")

@@ -1,7 +1,7 @@
 """Engines that run a campaign: joblib on this machine, or a cluster of Dask or Ray.
 
-Each gives results as they come, so that there is progress to show. To a cluster a run goes with the content of the
-scenario's files; workers need the same version of this project.
+Each gives results as they come, so that there is progress to show. A run is sent to a cluster with the contents of
+the scenario's files; workers need the same version of this project.
 """
 
 import logging
@@ -60,7 +60,7 @@ def run_on_cluster(
 ) -> Generator[Result, None, None]:
     """Run the tasks on the cluster that the environment names, or on one of `jobs` processes here; yield the results.
 
-    -1 `jobs` are as many as cores. At most `jobs` runs go at once. Raises MissingExtraError, NetworkError, ConfigError.
+    `jobs` -1 are as many as cores. At most `jobs` runs go at once. Raises MissingExtraError, NetworkError, ConfigError.
     """
     try:
         with (_dask if backend == "dask" else _ray)(jobs) as engine:

@@ -23,7 +23,7 @@ The first line of a TOML file then names its schema, for Even Better TOML (VS Co
 
 
 def main(arguments: list[str]) -> int:
-    """Print or write schemas; 0. Raises ConfigError."""
+    """Print or write schemas; return 0. Raises ConfigError."""
     parser = new_parser("schema", __doc__, EXAMPLES)
     parser.add_argument("kind", metavar="KIND", nargs="?", help="kind of file")
     add_output(parser, "FILE|DIR", "where to write it [the screen]")

@@ -34,7 +34,7 @@ POLL_S = 0.02
 
 
 def main(arguments: list[str]) -> int:
-    """Show until told to stop; the exit code."""
+    """Show until stopped; return the exit code."""
     parser = new_parser("foxglove", __doc__, EXAMPLES)
     add_connect(parser)
     add_settings(parser)

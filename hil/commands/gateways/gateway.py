@@ -25,7 +25,7 @@ is shown, and lies in a file that only this user reads.
 
 
 def main(arguments: list[str]) -> int:
-    """Serve until told to stop; the exit code."""
+    """Serve until stopped; return the exit code."""
     parser = new_parser("gateway", __doc__, EXAMPLES)
     add_fleet(parser)
     add_serving(parser, "127.0.0.1:7450")

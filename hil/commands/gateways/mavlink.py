@@ -35,7 +35,7 @@ the same settings, and more: docs/how-to/qgroundcontrol.md.
 
 
 def main(arguments: list[str]) -> int:
-    """Serve until told to stop; the exit code."""
+    """Serve until stopped; return the exit code."""
     if hasattr(os, "sched_setscheduler"):  # Linux; inherited from a slave: nothing here is as urgent as its loop
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     options = _parser().parse_args(arguments)

@@ -28,7 +28,7 @@ LISTEN = "127.0.0.1:0"
 
 
 def main(arguments: list[str]) -> int:
-    """Serve until told to stop; the exit code."""
+    """Serve until stopped; return the exit code."""
     parser = new_parser("ros1", __doc__, EXAMPLES)
     add_fleet(parser)
     add_serving(parser, LISTEN)

@@ -23,7 +23,7 @@ LISTEN = "127.0.0.1:9090"
 
 
 def main(arguments: list[str]) -> int:
-    """Serve until told to stop; the exit code."""
+    """Serve until stopped; return the exit code."""
     parser = new_parser("rosbridge", __doc__, EXAMPLES)
     add_fleet(parser)
     add_serving(parser, LISTEN)

@@ -19,7 +19,7 @@ to load one is to run it: that is refused unless --own-classes is given, for you
 
 
 def main(arguments: list[str]) -> int:
-    """Draw; the exit code."""
+    """Draw; return the exit code."""
     parser = new_parser("plot", __doc__, EXAMPLES)
     add_recording(parser)
     add_output(parser, "DIR", "a folder for the pictures [that of the recording]")

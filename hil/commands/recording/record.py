@@ -35,7 +35,7 @@ REPORT_PERIOD_NS = NS_PER_S
 
 
 def main(arguments: list[str]) -> int:
-    """Record until told to stop; the exit code."""
+    """Record until stopped; return the exit code."""
     parser = new_parser("record", __doc__, EXAMPLES)
     add_connect(parser)
     add_settings(parser)

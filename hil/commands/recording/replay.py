@@ -42,7 +42,7 @@ SPEED = Number(0.001, 1000.0, also=(0,))
 
 
 def main(arguments: list[str]) -> int:
-    """Replay in one of the ways; the exit code."""
+    """Replay in one of the ways; return the exit code."""
     parser = new_parser("replay", __doc__, EXAMPLES)
     add_recording(parser)
     way = parser.add_mutually_exclusive_group()

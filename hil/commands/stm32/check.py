@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check; 0 if every output answered, 1 if not, 130 after Ctrl-C. Raises HilError."""
+    """Check; return 0 if every output answered, 1 if not, 130 after Ctrl-C. Raises HilError."""
     from hil.bench.output_check import Plan, check_outputs
     from hil.commands.loopback import link_of
     from hil.common.stop import StopSignals

@@ -21,7 +21,7 @@ emulated probes and chips only, never yet on hardware.
 
 
 def main(arguments: list[str]) -> int:
-    """Emulate, flash or check; the exit code. Raises HilError."""
+    """Emulate, flash or check; return the exit code. Raises HilError."""
     parser = new_parser("stm32", __doc__, EXAMPLES)
     serve.add_options(parser)
     actions = parser.add_subparsers(dest="action", metavar="SUBCOMMAND", required=False)

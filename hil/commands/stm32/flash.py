@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Recognise the board, show the wiring, write; the exit code. Raises HilError."""
+    """Recognise the board, show the wiring, write; return the exit code. Raises HilError."""
     from firmware_stub.flash.content import load_content, wiring
 
     own = describe_image(options.image) if options.image else None

@@ -38,7 +38,7 @@ RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
 
 
 def main(arguments: list[str]) -> int:
-    """Show until told to stop; the exit code. Raises ConfigError, NetworkError."""
+    """Show until stopped; return the exit code. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
     if options.grafana:
         from hil.commands.top.grafana import dashboard

@@ -50,7 +50,7 @@ RATE = Number(0.001, 10_000.0, "Hz")
 
 
 def main(arguments: list[str]) -> int:
-    """Do one of list, echo, hz, pub and call; 0. Raises ConfigError, NetworkError."""
+    """Do one of list, echo, hz, pub and call; return 0. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
     secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}

@@ -29,7 +29,7 @@ DENSITY = Number(500.0, 2000.0, "kg/m³")
 
 
 def main(arguments: list[str]) -> int:
-    """List the presets, describe one vehicle, or import one; 0. Raises HilError."""
+    """List the presets, describe one vehicle, or import one; return 0. Raises HilError."""
     options = _parser().parse_args(arguments)
     if (options.add or options.output or options.scenario or options.model) and not options.urdf:
         raise ConfigError("--add, --output, --flight and --model go with --import MODEL")

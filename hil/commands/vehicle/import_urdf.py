@@ -28,7 +28,7 @@ class Request(NamedTuple):
 
 
 def convert(request: Request) -> int:
-    """Write the vehicle of a URDF or SDF file, completed by a TOML file, to its output or the screen; 0.
+    """Write the vehicle of a URDF or SDF file, completed by a TOML file, to its output or the screen; return 0.
 
     A xacro file is expanded first. Raises ConfigError, MissingExtraError.
     """

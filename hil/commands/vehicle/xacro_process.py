@@ -20,7 +20,7 @@ DAMAGED, NO_LIBRARY = 1, 5
 
 
 def main(path: str, *arguments: str) -> int:
-    """Write the URDF; the exit code."""
+    """Write the URDF; return the exit code."""
     die_with_parent()
     limit_self(MEMORY_BYTES, CPU_SECONDS)
     try:

@@ -24,7 +24,7 @@ examples:
 
 
 def main(arguments: list[str]) -> int:
-    """Show until told to stop; the exit code."""
+    """Show until stopped; return the exit code."""
     parser = new_parser("view", __doc__, EXAMPLES)
     add_fleet(parser)
     add_serving(parser, "127.0.0.1:7480")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class FlightViewer(Viewer):
     """Shows each flight in a view of its own, and prints where to watch it.
 
-    A page of one simulated flight goes on with the next: they have one address and one token.
+    Simulated flights share one address and one token, so that an open page shows the next flight too.
     """
 
     def __init__(self) -> None:

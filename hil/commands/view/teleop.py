@@ -33,7 +33,7 @@ examples:
 
 
 def main(arguments: list[str]) -> int:
-    """Steer until Ctrl-C; the exit code."""
+    """Steer until Ctrl-C; return the exit code."""
     parser = new_parser("teleop", __doc__, EXAMPLES)
     add_fleet(parser)
     parser.add_argument("--vehicle", metavar="NAME", help="vehicle to steer [the first]")
