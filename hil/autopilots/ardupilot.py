@@ -220,7 +220,7 @@ def _listen(address: str) -> socket.socket:
 
 
 def _arrival(ancillary: Sequence[tuple[int, int, bytes]], now: int) -> int:
-    """Return when (monotonic ns) a datagram arrived, as the kernel has noted it; `now` where that cannot be."""
+    """Return when (monotonic ns) a datagram arrived, as the kernel recorded it; `now` where it did not."""
     for _, kind, data in ancillary:
         if kind == SO_TIMESTAMPNS and len(data) == TIMESPEC.size:
             seconds, nanoseconds = TIMESPEC.unpack(data)

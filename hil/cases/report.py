@@ -14,7 +14,7 @@ Flights = dict[str, list[Run]]  # by case
 
 
 def write_report(path: str, flights: Flights, pictures: str, head: str = "# Cases\n") -> list[str]:
-    """Write the report at `path` and its pictures into the folder `pictures`; the files written.
+    """Write the report at `path` and its pictures into the folder `pictures`; return the files written.
 
     Raises ConfigError, MissingExtraError.
     """

@@ -68,7 +68,7 @@ def fly(
     watches: Sequence[Watch] = (),
     track: "TrackWriter | None" = None,
 ) -> tuple[Outcome, str]:
-    """Fly the scenario's mission in simulated time; its outcome, and the exact final state as text.
+    """Fly the scenario's mission in simulated time; return its outcome, and the exact final state as text.
 
     `vehicle` is the scenario's at time 0, made here if left out; `track` gets a row a command. Raises ConfigError.
     """

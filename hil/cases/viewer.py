@@ -16,7 +16,7 @@ class Viewer:
     def show_simulated(
         self, _scenario: Scenario, _vehicles: "Mapping[str, SimulatedVehicle]"
     ) -> AbstractContextManager[Callable[[Any], None]]:
-        """Show `_vehicles`, by name, of a flight in simulated time; what is to be called after each of its steps."""
+        """Show `_vehicles`, by name, of a simulated flight; return the function to call after each of its steps."""
         return nullcontext(lambda _: None)
 
     def show_slaves(self, _scenario: Scenario) -> AbstractContextManager[None]:

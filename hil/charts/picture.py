@@ -177,7 +177,7 @@ def _draw_marks(axes: Any, grid: Grid, marks: Marks) -> None:
 
 
 def _draw_charted(axes: Any, marks: Marks) -> None:
-    """Draw zones, pipelines and cables as charts do, in magenta; a legend where there are any."""
+    """Draw zones, pipelines and cables as charts do, in magenta; return a legend where there are any."""
     from matplotlib.collections import PolyCollection
 
     axes.add_collection(PolyCollection([m[:, ::-1] for m in marks.meshes], facecolors=OBSTACLE, zorder=5))

@@ -135,7 +135,7 @@ def add_output(parser: argparse.ArgumentParser, metavar: str, about: str, *, req
 
 
 def add_file(parser: argparse.ArgumentParser, *names: str, help: str, **settings: Any) -> None:  # noqa: A002
-    """Add an option of these `names` for a file that the command writes; its folder has to exist."""
+    """Add an option of these `names` for a file that the command writes; return its folder has to exist."""
     parser.add_argument(*names, type=OUTPUT_FILE, help=f"{help}; its folder must be there", **settings)
 
 

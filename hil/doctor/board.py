@@ -1,4 +1,4 @@
-"""Check the board: clocks, temperature, memory, and what the kernel grants."""
+"""Check the board: clocks, temperature, memory, and what the kernel permits."""
 
 import shlex
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ ACTIVE_DRIVERS = ("intel_pstate", "amd-pstate-epp")  # their "powersave" does no
 
 
 def machine(case: Case) -> Iterator[Finding]:
-    """Yield what this is, and its free memory."""
+    """Yield findings on the machine's model and its free memory."""
     board, model_name = case.board, model(case.tree.root)
     kind = architecture(case.tree) or "unknown architecture"
     text = f"{board.name}, {board.cpu}" if board else f"none of those known; {model_name or kind}"

@@ -63,7 +63,7 @@ class WebSocketServer(ServerThread, Generic[T]):
             await self._runner.cleanup()
 
     async def _serve(self, request: web.Request) -> web.StreamResponse:
-        """Serve one client until it goes."""
+        """Serve one client until its connection closes."""
         may_command = self.access.admits(request.query.get("token"))
         if request.headers.get("Origin") and not may_command:
             raise web.HTTPForbidden(

@@ -19,7 +19,7 @@ MARGIN = "#dbe0e6"  # around obstacles, where the planner does not go
 
 
 def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent] = ()) -> str:
-    """Draw `track.csv` of a run's folder as `trajectory.png`, with its events; its path. Raises MissingExtraError."""
+    """Draw a run's `track.csv` and events as `trajectory.png` beside it; return its path. Raises MissingExtraError."""
     plt = pyplot()
     with open(os.path.join(folder, "track.csv"), newline="", encoding="utf-8") as file:
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]

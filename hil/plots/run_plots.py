@@ -55,7 +55,7 @@ def _figures(plt: Any, node: str, data: VehicleData, run: Run | None) -> list[tu
 
 
 def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> Any:
-    """Draw the trajectories from above; None if no vehicle reports its position."""
+    """Draw the trajectories from above; return None if no vehicle reports its position."""
     if not any(data.true or data.measured for data in vehicles.values()):
         return None
     figure, axes = plt.subplots(figsize=(10, 8), layout="constrained")

@@ -1,9 +1,9 @@
 """Record without blocking the caller: a thread of its own writes the messages.
 
-A recording is a folder of MCAP files with an index, and as such a bag of rosbag2. Within a second what came in goes to
-disk, in the order of its log times: readers want that of a file that a crash left without an index. A file that has
-grown to its limit is closed and the next one begun; when all together reach theirs, the oldest go. If the disk fills up
-or fails, or anything else goes wrong, recording ends with a word about it, and nothing else does.
+A recording is a folder of MCAP files with an index, and as such a bag of rosbag2. Messages are written to disk
+within a second, in the order of their log times: readers need that order in a file that a crash left without an index.
+A file at its size limit is closed and the next one begun. When all files together reach their limit, the oldest are
+deleted. If the disk fills up or fails, or anything else goes wrong, recording ends and reports why; the run goes on.
 """
 
 import os
@@ -41,8 +41,8 @@ _log_time = attrgetter("logged_ns")
 def new_folder(name: str, root: str = "runs") -> str:
     """Make and return a folder in `root` for a run or a recording that begins now: NAME-DATE-TIME.
 
-    Two that begin in one second get two. `name` may be a path, whose folder and ending are left out. Raises
-    ConfigError if it cannot be made.
+    Two that begin in the same second get different folders. `name` may be a path, whose folder and ending are left
+    out. Raises ConfigError if it cannot be made.
     """
     stem = os.path.splitext(os.path.basename(name))[0]
     folder = first = os.path.join(root, f"{stem}-{time.strftime('%Y%m%d-%H%M%S')}")
@@ -61,9 +61,9 @@ def new_folder(name: str, root: str = "runs") -> str:
 class Recorder:
     """Records into `folder`, which is made, until `close`. Use as a context.
 
-    `about` and `attachments` (name -> text) stand at the beginning of every file. `source` is asked ten times a second,
-    and at the end, for what has come since, which costs less than to `put` it. `report` is called when recording ends
-    before it was asked to; both in the recorder's thread. `written` counts messages, `lost` those that came faster
+    `about` and `attachments` (name -> text) stand at the beginning of every file. `source` is called ten times a
+    second, and at the end, for new messages, which costs less than to `put` each. `report` is called if recording ends
+    by itself; both in the recorder's thread. `written` counts messages, `lost` those that came faster
     than the disk took them; `failure` is why recording ended early. Raises ConfigError, MissingExtraError.
     """
 
@@ -107,7 +107,7 @@ class Recorder:
         self.close()
 
     def put(self, message: Message) -> None:
-        """Hand a message over; from any thread, and without waiting."""
+        """Queue a message, from any thread, without waiting."""
         size = len(message.data)
         with self._counting:
             room = len(self._waiting) < MOST_WAITING and self._put + size - self._drained <= MOST_WAITING_BYTES

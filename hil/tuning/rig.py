@@ -92,7 +92,7 @@ class Rig:
         self._pilot.controller = self.recorder
 
     def fly(self, seconds: float, commands: CommandMux) -> list[Moment]:
-        """Go on for so long, under `commands` of each time since this call (s); all instants of control."""
+        """Go on for so long, under `commands` of each time since this call (s); return all instants of control."""
         simulation, pilot = self.simulation, self._pilot
         moments = []
         for number in range(round(seconds / CONTROL_PERIOD_S)):

@@ -58,8 +58,8 @@ class MeshObstacle(NamedTuple):
 
     `triangles` are in its own axes (m; forward, right, down), `rotation` (3 x 3, row after row) turns these into NED,
     `placed` are they in NED. `radius` (m) is how far it extends from `north`, `east`, seen from above.
-    Of a `net` only the twines are seen: how far they are from each other along the sides of a triangle at its first
-    corner, and how thick (m).
+    `net` is None, or, for a net of twines, of which alone it consists: their distance along the sides of a triangle at
+    its first corner, and their thickness (m).
     """
 
     keys: MeshKeys

@@ -119,7 +119,7 @@ class AcousticChannel:
         self.counts: Counter[str] = Counter()
 
     def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Vector3]) -> int:
-        """Send to all others in `places` (NED, m); when it is through (ns), 0 if it cannot be sent."""
+        """Send to all others in `places` (NED, m); return when it is through (ns), 0 if it cannot be sent."""
         for name in places:
             self._sending.setdefault(name, [])
         own = self._sending[sender]

@@ -42,7 +42,7 @@ class OpticalChannel:
         self.counts: Counter[str] = Counter()
 
     def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
-        """Send to all others in `places`; when it is through (ns), 0 if it cannot be sent."""
+        """Send to all others in `places`; return when it is through (ns), 0 if it cannot be sent."""
         if self._through.get(sender, 0) > time_ns:
             self.counts["busy"] += 1
             return 0

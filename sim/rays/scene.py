@@ -48,7 +48,7 @@ class RayScene:
         self._trees: dict[int, Any] = {}  # see `boxes`
 
     def add(self, solid: Solid, state: "State | None" = None) -> int:
-        """Put a solid there; its number. With a `state` it goes with that vehicle: its own axes are the body's."""
+        """Add a solid; return its number. With a `state` it goes with that vehicle: its own axes are the body's."""
         self._added.append(solid)
         number = self._standing + len(self._added)
         if state is not None:

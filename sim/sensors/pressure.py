@@ -26,7 +26,7 @@ class PressureModel(NamedTuple):
 
 
 class Pressure:
-    """One sensor; it feels the waves above it. Not modelled: stagnation pressure."""
+    """A pressure sensor, which also measures the waves above it. Not modelled: stagnation pressure."""
 
     Model = PressureModel
     topic = PRESSURE
@@ -39,7 +39,7 @@ class Pressure:
         self._errors = make_error_bank([model.error], 1.0 / model.rate, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> PressureSample:
-        """Return the measurement of `state`; in the air that of the air."""
+        """Return the measurement at `state`; out of the water it is the pressure of the air."""
         if self._wave_field is None:
             depth = self._mounting.depth(state)
         else:

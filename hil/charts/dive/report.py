@@ -30,7 +30,7 @@ AROUND = 40.0  # m of the map around the track
 def write_report(
     folder: str, scenario: Scenario, observations: Sequence[Observation], health: Diagnostics, bed: Facts = ()
 ) -> list[str]:
-    """Draw the pictures and write report.md and report.html into `folder`, with what is known of the `bed`; all files.
+    """Draw the pictures and write report.md and report.html into `folder`, with facts on the `bed`; return the files.
 
     Raises MissionError when nothing was seen, ConfigError, MissingExtraError.
     """
@@ -115,7 +115,7 @@ def _map(
 
 
 def draw_seabed(axes: Any, world: World, track: Any) -> tuple[Any, Any]:
-    """Draw the seabed around a track (rows of m north, m east), lit and with contours; its image and contours."""
+    """Draw the seabed around a track (rows of m north, m east), lit and with contours; return image and contours."""
     grid = grid_of(world)
     south, north, west, east = grid.extent
     low, high = track.min(axis=0) - AROUND, track.max(axis=0) + AROUND

@@ -22,10 +22,11 @@ _PLUGINS = {
 
 
 def write_gazebo(world: World, grid: Grid, path: str) -> float:
-    """Write the SDF `path` (`.sdf`) and its pictures beside it; how far in m a height is rounded. Raises ConfigError.
+    """Write the SDF `path` (`.sdf`) and its pictures beside it; return how far (m) a height is rounded.
 
     x is east, y north, z up, the water's surface at 0. What is unknown becomes as high as the highest land or
-    shoal there is, a wall. Water has weight (buoyancy) but no current: that is a vehicle's plugin in Gazebo.
+    shoal there is, a wall. Water has weight (buoyancy) but no current: that is a vehicle's plugin in Gazebo. Raises
+    ConfigError.
     """
     image, low, high = height_map(grid)
     stem = os.path.splitext(path)[0]

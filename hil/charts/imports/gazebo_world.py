@@ -261,7 +261,7 @@ def _obstacle(each: _Placed, level: float, folder: str) -> tuple[str, dict[str, 
 
 
 def _heightmap(shape: Shape, output: str, level: float, path: str, notes: list[str]) -> dict[str, Any] | None:
-    """Write the depths of a heightmap beside the world; its `[terrain]`, with `deepest` in m, None if left out."""
+    """Write the depths of a heightmap beside the world; return its `[terrain]`, with `deepest` (m), or None."""
     element = shape.element
     assert element is not None
     size = numbers_of(text_of(element, "size") or "1 1 1", path, 3)

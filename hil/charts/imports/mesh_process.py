@@ -22,7 +22,7 @@ NO_LIBRARY = 5
 
 
 def main() -> int:
-    """Answer each job by a line; the exit code."""
+    """Answer each job by a line; return the exit code."""
     die_with_parent()
     limit_self(MEMORY_BYTES, CPU_SECONDS)
     try:
@@ -67,7 +67,7 @@ def _answer(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def _heightmap(file: str, sizes: list[float], output: str) -> dict[str, Any]:
-    """Write the depths of a picture of heights as little-endian floats; its grid, as a `[terrain]` has it.
+    """Write the depths of a picture of heights as little-endian floats; return its grid, as a `[terrain]` has it.
 
     sizes: those of the field along east, north and up, then where its middle and its darkest are (m, up of the water).
     """

@@ -1,4 +1,4 @@
-"""S-102 without uncertainty, which edition 3.0 allows: GDAL reads it since 3.11, and older ones as it is made here."""
+"""Add the uncertainty that S-102 files of edition 3.0 may leave out, and without which GDAL before 3.11 fails."""
 
 from contextlib import suppress
 from typing import Any

@@ -24,7 +24,7 @@ Clock = Callable[[], int]
 
 
 class Gateway:
-    """One MAVLink vehicle on its endpoints. `report` gets a line when a partner comes. Closes what it is given."""
+    """One MAVLink vehicle on its endpoints. `report` gets a line for each new peer. Closes port and links."""
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ class CanRecord(Protocol):
 
 
 class RecordingPanel:
-    """The button; greyed with the reason where nothing `can_record`. `report` gets the outcome."""
+    """The button, disabled with the reason where nothing `can_record`. `report` is called with the outcome."""
 
     def __init__(
         self, server: Any, container: Any, can_record: CanRecord | None, report: Callable[[str], None]
@@ -39,7 +39,7 @@ class RecordingPanel:
         self._button.on_click(lambda _: threading.Thread(target=self._toggle, name="recording", daemon=True).start())
 
     def update(self) -> None:
-        """Show how it goes."""
+        """Show the state of the recording."""
         if self._recorder is None:
             return
         state = self._recorder.state
@@ -50,7 +50,7 @@ class RecordingPanel:
             self._button.label = label
 
     def _toggle(self) -> None:
-        """Start or end it; in a thread of its own, for both may wait for the network."""
+        """Start or end the recording, in a separate thread, because both may wait for the network."""
         assert self._recorder
         try:
             text = self._recorder.stop() if self._recorder.state else self._recorder.start()

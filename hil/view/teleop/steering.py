@@ -42,7 +42,7 @@ class Steering:
         self._thread.join()
 
     def update(self, person: int, message: dict[str, object] | None) -> str:
-        """Take a message of one person's stick, None when the person has left; why it does not steer, or ""."""
+        """Take a message of one person's stick, None when the person has left; return why it does not steer, or ""."""
         with self._turn:
             if message is None:
                 self._sticks.pop(person, None)
