@@ -233,7 +233,7 @@ def schedule_fifo(priority: int) -> str:
 
 
 def schedule_below_loop() -> None:
-    """If the loop is real-time, make this thread real-time too, with a priority just below.
+    """Make this thread real-time, with a priority just below the loop's, if the loop is real-time.
 
     A thread with normal scheduling that holds the interpreter lock would delay the loop for as long as other programs
     occupy the processor: seconds on a machine with a load of 25.

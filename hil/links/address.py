@@ -28,7 +28,7 @@ Kind = Literal["pty", "uart", "rs485", "tcp", "udp", "can"]
 
 
 class Address(NamedTuple):
-    """The parts of an address: `place` is a path, a host or a CAN channel, `interface` that of a CAN bus."""
+    """The parts of an address. `place` is a path, a host or a CAN channel; `interface` is the CAN interface."""
 
     kind: Kind
     place: str
@@ -37,16 +37,16 @@ class Address(NamedTuple):
 
     @property
     def carries_can(self) -> bool:
-        """Return whether the wire carries CAN frames instead of bytes."""
+        """True if the wire carries CAN frames instead of bytes."""
         return self.kind == "can"
 
 
 def parse_address(text: str) -> Address:
-    """Return the parts of an address. Raises ConfigError that lists the forms, or says where a speed belongs."""
+    """Return the parts of an address. Raises ConfigError, which lists the forms, or says where to set a speed."""
     address = _parts(text)
     device, _, speed = address.place.rpartition("@")
     serial = address.kind in ("uart", "rs485") or address.interface == "slcan"
-    # python-can takes a speed there. Outside /dev it may be part of the name of a pty, which a person chose.
+    # python-can accepts such a suffix as a speed. Outside /dev it may be part of a pty's name that a user chose.
     if serial and device.startswith("/dev/") and speed.isascii() and speed.isdigit():
         raise ConfigError(
             f"{text!r}: a speed is no part of it: leave @{speed} out, and set baud = {speed} in [link] "
@@ -56,7 +56,7 @@ def parse_address(text: str) -> Address:
 
 
 def incompatibility(protocol: str, port: str) -> str | None:
-    """Return why this protocol cannot run over this address, None if it can."""
+    """Return why this protocol cannot run over this address; None if it can."""
     try:
         carries_can = parse_address(port).carries_can
     except ConfigError as error:
@@ -68,7 +68,7 @@ def incompatibility(protocol: str, port: str) -> str | None:
 
 
 def wire_kind(name: str) -> Kind:
-    """Return what carries the bytes of an open wire, from its name: a path may be that of a pty. Raises ConfigError."""
+    """Return the kind of an open wire from its name; the path of a pty gives "pty". Raises ConfigError."""
     address = parse_address(name)
     is_path = address.kind in ("pty", "uart", "rs485")
     return "pty" if is_path and os.path.realpath(address.place).startswith("/dev/pts/") else address.kind

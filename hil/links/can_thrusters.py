@@ -1,8 +1,8 @@
 """Thrusters behind motor controllers on a CAN bus: the part that DroneCAN and VESC share.
 
-Motor controllers take a signed fraction of their full output and not a pulse: 1100, 1500 and 1900 us are
--1, 0 and +1, as on the Blue Robotics Basic ESC. They report one by one, and their reports carry neither
-sequence number nor arming: the host infers both from the commands that it sent.
+Motor controllers take a signed fraction of full output instead of a pulse width: 1100, 1500 and 1900 us are -1, 0 and
++1, as on the Blue Robotics Basic ESC. Each controller reports on its own, without sequence number and arming: the host
+infers both from the commands that it sent.
 """
 
 from collections.abc import Callable
@@ -15,45 +15,44 @@ WRAP = 0xFFFF  # counters of the telemetry have 16 bits
 
 
 class MotorValues(NamedTuple):
-    """Measured values of one motor besides its speed."""
+    """Measured values of one motor, except its speed."""
 
     voltage_v: float
     current_a: float
     temperature_k: float
 
 
-# The values of a thruster (number from 0) at a pulse (us).
+# Returns the values of a thruster (number from 0) at a pulse width (us).
 MotorHook = Callable[[int, int], MotorValues]
 
 
 def propeller_load(_thruster: int, pulse_us: int) -> MotorValues:
-    """Return made-up values of a motor, plausible for a thruster of the size of a T200 on 16 V.
+    """Return simulated values of a motor, plausible for a thruster of the size of a T200 on 16 V.
 
-    Speed is taken to be proportional to the command, so power goes with its cube (propeller law); full
-    output draws 24 A and warms the electronics by 30 K over water of 288 K. Not modelled: sagging supply,
-    dead band, time.
+    Speed is assumed proportional to the command, so power grows with its cube (propeller law). Full output draws 24 A
+    and heats the electronics by 30 K above water of 288 K. Not modelled: supply voltage drop, dead band, time.
     """
     power = min(abs(deflection(pulse_us)) / SPAN_US, 1.0) ** 3
     return MotorValues(voltage_v=16.0, current_a=24.0 * power, temperature_k=288.0 + 30.0 * power)
 
 
 def has_output(pulse_us: int) -> bool:
-    """Return whether a pulse (us) is within the range that moves or stops a thruster."""
+    """Return whether a pulse width (us) means an output, neutral included."""
     return PWM_MIN_US <= pulse_us <= PWM_MAX_US
 
 
 def deflection(pulse_us: int) -> int:
-    """Return the distance of a pulse from neutral in us, 0 for a pulse width that means no output."""
+    """Return the difference of a pulse width from neutral in us; 0 for a pulse width that means no output."""
     return pulse_us - PWM_NEUTRAL_US if has_output(pulse_us) else 0
 
 
 def pulse_at(microseconds: float) -> int:
-    """Return the pulse (us) at this distance from neutral, clipped to the valid range."""
+    """Return the pulse width (us) at this difference from neutral, limited to the valid range."""
     return min(max(PWM_NEUTRAL_US + round(microseconds), PWM_MIN_US), PWM_MAX_US)
 
 
 def executable_pulses(command: ThrusterCommand) -> tuple[int, ...]:
-    """Return the pulses (us) to send instead: clipped to full output, neutral for no output."""
+    """Return the pulse widths (us) that motor controllers can apply: limited to full output, neutral for no output."""
     if not command.armed:
         return (PWM_NEUTRAL_US,) * len(command.pwm_us)
     low, high = -SPAN_US, SPAN_US
@@ -63,9 +62,9 @@ def executable_pulses(command: ThrusterCommand) -> tuple[int, ...]:
 class Rounds:
     """Combine the reports of single motor controllers into one report of all thrusters.
 
-    Controllers on one node report in turn, 0 to the last: a round is one such turn without a gap, so a
-    lost report costs its round and never mixes two. Controllers on nodes of their own may keep no order:
-    after `PATIENCE` rounds' worth of reports without a whole turn, a round is whatever holds one of each.
+    Controllers on one node report in turn, 0 to the last. A round is one such turn without a gap, so that a lost report
+    loses its round but never mixes two. Separate controllers may report in any order: after `PATIENCE` rounds' worth of
+    reports without a complete turn, a round is complete when it has at least one report of each.
     """
 
     PATIENCE = 3
@@ -73,12 +72,12 @@ class Rounds:
     def __init__(self, channels: int) -> None:
         self._channels = channels
         self._pulses = [PWM_NEUTRAL_US] * channels
-        self._missing = set(range(channels))  # in this round
-        self._next = 0  # in turn
-        self._since_turn = 0  # reports since the last whole turn
+        self._missing = set(range(channels))  # thrusters without a report in this round
+        self._next = 0  # thruster whose report is next in turn
+        self._since_turn = 0  # reports since the last complete turn
 
     def add_report(self, thruster: int, pulse_us: int) -> tuple[int, ...] | None:
-        """Add a report of one thruster; return the pulses (us) of all thrusters if it completes a round, else None."""
+        """Add a thruster's report; return the pulse widths (us) of all thrusters if it completes a round, else None."""
         self._pulses[thruster] = pulse_us
         self._missing.discard(thruster)
         self._next = self._next + 1 if thruster == self._next else int(thruster == 0)
@@ -95,14 +94,14 @@ class Answers:
     """Find the command that a round of reports answers, and count the commands that were answered."""
 
     def __init__(self, channels: int) -> None:
-        self.frames = 0  # commands that reports have shown
+        self.frames = 0  # commands that reports have confirmed
         self.answered = ThrusterCommand(0, False, (PWM_NEUTRAL_US,) * channels)
         self._sent = SentCommands()
-        self._commands: dict[int, ThrusterCommand] = {}  # by the count of commands, the number in SentCommands
+        self._commands: dict[int, ThrusterCommand] = {}  # count of commands, the number in SentCommands -> command
         self._count = 0
 
     def record_command(self, command: ThrusterCommand) -> tuple[int, ...]:
-        """Record a command that is sent. Return the pulses (us) to send to the motor controllers."""
+        """Record a command that is sent; return the pulse widths (us) to send to the motor controllers."""
         requested = executable_pulses(command)
         self._count += 1
         self._sent.add_sent(requested, self._count)
@@ -111,7 +110,7 @@ class Answers:
         return requested
 
     def find_command(self, pulses: tuple[int, ...]) -> ThrusterCommand:
-        """Return the command that a round of these pulses (us) answers, with the pulses that were sent for it."""
+        """Return the command that a round with these pulse widths (us) answers, with the pulse widths sent for it."""
         command = self._commands.get(self._sent.match(pulses))
         if command is not None and command is not self.answered:
             self.answered = command

@@ -1,8 +1,8 @@
 """Interfaces of every thruster link: messages, `Wire`, `Protocol`, and `ThrusterLink`, which joins them.
 
-A link joins the vehicle's computer (the *host* end: it sends commands, it receives telemetry) to the
-STM32 that drives the thrusters (the *device* end). Both ends use the same `Wire` and `Protocol`.
-What comes off a wire never raises: it decodes, or it is counted in `Counters` and dropped.
+A link connects the vehicle's computer (the *host* end: sends commands, receives telemetry) with the STM32 that drives
+the thrusters (the *device* end). Both ends use the same `Wire` and `Protocol`. Bytes from a wire never raise an error:
+they are decoded, or counted in `Counters` and dropped.
 """
 
 from abc import ABC, abstractmethod
@@ -12,15 +12,15 @@ from hil.common.clock import NEVER_NS, NS_PER_MS, now_ns
 
 MAX_THRUSTERS = 16
 PWM_NEUTRAL_US = 1500
-RETRY_NS = NS_PER_MS  # between two checks whether the wire is free for a stored command
+RETRY_NS = NS_PER_MS  # between two checks whether the wire can take a stored command
 PWM_MIN_US, PWM_MAX_US = 800, 2200  # a pulse outside is "no output", 0 included
 
 
 class ThrusterCommand(NamedTuple):
-    """Command from the host to the STM32: `pwm_us` are pulse widths in microseconds, one a thruster.
+    """Command from the host to the STM32. `pwm_us` has one pulse width (us) for each thruster.
 
-    `armed` false means neutral outputs whatever the value of `pwm_us`. `sequence` (0..65535, wraps) comes
-    back in the telemetry; delay is measured by that.
+    With `armed` false the outputs are neutral, whatever `pwm_us` is. The telemetry echoes `sequence` (0..65535, wraps),
+    which serves to measure the delay.
     """
 
     sequence: int
@@ -31,8 +31,8 @@ class ThrusterCommand(NamedTuple):
 class ThrusterTelemetry(NamedTuple):
     """Report of the STM32: the pulse widths that it applies now, and its counters.
 
-    `sequence` is that of the last command applied; `age_us` the time between applying it and sending
-    this message; `watchdog_trips`, `frames` and `errors` count since power-up and wrap at 65536.
+    `sequence` is the sequence number of the last command applied, `age_us` the time from its application to the sending
+    of this message. `watchdog_trips`, `frames` and `errors` count since power-up and wrap at 65536.
     """
 
     sequence: int
@@ -47,25 +47,25 @@ class ThrusterTelemetry(NamedTuple):
 
 Message = ThrusterCommand | ThrusterTelemetry
 
-_WRAP = 0x10000  # of `sequence` and `frames`
-_MOST_READS = 256  # of unread bytes: more than any wire buffers, so that a flood does not block the caller
-_AHEAD = 100  # commands that `frames` may be ahead of `sequence`, where the two are not of one message
+_WRAP = 0x10000  # modulus of `sequence` and `frames`
+_MOST_READS = 256  # reads of unread bytes: more than any wire buffers, yet limited, so that a flood does not block
+_AHEAD = 100  # commands by which `frames` may be ahead of `sequence`, where the two come in different messages
 
 
 def is_overtaken(report: ThrusterTelemetry, newest: ThrusterTelemetry) -> bool:
-    """Return whether `report` is older than `newest`, which arrived first: UDP does not preserve the order.
+    """Return whether `report` is older than `newest`, which arrived first; UDP does not preserve the order.
 
-    It echoes an older command and has counted fewer; what has just started has counted none, and is disarmed.
+    An older report echoes an older command and has a lower count. After a start the count is 0 and the STM32 disarmed.
     """
     behind = (newest.sequence - report.sequence) % _WRAP, (newest.frames - report.frames) % _WRAP
     return all(0 < step < _WRAP // 2 for step in behind) and (report.armed or report.frames > 0)
 
 
 def has_restarted(report: ThrusterTelemetry, newest: ThrusterTelemetry) -> bool:
-    """Return whether the STM32 restarted between `newest` and `report`, which is not overtaken.
+    """Return whether the STM32 restarted between `newest` and the later `report`.
 
-    From one report to the next it counts no more commands than were sent, unless it begins at 0 again. A report from
-    before its first command has sequence 0 too, so that its sequence shows nothing.
+    Without a restart, its count grows by at most the number of commands sent. The sequence number of a report from
+    before the first command is 0 and is not used.
     """
     counted, sent = (report.frames - newest.frames) % _WRAP, (report.sequence - newest.sequence) % _WRAP
     if report.frames == 0 and not report.armed:
@@ -88,13 +88,13 @@ class Counters:
     )
 
     def __init__(self) -> None:
-        self.bytes_in = 0  # off the wire
-        self.bytes_out = 0  # onto the wire
+        self.bytes_in = 0  # read from the wire
+        self.bytes_out = 0  # written to the wire
         self.messages_in = 0  # decoded
         self.messages_out = 0  # encoded
         self.replaced = 0  # commands that were not sent, because a newer one came while the wire was busy
-        self.checksum_errors = 0  # frames whose checksum was wrong
-        self.malformed = 0  # checksum right, contents not (unknown message, impossible count)
+        self.checksum_errors = 0  # frames with a wrong checksum
+        self.malformed = 0  # frames with a right checksum but invalid content (unknown message, impossible count)
         self.dropped_bytes = 0  # bytes between frames, or refused by a full wire
 
 
@@ -102,7 +102,7 @@ class Wire(ABC):
     """A two-way stream of bytes. Never blocks: bytes that cannot be written now are dropped and counted."""
 
     name: str  # for messages to a person: a device path or an address
-    record_size = 1  # bytes; it reads and writes multiples of this size
+    record_size = 1  # bytes; reads and writes are multiples of this size
 
     @abstractmethod
     def fileno(self) -> int:
@@ -110,84 +110,84 @@ class Wire(ABC):
 
     @abstractmethod
     def read(self) -> bytes:
-        """Return the received bytes, b"" if there are none. Raises DeviceError when the device is lost."""
+        """Return the received bytes, b"" if there are none. Raises DeviceError if the device is lost."""
 
     @abstractmethod
     def write(self, data: bytes) -> int:
-        """Write `data`; return the number of bytes accepted. Raises DeviceError when the device is lost."""
+        """Write `data`; return the number of bytes accepted. Raises DeviceError if the device is lost."""
 
     def unsent(self) -> int:
-        """Return how many bytes `write` accepted that are not sent yet; 0 where that cannot be known."""
+        """Return how many accepted bytes are not sent yet; 0 if this is unknown."""
         return 0
 
     def discard_unsent(self) -> None:
-        """Discard the bytes that `unsent` counts, where that is possible; a message that is being sent is cut."""
+        """Discard the bytes that `unsent` counts, if possible; this may cut a message that is being sent."""
         return
 
     def fault_counts(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Return how often each injected fault struck what was sent and what was received; empty without faults."""
+        """Return how often each injected fault affected sent and received data; empty without faults."""
         return {}, {}
 
     @abstractmethod
     def close(self) -> None:
-        """Close the device. Closing twice is harmless."""
+        """Close the device. May be called twice."""
 
 
 class Protocol(ABC):
-    """Encoder and decoder of messages at one end of a link; stores the beginning of an unfinished frame."""
+    """Encoder and decoder of messages at one end of a link; it stores the start of an incomplete frame."""
 
     counters: Counters
-    deadline_ns = NEVER_NS  # when (monotonic ns) `tick` has to be called
+    deadline_ns = NEVER_NS  # monotonic time at which `tick` has to be called
 
     @abstractmethod
     def encode(self, message: Message) -> bytes:
         """Return the bytes of `message`."""
 
     def encode_settled(self, message: Message) -> bytes:
-        """Return the bytes of `message` once both ends agree, without what only a disagreement needs."""
+        """Return the bytes of `message` without optional parts, which are needed only until both ends agree."""
         return self.encode(message)
 
     @abstractmethod
     def feed(self, data: bytes) -> list[Message]:
-        """Return the messages that `data`, or time, completes, in order. Never raises: noise is counted and dropped."""
+        """Return the messages that are complete with `data`, in order. Never raises: noise is counted and dropped."""
 
     def replies(self) -> bytes:
         """Return the protocol's own answers since the last call, for example acknowledgements."""
         return b""
 
     def tick(self, now_ns: int) -> bytes:
-        """Return what the protocol itself sends at `now_ns` (monotonic), for example heartbeats."""
+        """Return the bytes that the protocol itself sends at `now_ns` (monotonic), for example heartbeats."""
         return b""
 
     def motor_values(self, thruster: int) -> dict[str, float]:
-        """Return what the controller of a thruster, from 0, last reported of its motor, by unit; mostly nothing."""
+        """Return the last values that a thruster's (from 0) controller has reported, by unit; often empty."""
         return {}
 
 
 class SentCommands:
     """Find the command that a report answers, for protocols whose reports carry no sequence number.
 
-    That is the newest command sent whose pulses the report shows. A report that shows none of the last `DEPTH`
-    commands leaves the answer unchanged. Commands of equal pulses cannot be distinguished.
+    It is the newest command whose pulse widths equal those of the report. A report that matches none of the last
+    `DEPTH` commands leaves the answer unchanged. Commands with equal pulse widths cannot be distinguished.
     """
 
     DEPTH = 64
 
     def __init__(self) -> None:
         self._sent: list[tuple[tuple[int, ...], int]] = []
-        self.answered = 0  # sequence of the last command that a report has shown
+        self.answered = 0  # sequence number of the last command that a report has matched
 
     def add_sent(self, pulses: tuple[int, ...], sequence: int) -> None:
-        """Record a command that is sent; `pulses` (us) are its pulses as a report rounds them."""
+        """Record a command that is sent; `pulses` are its pulse widths (us), rounded as in a report."""
         self._sent.append((pulses, sequence))
         del self._sent[: -self.DEPTH]
 
     def match(self, pulses: tuple[int, ...]) -> int:
-        """Return the sequence number of the command that a report of `pulses` (us) answers."""
+        """Return the sequence number of the command that a report with these pulse widths (us) answers."""
         for place in range(len(self._sent) - 1, -1, -1):
             if self._sent[place][0] == pulses:
                 self.answered = self._sent[place][1]
-                del self._sent[:place]  # no later report answers an older one
+                del self._sent[:place]  # no later report can answer an older command
                 break
         return self.answered
 
@@ -195,9 +195,9 @@ class SentCommands:
 class ThrusterLink:
     """One end of a thruster link: a protocol on a wire.
 
-    At most one command is unsent at any time. While the wire still sends an older one, the newest is stored here and
-    replaces any stored before; `tick` sends it when the wire is free. A command that disarms goes first: what is unsent
-    is discarded. So an old command never resets the STM32's watchdog.
+    At most one command is unsent at any time. While the wire is still sending a command, the newest further one is
+    stored here and replaces any before it; `tick` sends it when the wire is free. A command that disarms goes first:
+    unsent bytes are discarded. So an old command never resets the STM32's watchdog.
     """
 
     def __init__(self, wire: Wire, protocol: Protocol) -> None:
@@ -205,16 +205,16 @@ class ThrusterLink:
         self.protocol = protocol
         self.counters = protocol.counters
         self._held: ThrusterCommand | None = None
-        self._retry_ns = NEVER_NS  # when the wire may be free for the stored command
+        self._retry_ns = NEVER_NS  # when to check again whether the wire is free for the stored command
         self._is_armed = False  # `armed` of the last command that was written
 
     @property
     def deadline_ns(self) -> int:
-        """Return when (monotonic ns) `tick` has to be called."""
+        """Monotonic time (ns) at which `tick` has to be called."""
         return min(self.protocol.deadline_ns, self._retry_ns)
 
     def send(self, message: Message) -> None:
-        """Encode and write `message`, or store a command while an older one is unsent. Raises DeviceError."""
+        """Encode and write `message`; store a command instead while an older one is unsent. Raises DeviceError."""
         if isinstance(message, ThrusterCommand) and not self._may_send(message):
             self._held, self._retry_ns = message, now_ns() + RETRY_NS
             return
@@ -222,8 +222,8 @@ class ThrusterLink:
         self._write(self.protocol.encode(message))
 
     def receive(self) -> list[Message]:
-        """Return all received messages. Raises DeviceError when the wire is lost."""
-        data = self.wire.read()  # fed even if empty: a protocol may wait for an instant
+        """Return all received messages. Raises DeviceError if the wire is lost."""
+        data = self.wire.read()  # decoded even if empty, because a protocol may act by time
         counters, protocol = self.counters, self.protocol
         counters.bytes_in += len(data)
         messages = protocol.feed(data)
@@ -234,7 +234,7 @@ class ThrusterLink:
         return messages
 
     def discard_received(self) -> None:
-        """Discard and count the bytes that were received but not read. Raises DeviceError when the wire is lost."""
+        """Discard and count received bytes that were not read. Raises DeviceError if the wire is lost."""
         for _ in range(_MOST_READS):
             data = self.wire.read()
             if not data:
@@ -242,7 +242,7 @@ class ThrusterLink:
             self.counters.dropped_bytes += len(data)
 
     def tick(self, now: int) -> None:
-        """Send what is due at `now` (monotonic ns), stored commands first. Raises DeviceError when the wire is lost."""
+        """Send what is due at `now` (monotonic ns), a stored command first. Raises DeviceError if the wire is lost."""
         if self._held and now >= self._retry_ns:
             self.send(self._held)
         if now >= self.protocol.deadline_ns:
@@ -253,7 +253,7 @@ class ThrusterLink:
         self.wire.close()
 
     def _may_send(self, command: ThrusterCommand) -> bool:
-        """Return whether `command` can be written now; discard what is unsent for one that disarms."""
+        """Return whether `command` can be written now; discard unsent bytes if it disarms."""
         if command is not self._held:
             self._drop_held()
         if self._is_armed and not command.armed:

@@ -6,13 +6,13 @@ from hil.links.address import Address
 from hil.links.contract import PWM_NEUTRAL_US, Protocol, ThrusterCommand
 from hil.links.wires.faults import line_bits
 
-USABLE = 0.9  # of a line; heartbeats and the like take the rest
+USABLE = 0.9  # share of a line; heartbeats and the like take the rest
 
 
 def line_speed(address: Address, baud: int, bitrate: int, faults_baud: int = 0) -> tuple[int, str]:
-    """Return the speed (bit/s) of the slowest part of a link and the key of [link] that sets it, (0, "") for no limit.
+    """Return the speed (bit/s) of a link's slowest part, and the key of [link] that sets it; (0, "") without a limit.
 
-    baud: of a serial device; bitrate: of a CAN bus; faults_baud: of `[link.faults]`, 0 for none.
+    baud: for a serial device; bitrate: for a CAN bus; faults_baud: of `[link.faults]`, 0 for none.
     """
     speeds = [(faults_baud, "faults.baud")] if faults_baud else []
     if address.kind in ("uart", "rs485"):
@@ -23,10 +23,10 @@ def line_speed(address: Address, baud: int, bitrate: int, faults_baud: int = 0) 
 
 
 def validate_rate(protocol: Protocol, channels: int, address: Address, speed: int, rate: float) -> str | None:
-    """Return why a line of `speed` bit/s cannot carry `rate` commands a second for so many channels, None if it can.
+    """Return why a line of `speed` bit/s cannot carry `rate` commands a second for these channels; None if it can.
 
-    protocol: a host's end that is not used for anything else. Only commands are counted: telemetry has a line of its
-    own on a UART, and on a CAN bus it comes on top.
+    protocol: a host's end that is used for nothing else. Only commands are counted: telemetry has its own line on a
+    UART, and is additional load on a CAN bus.
     """
     neutral = ThrusterCommand(0, False, (PWM_NEUTRAL_US,) * channels)
     data = protocol.encode_settled(neutral)

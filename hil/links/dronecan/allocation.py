@@ -1,8 +1,8 @@
 """Dynamic allocation of DroneCAN node numbers: the requesting node, and a small allocator.
 
-Source: the rules A to E and the times in the definition of uavcan.protocol.dynamic_node_id.Allocation
-(github.com/dronecan/DSDL), and the specification, 6. Application level functions. A request carries only 6
-bytes of the node's 16-byte unique id, so it takes three; the allocator answers each with the bytes received so far.
+Source: rules A to E and the times in the definition of uavcan.protocol.dynamic_node_id.Allocation
+(github.com/dronecan/DSDL), and the specification, 6. Application level functions. A request carries only 6 bytes of the
+node's 16-byte unique id, so three are needed; the allocator answers each with the bytes received so far.
 """
 
 import os
@@ -17,7 +17,7 @@ REQUEST_PERIOD_NS = (600 * MS, 1000 * MS)
 FOLLOWUP_DELAY_NS = (0, 400 * MS)
 FOLLOWUP_TIMEOUT_NS = 500 * MS
 MAX_PART = 6  # bytes of unique id in a request
-MAX_DYNAMIC_ID = MAX_NODE_ID - 2  # the last two are for tools
+MAX_DYNAMIC_ID = MAX_NODE_ID - 2  # the last two numbers are reserved for tools
 
 
 def _random_unit() -> float:
@@ -29,15 +29,15 @@ class Allocatee:
 
     def __init__(self, unique_id: bytes, preferred: int, random_unit: Callable[[], float] = _random_unit) -> None:
         self.node_id = 0
-        self.due_ns = 0  # when `request` has to be called
+        self.due_ns = 0  # time at which `request` has to be called
         self._unique_id = unique_id
         self._preferred = preferred
         self._random_unit = random_unit
         self._confirmed = 0  # bytes of the unique id that the allocator has received
-        self._delay: tuple[int, int] | None = REQUEST_PERIOD_NS  # to be drawn from at the next call
+        self._delay: tuple[int, int] | None = REQUEST_PERIOD_NS  # range of a random delay that begins at the next call
 
     def on_allocation(self, source: int, received: Allocation) -> None:
-        """Process an Allocation message from the node `source` (0: another node that requests a number)."""
+        """Process an Allocation message from the node `source`; 0 is another node that requests a number."""
         self._confirmed, self._delay, self.due_ns = 0, REQUEST_PERIOD_NS, 0  # rule C
         if not source or not self._unique_id.startswith(received.unique_id):
             return
@@ -49,7 +49,7 @@ class Allocatee:
             self.due_ns = NEVER_NS
 
     def request(self, now_ns: int) -> Allocation | None:
-        """Return the request that is due at `now_ns`, None if none is."""
+        """Return the request that is due at `now_ns`; None if none is."""
         if self._delay is not None:
             self._wait(now_ns, self._delay)
             return None
@@ -67,25 +67,25 @@ class Allocatee:
 
 
 class Allocator:
-    """Allocate node numbers; each unique id gets the same number as long as the allocator runs.
+    """Allocate node numbers. A unique id gets the same number as long as the allocator runs.
 
-    It never allocates a number that it has seen in use. It does not request the unique ids of other nodes, so it is
-    for a bus on which nothing else has a dynamic number; the specification requires more of a bus-wide allocator.
+    A number that was seen on the bus is not allocated. The allocator does not ask other nodes for their unique ids, so
+    it is for a bus without other dynamic numbers; the specification requires more of a bus-wide allocator.
     """
 
     def __init__(self) -> None:
-        self.due_ns = NEVER_NS  # when `expire` has to be called
-        self._known = b""  # of the unique id whose node is asking
-        self._fresh = False  # the part came after the last call of `expire`
+        self.due_ns = NEVER_NS  # time at which `expire` has to be called
+        self._known = b""  # part of the requesting node's unique id that was received so far
+        self._fresh = False  # a part was received since the last call of `expire`
         self._given: dict[bytes, int] = {}
         self._taken: set[int] = set()
 
     def see(self, node_id: int) -> None:
-        """Record that a node of that number is on the bus."""
+        """Record that a node with this number is on the bus."""
         self._taken.add(node_id)
 
     def answer(self, request: Allocation) -> Allocation | None:
-        """Return the answer to an anonymous request, None if there is none."""
+        """Return the answer to an anonymous request; None if there is none."""
         if request.first_part:
             self._known = b""
         elif not self._known:
@@ -101,7 +101,7 @@ class Allocator:
         return Allocation(node_id, False, unique_id) if node_id else None
 
     def expire(self, now_ns: int) -> None:
-        """Forget an exchange that has not continued for too long."""
+        """Discard an incomplete exchange after its timeout."""
         if self._fresh:
             self._fresh = False
             self.due_ns = now_ns + FOLLOWUP_TIMEOUT_NS
@@ -110,7 +110,7 @@ class Allocator:
             self.due_ns = NEVER_NS
 
     def _node_id(self, unique_id: bytes, preferred: int) -> int:
-        """Return the number of that node: as before, or the first free one in the order of the definition; 0: none."""
+        """Return the number of a unique id: its previous one, or the first free one in specified order; 0 if none."""
         if unique_id not in self._given:
             start = preferred if 0 < preferred <= MAX_DYNAMIC_ID else MAX_DYNAMIC_ID
             order = (*range(start, MAX_DYNAMIC_ID + 1), *range(start - 1, 0, -1))

@@ -48,7 +48,7 @@ ZERO_C_K = 273.15
 
 
 class DroneCanDevice(DroneCanNode):
-    """Device end. `motor_values` returns what its motor controllers measure, `battery_values` the battery."""
+    """Device end. `motor_values` returns the values that motor controllers measure, `battery_values` the battery's."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class DroneCanDevice(DroneCanNode):
         self._listen(ALLOCATION, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
-        """Return a report as one esc.Status a thruster, behind NodeStatus if that changes; only reports are encoded."""
+        """Return a report as one esc.Status a thruster, after NodeStatus if that changes; encodes reports only."""
         assert isinstance(message, ThrusterTelemetry)
         code = message.watchdog_trips << TRIPS_SHIFT & WRAP | message.timed_out * TIMED_OUT | message.armed * ARMED
         output = []
@@ -102,7 +102,7 @@ class DroneCanDevice(DroneCanNode):
         return b"".join(output)
 
     def tick(self, now_ns: int) -> bytes:
-        """Return NodeStatus and BatteryInfo, or requests for a node number until there is one."""
+        """Return NodeStatus and BatteryInfo if due; while the node has no number, requests for one."""
         if self._is_restarting:
             self._start()
         output = super().tick(now_ns)
@@ -112,7 +112,7 @@ class DroneCanDevice(DroneCanNode):
         return output
 
     def _start(self) -> None:
-        """Begin as after power-up, with the parameters that are stored."""
+        """Start as after power-up, with the stored parameters."""
         self._is_restarting = False
         self._started_ns = -1
         self.vendor_code, self.health = 0, HEALTH_OK
@@ -124,13 +124,13 @@ class DroneCanDevice(DroneCanNode):
         self._enter(node_id)
 
     def _on_parameters(self) -> None:
-        """Apply parameters that may have changed; a node number is one of the next start."""
+        """Apply parameters that may have changed; a node number takes effect at the next start."""
         self._rpm_per_us = self.parameters["FULL_RPM"] / SPAN_US
         self._require_arming = bool(self.parameters["REQUIRE_ARMING"])
         self._first = int(self.parameters["ESC_INDEX"])
 
     def _restart(self) -> ThrusterCommand:
-        """Restart at the next tick, when this is answered; the thrusters stop now."""
+        """Stop the thrusters now; restart at the next tick, after the request was answered."""
         self._is_restarting = True
         self.deadline_ns = 0
         return ThrusterCommand(0, False, self._neutral)
@@ -148,7 +148,7 @@ class DroneCanDevice(DroneCanNode):
         return EscStatus(errors, *values, round(microseconds * self._rpm_per_us), percent, index + self._first)
 
     def _extended(self) -> bytes:
-        """Return a StatusExtended of each thruster; a propeller's angle is not known here, and 0."""
+        """Return a StatusExtended for each thruster; the propeller angle is unknown and sent as 0."""
         output = []
         for index, pulse in enumerate(self._pulses):
             percent = round(100 * abs(deflection(pulse)) / SPAN_US)
@@ -171,7 +171,7 @@ class DroneCanDevice(DroneCanNode):
         return self._command([PWM_NEUTRAL_US + min(max(value, -SPAN_US), SPAN_US) for value in deflections])
 
     def _command(self, pulses: list[int]) -> ThrusterCommand:
-        """Return the command with these pulses (us); thrusters that it leaves out stop."""
+        """Return the command with these pulse widths (us); thrusters beyond their number stop."""
         return ThrusterCommand(0, self._armed, (*pulses, *self._neutral[len(pulses) :]))
 
     def _on_arming(self, transfer: Transfer) -> ThrusterCommand | None:

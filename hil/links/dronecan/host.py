@@ -47,9 +47,9 @@ class DroneCanHost(DroneCanNode):
         self.extended: dict[int, EscStatusExtended] = {}
         self._answers = Answers(channels)
         self._rounds = Rounds(channels)
-        self._statuses: dict[int, EscStatus] = {}  # the last of each thruster
-        self._errors = [0] * channels  # the error count of each controller
-        self._codes: dict[int, int] = {}  # a node's vendor-specific status code, by number
+        self._statuses: dict[int, EscStatus] = {}  # thruster -> last status
+        self._errors = [0] * channels  # error count of each controller
+        self._codes: dict[int, int] = {}  # node number -> vendor-specific status code
         self._armed = False
         self._repeat("arming", ARMING_PERIOD_NS, self._arming)
         self._listen(ESC_STATUS, self._on_esc)
@@ -62,14 +62,14 @@ class DroneCanHost(DroneCanNode):
             self._listen(ALLOCATION, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
-        """Return a command as RawCommand, behind ArmingStatus if that changes; only commands are encoded."""
+        """Return a command as RawCommand or RPMCommand, after ArmingStatus if that changes; encodes commands only."""
         assert isinstance(message, ThrusterCommand)
         pulses = self._answers.record_command(message)
         output = b""
         if message.armed != self._armed:
             self._armed = message.armed
             output = self._arming()
-        before = [0] * self._first  # controllers that are not ours
+        before = [0] * self._first  # zero output for controllers that are not ours
         if self._commands_rpm:
             rpm = [round((pulse - PWM_NEUTRAL_US) / self._us_per_rpm) for pulse in pulses]
             return output + self._broadcast(RPM_COMMAND, PRIORITY_HIGH, pack_rpm_command(before + rpm))

@@ -1,28 +1,28 @@
 """Thrusters on DroneCAN: the host as a flight controller, the STM32 as a node that drives all thrusters.
 
-    host    RawCommand (1030) for each command, ArmingStatus (1100) on change and twice a second, as ArduPilot
+    host    RawCommand (1030) for each command, ArmingStatus (1100) on change and twice a second, as ArduPilot does;
             or RPMCommand (1031), with `command = "rpm"`
     device  esc.Status (1034) of each thruster for each report, StatusExtended (1036) once a second, BatteryInfo (1092)
     both    NodeStatus (341) once a second, Allocation (1); the services GetNodeInfo (1), GetTransportStats (4),
             ExecuteOpcode (10), GetSet (11), RestartNode (5), which the host refuses
 
-The device has the parameters CAN_NODE, ESC_INDEX, FULL_RPM and REQUIRE_ARMING. The first one holds from the next start
-on. RestartNode stops the thrusters and begins as after power-up with what is stored; the board's counters go on.
+The device has the parameters CAN_NODE, ESC_INDEX, FULL_RPM and REQUIRE_ARMING. CAN_NODE takes effect at the next start.
+RestartNode stops the thrusters and starts as after power-up, with the stored parameters; counters are not reset.
 
-Thruster i is `esc_index` i behind that of the first. An output of +-8191 is 1900 and 1100 us; in between it is exact to
-1 us. What is beyond is clamped, and no pulse at all is 0, "no rotation", as DroneCAN has nothing weaker. A disarmed
-host sends zeros besides ArmingStatus 0, for controllers without arming.
+Thruster i has the ESC index `esc_index` + i. An output of +-8191 is 1900 and 1100 us; values in between are exact to
+1 us. Values beyond are limited. "No output" is sent as 0, "no rotation", as DroneCAN has nothing weaker. A disarmed
+host sends zeros in addition to ArmingStatus 0, for controllers without arming.
 
-The device applies ArmingStatus as the motor controllers of AM32 do (REQUIRE_ARMING, 1 by default): without
-FULLY_ARMED received, commands leave the outputs neutral; DISARMED ends them at once; FULLY_ARMED alone starts
-nothing and has no time-out of its own: a pause of RawCommand ends all (AM32: 250 ms; here: the STM32's
-watchdog). A RawCommand that is too short stops the thrusters it leaves out, a longer one is also for others.
+The device applies ArmingStatus as AM32 motor controllers do (REQUIRE_ARMING, 1 by default). Before FULLY_ARMED was
+received, commands leave the outputs neutral. DISARMED stops the outputs at once. FULLY_ARMED alone starts nothing and
+has no timeout of its own: a pause of RawCommand stops the outputs (AM32: 250 ms; here: the STM32's watchdog). A short
+RawCommand stops the thrusters it leaves out; a longer one also addresses other controllers.
 
-The rpm of a status gives the pulse, in proportion to `full_rpm` at 1900 us: what our device reports is the
-command, exact to 1 us; the true speed of another device gives an approximate pulse, which answers no command.
-Arming, time-outs and trips are in our device's NodeStatus, sent at once when they change; its
-`vendor_code` has bit 0 armed, bit 1 timed out, and trips of the watchdog from bit 2 up, modulo 2^14.
-DroneCAN carries neither sequence number nor age: the first is inferred, the second is 0.
+The rpm of a status gives the pulse width, proportional to `full_rpm` at 1900 us. Our device reports the commanded
+value, exact to 1 us. Another device reports the true speed, which gives an approximate pulse width that matches no
+command. Our device's NodeStatus, sent at once on change, has arming, timeouts and watchdog trips in `vendor_code`: bit
+0 armed, bit 1 timed out, from bit 2 up the trips modulo 2^14. DroneCAN carries neither sequence number nor age: the
+first is inferred, the second is 0.
 
 Source of the AM32 behaviour: github.com/am32-firmware/AM32, Src/DroneCAN/DroneCAN.c.
 """
@@ -41,7 +41,7 @@ from hil.links.protocols import Role
 def open_dronecan(role: Role, channels: int, **settings: Any) -> Protocol:
     """Return one end's protocol. `settings` are those of HostSettings or DeviceSettings, and the device's two hooks.
 
-    Raises ConfigError if a setting is wrong or there are more thrusters than a link carries.
+    Raises ConfigError if a setting is wrong or there are too many thrusters for a link.
     """
     if not 0 < channels <= MAX_THRUSTERS:
         raise ConfigError(f"protocol dronecan: carries 1 to {MAX_THRUSTERS} thrusters, not {channels}")

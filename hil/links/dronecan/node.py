@@ -46,7 +46,7 @@ from hil.links.dronecan.types import (
 from hil.links.wires.can_frame import RECORD_SIZE, unpack_frames
 
 STATUS_PERIOD_NS = NS_PER_S
-# As libcanard names them: lower goes first on the bus.
+# Names as in libcanard; on the bus the lower value has priority.
 PRIORITY_HIGH, PRIORITY_MEDIUM, PRIORITY_LOW = 8, 16, 24
 
 
@@ -58,10 +58,10 @@ class Periodic(NamedTuple):
 
 
 class DroneCanNode(Protocol):
-    """A node with the number `node_id`; 0: none yet, and then it only receives.
+    """A node with the number `node_id`; with 0 it has none yet and only receives.
 
-    Its clock is that of `tick`, which has to be called at `deadline_ns`: the time-outs of unfinished transfers are
-    no finer than these calls.
+    Its clock is that of `tick`, which has to be called at `deadline_ns`; this limits the resolution of timeouts of
+    incomplete transfers.
     """
 
     def __init__(self, node_id: int, info: NodeInfo) -> None:
@@ -114,7 +114,7 @@ class DroneCanNode(Protocol):
         return output
 
     def tick(self, now_ns: int) -> bytes:
-        """Return all that is due at `now_ns` (monotonic)."""
+        """Return everything that is due at `now_ns` (monotonic)."""
         self._now_ns = now_ns
         if self._started_ns < 0:
             self._started_ns = now_ns
@@ -150,7 +150,7 @@ class DroneCanNode(Protocol):
         self._handlers[key] = handler
 
     def _broadcast(self, kind: DataType, priority: int, payload: bytes) -> bytes:
-        """Return the frames of a message; none if the node has no number."""
+        """Return the frames of a message; b"" if the node has no number."""
         if not self.node_id:
             return b""
         can_id = frame_id(message_key(kind), priority, self.node_id)
@@ -210,5 +210,5 @@ class DroneCanNode(Protocol):
         """Apply parameters that may have changed."""
 
     def _restart(self) -> Message | None:
-        """Restart at the next tick, and return what stops the thrusters; None: this node does not restart."""
+        """Restart at the next tick; return the command that stops the thrusters, None if this node cannot restart."""
         return None

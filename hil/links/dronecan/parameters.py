@@ -1,7 +1,7 @@
-"""Parameters of a DroneCAN node: their values, limits and defaults, and what of them is stored.
+"""Parameters of a DroneCAN node: values, limits, defaults and stored values.
 
-A value that is set holds at once. It is stored when ExecuteOpcode asks for it, and read again when the node restarts:
-in a file, or, without one, for as long as the process runs.
+A new value takes effect at once. ExecuteOpcode stores it, and a restart of the node reads the stored values. They are
+stored in a file, or without one in memory as long as the process runs.
 """
 
 import json
@@ -14,14 +14,14 @@ from hil.links.dronecan.services import ERASE, SAVE, Description, GetSet, Value
 
 
 class Parameter(NamedTuple):
-    """One parameter; the type of its default is its own. A bool has no limits."""
+    """One parameter, with the type of its default. A bool has no limits."""
 
     name: str
     default: int | float | bool
     limits: tuple[float, float] | None = None
 
     def accept(self, value: Value) -> int | float | bool | None:
-        """Return a value in the parameter's type; None for one that it cannot have."""
+        """Return a value converted to the parameter's type; None if it is invalid."""
         if isinstance(value, str) or value is None or not isfinite(value):
             return None
         if isinstance(self.default, bool):
@@ -33,7 +33,7 @@ class Parameter(NamedTuple):
 
 
 class ParameterStore:
-    """The parameters of a node, in the order of their names. Raises ConfigError for a stored file that is none."""
+    """The parameters of a node, sorted by name. Raises ConfigError if the file of stored values is invalid."""
 
     def __init__(self, parameters: tuple[Parameter, ...] = (), path: str = "") -> None:
         self._parameters = {each.name: each for each in sorted(parameters)}
@@ -46,11 +46,11 @@ class ParameterStore:
         return self._values[name]
 
     def restart(self) -> None:
-        """Let each have its stored value, or its default."""
+        """Set each parameter to its stored value, or else its default."""
         self._values = {name: self._stored.get(name, each.default) for name, each in self._parameters.items()}
 
     def answer(self, request: GetSet) -> Description:
-        """Set a parameter if a value is given that it can have, and describe it as it is then."""
+        """Set a parameter if the request has a valid value; return the description with its present value."""
         names = list(self._parameters)
         name = request.name or (names[request.number] if request.number < len(names) else "")
         parameter = self._parameters.get(name)
@@ -63,7 +63,7 @@ class ParameterStore:
         return Description(name, self._values[name], parameter.default, most, least)
 
     def execute(self, opcode: int | None) -> bool:
-        """Store all, or forget what is stored and return to the defaults; return whether it was done."""
+        """Store all values, or delete the stored values and return to the defaults; return whether this succeeded."""
         if opcode == SAVE:
             stored = dict(self._values)
         elif opcode == ERASE:

@@ -1,6 +1,6 @@
-"""Services of DroneCAN nodes besides GetNodeInfo: parameters, restart and statistics, packed and unpacked by hand.
+"""Services of DroneCAN nodes besides GetNodeInfo: parameters, restart and statistics.
 
-Source: as of hil.links.dronecan.types. A decoder returns None for bytes that cannot be of its type.
+Source: as in hil.links.dronecan.types. Decoders return None for bytes that are not of their type.
 """
 
 from struct import Struct, error
@@ -8,21 +8,21 @@ from typing import NamedTuple
 
 from hil.links.dronecan.transfer import data_type
 
-GET_TRANSPORT_STATS = data_type(4, 0xBE6F_76A7_EC31_2B04, 0)  # sizes are those of the requests
+GET_TRANSPORT_STATS = data_type(4, 0xBE6F_76A7_EC31_2B04, 0)  # the sizes are those of the requests
 RESTART_NODE = data_type(5, 0x569E_0539_4A30_17F0, 5)
 EXECUTE_OPCODE = data_type(10, 0x3B13_1AC5_EB69_D2CD, 7)
 GET_SET = data_type(11, 0xA7B6_22F9_39D1_A4D5, 224)
 
 RESTART_MAGIC = 0xACCE_551B_1E
 SAVE, ERASE = 0, 1
-_EMPTY, _INTEGER, _REAL, _BOOLEAN, _STRING = range(5)  # tags of a Value; of a NumericValue the first three
+_EMPTY, _INTEGER, _REAL, _BOOLEAN, _STRING = range(5)  # tags of a Value; a NumericValue has the first three
 _INT64, _FLOAT32 = Struct("<q"), Struct("<f")
 
 Value = int | float | bool | str | None
 
 
 class GetSet(NamedTuple):
-    """A request to uavcan.protocol.param.GetSet: `value` None reads; the name counts before the number."""
+    """A request to uavcan.protocol.param.GetSet. `value` None means read; a name takes precedence over the number."""
 
     number: int
     value: Value
@@ -30,7 +30,7 @@ class GetSet(NamedTuple):
 
 
 class Description(NamedTuple):
-    """The answer to GetSet: without a name there is no such parameter; a bool has no limits."""
+    """The answer to GetSet. An empty name means that the parameter is unknown; a bool has no limits."""
 
     name: str = ""
     value: Value = None
@@ -51,7 +51,7 @@ class TransportStats(NamedTuple):
 
 
 def unpack_get_set(payload: bytes) -> GetSet | None:
-    """Return a request for a parameter."""
+    """Return a GetSet request; None for invalid bytes."""
     if len(payload) < 2:
         return None
     number, tag, rest = payload[0] | payload[1] >> 3 << 8, payload[1] & 7, payload[2:]
@@ -78,7 +78,7 @@ def _value(tag: int, data: bytes) -> tuple[Value, int]:
 
 
 def _packed(value: Value) -> bytes:
-    """Return a value with its tag in a byte."""
+    """Return a value as bytes, after its tag."""
     if value is None:
         return bytes((_EMPTY,))
     if isinstance(value, bool):
@@ -98,7 +98,7 @@ def pack_description(answer: Description) -> bytes:
 
 
 def unpack_opcode(payload: bytes) -> int | None:
-    """Return what ExecuteOpcode asks for; its argument is reserved."""
+    """Return the opcode of an ExecuteOpcode request; None for a wrong length. Its argument is reserved."""
     return payload[0] if len(payload) == EXECUTE_OPCODE.max_size else None
 
 

@@ -8,14 +8,14 @@ from hil.common.schema import Range
 from hil.links.dronecan.transfer import MAX_NODE_ID
 from hil.links.dronecan.types import UNIQUE_ID_SIZE, BatteryInfo
 
-HOST_ID, DEVICE_ID = 10, 20  # 10 is ArduPilot's too
-MOST_ESCS = 20  # that one RawCommand or RPMCommand has
+HOST_ID, DEVICE_ID = 10, 20  # 10 is also ArduPilot's
+MOST_ESCS = 20  # in one RawCommand or RPMCommand
 FULL_RPM = 3500.0  # a T200 on 16 V at full output (Blue Robotics, T200 public performance data, 2019)
 ARMING_PERIOD_NS = NS_PER_S // 2
-ARMED, TIMED_OUT, TRIPS_SHIFT = 1, 2, 2  # of the vendor-specific status code
+ARMED, TIMED_OUT, TRIPS_SHIFT = 1, 2, 2  # in the vendor-specific status code
 SOFTWARE = (int(__version__.split(".")[0]), int(__version__.split(".")[1]))
 
-# From below, 1 us is 2 rev/min; from above, 2200 us still is an int18.
+# At the lower limit 1 us is 2 rev/min; at the upper limit 2200 us still fits into an int18.
 FULL_RPM_RANGE = 800.0, 74_000.0
 FullRpm = Annotated[float, Range(*FULL_RPM_RANGE)]
 EscIndex = Annotated[int, Range(0, MOST_ESCS - 1)]
@@ -23,7 +23,7 @@ NodeId = Annotated[int, Range(0, MAX_NODE_ID)]
 
 
 class HostSettings(NamedTuple):
-    """Settings of the host end. `own_device` false: the thrusters are others', whose NodeStatus carries no arming."""
+    """Settings of the host end. `own_device` false: the device is not ours, and its NodeStatus carries no arming."""
 
     node_id: Annotated[int, Range(1, MAX_NODE_ID)] = HOST_ID
     full_rpm: FullRpm = FULL_RPM
@@ -34,7 +34,7 @@ class HostSettings(NamedTuple):
     unique_id: str = "7575762d68696c20686f737400000000"
 
     def validate(self) -> str | None:
-        """Return what is wrong with the unique id, None if nothing is."""
+        """Return what is wrong with the unique id; None if it is valid."""
         return _validate_unique_id(self.unique_id)
 
 
@@ -46,13 +46,13 @@ class DeviceSettings(NamedTuple):
     full_rpm: FullRpm = FULL_RPM
     require_arming: bool = True
     esc_index: EscIndex = 0  # of the first thruster
-    stored: str = ""  # file of the parameters that are stored; none: for as long as the process runs
+    stored: str = ""  # file of the stored parameters; without one they last as long as the process
     battery: BatteryInfo | None = None
     battery_period: Annotated[float, Range(0.1, 60.0, "s")] = 1.0
     unique_id: str = "7575762d68696c2073746d3332000001"
 
     def validate(self) -> str | None:
-        """Return what is wrong with the unique id, None if nothing is."""
+        """Return what is wrong with the unique id; None if it is valid."""
         return _validate_unique_id(self.unique_id)
 
 

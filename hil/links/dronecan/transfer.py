@@ -1,9 +1,9 @@
 """DroneCAN transport on CAN 2.0B: split transfers into frames, and reassemble them.
 
-Source: dronecan.github.io, Specification, 4.1 CAN bus transport layer. The last byte of each frame (the
-tail) shows whether it begins and ends a transfer, alternates (toggle), and numbers the transfer modulo 32.
-A transfer of more than 7 bytes takes several frames and begins with a CRC that the data type's signature
-seeds. A frame's 29 bits of identifier are
+Source: dronecan.github.io, Specification, 4.1 CAN bus transport layer. The last byte of each frame, the tail, has flags
+for the start and end of a transfer, a bit that alternates (toggle), and the transfer's number modulo 32. A transfer of
+more than 7 bytes takes several frames and begins with a CRC, whose seed is the data type's signature. The 29-bit
+identifier of a frame is
 
     message    priority 5 | data type 16                    | 0 | source node 7
     anonymous  priority 5 | discriminator 14 | data type 2   | 0 | 0
@@ -12,14 +12,14 @@ seeds. A frame's 29 bits of identifier are
 Not modelled: redundant buses; CAN FD.
 """
 
-from binascii import crc_hqx  # with 0xFFFF to start from: CRC-16/CCITT-FALSE
+from binascii import crc_hqx  # CRC-16/CCITT-FALSE if started with 0xFFFF
 from typing import NamedTuple
 
 from hil.links.contract import Counters
 from hil.links.wires.can_frame import MAX_DATA, CanFrame, pack_frame
 
 MAX_NODE_ID = 127
-START, END, TOGGLE, TRANSFER_ID = 0x80, 0x40, 0x20, 0x1F  # of the tail
+START, END, TOGGLE, TRANSFER_ID = 0x80, 0x40, 0x20, 0x1F  # in the tail
 CHUNK = MAX_DATA - 1
 CRC_SIZE = 2
 CRC_START = 0xFFFF
@@ -30,7 +30,7 @@ TRANSFER_TIMEOUT_NS = 2_000_000_000
 
 
 class DataType(NamedTuple):
-    """A message or service: its number, the CRC of its signature, and the longest payload in bytes."""
+    """A message or service: its number, the CRC of its signature, and its maximum payload in bytes."""
 
     id: int
     seed: int
@@ -38,7 +38,7 @@ class DataType(NamedTuple):
 
 
 class Transfer(NamedTuple):
-    """A complete received transfer; `source` 0 is an anonymous node."""
+    """A complete received transfer; `source` 0 means an anonymous node."""
 
     key: int
     source: int
@@ -53,12 +53,12 @@ def data_type(number: int, signature: int, max_size: int) -> DataType:
 
 
 def message_key(kind: DataType) -> int:
-    """Return the part that the identifiers of all frames of a message type share."""
+    """Return the part of the identifier that all frames of a message type have in common."""
     return kind.id << 1
 
 
 def service_key(kind: DataType, destination: int, request: bool) -> int:
-    """Return the part that the identifiers of all frames of a service to a node share."""
+    """Return the part of the identifier that all frames of a service to or from a node have in common."""
     return kind.id << 9 | request << 8 | destination << 1 | 1
 
 
@@ -85,8 +85,8 @@ def pack_transfer(can_id: int, payload: bytes, transfer_id: int, seed: int) -> b
 def pack_anonymous(kind: DataType, priority: int, payload: bytes, transfer_id: int) -> bytes:
     """Return the frame of a node that has no number yet: at most 7 bytes, of one of the data types 0 to 3.
 
-    The discriminator is the payload's CRC, so two nodes collide on the bus only if they send the same bytes, which
-    does no harm.
+    The discriminator is the payload's CRC. So two nodes collide on the bus only with identical frames, which is
+    harmless.
     """
     discriminator = crc_hqx(payload, CRC_START) & 0x3FFF
     can_id = priority << 24 | discriminator << 10 | (kind.id & 3) << 8
@@ -99,9 +99,9 @@ class _Session:
     __slots__ = ("begun_ns", "payload", "toggle", "transfer_id")
 
     def __init__(self) -> None:
-        self.transfer_id = 0  # of the transfer that is under way, or is next
+        self.transfer_id = 0  # of the present transfer, or of the next one
         self.toggle = 0
-        self.payload: bytes | None = None  # so far; None: none has begun
+        self.payload: bytes | None = None  # received so far; None before the first frame
         self.begun_ns = 0
 
     def reset(self, transfer_id: int) -> None:
@@ -113,9 +113,9 @@ class _Session:
 class Receiver:
     """Reassemble transfers from frames of the registered `kinds`; ignore all others.
 
-    A frame of a registered kind that does not fit (no beginning, a wrong toggle or number, an end that never
-    came, more than the type can hold) is counted in `counters.malformed`, a wrong CRC in
-    `checksum_errors`. There is one session a kind and node, each of at most that kind's longest payload.
+    `counters.malformed` counts frames of a registered kind that do not fit: no start, a wrong toggle or number, a
+    missing end, too many bytes for the type. `checksum_errors` counts wrong CRCs. There is one session for each kind
+    and node, with at most the kind's maximum payload.
     """
 
     def __init__(self, counters: Counters) -> None:
@@ -124,7 +124,7 @@ class Receiver:
         self._sessions: dict[int, _Session] = {}
 
     def feed_frame(self, frame: CanFrame, now_ns: int) -> Transfer | None:
-        """Return the transfer that a frame completes, else None. `now_ns` decides whether an unfinished one expired."""
+        """Return the transfer that a frame completes, else None. `now_ns` is for the timeout of incomplete ones."""
         source = frame.id & MAX_NODE_ID
         key = frame.id >> 7 & 0x1FFFF if source else (frame.id >> 8 & 3) << 1 | (frame.id >> 7 & 1)
         kind = self.kinds.get(key)
@@ -161,17 +161,16 @@ class Receiver:
         return payload if tail & START else self._checked(payload, kind.seed)
 
     def _session(self, descriptor: int, tail: int, now_ns: int) -> _Session:
-        """Return the session of a frame, reset where the specification requires it."""
+        """Return the session of a frame, reset if the specification requires it."""
         session = self._sessions.get(descriptor)
         if session is None:
             session = self._sessions[descriptor] = _Session()
             session.reset(tail & TRANSFER_ID)
             return session
-        is_new = (
-            tail & START and session.transfer_id - tail & TRANSFER_ID > 1
-        )  # neither the awaited nor its predecessor
+        # Neither the expected transfer nor the one before it.
+        is_new = tail & START and session.transfer_id - tail & TRANSFER_ID > 1
         if is_new or now_ns - session.begun_ns > TRANSFER_TIMEOUT_NS:
-            self._counters.malformed += session.payload is not None  # its end never came
+            self._counters.malformed += session.payload is not None  # its end was never received
             session.reset(tail & TRANSFER_ID)
         return session
 

@@ -1,10 +1,10 @@
-"""DroneCAN data types of a thruster link, packed and unpacked by hand.
+"""DroneCAN data types of a thruster link, with their encoders and decoders.
 
-Source of numbers, fields and units: the definitions in github.com/dronecan/DSDL; of the signatures: its
-algorithm (specification, chapter 3), applied to them. A number of more than a byte goes low byte first and
-each byte, also the shortened last one, highest bit first; an array at the very end has no length.
+Source of numbers, fields and units: the definitions in github.com/dronecan/DSDL. The signatures were computed from them
+by the algorithm of the specification, chapter 3. Of a number with more than 8 bits the low byte comes first; each byte,
+also a shorter last one, begins with its highest bit. An array at the end of a message has no length field.
 
-A decoder returns None for bytes that cannot be of its type.
+A decoder returns None for bytes that are not of its type.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ ESC_STATUS = data_type(1034, 0xA9AF_28AE_A2FB_B254, 14)
 STATUS_EXTENDED = data_type(1036, 0x02DC_203C_5096_0EDC, 7)
 BATTERY_INFO = data_type(1092, 0x249C_2654_8A71_1966, 54)
 ARMING_STATUS = data_type(1100, 0x8700_F375_556A_8003, 1)
-GET_NODE_INFO = data_type(1, 0xEE46_8A81_21C4_6A9E, 0)  # its request, which is empty
+GET_NODE_INFO = data_type(1, 0xEE46_8A81_21C4_6A9E, 0)  # of its request, which is empty
 
 FULL_RAW = 8191
 MAX_RPM = (1 << 17) - 1
-DISARMED, FULLY_ARMED = 0, 255  # of ArmingStatus
+DISARMED, FULLY_ARMED = 0, 255  # values of ArmingStatus
 HEALTH_OK, HEALTH_WARNING = 0, 1
 MODE_OPERATIONAL = 0
 BATTERY_IN_USE = 1
@@ -56,7 +56,7 @@ class EscStatus(NamedTuple):
 
 
 class EscStatusExtended(NamedTuple):
-    """uavcan.equipment.esc.StatusExtended: percent of full command and output, the motor in degrees C and degrees."""
+    """uavcan.equipment.esc.StatusExtended: percent of full command and output; motor in °C and degrees."""
 
     input_pct: int
     output_pct: int
@@ -76,7 +76,7 @@ class NodeStatus(NamedTuple):
 
 
 class NodeInfo(NamedTuple):
-    """Answer of a node to uavcan.protocol.GetNodeInfo, besides its status."""
+    """A node's answer to uavcan.protocol.GetNodeInfo, without its status."""
 
     name: str
     unique_id: bytes
@@ -85,12 +85,12 @@ class NodeInfo(NamedTuple):
 
 
 class BatteryInfo(NamedTuple):
-    """uavcan.equipment.power.BatteryInfo; a measurement that is not known is NaN."""
+    """uavcan.equipment.power.BatteryInfo; unknown measurements are NaN."""
 
     voltage_v: float = 16.0
     current_a: float = 0.0
     temperature_k: float = 293.0
-    average_power_w: float = 0.0  # of the last 10 s
+    average_power_w: float = 0.0  # over the last 10 s
     remaining_wh: float = 266.0
     full_wh: float = 266.0
     hours_to_full: float = 0.0
@@ -104,7 +104,7 @@ class BatteryInfo(NamedTuple):
 
 
 class Allocation(NamedTuple):
-    """uavcan.protocol.dynamic_node_id.Allocation; `unique_id` may be the part of it that is known so far."""
+    """uavcan.protocol.dynamic_node_id.Allocation; `unique_id` may be incomplete."""
 
     node_id: int
     first_part: bool
@@ -112,12 +112,12 @@ class Allocation(NamedTuple):
 
 
 def _half(value: float) -> float:
-    """Return a float that a float16 can hold; NaN stays."""
+    """Return a value limited to the range of a float16; NaN stays NaN."""
     return -MAX_HALF if value < -MAX_HALF else MAX_HALF if value > MAX_HALF else value
 
 
 def pack_raw_command(raw: list[int]) -> bytes:
-    """Pack uavcan.equipment.esc.RawCommand: a signed output a motor controller, at most +-8191; 0 is standstill."""
+    """Encode uavcan.equipment.esc.RawCommand: one signed output a controller, at most +-8191; 0 is standstill."""
     stream = 0
     for value in raw:
         value &= _RAW_MASK
@@ -127,7 +127,7 @@ def pack_raw_command(raw: list[int]) -> bytes:
 
 
 def unpack_raw_command(payload: bytes) -> list[int]:
-    """Return the outputs, -8192 to 8191; what is left of the last byte is padding."""
+    """Return the outputs, -8192 to 8191; remaining bits of the last byte are padding."""
     count = len(payload) * 8 // _RAW_BITS
     stream = int.from_bytes(payload, "big") >> len(payload) * 8 - count * _RAW_BITS
     raw = []
@@ -139,17 +139,17 @@ def unpack_raw_command(payload: bytes) -> list[int]:
 
 
 def pack_rpm_command(rpm: list[int]) -> bytes:
-    """Pack uavcan.equipment.esc.RPMCommand: signed revolutions per minute of each motor, clipped to 18 bits."""
+    """Encode uavcan.equipment.esc.RPMCommand: signed rev/min of each motor, limited to 18 bits."""
     return _pack_fields([(min(max(value, -MAX_RPM - 1), MAX_RPM), _RPM_BITS) for value in rpm])
 
 
 def unpack_rpm_command(payload: bytes) -> list[int]:
-    """Return the speeds, rev/min; what is left of the last byte is padding."""
+    """Return the speeds, rev/min; remaining bits of the last byte are padding."""
     return [_signed(value, _RPM_BITS) for value in _unpack_fields(payload, [_RPM_BITS] * (len(payload) * 8 // 18))]
 
 
 def pack_status_extended(status: EscStatusExtended) -> bytes:
-    """Pack an extended ESC status: numbers are clipped to their fields, flags cut."""
+    """Encode an extended ESC status; numbers are limited to the range of their fields, flags are cut."""
     percents = [min(max(value, 0), 127) for value in status[:2]]
     celsius, angle = min(max(status.motor_temperature_c, -256), 255), min(max(status.motor_angle, 0), 511)
     values = (*percents, celsius, angle, status.status_flags, status.esc_index)
@@ -157,7 +157,7 @@ def pack_status_extended(status: EscStatusExtended) -> bytes:
 
 
 def unpack_status_extended(payload: bytes) -> EscStatusExtended | None:
-    """Return the extended status of one motor controller."""
+    """Return the extended status of one motor controller; None for invalid bytes."""
     if len(payload) != STATUS_EXTENDED.max_size:
         return None
     first, second, celsius, angle, flags, index = _unpack_fields(payload, _EXTENDED_BITS)
@@ -165,7 +165,7 @@ def unpack_status_extended(payload: bytes) -> EscStatusExtended | None:
 
 
 def _pack_fields(fields: list[tuple[int, int]]) -> bytes:
-    """Return numbers of so many bits one behind the other; of each the low bytes come first, then what is left."""
+    """Return (value, number of bits) pairs as packed bytes; of each value the low byte comes first."""
     stream = length = 0
     for value, bits in fields:
         value &= (1 << bits) - 1
@@ -177,7 +177,7 @@ def _pack_fields(fields: list[tuple[int, int]]) -> bytes:
 
 
 def _unpack_fields(payload: bytes, widths: Sequence[int]) -> list[int]:
-    """Return the numbers of `_pack_fields`, without sign; the payload has at least as many bits."""
+    """Return the unsigned numbers that `_pack_fields` packed; `widths` are their numbers of bits."""
     stream, left = int.from_bytes(payload, "big"), 8 * len(payload)
     values = []
     for bits in widths:
@@ -195,7 +195,7 @@ def _signed(value: int, bits: int) -> int:
 
 
 def pack_esc_status(status: EscStatus) -> bytes:
-    """Pack an ESC status: a number too large for its field is clipped, the error count wraps."""
+    """Encode an ESC status; numbers are limited to the range of their fields, the error count wraps."""
     errors, volts, amperes, kelvin, rpm, percent, esc_index = status
     rpm = min(max(rpm, -MAX_RPM - 1), MAX_RPM) & 0x3FFFF
     percent = min(max(percent, 0), 127)
@@ -215,7 +215,7 @@ def unpack_esc_status(payload: bytes) -> EscStatus | None:
 
 
 def pack_node_status(status: NodeStatus) -> bytes:
-    """Pack a node status; the sub-mode is not in use and 0."""
+    """Encode a node status; the unused sub-mode is 0."""
     return _NODE_STATUS.pack(
         status.uptime_s & 0xFFFF_FFFF, status.health << 6 | status.mode << 3, status.vendor_code & 0xFFFF
     )
@@ -230,13 +230,13 @@ def unpack_node_status(payload: bytes) -> NodeStatus | None:
 
 
 def pack_node_info(status: NodeStatus, info: NodeInfo) -> bytes:
-    """Pack the response to GetNodeInfo, without optional fields: commit, image CRC, certificate."""
+    """Encode the response to GetNodeInfo, without optional fields: commit, image CRC, certificate."""
     versions = _VERSIONS.pack(*info.software, 0, 0, 0, *info.hardware, info.unique_id, 0)
     return pack_node_status(status) + versions + info.name.encode("ascii")
 
 
 def pack_battery_info(battery: BatteryInfo) -> bytes:
-    """Pack a battery's state: percentages and flags cut to the bits of their fields, the model's name to 31 bytes."""
+    """Encode a battery's state; percentages and flags are cut to their fields, the model's name to 31 bytes."""
     b = battery
     flags = b.status_flags & 0x7FF
     bits = (flags & 0xFF) << 24 | flags >> 8 << 21
@@ -262,7 +262,7 @@ def unpack_battery_info(payload: bytes) -> BatteryInfo | None:
 
 
 def pack_allocation(allocation: Allocation) -> bytes:
-    """Pack a request for a node number, or an allocator's answer."""
+    """Encode a request for a node number, or an allocator's answer."""
     return bytes((allocation.node_id << 1 | allocation.first_part,)) + allocation.unique_id
 
 

@@ -20,15 +20,15 @@ from hil.links.frame.layout import (
 )
 
 Kind = type[ThrusterCommand] | type[ThrusterTelemetry]
-SATURATING = ("pwm_us", "age_us")  # the other numbers are counters, and wrap
-DEFAULTS = {"armed": True, "timed_out": False, "pwm_us": ()}  # of a frame without such a field; else 0
+SATURATING = ("pwm_us", "age_us")  # the other numbers are counters, which wrap
+DEFAULTS = {"armed": True, "timed_out": False, "pwm_us": ()}  # values of fields that the frame lacks; for others 0
 
 
 class Line(NamedTuple):
-    """Linear scaling, quantity = gain * number + bias; numbers on the wire are clipped to `low` and `high`."""
+    """Linear scaling, quantity = gain * number + bias; numbers on the wire are limited to `low` and `high`."""
 
     gain: float
-    inverse: float  # of the gain
+    inverse: float  # 1 / gain
     bias: float
     low: float
     high: float
@@ -45,9 +45,9 @@ class Line(NamedTuple):
 
 
 class Body:
-    """The `fields` of a message, number by number, less the first `constant_bytes` of them.
+    """Encoder and decoder for the numbers of a message's `fields`, without those in its first `constant_bytes`.
 
-    `kind` None: it carries no thrusters. `packer` packs what `pack` and `template` give.
+    With `kind` None the message carries no thrusters. `packer` packs the numbers of `pack` and `template`.
     """
 
     def __init__(
@@ -68,18 +68,18 @@ class Body:
             self._place(kind)
 
     def _place(self, kind: Kind) -> None:
-        """Find where the numbers of the message stand: tables that convert one row to the other in a single step."""
+        """Build the tables that convert between the numbers of the frame and the fields of the message in one step."""
         self._kind = kind
         names = [field.name for field in self.fields]
         lines = {field.name: _line(field) for field in self.fields}
         known = [(names.index(name), kind._fields.index(name), lines[name]) for name in kind._fields if name in names]
         single = [row for row in known if kind._fields[row[1]] != "pwm_us"]
         self._lined = [(place, index, line) for place, index, line in single if line]
-        both = list(range(len(names) + len(kind._fields)))  # numbers, then values; those in `single` change places
+        both = list(range(len(names) + len(kind._fields)))  # numbers, then values; those in `single` are swapped
         for place, index, _ in single:
             both[place], both[len(names) + index] = len(names) + index, place
-        self._numbers_of = _picker(both[: len(names)])  # from template and message
-        self._values_of = _picker(both[len(names) :])  # from numbers and defaults
+        self._numbers_of = _picker(both[: len(names)])  # picks from template + message
+        self._values_of = _picker(both[len(names) :])  # picks from numbers + defaults
         self._flags = names.index("flags") if "flags" in names else 0
         bits = self.fields[self._flags].bits._asdict() if "flags" in names else {}
         self._bits = [
@@ -93,7 +93,7 @@ class Body:
         self._unset: tuple[Any, ...] = tuple([DEFAULTS.get(name, 0) for name in kind._fields])
 
     def pack(self, message: Message) -> bytes:
-        """Return the numbers of `message`; one too big wraps if it is a counter, else is clipped."""
+        """Return the packed numbers of `message`; numbers out of range wrap if they are counters, else are limited."""
         values: tuple[Any, ...] = message
         numbers = list(self._numbers_of(self.template + values))
         for place, index, line in self._lined:
@@ -113,7 +113,7 @@ class Body:
             return self.packer.pack(*[_fitted(v, field) for v, field in zip(numbers, self.fields, strict=True)])
 
     def message(self, numbers: tuple[Any, ...]) -> Message | None:
-        """Return the message of the numbers that `packer` unpacked, None if a constant among them is wrong."""
+        """Return the message of unpacked numbers; None if one of the constants is wrong."""
         if self._constants_of(numbers) != self._constants:
             return None
         values = list(self._values_of(numbers + self._unset))
@@ -126,19 +126,19 @@ class Body:
                 values[index] = line.quantity(numbers[place])
             if self._pulse_line:
                 values[self._pulse_index] = tuple([self._pulse_line.quantity(n) for n in numbers[self._pulses]])
-        except (ValueError, OverflowError):  # a float that is not finite
+        except (ValueError, OverflowError):  # nan or inf
             return None
         return self._kind(*values)
 
     def fits(self, numbers: tuple[Any, ...]) -> bool:
-        """Return whether the constants among the numbers have their values."""
+        """Return whether the constants among the numbers are right."""
         return self._constants_of(numbers) == self._constants
 
 
 def numbers_of(
     layout: FrameLayout, message: MessageLayout | Other, channels: int
 ) -> Iterator[tuple[Field, int, int | None]]:
-    """Yield every number between sync and checksum: field, index in its list, and value if that is constant."""
+    """Yield every number between sync and checksum: its field, its index in a list, and its value if constant."""
     behind = fields_size(message.fields, channels)
     for field in layout.header:
         yield field, 0, _constant(field, message.id, channels, behind)
@@ -149,7 +149,7 @@ def numbers_of(
 
 
 def _constant(field: Field, message_id: int | None, channels: int, behind: int) -> int | None:
-    """Return the constant value of a field, if it has one; `behind`: the bytes that a length there counts."""
+    """Return the constant value of a field, or None. `behind` is the number of bytes that a length field counts."""
     if field.name == "id":
         return message_id
     if field.name in ("length", "count"):
@@ -158,7 +158,7 @@ def _constant(field: Field, message_id: int | None, channels: int, behind: int) 
 
 
 def _picker(places: Sequence[int]) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """Return a function that gets the items at these places, always as a tuple."""
+    """Return a function that picks the items at these indices, always as a tuple."""
     if len(places) > 1:
         return itemgetter(*places)
     start = places[0] if places else 0
@@ -166,7 +166,7 @@ def _picker(places: Sequence[int]) -> Callable[[tuple[Any, ...]], tuple[Any, ...
 
 
 def _line(field: Field) -> Line | None:
-    """Return the scaling of a field, None where the number is the quantity itself."""
+    """Return the scaling of a field; None if the number is the quantity itself."""
     gain, bias = field.line
     if (gain, bias) == (1.0, 0.0) and field.type != "f32":
         return None
@@ -174,7 +174,7 @@ def _line(field: Field) -> Line | None:
 
 
 def _fitted(number: float, field: Field) -> float:
-    """Return a whole number as its field can carry it: pulse widths and ages are clipped, counters wrap."""
+    """Return a number that fits into its field: pulse widths and ages are limited, counters wrap."""
     low, high = limits(field.type)
     if field.name in SATURATING or field.type == "f32":
         return min(max(number, low), high)

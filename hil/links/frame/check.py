@@ -1,4 +1,4 @@
-"""Explain a frame file and captured bytes to a person: what stands where, and which byte is wrong."""
+"""Explain a frame file and captured bytes to a person: the meaning of each byte, and which byte is wrong."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,22 +12,22 @@ from hil.links.frame.readers import Reader, SyncReader
 
 
 class Row(NamedTuple):
-    """`numbers` numbers of one field from `offset` on, counted before stuffing; `value` if it is constant."""
+    """`numbers` numbers of one field from `offset` on (before stuffing); `value` if they are constant."""
 
     offset: int
     type: str
     numbers: int
     name: str
-    field: Field | None  # None: of the frame, not of the message
+    field: Field | None  # None: part of the frame, not of the message
     value: int | None
 
 
 class Part(NamedTuple):
-    """A stretch of bytes and what it is: `kind` is "message", "other", "delimiter", or what went wrong with it."""
+    """A run of bytes and what it is: `kind` is "message", "other" or "delimiter", or one of `WRONG`."""
 
     start: int
     data: bytes
-    kind: str  # else "damaged", "dropped", "malformed" or "unfinished"
+    kind: str
     text: str
     message: Message | None = None
 
@@ -37,7 +37,7 @@ WRONG = ("damaged", "dropped", "malformed", "unfinished")
 
 
 def table(layout: FrameLayout, message: MessageLayout | Other, channels: int) -> list[Row]:
-    """Return the byte table of a message for this number of thrusters; interleaved lists stand number by number."""
+    """Return the byte table of a message for this number of thrusters; interleaved lists have a row for each number."""
     rows = [Row(place, "u8", 1, "sync", None, byte) for place, byte in enumerate(layout.sync)]
     offset = len(rows)
     alternate = isinstance(message, MessageLayout) and message.interleaved
@@ -55,7 +55,7 @@ def table(layout: FrameLayout, message: MessageLayout | Other, channels: int) ->
 
 
 def split_bytes(protocol: FrameProtocol, data: bytes) -> list[Part]:
-    """Return `data` as `protocol` decodes it, part by part; every byte is in one of them."""
+    """Return `data` as `protocol` decodes it, part by part; every byte is in one part."""
     parts: list[Part] = []
     for part in _split(protocol, data):
         if parts and part.kind == parts[-1].kind == "dropped" and part.text == parts[-1].text:
@@ -96,14 +96,14 @@ def _received(reader: Reader, start: int, data: bytes, messages: list[Message], 
 
 
 def _extras(form: Form, frame: bytes) -> Iterator[str]:
-    """Return the extra fields of a message as text."""
+    """Yield the extra fields of a message as text."""
     for field, number in zip(form.body.fields, form.body.packer.unpack_from(frame, len(form.prefix)), strict=True):
         if field.extra:
             yield f"{field.name}={number * field.scale + field.offset:.6g}" + (f" {field.unit}" if field.unit else "")
 
 
 def _lost(reader: Reader, data: bytes, start: int, end: int) -> Iterator[Part]:
-    """Return the dropped bytes as parts: damaged frames, and bytes of no frame."""
+    """Yield the dropped bytes as parts: damaged frames, and bytes outside of frames."""
     if not isinstance(reader, SyncReader):
         frame = reader.unwrapped(data[start:end])
         form = reader.form_of(frame) if frame else None
@@ -133,7 +133,7 @@ def _is_sound_at(reader: SyncReader, data: bytes, place: int) -> bool:
 
 
 def damage(reader: Reader, form: Form, frame: bytes) -> str:
-    """Return what is wrong with a frame whose checksum does not match: the one wrong byte, if only one explains it."""
+    """Return what is wrong with a frame whose checksum does not match, and the wrong byte if only one explains it."""
     seal = reader.seal
     end = len(frame) - seal.size
     digits = 2 * seal.stored.size
@@ -148,7 +148,7 @@ def damage(reader: Reader, form: Form, frame: bytes) -> str:
 
 
 def _suspects(reader: Reader, frame: bytes) -> Iterator[tuple[int, int]]:
-    """Yield every byte that alone, with another value, would make the checksum match."""
+    """Yield each byte that alone, with another value, would make the checksum match: its index and that value."""
     trial = bytearray(frame)
     for place, own in enumerate(frame):
         for value in range(256):

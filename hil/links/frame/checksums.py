@@ -1,8 +1,8 @@
 """Checksums of serial frames: sums, exclusive or, and cyclic redundancy checks by their parameters.
 
-Names, parameters and check values are those of the CRC catalogue (reveng.sourceforge.io/crc-catalogue),
-where the default of ours, "crc16-ccitt-false", is CRC-16/IBM-3740. What the standard library has in C is
-taken from there; the others go byte by byte through a table of 256, which costs about 0.1 us a byte.
+Names, parameters and check values are those of the CRC catalogue (reveng.sourceforge.io/crc-catalogue); our default,
+"crc16-ccitt-false", is CRC-16/IBM-3740 there. Checksums of the standard library, written in C, are used where they
+exist; the others use a table of 256 entries, about 0.1 us a byte.
 """
 
 from binascii import crc32, crc_hqx
@@ -13,7 +13,7 @@ CHECK_BYTES = b"123456789"
 
 
 class Crc(NamedTuple):
-    """The parameters of a cyclic redundancy check of `width` bits; `reflected`: lowest bit first."""
+    """The parameters of a cyclic redundancy check of `width` bits; `reflected` means lowest bit first."""
 
     width: int
     polynomial: int
@@ -38,12 +38,12 @@ CRCS = {
     "crc32-mpeg2": Crc(32, 0x04C11DB7, 0xFFFFFFFF, False, 0x00000000),  # the CRC unit of an STM32, fed with bytes
 }
 
-# (data, checksum of what came before) -> checksum
+# (data, checksum of the data before) -> checksum
 Update = Callable[[bytes, int], int]
 
 
 class Checksum(NamedTuple):
-    """Checksum of `size` bytes; `empty` is that of no bytes, and `update` continues from one piece to the next."""
+    """A checksum of `size` bytes. `empty` is the checksum of no data; `update` continues from one piece to the next."""
 
     size: int
     empty: int
@@ -81,7 +81,7 @@ def crc_checksum(crc: Crc) -> Checksum:
 
 
 def _reflected(crc: Crc) -> Update:
-    """Return a CRC whose bytes enter at the low end; the polynomial is mirrored."""
+    """Return the update function of a reflected CRC: bytes enter at the low end, the polynomial is mirrored."""
     mirrored = int(f"{crc.polynomial:0{crc.width}b}"[::-1], 2)
     final_xor = crc.final_xor
     table = []
@@ -100,7 +100,7 @@ def _reflected(crc: Crc) -> Update:
 
 
 def _straight(crc: Crc) -> Update:
-    """Return a CRC whose bytes enter at the high end."""
+    """Return the update function of a CRC whose bytes enter at the high end."""
     mask, shift, final_xor = (1 << crc.width) - 1, crc.width - 8, crc.final_xor
     table = []
     for byte in range(256):

@@ -17,7 +17,7 @@ NO_PULSE_US = 0
 class KeepAlive:
     """A constant message, sent every period of its `rule`: always, or only while nothing else is sent.
 
-    It is checked twice a period, so that no pause lasts longer than one period.
+    The second kind is checked twice a period, so that no pause is longer than one period.
     """
 
     def __init__(self, rule: Other, data: bytes) -> None:
@@ -27,7 +27,7 @@ class KeepAlive:
         self.is_needless = False  # something was sent since the last check
 
     def tick(self, now_ns: int) -> bytes:
-        """Return what is to be sent at `now_ns` (monotonic)."""
+        """Return the bytes to send at `now_ns` (monotonic)."""
         if now_ns < self.due_ns:
             return b""
         late_ns = now_ns - self.due_ns
@@ -40,7 +40,8 @@ class KeepAlive:
 class Echo:
     """Find the command that a report answers, where the frame carries less than 16 bits of the sequence number.
 
-    With some `bits`, it is the last command sent whose number ends in them. With none, it is found by its pulses.
+    With some `bits` it is the last sent command whose sequence number ends in them. With none it is found by its pulse
+    widths.
     """
 
     def __init__(self, command: Form, report: Form, bits: int) -> None:
@@ -62,7 +63,7 @@ class Echo:
         return report._replace(sequence=self._sent.match(report.pwm_us))
 
     def _shown(self, command: ThrusterCommand) -> tuple[int, ...]:
-        """Return the pulses in the report of an STM32 that applies `command`, as both messages round them."""
+        """Return the pulse widths that an STM32 would report for `command`, as both messages round them."""
         received = _crossed(self._command, command)
         widths = received.pwm_us if received.armed else (PWM_NEUTRAL_US,) * self._command.channels
         pulses = tuple([width if PWM_MIN_US <= width <= PWM_MAX_US else NO_PULSE_US for width in widths])

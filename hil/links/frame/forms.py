@@ -1,4 +1,4 @@
-"""Compiled frame file: for each message and number of thrusters a `Form` with all its constants."""
+"""A compiled frame file: for each message and number of thrusters a `Form` with all its constants."""
 
 import struct
 
@@ -39,10 +39,10 @@ class Seal:
 
 
 class Form:
-    """One kind of message for `channels` thrusters. `kind` None: it carries no thrusters, and is ignored.
+    """One kind of message for `channels` thrusters. With `kind` None it carries no thrusters and is ignored.
 
-    `size` is that of the whole frame before stuffing. `head` are all its bytes before the first list of
-    numbers, None where they vary; `prefix` those before the first that varies.
+    `size` is the size of the whole frame before stuffing. `head` has all bytes before the first list of numbers, None
+    for those that vary; `prefix` has the bytes before the first one that varies.
     """
 
     def __init__(
@@ -55,22 +55,22 @@ class Form:
         self.prefix = bytes(byte or 0 for byte in self.head[:start])
         end = layout.payload_start + fields_size(message.fields, channels)
         self.size = end + seal.size
-        self.checksum = seal.update(self.prefix[seal.start :], seal.empty)  # of the prefix
-        self.covered = slice(max(0, seal.start - start), max(0, end - start - seal.omit_last))  # of the rest
-        self.start = start  # of the body
+        self.checksum = seal.update(self.prefix[seal.start :], seal.empty)  # of the prefix alone
+        self.covered = slice(max(0, seal.start - start), max(0, end - start - seal.omit_last))  # rest of what it covers
+        self.start = start  # offset of the body
         self._made_of = (layout, message, kind, channels, start - len(layout.sync))
         self._body: Body | None = None
 
     @property
     def body(self) -> Body:
-        """Body behind the prefix; made at first use, as most numbers of thrusters are never used."""
+        """The body after the prefix; made on first use, as most numbers of thrusters are never used."""
         if self._body is None:
             self._body = Body(*self._made_of)
         return self._body
 
 
 def checksum_of(rule: ChecksumRule) -> Checksum:
-    """Return the checksum that a frame file asks for."""
+    """Return the checksum that a frame file specifies."""
     if rule.type in SUMS:
         return SUMS[rule.type]
     crc = CRCS[rule.type]

@@ -15,23 +15,23 @@ A field is one row of a byte table, `{ name = "sequence", type = "u16" }`:
 
     id             the `id` of the message, in the header. Without one, messages are distinguished by
                    their lengths and constants, or if those are alike, by the end that receives them
-    length         in the header: bytes from the header to the checksum; in a message: bytes from itself to
-                   the checksum; more by `adds`
-    count          the number of thrusters; more by `adds`
+    length         in the header: number of bytes from the header to the checksum; in a message: from this
+                   field to the checksum; plus `adds`
+    count          the number of thrusters, plus `adds`
     sequence, flags (with `bits`), age_us, frames, errors, watchdog_trips     as in `hil.links.contract`
     pwm_us         the thrusters, one number each
     pad            sent as 0, ignored when received
-    any name       with `value`: a constant, sent and expected. With `extra = true`: something else that is
-                   there, ignored when received, sent as `value` or 0; with `per_channel`, one a thruster
+    any name       with `value`: a constant, sent and expected. With `extra = true`: another field, ignored
+                   when received, sent as `value` or 0; with `per_channel`, one number for each thruster
 
-A field that a message lacks reads as 0, `armed` as true; a command without `armed` bit that is not armed carries
-neutral pulses. Numbers on the wire may be scaled: quantity = number * scale + offset. The quantity of `age_us`
-is microseconds; that of `pwm_us` is in its `unit`:
+A field that a message lacks reads as 0, `armed` as true. Without an `armed` bit, a command that is not armed carries
+neutral pulse widths. Numbers on the wire may be scaled: quantity = number * scale + offset. The quantity of `age_us` is
+microseconds; that of `pwm_us` depends on its `unit`:
 
     "us"           the pulse width itself, microseconds
-    "normalised"   pulse = 1500 us + 400 us * quantity / full_scale, full_scale 1 unless given
-    "rpm", "N"     the same, where full_scale is what 1900 us stands for. Linear: the thruster's
-                   own characteristic is not part of it
+    "normalised"   pulse width = 1500 us + 400 us * quantity / full_scale; default full_scale 1
+    "rpm", "N"     the same, with the value at 1900 us as full_scale. This is linear: the thruster's own
+                   characteristic is not included
 """
 
 import struct
@@ -66,16 +66,16 @@ class Field(NamedTuple):
 
     name: str
     type: Literal["u8", "u16", "u32", "i8", "i16", "i32", "f32"] = "u8"
-    bits: Bits = Bits()  # of `flags`
-    channels: Annotated[int, Range(0, MAX_THRUSTERS)] = 0  # of `pwm_us`; 0: from a length or a count
-    adds: Annotated[int, Range(-64, 64)] = 0  # of `length` and `count`: what they count beyond bytes and thrusters
-    unit: str = ""  # of `pwm_us`, see above; of an extra field, for people
+    bits: Bits = Bits()  # for `flags`
+    channels: Annotated[int, Range(0, MAX_THRUSTERS)] = 0  # for `pwm_us`; 0: given by a length or a count
+    adds: Annotated[int, Range(-64, 64)] = 0  # for `length` and `count`: added to the number of bytes or thrusters
+    unit: str = ""  # for `pwm_us`, see above; for an extra field, as information
     scale: Factor = 1.0
     offset: Factor = 0.0
     full_scale: Annotated[float, Range(1e-6, 1e6)] | None = None
     value: Annotated[int, Range(-(2**31), 2**32 - 1)] | None = None
     extra: bool = False
-    per_channel: bool = False  # of an extra field
+    per_channel: bool = False  # for an extra field
 
     @property
     def is_list(self) -> bool:
@@ -92,7 +92,7 @@ class Field(NamedTuple):
 
 
 class MessageLayout(NamedTuple):
-    """One kind of message. `interleaved`: neighbouring lists alternate, thruster by thruster."""
+    """One kind of message. `interleaved`: adjacent lists alternate, thruster by thruster."""
 
     fields: tuple[Field, ...]
     id: Annotated[int, Range(0, 2**32 - 1)] | None = None
@@ -100,9 +100,9 @@ class MessageLayout(NamedTuple):
 
 
 class Other(NamedTuple):
-    """A message without thrusters. It is ignored when received; with a `period`, it is sent.
+    """A message without thrusters. It is ignored when received. With a `period` (s) the end `sent_by` sends it.
 
-    `sent_by` that end when it has sent nothing for the period (s), or with `when_silent` false, always.
+    It is sent when that end has sent nothing else for the period, or, with `when_silent` false, every period.
     """
 
     fields: tuple[Field, ...] = ()
@@ -114,11 +114,11 @@ class Other(NamedTuple):
 
 
 class ChecksumRule(NamedTuple):
-    """The checksum: its type, what it covers, and its own byte order if that is not the frame's.
+    """The checksum: its type, what it covers, and its own byte order if it differs from the frame's.
 
-    `type` is a name of `hil.links.frame.checksums`; the other parameters of a CRC replace those of that name. It
-    covers all from the sync, the header, a field of the header or the payload on, up to itself, less
-    `omit_last` bytes. Stuffing comes after it.
+    `type` is a name in `hil.links.frame.checksums`; the other CRC parameters replace those of that name. The checksum
+    covers the bytes from `start` (the sync, the header, a field of the header, or the payload) up to itself, without
+    the last `omit_last` bytes. It is computed before stuffing.
     """
 
     type: str = "crc16-ccitt-false"
@@ -132,11 +132,11 @@ class ChecksumRule(NamedTuple):
 
 
 class Stuffing(NamedTuple):
-    """Byte stuffing: how the byte that delimits frames is kept out of them.
+    """Byte stuffing: it keeps the byte that delimits frames out of them.
 
-    "cobs" (Cheshire and Baker 1999) delimits by 0; "slip" is RFC 1055; "hdlc" (RFC 1662) escapes `delimiter`,
-    `escape` and the bytes `also`: each becomes `escape` and itself xor `xor`. `delimit` "both": one before
-    the frame too, which ends any noise before it.
+    "cobs" (Cheshire and Baker 1999) delimits by 0; "slip" is RFC 1055; "hdlc" (RFC 1662) escapes `delimiter`, `escape`
+    and the bytes in `also`: each is sent as `escape`, then itself xor `xor`. `delimit` "both": a delimiter also before
+    the frame, which ends any noise before it.
     """
 
     type: Literal["none", "cobs", "slip", "hdlc"] = "none"
@@ -167,7 +167,7 @@ class FrameLayout(NamedTuple):
 
     @property
     def checksum_start(self) -> int:
-        """First byte that the checksum covers, counted from the first of the frame."""
+        """Offset in the frame of the first byte that the checksum covers."""
         offset, start = len(self.sync), self.checksum.start
         if start in ("sync", "payload"):
             return 0 if start == "sync" else self.payload_start
@@ -179,7 +179,7 @@ class FrameLayout(NamedTuple):
 
     @property
     def sequence_bits(self) -> int:
-        """Bits of the sequence number that both a command and its report carry."""
+        """Number of bits of the sequence number that both command and report carry."""
         rows = [(*self.header, *message.fields) for message in (self.command, self.telemetry)]
         return min(sum(8 * SIZES[field.type] for field in row if field.name == "sequence") for row in rows)
 
@@ -190,7 +190,7 @@ def type_size(type_name: str) -> int:
 
 
 def limits(type_name: str) -> tuple[float, float]:
-    """Return the least and the greatest number of a type; ints, but for f32."""
+    """Return the minimum and maximum of a type; ints, floats for f32."""
     if type_name == "f32":
         return -FLOAT_MAX, FLOAT_MAX
     span = 1 << (8 * type_size(type_name))
@@ -198,7 +198,7 @@ def limits(type_name: str) -> tuple[float, float]:
 
 
 def unrolled(fields: tuple[Field, ...], channels: int, interleaved: bool = False) -> Iterator[tuple[Field, int]]:
-    """Yield the numbers of a message in their order on the wire: their field, and their index in its list."""
+    """Yield the numbers of a message in their order on the wire: field, and index in its list."""
     place = 0
     while place < len(fields):
         end = place + 1

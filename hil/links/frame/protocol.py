@@ -30,11 +30,11 @@ if TYPE_CHECKING:  # loaded for the frames that need them
 
 
 class FrameProtocol(Protocol):
-    """Encodes and decodes the frame that the TOML file at `path` describes.
+    """Encoder and decoder for the frame that the TOML file at `path` describes.
 
     The attribute `channels` lists the numbers of thrusters that the frame can carry. `role` is the end that uses this
-    protocol: it decides which message is received where none has an id, who sends a keep-alive, and whether to find
-    the command that a report answers where the report does not carry it. Without a role there is none of that.
+    protocol. It decides which message is received if messages have no id, who sends keep-alives, and whether to find
+    the command that a report answers if the report does not carry its number. Without a role none of this is done.
     The argument `channels` is for keep-alives that carry the number of thrusters.
     Raises ConfigError naming the file and the key if the file is wrong.
     """
@@ -60,8 +60,8 @@ class FrameProtocol(Protocol):
     def encode(self, message: Message) -> bytes:
         """Return the frame of `message`.
 
-        A number too big for its field wraps if it is a counter, and stops at the field's limit if it is
-        a pulse width or an age. Raises ValueError for a number of channels that the frame cannot carry.
+        A number out of range wraps if it is a counter, and is limited if it is a pulse width or an age. Raises
+        ValueError for a number of channels that the frame cannot carry.
         """
         form = self._to_send.get((type(message), len(message.pwm_us)))
         if form is None:
@@ -88,7 +88,7 @@ class FrameProtocol(Protocol):
         return echo.answering(message) if echo and isinstance(message, ThrusterTelemetry) else message
 
     def _finish(self, form: Form, packed: bytes) -> bytes:
-        """Return the bytes for the wire: with checksum, tail and stuffing."""
+        """Return the bytes for the wire: with prefix, checksum, tail and stuffing."""
         seal = self._seal
         checksum = seal.update(packed[form.covered], form.checksum)
         frame = form.prefix + packed + seal.stored.pack(checksum) + seal.tail
@@ -100,7 +100,7 @@ class FrameProtocol(Protocol):
         return [Form(self.layout, other, None, channels, self._seal) for channels in counts]
 
     def _open_reader(self, commands: list[Form], reports: list[Form], others: list[tuple[Other, list[Form]]]) -> Reader:
-        """Return the reader of both messages, to recognise our own echo; without an id, only of the other end's."""
+        """Return the reader: for both messages, to skip our own echo; without an id only for the other end's."""
         has_id = any(field.name == "id" for field in self.layout.header)
         forms = [] if self.role == "host" and not has_id else list(commands)
         forms += [] if self.role == "device" and not has_id else reports
@@ -124,7 +124,7 @@ class FrameProtocol(Protocol):
         return self._finish(form, form.body.packer.pack(*form.body.template))
 
     def _open_echoes(self, commands: list[Form], reports: list[Form]) -> dict[int, "Echo"]:
-        """Return the echoes by number of channels; none where the frame carries all of the sequence number."""
+        """Return the echoes by number of channels; none if the frame carries the whole sequence number."""
         bits = self.layout.sequence_bits
         if self.role != "host" or bits >= 16:
             return {}
@@ -149,7 +149,7 @@ _compiled: dict[tuple[str, int, int], _Compiled] = {}
 
 
 def _compile(path: str) -> _Compiled:
-    """Return the frame of the file at `path`; both ends of a link in one process share it. Raises ConfigError."""
+    """Return the compiled file at `path`; both ends of a link in one process share it. Raises ConfigError."""
     try:
         status = os.stat(path)
         key = (path, status.st_mtime_ns, status.st_size)
@@ -178,9 +178,9 @@ def _stuffer(layout: FrameLayout) -> "Stuffer | None":
 
 
 def open_frame(role: Role, channels: int, frame: str = "uuv_hil") -> FrameProtocol:
-    """Return one end's protocol of the frame of that name, or of the TOML file of that path.
+    """Return one end's protocol for a frame, by preset name or path of a TOML file.
 
-    Raises ConfigError if the frame cannot carry so many thrusters.
+    Raises ConfigError if the frame cannot carry this number of thrusters.
     """
     protocol = FrameProtocol(find_preset("firmware_stub/frames", frame), role, channels)
     if channels not in protocol.channels:

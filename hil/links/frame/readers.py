@@ -1,8 +1,8 @@
 """Decoders of received bytes: the part that all readers share, and the reader of frames that begin with a sync.
 
-The reader of frames between delimiters is in `stuffing.py`. Both are built for a noisy line: a valid frame is
-delivered as soon as its last byte is received, whatever preceded it. Neither a cut frame nor a damaged length delays
-the frame behind it. Undecodable bytes are counted, and at most one unfinished frame is stored.
+The reader of frames between delimiters is in `stuffing.py`. Both are made for a noisy line: a valid frame is decoded as
+soon as its last byte is received, whatever came before it. Neither a cut frame nor a damaged length delays the next
+frame. Bytes that cannot be decoded are counted, and at most one incomplete frame is stored.
 """
 
 import struct
@@ -16,11 +16,11 @@ from hil.links.frame.forms import Form, Seal
 from hil.links.frame.layout import BYTE_ORDERS, TYPES, FrameLayout, type_size
 from hil.links.search import find_frames
 
-MAX_FOREIGN_PAYLOAD = 255  # bytes; a longer frame of an unknown message is taken for noise
+MAX_FOREIGN_PAYLOAD = 255  # bytes; a longer frame of an unknown message counts as noise
 
 
 class Reader(ABC):
-    """Decode the frames of one end; `unfinished` is the beginning of a frame whose end was not received yet."""
+    """Decode the frames of one end; `unfinished` is the start of a frame whose end was not received yet."""
 
     def __init__(self, seal: Seal, counters: Counters) -> None:
         self.unfinished = b""
@@ -30,17 +30,17 @@ class Reader(ABC):
     def feed(self, data: bytes) -> list[Message]:
         """Return the messages completed by `data`, in order. Never raises.
 
-        Every byte ends up in a message, in a sound frame that is passed over or counted as malformed, in
-        `dropped_bytes`, in `unfinished`, or is a delimiter.
+        Every byte belongs to one of: a message, a valid frame that is ignored or counted as malformed, `dropped_bytes`,
+        `unfinished`, or a delimiter.
         """
 
     @abstractmethod
     def unwrapped(self, data: bytes) -> bytes | None:
-        """Return the frame in these bytes of the wire, without stuffing and delimiters; None if that is damaged."""
+        """Return the frame in these bytes of the wire, without stuffing and delimiters; None if they are damaged."""
 
     @abstractmethod
     def form_of(self, frame: bytes) -> Form | None:
-        """Return the form of a frame, None if it is of no known message."""
+        """Return the form of a frame; None if the message is unknown."""
 
     def read_frame(self, form: Form | None, frame: bytes, start: int, messages: list[Message]) -> None:
         """Add the message of the valid frame at `start` of `frame`; `form` is None if the message is unknown."""
@@ -57,7 +57,7 @@ class Reader(ABC):
 
 
 class SyncReader(Reader):
-    """Find frames by their sync. As their heads are known byte strings, this is a look-up in a table."""
+    """Find frames by their sync. Their heads are known byte strings, so this is a table look-up."""
 
     def __init__(self, layout: FrameLayout, forms: Iterable[Form], seal: Seal, counters: Counters) -> None:
         super().__init__(seal, counters)
@@ -71,7 +71,7 @@ class SyncReader(Reader):
         buffer = self.unfinished + data
         messages: list[Message] = []
         form = self._keys.form_at(buffer, 0)
-        if form and form.size == len(buffer) and self.seal.is_sound(buffer, 0, form.size):  # mostly it is just that
+        if form and form.size == len(buffer) and self.seal.is_sound(buffer, 0, form.size):  # the usual case
             self.read_frame(form, buffer, 0, messages)
             self.unfinished = b""
         else:
@@ -79,19 +79,19 @@ class SyncReader(Reader):
         return messages
 
     def _search(self, buffer: bytes, messages: list[Message]) -> None:
-        """Add the messages of the valid frames in `buffer`; store what may be the beginning of another."""
+        """Add the messages of the valid frames in `buffer`; store what may be the start of another."""
         frames, rest = find_frames(self, buffer, self.counters)
         for start, _ in frames:
             self.read_frame(self._keys.form_at(buffer, start), buffer, start, messages)
         self.unfinished = buffer[rest:]
 
     def frame_at(self, buffer: bytes, start: int) -> tuple[Form | None, int]:
-        """Return form and size of the frame that begins at `start`, as far as is known; size 0: none begins there."""
+        """Return form and size of the frame that begins at `start`, as far as known; size 0 if none begins there."""
         form = self._keys.form_at(buffer, start)
         return form, form.size if form else self._unknown_size(buffer, start)
 
     def size_at(self, buffer: bytes, start: int) -> int:
-        """Return the size of the frame that begins at `start`, as far as is known; 0: none begins there."""
+        """Return the size of the frame that begins at `start`, as far as known; 0 if none begins there."""
         return self.frame_at(buffer, start)[1]
 
     def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
@@ -107,7 +107,7 @@ class SyncReader(Reader):
         return self._keys.form_at(frame, 0)
 
     def find_start(self, buffer: bytes, position: int) -> int:
-        """Return where the next frame may begin: at a sync, or at a part of one that ends the buffer."""
+        """Return where the next frame may begin: at a sync, or at a part of one at the end of the buffer."""
         sync = self.sync
         index = buffer.find(sync, position)
         if index >= 0:
@@ -118,7 +118,7 @@ class SyncReader(Reader):
         return len(buffer)
 
     def _unknown_size(self, buffer: bytes, start: int) -> int:
-        """Return the size of a frame without a known form: a cut one, or one whose header has its length."""
+        """Return the size of a frame without a known form: an incomplete one, or one whose header has its length."""
         seen = len(buffer) - start
         if self._length and seen < self._header_end:
             return self._header_end
@@ -135,8 +135,8 @@ class SyncReader(Reader):
 class _Keys:
     """Find the form of a frame by its first bytes.
 
-    Those of the constants at the beginning are enough if they reach beyond the header and no two forms
-    share them; else all constants before the first list count, and what varies between them is masked.
+    The constant bytes at the beginning are enough if they reach beyond the header and differ between all forms.
+    Otherwise all constants before the first list are compared, and the bytes between them that vary are masked.
     """
 
     def __init__(self, forms: list[Form], header_end: int) -> None:
@@ -164,12 +164,12 @@ class _Keys:
         return None
 
     def may_begin(self, seen: bytes) -> bool:
-        """Return whether these bytes are the beginning of a head, but not all of it."""
+        """Return whether these bytes are the start of a head, but not a whole head."""
         return any(len(seen) < len(head) and begins_like(head, seen) for head in self._heads)
 
 
 def begins_like(head: tuple[int | None, ...], frame: bytes) -> bool:
-    """Return whether a frame begins with its head, as far as both go."""
+    """Return whether the frame and the head agree over their common length."""
     return all(wanted in (None, byte) for wanted, byte in zip(head, frame, strict=False))
 
 
@@ -183,7 +183,7 @@ def _alike(form: Form, other: Form) -> str:
 
 
 def _length_field(layout: FrameLayout) -> tuple[int, struct.Struct, int] | None:
-    """Return where the header's length stands, how to unpack it, and what it counts beyond the payload."""
+    """Return the header's length field: its offset, its format, and what it counts in addition to the payload."""
     offset = len(layout.sync)
     for field in layout.header:
         if field.name == "length":

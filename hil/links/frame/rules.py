@@ -111,13 +111,13 @@ def _ids(layout: FrameLayout) -> Iterator[str]:
         if own > limits(field.type)[1]:
             yield f"header: id must hold {own}, which {field.type} cannot"
         for other, its_sender, its_own in messages[:place]:
-            # A request and its answer may share one: the receiver's role decides which it is.
+            # A request and its answer may share an id: the receiver's role distinguishes them.
             if own == its_own and (name == "telemetry" or sender == its_sender or "both" in (sender, its_sender)):
                 yield f"{other} and {name} have the same id"
 
 
 def _lengths(layout: FrameLayout) -> Iterator[str]:
-    """Yield each length and count whose type cannot hold the numbers that it has to."""
+    """Yield an error for each length or count whose type cannot hold its values."""
     for fields in (layout.command.fields, layout.telemetry.fields, *(other.fields for other in layout.other)):
         only = next((field.channels for field in fields if field.channels), 0)
         for channels in (only or 1, only or MAX_THRUSTERS):

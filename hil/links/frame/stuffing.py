@@ -15,7 +15,7 @@ COBS_RUN = 254  # the longest run without a zero that one code byte can encode
 
 
 class Stuffer(ABC):
-    """Remove the byte `delimiter` from a frame, and restore it. `opening`: what precedes a frame."""
+    """Remove the byte `delimiter` from a frame, and restore it. `opening` is sent before each frame."""
 
     delimiter: bytes
     opening = b""
@@ -30,15 +30,15 @@ class Stuffer(ABC):
 
     @abstractmethod
     def unstuff(self, piece: bytes) -> bytes | None:
-        """Return the frame between two delimiters, None if there can be none."""
+        """Return the frame between two delimiters; None if it is invalid."""
 
     @abstractmethod
     def longest(self, size: int) -> int:
-        """Return the most bytes that a frame of `size` bytes can be stuffed to."""
+        """Return the largest stuffed size of a frame of `size` bytes."""
 
     @abstractmethod
     def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
-        """Return the frames of `size` bytes that `piece` may end with, where noise precedes one without a delimiter."""
+        """Yield the frames of `size` bytes that `piece` may end with; noise may come before them."""
 
 
 class Cobs(Stuffer):
@@ -59,7 +59,7 @@ class Cobs(Stuffer):
         return bytes(out)
 
     def unstuff(self, piece: bytes) -> bytes | None:
-        """Return the frame, None if a code byte points behind the end."""
+        """Return the frame; None if a code byte points beyond the end."""
         out = bytearray()
         place, end = 0, len(piece)
         while place < end:
@@ -71,11 +71,11 @@ class Cobs(Stuffer):
         return bytes(out) if place == end else None
 
     def longest(self, size: int) -> int:
-        """Return the size with one code byte a run."""
+        """Return the size with one code byte for each run."""
         return size + 1 + size // COBS_RUN
 
     def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
-        """Return the few frames that are possible."""
+        """Yield the few frames that are possible."""
         for length in range(size + 1, min(self.longest(size), len(piece)) + 1):
             frame = self.unstuff(piece[-length:])
             if frame is not None and len(frame) == size:
@@ -87,7 +87,7 @@ class Escapes(Stuffer):
 
     def __init__(self, delimiter: int, escape: int, substitutes: dict[int, int]) -> None:
         self.delimiter = bytes([delimiter])
-        # The escape byte itself is put in first and taken out last.
+        # The escape byte itself is replaced first and restored last.
         order = sorted(substitutes, key=lambda byte: byte != escape)
         self._pairs = [(bytes([byte]), bytes([escape, substitutes[byte]])) for byte in order]
 
@@ -108,14 +108,14 @@ class Escapes(Stuffer):
         return 2 * size
 
     def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
-        """Return the last `size` bytes, unescaped."""
+        """Yield the last `size` bytes, unescaped."""
         frame = self.unstuff(piece)
         if frame is not None and len(frame) >= size:
             yield frame[-size:]
 
 
 class StuffedReader(Reader):
-    """Find frames between delimiters; behind noise without a delimiter, by the known sizes."""
+    """Find frames between delimiters, and by their known sizes after noise without a delimiter."""
 
     def __init__(self, stuffer: Stuffer, forms: Iterable[Form], seal: Seal, counters: Counters) -> None:
         super().__init__(seal, counters)
@@ -138,7 +138,7 @@ class StuffedReader(Reader):
         return messages
 
     def unwrapped(self, data: bytes) -> bytes | None:
-        """Return the frame between delimiters, or with them."""
+        """Return the frame in these bytes, with or without delimiters."""
         return self._stuffer.unstuff(data.strip(self._stuffer.delimiter))
 
     def form_of(self, frame: bytes) -> Form | None:
@@ -160,7 +160,7 @@ class StuffedReader(Reader):
         self.read_frame(self.form_of(frame), frame, 0, messages)
 
     def _at_end(self, piece: bytes) -> bytes | None:
-        """Return the known valid frame that `piece` ends with."""
+        """Return the known valid frame that `piece` ends with; None if there is none."""
         for size in self._by_size:
             for frame in self._stuffer.endings(piece, size):
                 if self.form_of(frame) and self.seal.is_sound(frame, 0, size):
@@ -169,7 +169,7 @@ class StuffedReader(Reader):
 
 
 def open_stuffer(rule: Stuffing) -> Stuffer:
-    """Return the stuffer that a frame file asks for."""
+    """Return the stuffer that a frame file specifies."""
     stuffer = _stuffer(rule)
     if rule.delimit == "both":
         stuffer.opening = stuffer.delimiter

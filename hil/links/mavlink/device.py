@@ -14,7 +14,7 @@
                             command ends the test
       REQUEST_MESSAGE       AUTOPILOT_VERSION, also by its old name REQUEST_AUTOPILOT_CAPABILITIES
     COMMAND_INT             acknowledged: COMMAND_LONG only
-    PARAM_*, MISSION_*,     answered at once, as empty as they are: see ground_station.py
+    PARAM_*, MISSION_*,     answered at once, with empty lists: see ground_station.py
     FILE_TRANSFER_PROTOCOL
 
 Commands are accepted from any sender, and the last one wins; `signing_key` restricts that to senders with the key. A
@@ -56,7 +56,7 @@ Result = tuple[int, ThrusterCommand | None]  # MAV_RESULT, and the command for t
 
 
 class MavlinkDevice(MavlinkEnd):
-    """Device end. `esc`: measured values of the ESCs, one reading a thruster; once set they are sent at 5 Hz."""
+    """Device end. `esc`: measured values, one reading for each ESC; once set they are sent at 5 Hz."""
 
     def __init__(
         self, channels: int, settings: MavlinkSettings, clock: Callable[[], int], wall_clock: Callable[[], int]
@@ -87,7 +87,7 @@ class MavlinkDevice(MavlinkEnd):
         }
 
     def feed(self, data: bytes) -> list[Message]:
-        """Return the commands of a motor test that are due, and those that `data` completes. Never raises."""
+        """Return due commands of a motor test, and the commands that `data` completes. Never raises."""
         messages = [*self._outputs.step(), *super().feed(data)]
         self._schedule()
         return messages
@@ -104,7 +104,7 @@ class MavlinkDevice(MavlinkEnd):
         return (self._state() if changed else b"") + self.servo_output_raw(list(message.pwm_us))
 
     def tick(self, now_ns: int) -> bytes:
-        """Return heartbeat and status, and readings of the ESCs; each when it is due."""
+        """Return heartbeat, status and ESC readings, each when it is due."""
         data = b""
         if now_ns >= self._beat_ns:
             self._beat_ns = next_due(self._beat_ns, BEAT_NS, now_ns)
@@ -216,7 +216,7 @@ class MavlinkDevice(MavlinkEnd):
         return system in (0, self.settings.system) and component in (0, self.component)
 
     def _channel(self, instance: float) -> int | None:
-        """Return the index of a channel, which MAVLink counts from 1, None if there is none."""
+        """Return the index of a channel, which MAVLink counts from 1; None if it does not exist."""
         return int(instance) - 1 if 1 <= instance <= self.channels and instance == int(instance) else None
 
     def _pulses(self, shares: Sequence[float]) -> list[int]:

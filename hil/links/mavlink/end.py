@@ -11,8 +11,8 @@ from hil.links.mavlink.settings import MavlinkSettings
 from hil.links.mavlink.stream import MavlinkStream, signing_secret
 
 BEAT_NS = NS_PER_S
-SERVOS = 16  # of a SERVO_OUTPUT_RAW
-PORT = 0  # the set of outputs on this link; others belong to other boards
+SERVOS = 16  # in one SERVO_OUTPUT_RAW
+PORT = 0  # the group of outputs of this link; others belong to other boards
 U32 = 0xFFFF_FFFF
 NO_PULSE_US = 0
 
@@ -68,17 +68,17 @@ class MavlinkEnd(Protocol):
         self._replies += self.pack(message)
 
     def timesync(self, packet: Any) -> None:
-        """Answer a request for our clock (ns); answers of others, which have tc1, are ignored."""
+        """Answer a request for our clock (ns); answers to others, which have tc1, are ignored."""
         if packet.tc1 == 0:
             self.reply(dialect.MAVLink_timesync_message(self._clock(), packet.ts1))
 
     def servo_output_raw(self, pulses: list[int]) -> bytes:
-        """Return a SERVO_OUTPUT_RAW packet with these pulses (us), stamped with this end's clock (us, wraps)."""
+        """Return a SERVO_OUTPUT_RAW packet with these pulse widths (us), stamped with this end's clock (us, wraps)."""
         servos = pulses + [NO_PULSE_US] * (SERVOS - len(pulses))
         return self._stream.pack_servos(self._clock() // NS_PER_US & U32, PORT, servos)
 
     def check_channels(self, pulses: tuple[int, ...]) -> None:
-        """Raise ValueError if this is not one pulse a thruster."""
+        """Raise ValueError unless there is one pulse width for each thruster."""
         if len(pulses) != self.channels:
             raise ValueError(f"this link carries {self.channels} channels, not {len(pulses)}")
 
@@ -89,17 +89,17 @@ def sender(packet: Any) -> tuple[int, int]:
 
 
 def is_pulse(width_us: float) -> bool:
-    """Return whether this is a pulse width (us) for an ESC; any other is no output."""
+    """Return whether this is a valid pulse width (us) for an ESC; any other means no output."""
     return PWM_MIN_US <= width_us <= PWM_MAX_US
 
 
 def share_to_pulse(share: float, span_us: int) -> int:
-    """Return the pulse width (us) for a share of full thrust, -1..1, clipped; nan and infinity are no pulse."""
+    """Return the pulse width (us) for a share of full thrust, -1..1, limited; nan and infinity give no pulse."""
     if not -float("inf") < share < float("inf"):
         return NO_PULSE_US
     return PWM_NEUTRAL_US + round(max(-1.0, min(share, 1.0)) * span_us)
 
 
 def next_due(due_ns: int, period_ns: int, now_ns: int) -> int:
-    """Return the next instant of a schedule; one that is late starts again from `now_ns`."""
+    """Return the next time (ns) of a schedule; after a delay the schedule restarts from `now_ns`."""
     return due_ns + period_ns if now_ns < due_ns + period_ns else now_ns + period_ns

@@ -1,7 +1,7 @@
 """Answers of the device's end to the requests that a ground station sends to every vehicle.
 
-A ground station waits for parameters, missions and files before it shows anything. All are answered at once: one
-parameter, the system id, which cannot be changed; an empty mission; no files (NAK).
+A ground station waits for parameters, missions and files before it shows anything. All requests are answered at once:
+with one parameter, the system id, which is read-only; an empty mission; no files (NAK).
 """
 
 from collections.abc import Callable
@@ -10,13 +10,13 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 PARAMETER = b"SYSID_THISMAV"
-FTP_REPLIES = (0, 128, 129)  # no request: nothing, ACK, NAK
+FTP_REPLIES = (0, 128, 129)  # opcodes that are not requests: none, ACK, NAK
 FTP_NAK, FTP_UNKNOWN = 129, 7
 FTP_PAYLOAD = 251
 
 
 class GroundStationAnswers:
-    """Answers for one end of that system id. `handlers` are by message id; each returns messages."""
+    """Answers of the end with this system id. `handlers` maps message ids to functions that return messages."""
 
     def __init__(self, system: int) -> None:
         self._system = system
@@ -39,7 +39,7 @@ class GroundStationAnswers:
         return [dialect.MAVLink_param_value_message(PARAMETER, float(self._system), kind, 1, 0)]
 
     def _read_parameter(self, packet: Any) -> list[Any]:
-        """Return the parameter where it is meant, by name or by index."""
+        """Return the parameter if it is requested, by name or by index."""
         named = str(packet.param_id).encode("ascii", "replace") == PARAMETER
         return self._parameter(packet) if named or getattr(packet, "param_index", -1) == 0 else []
 

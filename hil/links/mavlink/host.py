@@ -24,8 +24,8 @@ from hil.links.mavlink.reports import ESC_GROUPS, esc_readings, host_heartbeat
 from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.settings import EscReading, MavlinkSettings
 
-OVERTAKEN = 16  # packets that may overtake one, as on UDP; an older one is of a device that has restarted
-OVERTAKEN_US = 1_000_000  # the same for instants of the device's clock
+OVERTAKEN = 16  # packets by which one may be overtaken, as on UDP; an older one comes from a restarted device
+OVERTAKEN_US = 1_000_000  # the same as time of the device's clock
 NOT_A_PULSE_US = 1  # for RC_CHANNELS_OVERRIDE, where 0 releases the channel
 IGNORED = 0xFFFF  # in RC_CHANNELS_OVERRIDE: leave the channel unchanged
 
@@ -45,14 +45,14 @@ class MavlinkHost(MavlinkEnd):
             "rc_channels_override": self._rc_channels_override,
         }[settings.command]
         self._sent = SentCommands()
-        self._answered = -1  # sequence of the command that the last report showed
-        self._shown_us = 0  # when the first report showed it, on the device's clock
+        self._answered = -1  # sequence number of the command in the last report
+        self._shown_us = 0  # time of the first report with it, on the device's clock
         self._device_armed: bool | None = None  # None: unknown
         self._timed_out = False
         self._errors = self._trips = self._frames = 0
-        self._status_number = 0  # of the packet with the newest SYS_STATUS, 0 to 255
-        self._newest_us = 0  # when the newest report was made, on the device's clock
-        self._attempts = 0  # to arm or disarm, since the device last had the wanted state
+        self._status_number = 0  # sequence number of the packet with the newest SYS_STATUS, 0 to 255
+        self._newest_us = 0  # time of the newest report, on the device's clock
+        self._attempts = 0  # to arm or disarm, since the device last had the requested state
         self.handlers = {
             dialect.MAVLINK_MSG_ID_TIMESYNC: self.timesync,
             dialect.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
@@ -74,7 +74,7 @@ class MavlinkHost(MavlinkEnd):
         return packets
 
     def encode_settled(self, message: Message) -> bytes:
-        """Return the packets of a command for a device with the same armed state, so without COMPONENT_ARM_DISARM."""
+        """Return the packets of a command for a device in the same armed state, so without COMPONENT_ARM_DISARM."""
         self._device_armed = isinstance(message, ThrusterCommand) and message.armed
         return self.encode(message)
 

@@ -15,17 +15,16 @@ The device also accepts commands of a ground station: MANUAL_CONTROL and, as COM
 DO_MOTOR_TEST and REQUEST_MESSAGE; each COMMAND_LONG is acknowledged, see `hil.links.mavlink.device`. Both
 ends answer TIMESYNC. Messages for other addresses are ignored.
 
-Arming. SERVO_OUTPUT_RAW and RC_CHANNELS_OVERRIDE do not carry it: the host puts COMPONENT_ARM_DISARM before a
-command as long as the device's HEARTBEAT differs, so that the two agree again after a lost message or a watchdog
-trip. HIL_ACTUATOR_CONTROLS carries it in each message. A command that is not armed carries neutral pulses.
+Arming. SERVO_OUTPUT_RAW and RC_CHANNELS_OVERRIDE do not carry it. So the host sends COMPONENT_ARM_DISARM before each
+command while the device's HEARTBEAT differs; the two then agree again after a lost message or a watchdog trip.
+HIL_ACTUATOR_CONTROLS carries it in each message. A command that is not armed carries neutral pulse widths.
 
-Telemetry at the host. `pwm_us`, `armed`, `timed_out` and `watchdog_trips` are those of the report's own
-instant: HEARTBEAT (base_mode SAFETY_ARMED; system_status CRITICAL after a watchdog trip) and SYS_STATUS
-(errors_count1: watchdog trips) go ahead of the report that shows a change. `errors` (errors_comm) and `frames`
-(errors_count2) are up to 1 s old. No message returns the command's number: `sequence` is inferred from the
-pulses, see `SentCommands`, and `age_us` counts, on the device's clock, from the first report that shows them.
-Towards the device the packet's own 8-bit number, continued to 16, is the command's: so a command that was overtaken
-is recognised as late.
+Telemetry at the host. `pwm_us`, `armed`, `timed_out` and `watchdog_trips` are those at the time of the report:
+HEARTBEAT (base_mode SAFETY_ARMED; system_status CRITICAL after a watchdog trip) and SYS_STATUS (errors_count1: watchdog
+trips) are sent before a report with a change. `errors` (errors_comm) and `frames` (errors_count2) are up to 1 s old. No
+message returns the command's sequence number: `sequence` is inferred from the pulse widths, see `SentCommands`, and
+`age_us` counts, on the device's clock, from the first report with them. At the device, the packet's own 8-bit number,
+extended to 16 bits, is the command's sequence number, so that an overtaken command is detected.
 
 Only MAVLink 2 is read; a MAVLink 1 packet counts as noise, and so does a message that is not in the dialect,
 because its checksum depends on the unknown layout. The dialect is ardupilotmega, the smallest that has

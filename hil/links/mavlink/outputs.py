@@ -17,52 +17,51 @@ class _MotorTest(NamedTuple):
 
 
 class Outputs:
-    """Combine the commands of packets, most of which change a part of the state.
+    """Combine the commands of packets, most of which change only a part of the state.
 
-    `clock` (ns) times motor tests; `wake_ns` is when `step` has to be called for a running test.
+    `clock` (ns) times motor tests; `step` has to be called at `wake_ns` during a test.
     """
 
     def __init__(self, channels: int, clock: Callable[[], int]) -> None:
         self._neutral = [PWM_NEUTRAL_US] * channels
-        self.armed = False  # apart from a test
-        self.pulses = self._neutral  # as commanded last, apart from a test; a list is never changed, only replaced
+        self.armed = False  # without a motor test
+        self.pulses = self._neutral  # last commanded, without a motor test; the list is replaced, never changed
         self.wake_ns = NEVER_NS
         self._clock = clock
         self._test: _MotorTest | None = None
         self._commander: tuple[int, int] | None = None  # sender of the last command
-        self._number = 0  # of its packet
-        self._sequence = 0  # that number, continued to 16 bits
+        self._number = 0  # sequence number of its packet, 8 bits
+        self._sequence = 0  # the same, extended to 16 bits
 
     def set_pulses(self, pulses: Sequence[int], armed: bool, packet: Any) -> ThrusterCommand:
-        """Set these pulses (us), neutral ones if not armed, and return the command. A running test ends."""
+        """Set these pulse widths (us), or neutral ones if not armed; end a running test; return the command."""
         self._end_test()
         self.armed = armed
         self.pulses = list(pulses) if armed else self._neutral
         return self._command(self._continue_number(packet))
 
     def arm(self, armed: bool, packet: Any) -> ThrusterCommand | None:
-        """Arm or disarm with the present pulses; return the command, None if that changes nothing."""
+        """Arm or disarm with the present pulse widths; return the command, None if nothing changes."""
         if armed == self.armed and self._test is None:
             return None
         return self.set_pulses(self.pulses, armed, packet)
 
     def change(self, channel: int, pulse_us: int) -> list[int]:
-        """Return the present pulses with this one changed."""
+        """Return the present pulse widths with one changed."""
         return [*self.pulses[:channel], pulse_us, *self.pulses[channel + 1 :]]
 
     def start_test(self, channel: int, pulse_us: int, seconds: float, packet: Any) -> ThrusterCommand:
         """Start a motor test and return its first command.
 
-        One channel gets this pulse (us) for `seconds`, armed or not; the others, and then it too, are neutral.
-
-        The state before is lost: the test resets the watchdog, also for a host that has stopped sending.
+        One channel gets this pulse width (us) for `seconds`, armed or not; all others are neutral, and so is it at the
+        end. The state before is discarded: the test resets the watchdog, and the host may have stopped sending.
         """
         self._test = _MotorTest(channel, pulse_us, self._clock() + seconds_ns(seconds))
         self.armed, self.pulses = False, self._neutral
         return self._command(self._continue_number(packet))
 
     def step(self) -> list[ThrusterCommand]:
-        """Return the commands of a running test: the same again, for the watchdog, or its end."""
+        """Return the next command of a running test: a repetition, for the watchdog, or its end."""
         if self._test is None or self._clock() < self.wake_ns:
             return []
         if self._clock() >= self._test.ends_ns:
@@ -70,11 +69,11 @@ class Outputs:
         return [self._command(self._sequence + 1)]
 
     def postpone(self, now_ns: int) -> None:
-        """Set the next `wake_ns` after it has passed without a call of `step`."""
+        """Set the next `wake_ns` after the last one has passed without a call of `step`."""
         self.wake_ns = now_ns + TEST_REPEAT_NS
 
     def update_from_report(self, report: ThrusterTelemetry) -> None:
-        """Take over the STM32's reported state: it may have refused a command, or its watchdog may have tripped."""
+        """Use the STM32's reported state: it may have refused a command, or its watchdog may have tripped."""
         if report.timed_out:
             self._end_test()
         if self._test is None:
@@ -93,7 +92,7 @@ class Outputs:
         self.wake_ns = NEVER_NS
 
     def _continue_number(self, packet: Any) -> int:
-        """Return the command's number: advanced as the packet's is, or set back if the packet was overtaken."""
+        """Return the sequence number of a packet's command, behind the last one if the packet is late."""
         number, commander = packet.get_seq(), sender(packet)
         step = (number - self._number + 128 & 0xFF) - 128 if commander == self._commander else 1
         self._number, self._commander = number, commander

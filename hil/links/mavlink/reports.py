@@ -10,7 +10,7 @@ from hil.common import __version__
 from hil.links.contract import ThrusterTelemetry
 from hil.links.mavlink.settings import EscReading
 
-MAVLINK_VERSION = 3  # of a HEARTBEAT, in MAVLink 1 and 2
+MAVLINK_VERSION = 3  # in a HEARTBEAT, for MAVLink 1 and 2
 NOT_MEASURED = {"load": 0, "voltage_battery": 0xFFFF, "current_battery": -1, "battery_remaining": -1}
 
 _ESC_MESSAGES = (
@@ -37,7 +37,7 @@ def host_heartbeat() -> Any:
 def device_heartbeat(report: ThrusterTelemetry) -> Any:
     """Return the HEARTBEAT of the device that sent `report`.
 
-    Its type is a submarine's generic autopilot: a ground station sends nothing to other types.
+    Its type is a submarine with a generic autopilot, because a ground station sends nothing to other types.
     """
     state = dialect.MAV_STATE_ACTIVE if report.armed else dialect.MAV_STATE_STANDBY
     return _heartbeat(
@@ -102,7 +102,7 @@ def esc_readings(packet: Any) -> list[EscReading]:
 
 
 def _columns(group: Sequence[EscReading], count: int) -> list[list[int]]:
-    """Return temperature, voltage, current, totalcurrent, rpm and count, in the message's order, each of four ESCs."""
+    """Return temperature, voltage, current, totalcurrent, rpm and count, in the message's order, for four ESCs each."""
     columns = [
         [_whole(esc.temperature, 1.0, U8) for esc in group],
         [_whole(esc.voltage, CENTI, U16) for esc in group],
@@ -115,5 +115,5 @@ def _columns(group: Sequence[EscReading], count: int) -> list[list[int]]:
 
 
 def _whole(value: float, unit: float, top: int) -> int:
-    """Return the value in whole units, clipped to the field; nan is 0."""
+    """Return the value in whole units, limited to the field's range; nan gives 0."""
     return round(min(max(0.0, value / unit), top))

@@ -1,4 +1,4 @@
-"""Settings of a MAVLink thruster link, and what its ESCs measure. Does not load pymavlink."""
+"""Settings of a MAVLink thruster link, and the record of ESC measurements. Does not load pymavlink."""
 
 from typing import Annotated, Literal, NamedTuple
 
@@ -9,13 +9,13 @@ MixShare = Annotated[float, Range(-1.0, 1.0)]
 
 
 class MavlinkSettings(NamedTuple):
-    """Settings of both ends; `command` concerns the host alone, `mix` the device alone.
+    """Settings of both ends; the host alone uses `command`, the device alone `mix`.
 
     system, component: the device's ids; the host is `host_component` of the same system (191: onboard computer).
     Messages without an address are accepted only within that system.
-    span_us: how far from neutral +-1 (HIL_ACTUATOR_CONTROLS, MANUAL_CONTROL) and 0 and 100 % (DO_MOTOR_TEST) lie;
+    span_us: distance from neutral of +-1 (HIL_ACTUATOR_CONTROLS, MANUAL_CONTROL) and of 0 and 100 % (DO_MOTOR_TEST);
     400 us is full thrust of Blue Robotics' Basic ESC and ArduSub's default.
-    mix: one row a thruster for MANUAL_CONTROL: its share (-1..1) of forward, right, up and yaw to the right.
+    mix: for MANUAL_CONTROL, a row for each thruster: its share (-1..1) of forward, right, up and yaw to the right.
     signing_key: 64 hexadecimal digits, or a passphrase whose SHA-256 is the key; empty: packets are not signed.
     """
 
@@ -33,7 +33,7 @@ class MavlinkSettings(NamedTuple):
 
 
 class EscReading(NamedTuple):
-    """Measured values of one ESC. Each is an unsigned integer on the wire, in the unit in brackets."""
+    """Measured values of one ESC. On the wire each is an unsigned integer in the unit in brackets."""
 
     speed: float  # rad/s, its magnitude (rpm)
     voltage: float  # V (0.01)

@@ -1,12 +1,12 @@
 """MAVLink 2 packets in a stream of bytes: find, check, sign and pack them.
 
-pymavlink decodes and encodes; what it is not used for is, besides pulses (see servos.py),
+pymavlink encodes and decodes, except pulse widths (see servos.py). It is not used for
 
-    finding packets   its parser waits for the end of anything that looks like a beginning, and so loses the packets
-                      behind a cut one. Here a packet is delivered as soon as its last byte is received, and at
-                      most one unfinished packet (280 bytes) is stored.
-    signatures        its check stores a packet's timestamp before it has looked at the signature, so that one
-                      forged packet blocks a stream for good. Here a timestamp counts only with a valid signature.
+    finding packets   its parser waits for the end of anything that looks like a start, and so loses the packets
+                      after a cut one. Here a packet is decoded as soon as its last byte is received, and at most
+                      one incomplete packet (280 bytes) is stored.
+    signatures        its check stores a packet's timestamp before it has checked the signature, so one forged
+                      packet blocks a stream for good. Here a timestamp counts only with a valid signature.
 """
 
 import hashlib
@@ -22,12 +22,12 @@ from hil.links.mavlink.servos import HEADER_SIZE, MARKER
 from hil.links.search import find_frames
 
 CRC_SIZE = 2
-SIGNED = 0x01  # the one incompatibility flag there is
+SIGNED = 0x01  # the only incompatibility flag
 SIGNATURE_SIZE = 13  # link id, timestamp, hash
 HASH_SIZE = 6
 TIMESTAMP_START_NS = 1_420_070_400 * 10**9  # 2015-01-01, ns since 1970
 TIMESTAMP_NS = 10_000  # a timestamp counts 10 us
-NEW_STREAM_SLACK = 6_000_000  # timestamps; a new sender may be a minute behind
+NEW_STREAM_SLACK = 6_000_000  # in units of a timestamp; a new sender may be a minute behind
 
 # message id -> the byte that its layout adds to the checksum
 CRC_EXTRA = {number: bytes([kind.crc_extra]) for number, kind in dialect.mavlink_map.items() if number >= 0}
@@ -54,7 +54,7 @@ class _SafeMavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no t
         self.signing.allow_unsigned_callback = _may_be_unsigned
 
     def stop_signing(self) -> None:
-        """Neither sign nor want signatures from now on."""
+        """Stop signing packets and requiring signatures."""
         self.signing.secret_key, self.signing.sign_outgoing = None, False
 
     def advance(self) -> None:
@@ -63,7 +63,7 @@ class _SafeMavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no t
         self.signing.timestamp = max(self.signing.timestamp, now)
 
     def check_signature(self, packet: bytearray, system: int, component: int) -> bool:
-        """Return whether the signature is right and its timestamp newer than all before it of that sender and link."""
+        """Return whether the signature is valid and its timestamp newer than all before from this sender and link."""
         signing = self.signing
         wanted = hashlib.sha256(signing.secret_key + packet[:-HASH_SIZE]).digest()[:HASH_SIZE]
         if not compare_digest(wanted, bytes(packet[-HASH_SIZE:])):
@@ -89,12 +89,12 @@ class MavlinkStream:
         self._mavlink = _SafeMavlink(None, system, component)
         self._counters = counters
         self._signs = False
-        self._rest = b""  # the beginning of an unfinished packet
+        self._rest = b""  # start of an incomplete packet
 
     def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
-        """Sign and require signatures from now on, or not any more without a secret.
+        """Sign packets and require signatures from now on; without a secret stop doing so.
 
-        `wall_clock` gives ns since 1970.
+        `wall_clock` returns ns since 1970.
         """
         self._signs = bool(secret)
         if secret:
@@ -112,7 +112,7 @@ class MavlinkStream:
         return packet
 
     def pack_servos(self, time_usec: int, port: int, pulses: list[int]) -> bytes:
-        """Return the packet of a SERVO_OUTPUT_RAW with these 16 pulses (us), with the next number."""
+        """Return a SERVO_OUTPUT_RAW packet with these 16 pulse widths (us), with the next number."""
         if self._signs:
             return self.pack(dialect.MAVLink_servo_output_raw_message(time_usec, port, *pulses))
         mavlink = self._mavlink
@@ -123,7 +123,7 @@ class MavlinkStream:
     def unpack(self, data: bytes) -> list[Any]:
         """Return the messages whose packets `data` completes, in order. Never raises.
 
-        Every byte ends up in a packet, in `dropped_bytes`, or in the unfinished packet that is stored.
+        Every byte belongs to a packet, to `dropped_bytes`, or to the incomplete packet that is stored.
         """
         messages = []
         for packet in self._cut(data):
@@ -147,7 +147,7 @@ class MavlinkStream:
         return [buffer[start:end] for start, end in packets]
 
     def find_start(self, buffer: bytes, position: int) -> int:
-        """Return where the next header may begin, as far as is known; the buffer's length if nowhere."""
+        """Return where the next header may begin, as far as known; the buffer's length if nowhere."""
         while (start := buffer.find(MARKER, position)) >= 0:
             header = buffer[start : start + HEADER_SIZE]
             flags_fit = len(header) < 3 or header[2] & ~SIGNED == 0
@@ -157,7 +157,7 @@ class MavlinkStream:
         return len(buffer)
 
     def size_at(self, buffer: bytes, start: int) -> int:
-        """Return the size in bytes of the packet at `start`; of a partial header, a header's size."""
+        """Return the size in bytes of the packet at `start`; for an incomplete header, the header's size."""
         if len(buffer) - start < HEADER_SIZE:
             return HEADER_SIZE
         signature = SIGNATURE_SIZE if buffer[start + 2] & SIGNED else 0

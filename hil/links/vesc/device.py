@@ -30,13 +30,13 @@ NS_PER_MIN = 60 * NS_PER_S
 
 
 def _int16(value: float) -> int:
-    return min(max(int(value), -0x8000), 0x7FFF)  # cut off, as the firmware does
+    return min(max(int(value), -0x8000), 0x7FFF)  # truncated, as in the VESC firmware
 
 
 class VescDevice(VescProtocol):
-    """Device end, which acts as all controllers at once. `motor_values` returns what they measure.
+    """Device end, which acts as all controllers at once. `motor_values` returns the values that they measure.
 
-    `clock` (monotonic, ns) gives the time of a command; it is the clock of `tick`.
+    `clock` (monotonic, ns) gives the receive time of commands; it is the clock of `tick`.
     """
 
     def __init__(
@@ -50,10 +50,10 @@ class VescDevice(VescProtocol):
         self._clock = clock
         self._us = {command: SPAN_US / full for command, full in self._full.items()}
         self._motor_values = motor_values
-        self._waiting: dict[int, int] = {}  # pulses (us) by thruster; 0 is released
+        self._waiting: dict[int, int] = {}  # thruster -> pulse width (us); 0 means released
         self._held = [0] * channels
         self._received_ns = [0] * channels
-        self._now_ns = 0  # when the frames that are being read were received
+        self._now_ns = 0  # receive time of the present frames
         self._period_ns = round(settings.status_period * NS_PER_S)
         self._pulses: tuple[int, ...] = (PWM_NEUTRAL_US,) * channels
         self._tachometers = [0.0] * channels
@@ -67,7 +67,7 @@ class VescDevice(VescProtocol):
         return super().feed(data)
 
     def encode(self, message: Message) -> bytes:
-        """Return a report as one STATUS a thruster; only reports are encoded."""
+        """Return a report as one STATUS for each thruster; encodes reports only."""
         assert isinstance(message, ThrusterTelemetry)
         self._pulses = message.pwm_us
         return b"".join([self._status(thruster, pulse) for thruster, pulse in enumerate(message.pwm_us)])
@@ -101,7 +101,7 @@ class VescDevice(VescProtocol):
         return [message for each in mine for message in self._set_thruster(each, pulse)]
 
     def _pulse(self, command: int, data: bytes) -> int | None:
-        """Return the pulse (us) of a command, 0 to release the motor, None for a command that is not supported."""
+        """Return the pulse width (us) of a command, 0 to release the motor; None if the command is not supported."""
         if len(data) < ARGUMENT.size:
             return None
         argument: int = ARGUMENT.unpack_from(data)[0]
@@ -121,7 +121,7 @@ class VescDevice(VescProtocol):
         return whole
 
     def _apply(self) -> ThrusterCommand:
-        """Return one command made of all that were received."""
+        """Return one command made from all that were received since the last."""
         for thruster in range(self._channels):
             late = self._now_ns - self._received_ns[thruster] > TIMEOUT_NS
             self._held[thruster] = self._waiting.get(thruster, 0 if late else self._held[thruster])
@@ -155,7 +155,7 @@ class VescDevice(VescProtocol):
         return self._frame(STATUS_4, thruster, status_4) + self._frame(STATUS_5, thruster, status_5)
 
     def _turn(self, now_ns: int) -> None:
-        """Advance the motors' positions, at the speed of their pulses, up to `now_ns`."""
+        """Advance the motors' positions to `now_ns`, at the speed of their pulse widths."""
         minutes = (now_ns - self._turned_ns) / NS_PER_MIN if self._turned_ns >= 0 else 0.0
         self._turned_ns = now_ns
         per_us = 6 * self._settings.full_erpm / SPAN_US

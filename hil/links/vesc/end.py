@@ -25,7 +25,7 @@ STATUS_5_DATA = Struct(">ihh")
 
 
 class VescSettings(NamedTuple):
-    """Settings of both ends. `full_erpm` is the electrical speed at 1900 us, turns of the field a minute."""
+    """Settings of both ends. `full_erpm` is the electrical speed at 1900 us, in field revolutions a minute."""
 
     command: Literal["duty", "rpm", "current_rel"] = "duty"
     first_id: Annotated[int, Range(0, EVERY_ID - 1)] = 1

@@ -47,7 +47,7 @@ class VescHost(VescProtocol):
         self._trips = 0
 
     def encode(self, message: Message) -> bytes:
-        """Return a command as one frame a thruster; only commands are encoded."""
+        """Return a command as one frame for each thruster; encodes commands only."""
         assert isinstance(message, ThrusterCommand)
         requested = self._answers.record_command(message)
         output = []
@@ -68,7 +68,7 @@ class VescHost(VescProtocol):
         thruster = controller - self._settings.first_id
         if command not in (STATUS, STATUS_4, STATUS_5) or not 0 <= thruster < self._channels:
             return []
-        if len(data) < (6 if command == STATUS_5 else 8):  # older firmware leaves the reserved end out
+        if len(data) < (6 if command == STATUS_5 else 8):  # older firmware omits the reserved bytes at the end
             self.counters.malformed += 1
             return []
         motor = self.motors[thruster]

@@ -11,18 +11,18 @@ command << 8 | controller; a command takes one frame, with one big-endian int32.
 
 (In the document's table SET_RPM is in 1/1000; its own example and the firmware take whole ERPM.)
 
-1100 to 1900 us are -1 to +1 of the quantity that `command` chooses, exact to 1 us; beyond is clamped.
-"No pulse", and all thrusters if not armed, are SET_CURRENT 0: it releases the motor, where duty 0 brakes it.
+1100 to 1900 us are -1 to +1 of the quantity that `command` chooses, exact to 1 us; values beyond are limited. "No
+pulse", and all thrusters if not armed, are sent as SET_CURRENT 0: it releases the motor, whereas duty 0 brakes it.
 
-The device acts as all controllers. It combines the commands to them into one ThrusterCommand when every one was
-received, or when one is received again before that; then those that were left out continue, for as long as a VESC
-would (0.5 s), and are then released. All released is a disarmed command. It sends STATUS of each for each
-report, STATUS_4 and STATUS_5 every `status_period`. Its duty gives the pulse exactly; with real controllers
-that control the speed (`rpm`) the host uses ERPM instead.
+The device acts as all controllers. It combines their commands into one ThrusterCommand when it has one for each, or
+earlier when one controller gets a second one. In that case thrusters without a command continue as a VESC would, for
+0.5 s, and are then released. If all are released, the command is disarmed. It sends STATUS of each for each report,
+STATUS_4 and STATUS_5 every `status_period`. Its duty gives the exact pulse width; with real controllers that control
+the speed (`rpm`) the host uses ERPM instead.
 
-A status carries neither sequence number nor arming nor time-out, so the host infers them from what it has
-sent. `timed_out` is a neutral report after one that showed a command which was not, if nothing neutral was
-sent: a time-out at neutral cannot be seen. `age_us` and `errors` are 0.
+A status carries no sequence number, arming or timeout, so the host infers them from what it has sent. `timed_out` means
+a neutral report after a report of a non-neutral command, if nothing neutral was sent; a timeout while neutral cannot be
+detected. `age_us` and `errors` are 0.
 """
 
 from typing import Any
@@ -39,7 +39,7 @@ from hil.links.vesc.host import VescHost
 def open_vesc(role: Role, channels: int, **settings: Any) -> Protocol:
     """Return one end's protocol. `settings` are those of VescSettings, and the device's hooks `motor_values`, `clock`.
 
-    Raises ConfigError if a setting is wrong or there are more thrusters than a link carries.
+    Raises ConfigError if a setting is wrong or there are too many thrusters for a link.
     """
     if not 0 < channels <= MAX_THRUSTERS:
         raise ConfigError(f"protocol vesc: carries 1 to {MAX_THRUSTERS} thrusters, not {channels}")

@@ -1,11 +1,11 @@
-"""CAN buses as wires: they carry records of `hil.links.wires.can_frame`, one whole record a frame.
+"""CAN buses as wires: they carry records of `hil.links.wires.can_frame`, one whole record for each frame.
 
-    SocketCanWire    a bus of the Linux kernel, can0 or vcan0, without any package: its sockets speak these records
-    SlcanWire        an adapter that uses the Lawicel text protocol on any wire of bytes, a serial one mostly
+    SocketCanWire    a bus of the Linux kernel, can0 or vcan0, without any package: its sockets use these records
+    SlcanWire        an adapter with the Lawicel text protocol, on any wire of bytes, usually a serial device
     PythonCanWire    any other interface of the python-can package, see `hil.links.wires.python_can_bus`
 
-None blocks, and none returns the frames that it sent itself. A full queue refuses a frame as a whole. Frames that
-are not classic data frames (remote and error frames, CAN FD) are ignored.
+None blocks, and none returns the frames that it sent itself. A full queue refuses whole frames. Frames that are not
+classic data frames (remote and error frames, CAN FD) are ignored.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ from hil.links.wires.can_frame import ERROR, MAX_DATA, RECORD_SIZE, CanFrame, pa
 from hil.links.wires.terminal import DescriptorWire
 
 BITRATE = 1_000_000  # bit/s
-MOST_FRAMES = 256  # that one read returns
+MOST_FRAMES = 256  # in one read
 
 # linux/can/raw.h, linux/can/error.h; the socket module does not have the second one
 CAN_RAW_ERR_FILTER = getattr(socket, "CAN_RAW_ERR_FILTER", 2)
@@ -31,7 +31,7 @@ UP = "sudo ip link set {0} up type can bitrate 1000000"
 
 
 class SocketCanWire(DescriptorWire):
-    """A CAN socket of the kernel. `open_socketcan` makes one; any socket that preserves message boundaries will do."""
+    """A CAN socket of the kernel, from `open_socketcan`; any socket that preserves message boundaries works."""
 
     record_size = RECORD_SIZE
 
@@ -71,9 +71,9 @@ class SocketCanWire(DescriptorWire):
 
 
 def open_socketcan(interface: str) -> SocketCanWire:
-    """Open the kernel's CAN interface of that name ("can0"), whose bitrate is set when it is brought up.
+    """Open the kernel's CAN interface of that name ("can0"); its bitrate is set when it is brought up.
 
-    Raises DeviceError if this kernel has no CAN, or no such interface, or it is down.
+    Raises DeviceError if the kernel has no CAN, the interface does not exist, or it is down.
     """
     name = f"can:socketcan:{interface}"
     try:
@@ -84,7 +84,7 @@ def open_socketcan(interface: str) -> SocketCanWire:
         opened.bind((interface,))
         opened.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, CAN_ERR_BUSOFF)
         opened.setblocking(False)
-        down = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)  # error left by binding to one that is down
+        down = opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)  # set by a bind to an interface that is down
         if down:
             raise OSError(down, os.strerror(down))
     except OSError as error:
@@ -100,10 +100,10 @@ def _is_bus_off(record: bytes) -> bool:
 
 
 class SlcanWire(Wire):
-    """A CAN adapter that uses the Lawicel text protocol ("slcan") on `line`, a wire of bytes that it takes over.
+    """A CAN adapter with the Lawicel text protocol ("slcan") on `line`, a wire of bytes that it then owns.
 
-    bitrate: of the bus, bit/s, one of those in `BITRATES`. The adapter is closed, set, and opened; its answers to that
-    and to each frame are ignored, as adapters differ in them. Raises ConfigError for another bitrate, DeviceError if
+    bitrate: of the bus, bit/s, one of `BITRATES`. The adapter is closed, configured and opened. Its answers to this and
+    to each frame are ignored, because adapters differ in them. Raises ConfigError for another bitrate, DeviceError if
     the line is lost.
     """
 
@@ -117,7 +117,7 @@ class SlcanWire(Wire):
             line.close()
             raise ConfigError(f"{self.name}: {bitrate} bit/s is not one of {', '.join(map(str, self.BITRATES))}")
         self._line = line
-        self._unread = b""  # the beginning of an unfinished line
+        self._unread = b""  # start of an incomplete line
         self._unsent = b"\rC\rS%d\rO\r" % self.BITRATES.index(bitrate)
         self._flush()
 
@@ -126,7 +126,7 @@ class SlcanWire(Wire):
         return self._line.fileno()
 
     def read(self) -> bytes:
-        """Return the received frames, or b"". Raises DeviceError when the adapter is lost."""
+        """Return the received frames, or b"". Raises DeviceError if the adapter is lost."""
         self._flush()
         *lines, self._unread = (self._unread + self._line.read()).replace(b"\a", b"\r").split(b"\r")
         self._unread = self._unread[-self.LONGEST_LINE :]
@@ -147,18 +147,18 @@ class SlcanWire(Wire):
         return len(self._unsent) + self._line.unsent()
 
     def discard_unsent(self) -> None:
-        """Discard what the line has not sent; an end of line is sent first then, as a line may have been cut."""
+        """Discard what the line has not sent; send an end of line first, as a line may have been cut."""
         self._line.discard_unsent()
         self._unsent = b"\r"
 
     def close(self) -> None:
-        """Close the adapter's bus and the line. Closing twice is harmless."""
+        """Close the adapter's bus and the line. May be called twice."""
         with contextlib.suppress(DeviceError):
             self._line.write(b"\rC\r")
         self._line.close()
 
     def _flush(self) -> bool:
-        """Send the rest of a line that the wire cut; return whether all is sent."""
+        """Send the rest of a line that the wire has cut; return whether all is sent."""
         taken = self._line.write(self._unsent) if self._unsent else 0
         self._unsent = self._unsent[taken:]
         return not self._unsent
@@ -170,7 +170,7 @@ def _line_of_frame(frame: CanFrame) -> bytes:
 
 
 def _record_of_line(line: bytes) -> bytes:
-    """Return the record of a line; b"" for an acknowledgement, or noise."""
+    """Return the record of a line; b"" for an acknowledgement or noise."""
     mark = line[:1]
     if mark not in (b"t", b"T"):
         return b""

@@ -1,7 +1,7 @@
 """CAN frames on a wire of bytes: a sequence of Linux's `struct can_frame` (16 bytes, linux/can.h).
 
-So a CAN bus is a `Wire` like any other: a `Protocol` for CAN encodes to such records and is fed with whole ones.
-Classic CAN only: up to 8 bytes of data.
+So a CAN bus is a `Wire` like any other: a `Protocol` for CAN encodes to such records and decodes whole ones. Classic
+CAN only: up to 8 bytes of data.
 """
 
 from collections.abc import Iterator

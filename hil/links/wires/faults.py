@@ -1,13 +1,13 @@
-"""Fault injection on a link: a wire around any other wire that delays, loses, corrupts and interrupts its data.
+"""Fault injection on a link: a wire around any other wire that delays, drops, corrupts and interrupts its data.
 
     wire = FaultyWire(PtyHostWire(path), Faults(baud=115_200, drop=0.01), seed=7)
     wire.faults = wire.faults._replace(drop=0.2)    # at any time
 
-Faults apply to *chunks*. Outwards a chunk is the data of one `write`, which is one message of a `ThrusterLink`.
-Inwards it is the data of one `read` of the wire beneath, which is one message unless the reader was late. On a CAN
-bus it is always one frame. The same seed and the same chunks give the same faults; each direction has its own
-sequence of random numbers. A delayed chunk is due at an instant, and `fileno` becomes readable then. A loop that
-waits on it and then calls `read` advances both directions.
+Faults apply to *chunks*. A sent chunk is the data of one `write`, which is one message of a `ThrusterLink`. A received
+chunk is the data of one `read` of the inner wire, which is one message unless the reader was late. On a CAN bus a chunk
+is always one frame. The same seed and the same chunks give the same faults; each direction has its own random numbers.
+A delayed chunk is due at a certain time, and `fileno` then becomes readable. A loop that waits on it and calls `read`
+advances both directions.
 """
 
 import select
@@ -25,10 +25,10 @@ from hil.links.wires.timer import Timer
 
 BITS_A_BYTE = 10  # start bit, eight of data, stop bit
 CAN_BITS, CAN_BITS_EXTENDED = 47, 67  # of a frame without its data: ISO 11898-1, interframe space included
-CAN_DATA = 8  # where a record's data begins; its size stands at 4
-PIECE = 32  # bytes; a longer chunk comes in pieces, like from the buffer of a UART
-BACKLOG = 4096  # bytes that wait for a paced line; Linux buffers as many for a serial port
-REORDER_WAIT_NS = NS_PER_S // 10  # for a chunk to change places with
+CAN_DATA = 8  # offset of the data in a record; their size is at offset 4
+PIECE = 32  # bytes; a longer chunk arrives in pieces, as from the buffer of a UART
+BACKLOG = 4096  # bytes that may wait for a paced line; Linux buffers as many for a serial port
+REORDER_WAIT_NS = NS_PER_S // 10  # how long a reordered chunk waits for the next one
 
 Share = Annotated[float, Range(0.0, 1.0)]
 
@@ -36,13 +36,13 @@ Share = Annotated[float, Range(0.0, 1.0)]
 class Faults(NamedTuple):
     """Faults of a wire; none by default.
 
-    `baud`, bit/s: bytes take ten bits each, frames of a CAN bus their bits without stuffing (0: no time).
-    `delay` comes on top, and `jitter` up to so much more, evenly spread; a wire does not overtake itself.
-    Chances, each from 0 to 1: `drop`, `duplicate` of a chunk; `reorder`: it changes places with the next;
-    `corrupt` of each byte (in CAN frames: of data) that one of its bits flips; `stall` of a chunk that it
-    and all behind it wait `stall_time`; `disconnect` of a chunk that from it on all is lost, both ways, for
-    `disconnect_time`. `unplugged` makes the wire raise DeviceError until it is false again, as a device
-    that is pulled out does. `direction`: the direction that the faults affect, seen from the end that has this wire.
+    `baud`, bit/s: bytes take ten bits each; frames of a CAN bus take their bits without stuffing (0: no time). `delay`
+    is added to it, and `jitter` up to so much more, uniformly distributed; chunks do not overtake each other.
+    Probabilities from 0 to 1: `drop` and `duplicate` of a chunk; `reorder`: a chunk is swapped with the next one;
+    `corrupt`, for each byte (in CAN frames: of data): one of its bits flips; `stall`: a chunk and all after it wait for
+    `stall_time`; `disconnect`: from a chunk on, everything is lost in both directions for `disconnect_time`.
+    `unplugged`: the wire raises DeviceError until it is false again, like a device that was pulled out. `direction`:
+    the affected direction, seen from the end with this wire.
     """
 
     baud: Annotated[int, Range(0, 12_000_000)] = 0
@@ -83,19 +83,19 @@ class Tally:
     )  # fmt: skip
 
     def __init__(self) -> None:
-        self.chunks = 0  # that came
+        self.chunks = 0  # all
         self.dropped = 0
         self.lost = 0  # during a disconnect
         self.corrupted_bytes = 0
         self.duplicated = 0
-        self.reordered = 0  # that changed places with the one behind
+        self.reordered = 0  # swapped with the next one
         self.stalls = 0
         self.disconnects = 0
-        self.refused_bytes = 0  # by the wire beneath, when they were due
+        self.refused_bytes = 0  # by the inner wire, when they were due
 
 
 class FaultyWire(Wire):
-    """`wire`, which it owns, with `faults`. `sent` and `received` count what they did. Raises what `wire` raises."""
+    """`wire`, which it owns, with `faults`; `sent` and `received` count them. Raises the errors of `wire`."""
 
     def __init__(self, wire: Wire, faults: Faults = CLEAR, seed: int = 0) -> None:
         self.name = wire.name
@@ -112,7 +112,7 @@ class FaultyWire(Wire):
 
     @property
     def faults(self) -> Faults:
-        """Faults of the wire from now on; chunks that wait already stay unchanged."""
+        """Faults of the wire; new ones do not change chunks that are already waiting."""
         return self._faults
 
     @faults.setter
@@ -130,11 +130,11 @@ class FaultyWire(Wire):
         return sent, received
 
     def fileno(self) -> int:
-        """Return the descriptor that wakes for bytes beneath and for bytes that are due; -1 once closed."""
+        """Return the descriptor that becomes readable for bytes of the inner wire and for due bytes; -1 once closed."""
         return -1 if self._epoll.closed else self._epoll.fileno()
 
     def read(self) -> bytes:
-        """Return the received bytes that are due. Raises DeviceError when the device is lost, or unplugged."""
+        """Return the received bytes that are due. Raises DeviceError if the device is lost or unplugged."""
         self._check_plugged()
         now = now_ns()
         if self._inward.backlog(now) < BACKLOG:
@@ -149,7 +149,7 @@ class FaultyWire(Wire):
         return b"".join(due)
 
     def write(self, data: bytes) -> int:
-        """Send `data`; return the bytes accepted, lost ones included. Raises DeviceError when the device is lost."""
+        """Send `data`; return the bytes accepted, lost ones included. Raises DeviceError if the device is lost."""
         self._check_plugged()
         if self._epoll.closed or self._outward.is_clear:
             taken_now = self._wire.write(data)
@@ -166,16 +166,16 @@ class FaultyWire(Wire):
         return len(taken)
 
     def unsent(self) -> int:
-        """Return the bytes that the slow line has still to carry, and those that wait in the wire beneath."""
+        """Return the bytes that the slow line has not carried yet, and those that wait in the inner wire."""
         return self._outward.unsent(now_ns()) + self._wire.unsent()
 
     def discard_unsent(self) -> None:
-        """Discard the unsent bytes, except those that the line carries now."""
+        """Discard the unsent bytes, except those that the line is carrying now."""
         self._outward.discard_unsent(now_ns())
         self._wire.discard_unsent()
 
     def close(self) -> None:
-        """Close the wire; what waits is lost. Closing twice is harmless."""
+        """Close the wire; waiting bytes are lost. May be called twice."""
         if not self._epoll.closed:
             self._epoll.close()
             self._timer.close()
@@ -194,7 +194,7 @@ class FaultyWire(Wire):
             self.sent.refused_bytes += len(piece) - self._wire.write(piece)
 
     def _settle(self, now: int) -> None:
-        """Set the wake-up for what is due next, and for bytes beneath unless enough of them wait here."""
+        """Set the timer for the next due bytes; listen to the inner wire unless enough bytes wait here."""
         if self._epoll.closed:
             return
         self._timer.arm(now if self._faults.unplugged else min(self._inward.next_ns, self._outward.next_ns))
@@ -215,30 +215,30 @@ class _Lane:
         self.silent_until_ns = 0
         self._random = random
         self._on_can = record_size == RECORD_SIZE
-        # When it is due (not before what is ahead of it), when the line will have carried it, what.
+        # Time when due (not before earlier entries), time when the line has carried it, data.
         self._waiting: deque[tuple[int, int, bytes]] = deque()
-        self._swapped: tuple[int, bytes] | None = None  # until when it waits for the next chunk, what
-        self._line_free_ns = 0  # when the line will have carried all that came
+        self._swapped: tuple[int, bytes] | None = None  # a reordered chunk: time until it waits for the next, data
+        self._line_free_ns = 0  # when the line will have carried everything so far
         self._stalled_until_ns = 0
 
     @property
     def is_clear(self) -> bool:
-        """Return whether chunks pass unchanged and without delay."""
+        """True if chunks pass unchanged and without delay."""
         return self.next_ns == NEVER_NS and self.faults == CLEAR
 
     @property
     def next_ns(self) -> int:
-        """Return when the next chunk is due."""
+        """Time (ns) at which the next chunk is due."""
         next_ns = self._waiting[0][0] if self._waiting else NEVER_NS
         return min(next_ns, self._swapped[0]) if self._swapped else next_ns
 
     def backlog(self, now: int) -> int:
-        """Return the bytes that the line has still to carry (records: the bytes of their data)."""
+        """Return the bytes that the line has not carried yet (for records: the bytes of their data)."""
         waits = max(0, self._line_free_ns - now)
         return waits * self.faults.baud // (BITS_A_BYTE * NS_PER_S)
 
     def unsent(self, now: int) -> int:
-        """Return the bytes that the line has not carried, whole pieces; not those that are only delayed behind it."""
+        """Return the bytes that the line has not carried, in whole pieces; bytes delayed after it do not count."""
         if self._line_free_ns <= now:
             return 0
         return sum([len(piece) for _, carried_ns, piece in self._waiting if carried_ns > now])
@@ -248,22 +248,22 @@ class _Lane:
         carried = [entry for entry in self._waiting if entry[1] <= now]
         on_the_line = self._waiting[len(carried)] if len(carried) < len(self._waiting) else None
         if on_the_line and now < self._stalled_until_ns:
-            on_the_line = None  # a line that stalls carries nothing
+            on_the_line = None  # a stalled line carries nothing
         self._waiting = deque([*carried, on_the_line] if on_the_line else carried)
         self._line_free_ns = max(now, self._stalled_until_ns, on_the_line[1] if on_the_line else 0)
 
     def offer(self, data: bytes, now: int) -> None:
-        """Add bytes that the line is to carry."""
+        """Add bytes for the line to carry."""
         for chunk in self.chunks(data):
             self._strike(chunk, now)
 
     def chunks(self, data: bytes) -> list[bytes]:
-        """Return the chunks to which faults apply one by one."""
+        """Return the chunks of `data`; faults apply to each separately."""
         size = RECORD_SIZE if self._on_can else max(len(data), 1)
         return [data[start : start + size] for start in range(0, len(data), size)]
 
     def due(self, now: int) -> list[bytes]:
-        """Return what has arrived by `now`."""
+        """Return the data that have arrived by `now`."""
         if self._swapped and self._swapped[0] <= now:
             self._pass_swapped(now)
         arrived = []
@@ -304,7 +304,7 @@ class _Lane:
         return chance > 0.0 and self._random.random() < chance
 
     def _corrupted(self, chunk: bytes) -> bytes:
-        """Return `chunk` with some bits flipped; a CAN frame's identifier and size stay, as the bus needs them."""
+        """Return `chunk` with some bits flipped; a CAN frame's identifier and size stay valid."""
         first, last = (CAN_DATA, CAN_DATA + min(chunk[4], 8)) if self._on_can else (0, len(chunk))
         damaged = bytearray(chunk)
         for place in range(first, last):

@@ -4,7 +4,7 @@ Each frame is a datagram to 239.65.82.BUS, port 57732: 0x2934, CRC-16/CCITT-FALS
 the identifier with bit 31 for one of 29 bits, and the data, all little-endian. Source: dronecan/pydronecan,
 dronecan/driver/mcast.py; ArduPilot, libraries/AP_HAL_SITL/CAN_Multicast.cpp.
 
-The bus has no password, so frames stay on this machine: none is sent further, and those of other machines are dropped.
+The bus has no password, so frames stay on this machine: none leaves it, and those of other machines are dropped.
 """
 
 import contextlib
@@ -22,12 +22,12 @@ MOST_BUS = 255
 _HEAD, _BODY = Struct("<HH"), Struct("<HI")
 _MAGIC, _CRC_START = 0x2934, 0xFFFF
 _LARGEST = 128  # bytes; more than a frame of CAN FD takes
-_MOST_PEERS = 256  # addresses that are remembered
+_MOST_PEERS = 256  # addresses whose check is cached
 _ANY, _LOOPBACK = "0.0.0.0", "127.0.0.1"
 
 
 class MulticastCanWire(Wire):
-    """The bus of a number from 0 to 255 ("0"). Raises ConfigError for another, DeviceError if it cannot be opened."""
+    """The bus with a number from 0 to 255 ("0"). Raises ConfigError for another, DeviceError if it cannot be opened."""
 
     record_size = RECORD_SIZE
 
@@ -50,7 +50,7 @@ class MulticastCanWire(Wire):
         self._in.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._in.bind((group, PORT))
         membership = socket.inet_aton(group)
-        try:  # where the system sends multicast by itself, as the other programs do
+        try:  # the system's default interface for multicast, as the other programs use
             self._in.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership + socket.inet_aton(_ANY))
         except OSError:  # no network at all
             loopback = socket.inet_aton(_LOOPBACK)
@@ -66,7 +66,7 @@ class MulticastCanWire(Wire):
         return self._in.fileno()
 
     def read(self) -> bytes:
-        """Return the received frames (256 at most), or b"". Raises DeviceError when the bus is lost."""
+        """Return the received frames (256 at most), or b"". Raises DeviceError if the bus is lost."""
         records: list[bytes] = []
         for _ in range(MOST_FRAMES):
             try:
@@ -80,7 +80,7 @@ class MulticastCanWire(Wire):
         return b"".join(records)
 
     def write(self, data: bytes) -> int:
-        """Send whole records; return the bytes of those that were accepted. Raises DeviceError when the bus is lost."""
+        """Send whole records; return the bytes that were accepted. Raises DeviceError if the bus is lost."""
         for start in range(0, len(data), RECORD_SIZE):
             for frame in unpack_frames(data[start : start + RECORD_SIZE]):
                 try:
@@ -92,12 +92,12 @@ class MulticastCanWire(Wire):
         return len(data)
 
     def close(self) -> None:
-        """Leave the bus. Closing twice is harmless."""
+        """Leave the bus. May be called twice."""
         self._in.close()
         self._out.close()
 
     def _is_local(self, host: str) -> bool:
-        """Return whether an address is one of this machine: no socket can be bound to another."""
+        """Return whether an address belongs to this machine: a socket cannot be bound to any other."""
         if host not in self._local:
             if len(self._local) >= _MOST_PEERS:
                 self._local.clear()

@@ -3,8 +3,8 @@
     TcpWire, TcpHostWire    a stream of bytes; each end detects within `PEER_TIMEOUT_S` that the other is lost
     UdpWire, UdpHostWire    datagrams, one a write; lost datagrams and lost peers are not detected
 
-None blocks after it is open. Buffers are small (`BUFFER`), so that a slow reader never acts on old commands. There
-is no password: anyone who reaches an open port commands the thrusters, so `host` is this machine alone by default.
+None blocks after it is open. Buffers are small (`BUFFER`), so that a slow reader never acts on old commands. There is
+no password: anyone who can connect to an open port can command the thrusters, so the default `host` is this machine.
 """
 
 import contextlib
@@ -23,10 +23,10 @@ from hil.links.wires.terminal import READ_SIZE, DescriptorWire, queued_bytes
 
 HERE = "127.0.0.1"
 CONNECT_S = 2.0
-PEER_TIMEOUT_S = 2.0  # of a peer that acknowledges nothing, as when its cable is out
+PEER_TIMEOUT_S = 2.0  # for a peer that acknowledges nothing, for example with an unplugged cable
 BUFFER = 16_384  # bytes; the kernel doubles it
-SIOCOUTQ, SIOCOUTQNSD = 0x5411, 0x894B  # linux/sockios.h: bytes that are not acknowledged, that are not sent
-UNACKNOWLEDGED_NS = NS_PER_S // 10  # without progress; what is sent after that would arrive late and all at once
+SIOCOUTQ, SIOCOUTQNSD = 0x5411, 0x894B  # linux/sockios.h: numbers of unacknowledged and of unsent bytes
+UNACKNOWLEDGED_NS = NS_PER_S // 10  # without progress; further data would arrive late and all at once
 MAX_DATAGRAM = 65_536
 
 
@@ -41,7 +41,7 @@ class _SocketWire(DescriptorWire):
         self._socket = opened
 
     def close(self) -> None:
-        """Close the socket. Closing twice is harmless."""
+        """Close the socket. May be called twice."""
         self._fd = -1
         self._socket.close()
 
@@ -57,13 +57,13 @@ class _TcpStream(_SocketWire):
         self._progress_ns = now_ns()
 
     def write(self, data: bytes) -> int:
-        """Send `data`; return the number of bytes accepted. Raises DeviceError when the peer is lost."""
+        """Send `data`; return the number of bytes accepted. Raises DeviceError if the peer is lost."""
         taken = super().write(data)
         self._written += taken
         return taken
 
     def unsent(self) -> int:
-        """Return the bytes that wait here, and those under way once the peer has acknowledged nothing for 0.1 s."""
+        """Return the bytes that wait here, plus those in transit if the peer has acknowledged nothing for 0.1 s."""
         in_flight = queued_bytes(self._fd, SIOCOUTQ)
         acknowledged, now = self._written - in_flight, now_ns()
         if not in_flight or acknowledged != self._acknowledged:
@@ -73,7 +73,7 @@ class _TcpStream(_SocketWire):
     def _lost_error(self, reason: str | None) -> DeviceError:
         if self._fd >= 0:
             with contextlib.suppress(OSError):  # the connection may be closed already
-                self._socket.shutdown(socket.SHUT_RDWR)  # else the first write after a hang-up would succeed
+                self._socket.shutdown(socket.SHUT_RDWR)  # otherwise the first write after a hang-up would succeed
         return super()._lost_error(reason)
 
 
@@ -90,10 +90,10 @@ class TcpHostWire(_TcpStream):
 
 
 class TcpWire(Wire):
-    """Device end (STM32): listens on `host` and `port` (0: any that is free), one peer at a time.
+    """Device end (STM32): listens on `host` and `port` (0: any free port) for one peer at a time.
 
-    A second peer is rejected while the first is connected. Without a peer the wire discards what is written.
-    Raises DeviceError if the port is taken.
+    A second peer is rejected while the first is connected. Without a peer, written data are discarded. Raises
+    DeviceError if the port is in use.
     """
 
     def __init__(self, host: str = HERE, port: int = 0) -> None:
@@ -106,12 +106,12 @@ class TcpWire(Wire):
         self.port: int = self._listener.getsockname()[1]
         self.name = f"tcp://{host}:{self.port}"
         self._peer: _TcpStream | None = None
-        self._epoll = select.epoll()  # one descriptor that wakes for a connection and for bytes
+        self._epoll = select.epoll()  # one descriptor for new connections and for bytes
         self._epoll.register(self._listener, select.EPOLLIN)
 
     @property
     def connected(self) -> bool:
-        """Return whether there is a peer."""
+        """True if a peer is connected."""
         return self._peer is not None
 
     def fileno(self) -> int:
@@ -119,11 +119,11 @@ class TcpWire(Wire):
         return -1 if self._epoll.closed else self._epoll.fileno()
 
     def read(self) -> bytes:
-        """Return the received bytes (4096 at most), or b"". Raises DeviceError only if closed here."""
+        """Return the received bytes (4096 at most), or b"". Raises DeviceError only if this wire is closed."""
         return self._from_peer() or (self._from_peer() if self._accept() else b"")
 
     def write(self, data: bytes) -> int:
-        """Send `data`; return the bytes accepted, 0 without a peer. Raises DeviceError only if closed here."""
+        """Send `data`; return the bytes accepted, 0 without a peer. Raises DeviceError only if this wire is closed."""
         self._check_open()
         if self._peer is None:
             return 0
@@ -134,7 +134,7 @@ class TcpWire(Wire):
             return 0
 
     def close(self) -> None:
-        """Close the connection and the port. Closing twice is harmless."""
+        """Close the connection and the port. May be called twice."""
         self._disconnect()
         self._listener.close()
         self._epoll.close()
@@ -151,7 +151,7 @@ class TcpWire(Wire):
         """Accept a new connection, or reject it if there is a peer already; return whether there is a new peer."""
         try:
             caller, _ = self._listener.accept()
-        except OSError:  # no connection waits, or it was closed meanwhile
+        except OSError:  # no connection is waiting, or it was closed meanwhile
             return False
         if self._peer:
             caller.close()
@@ -162,7 +162,7 @@ class TcpWire(Wire):
 
     def _disconnect(self) -> None:
         if self._peer:
-            self._peer.close()  # which also takes it off the epoll
+            self._peer.close()  # also removes it from the epoll
             self._peer = None
 
     def _check_open(self) -> None:
@@ -171,7 +171,7 @@ class TcpWire(Wire):
 
 
 class _UdpWire(_SocketWire):
-    """Common part of both ends: reads all datagrams that are there."""
+    """Common part of both ends: reads all waiting datagrams."""
 
     def read(self) -> bytes:
         """Return the bytes of the received datagrams, or b"". Raises DeviceError when the network is lost."""
@@ -180,7 +180,7 @@ class _UdpWire(_SocketWire):
         while size < READ_SIZE:
             try:
                 datagram, sender = self._socket.recvfrom(MAX_DATAGRAM)
-            except (BlockingIOError, ConnectionRefusedError):  # refused: nobody received our last one
+            except (BlockingIOError, ConnectionRefusedError):  # refused: nothing listened for our last datagram
                 break
             except OSError as error:
                 raise self._lost_error(error.strerror) from None
@@ -194,7 +194,7 @@ class _UdpWire(_SocketWire):
         """Return whether datagrams from `sender` are for this wire."""
 
     def _refused(self, error: OSError) -> int:
-        """Return 0 bytes accepted, if `error` means no room, no listener, or a datagram that is too long."""
+        """Return 0 (bytes accepted) if `error` means no room, no listener, or a too long datagram; else raise."""
         if error.errno in (errno.EAGAIN, errno.ENOBUFS, errno.ECONNREFUSED, errno.EMSGSIZE):
             return 0
         raise self._lost_error(error.strerror) from None
@@ -203,8 +203,8 @@ class _UdpWire(_SocketWire):
 class UdpHostWire(_UdpWire):
     """Host end: sends to `host` and `port`, and receives only from there.
 
-    It begins with an empty datagram, whose address is the one that the other end sends to. Raises DeviceError if there
-    is no such host.
+    It first sends an empty datagram, from which the other end learns its address. Raises DeviceError if the host does
+    not exist.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -217,7 +217,7 @@ class UdpHostWire(_UdpWire):
         self.write(b"")
 
     def unsent(self) -> int:
-        """Return the memory that the socket's queue takes: 0 unless the network's own queue is full."""
+        """Return the memory that the socket's queue takes, in bytes; 0 unless the network's own queue is full."""
         return queued_bytes(self._fd, SIOCOUTQ)
 
     def write(self, data: bytes) -> int:
@@ -232,10 +232,10 @@ class UdpHostWire(_UdpWire):
 
 
 class UdpWire(_UdpWire):
-    """Device end (STM32): receives on `host` and `port` (0: any that is free) and sends to the first peer.
+    """Device end (STM32): receives on `host` and `port` (0: any free port) and sends to the first peer.
 
-    Datagrams of others are ignored until that one has sent nothing for `PEER_TIMEOUT_S`. Raises DeviceError if the port
-    is taken.
+    Datagrams of others are ignored until the peer has sent nothing for `PEER_TIMEOUT_S`. Raises DeviceError if the port
+    is in use.
     """
 
     def __init__(self, host: str = HERE, port: int = 0) -> None:
@@ -251,7 +251,7 @@ class UdpWire(_UdpWire):
     def write(self, data: bytes) -> int:
         """Send `data` as one datagram; return its size, or 0 if it was refused or there is no peer yet.
 
-        Raises DeviceError when the network is lost.
+        Raises DeviceError if the network is lost.
         """
         if self._fd >= 0 and self._peer is None:
             return 0
@@ -269,7 +269,7 @@ class UdpWire(_UdpWire):
 
 
 def _datagrams(host: str, port: int, use: Callable[[socket.socket, Any], None]) -> socket.socket:
-    """Return a datagram socket of the family of `host`, bound or connected there."""
+    """Return a datagram socket for the address family of `host`, bound or connected to that address by `use`."""
     family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
     opened = socket.socket(family, kind)
     try:

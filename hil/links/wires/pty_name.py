@@ -7,9 +7,9 @@ from hil.common.errors import DeviceError
 
 
 class PtyName:
-    """Symbolic link `path` to the pty `target`, owned by at most one process through a lock file beside it.
+    """Symbolic link `path` to the pty `target`; a lock file beside it ensures that at most one process owns it.
 
-    Raises DeviceError if another process holds it, it cannot be made, or `path` is something else.
+    Raises DeviceError if another process owns it, it cannot be made, or `path` is something else.
     """
 
     def __init__(self, path: str, target: str) -> None:
@@ -26,7 +26,7 @@ class PtyName:
             raise
 
     def remove(self) -> None:
-        """Remove the link, if it is still ours, and the lock."""
+        """Remove the link if it is still ours, and the lock file."""
         if os.path.islink(self._path) and os.readlink(self._path) == self._target:
             os.unlink(self._path)
         self._release()
@@ -43,14 +43,14 @@ class PtyName:
                 ) from None
             if _is_still(fd, self._lock_path):
                 return fd
-            os.close(fd)  # its owner removed it between our open and our lock: that lock protects nothing
+            os.close(fd)  # the owner removed the file between our open and our lock, so this lock protects nothing
 
     def _publish(self) -> None:
         path, fresh = self._path, f"{self._path}.new"
         if os.path.lexists(path) and not _links_to_pty(path):
             raise DeviceError(f"{path}: exists and is not a link to a pty; remove it or choose another device path")
         try:
-            if os.path.islink(fresh):  # left by a run that was killed here
+            if os.path.islink(fresh):  # left over by a process that was killed here
                 os.unlink(fresh)
             os.symlink(self._target, fresh)
             os.replace(fresh, path)
@@ -59,9 +59,8 @@ class PtyName:
 
     def _release(self) -> None:
         if _is_still(self._lock, self._lock_path):  # someone may have cleaned up /tmp
-            os.unlink(
-                self._lock_path
-            )  # before the lock is released, so that nobody can lock a file that is being removed
+            # Before the lock is released, so that nobody can lock a file that is being removed.
+            os.unlink(self._lock_path)
         os.close(self._lock)
 
 

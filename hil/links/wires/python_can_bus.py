@@ -1,7 +1,7 @@
 """CAN buses as wires through the python-can package, see `hil.links.wires.can_bus`.
 
-"virtual" connects the ends within one process, "udp_multicast" (which needs msgpack too) those of one machine;
-python-can has drivers for the adapters of many makers. The package costs 130 ms and 18 MiB when it is first used.
+"virtual" connects the ends within one process, "udp_multicast" (which also needs msgpack) those on one machine;
+python-can has drivers for the adapters of many manufacturers. The package costs 130 ms and 18 MiB at its first use.
 """
 
 import contextlib
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
 
 class PythonCanWire(Wire):
-    """A bus of the python-can package: `interface` and `channel` as there, `bitrate` in bit/s.
+    """A bus of the python-can package: `interface` and `channel` as in python-can, `bitrate` in bit/s.
 
-    Of "udp_multicast", frames stay on this machine, and one that another sends with the very contents of
-    one of ours that was lost on the way to ourselves is lost too. Raises DeviceError if the bus cannot be
-    opened; MissingExtraError without the package.
+    With "udp_multicast", frames stay on this machine. If one of our frames is lost on its way back to us, the next
+    identical frame of another sender is taken for it and dropped. Raises DeviceError if the bus cannot be opened;
+    MissingExtraError without the package.
     """
 
     record_size = RECORD_SIZE
-    MOST_ECHOES = 1024  # more than its socket holds
+    MOST_ECHOES = 1024  # more than the socket's buffer holds
 
     def __init__(self, interface: str, channel: str, bitrate: int = BITRATE) -> None:
         self.name = f"can:{interface}:{channel}"
         self._bus: BusABC | None = _open_bus(self.name, interface, channel, bitrate)
-        self._can = sys.modules["can"]  # importing it once more for each frame costs as much as sending one
-        # This bus alone returns what we send, unmarked.
+        self._can = sys.modules["can"]  # an import statement for each frame would cost as much as sending it
+        # Only this bus returns the frames that we send, and does not mark them.
         self._echoes: deque[bytes] | None = deque(maxlen=self.MOST_ECHOES) if interface == "udp_multicast" else None
         self._reader: _Reader | None = None
         try:
@@ -51,7 +51,7 @@ class PythonCanWire(Wire):
         return self._fd
 
     def read(self) -> bytes:
-        """Return the received frames (256 at most), or b"". Raises DeviceError when the bus is lost."""
+        """Return the received frames (256 at most), or b"". Raises DeviceError if the bus is lost."""
         bus = self._opened()
         records = []
         for message in self._reader.pop_messages() if self._reader else self._messages(bus):
@@ -63,7 +63,7 @@ class PythonCanWire(Wire):
         return b"".join(records)
 
     def write(self, data: bytes) -> int:
-        """Send whole records; return the bytes of those the bus accepted. Raises DeviceError when the bus is lost."""
+        """Send whole records; return the bytes that the bus accepted. Raises DeviceError if the bus is lost."""
         bus = self._opened()
         for start in range(0, len(data), RECORD_SIZE):
             for frame in unpack_frames(data[start : start + RECORD_SIZE]):
@@ -72,7 +72,7 @@ class PythonCanWire(Wire):
         return len(data)
 
     def close(self) -> None:
-        """Close the bus. Closing twice is harmless."""
+        """Close the bus. May be called twice."""
         bus, self._bus, self._fd = self._bus, None, -1
         if bus:
             if self._reader:
@@ -91,7 +91,7 @@ class PythonCanWire(Wire):
                 message = bus.recv(0)
             except (self._can.CanError, OSError) as error:
                 if self._echoes is not None and not isinstance(error.__cause__, OSError):
-                    continue  # a datagram on its group that is no frame
+                    continue  # a datagram that is not a frame
                 raise self._lost_error(error) from None
             if message is None:
                 break
@@ -123,9 +123,9 @@ class PythonCanWire(Wire):
 
 
 class _Reader:
-    """Thread that reads a bus without a descriptor and makes one, `fd`, readable. `failure`: what ended it."""
+    """Thread that reads a bus without a descriptor and provides one, `fd`. `failure` is the error that ended it."""
 
-    PERIOD_S = 0.02  # the longest until it notices `stop`
+    PERIOD_S = 0.02  # polling period for `stop`
 
     def __init__(self, bus: "BusABC") -> None:
         self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -164,7 +164,7 @@ class _Reader:
         while not self._stopped.is_set():
             try:
                 self._messages.put(message, timeout=self.PERIOD_S)
-            except queue.Full:  # nobody reads: the bus's own queue fills now, and refuses
+            except queue.Full:  # nobody reads: then the bus's own queue fills and refuses frames
                 continue
             os.eventfd_write(self.fd, 1)
             return

@@ -4,7 +4,7 @@
     PtyHostWire  the host's end of such a pty, without pyserial: for a controller of our own
     UartWire     either end of a real serial device, or of a pty, through pyserial
 
-None of them blocks, and none distinguishes noise from data: they carry bytes.
+None of them blocks, and none distinguishes noise from data: they transport bytes.
 """
 
 import contextlib
@@ -20,9 +20,9 @@ from hil.common.errors import DeviceError, MissingExtraError
 from hil.links.contract import Wire
 from hil.links.wires.pty_name import PtyName
 
-READ_SIZE = 4096  # what a terminal holds for its reader, and so the most that one read can give
-UNREAD_LIMIT = 2048  # bytes; at 20 ms and 32 bytes a frame, 1.3 s that nobody has read
-TCGETS2 = 0x802C542A  # asm-generic/ioctls.h: termios with the speed as a number, odd speeds too
+READ_SIZE = 4096  # size of a terminal's input buffer, and so the most that one read can return
+UNREAD_LIMIT = 2048  # unread bytes; with 32 bytes every 20 ms this is 1.3 s of telemetry
+TCGETS2 = 0x802C542A  # asm-generic/ioctls.h: termios with the speed as a number, for non-standard speeds
 TERMIOS2_OSPEED = 40  # byte offset in struct termios2, asm-generic/termbits.h
 
 REMEDIES = {
@@ -38,10 +38,10 @@ REMEDIES = {
 
 
 def queued_bytes(fd: int, request: int) -> int:
-    """Return the number of bytes in a queue of `fd` by an ioctl; 0 where its driver does not support the request."""
+    """Return the number of bytes in a queue of `fd`, by an ioctl; 0 if its driver does not support the request."""
     try:
         count: int = struct.unpack("i", fcntl.ioctl(fd, request, bytes(4)))[0]
-    except (OSError, ValueError):  # reading or writing reports a device that is lost or closed
+    except (OSError, ValueError):  # a lost or closed device is reported by the next read or write
         return 0
     return count
 
@@ -58,19 +58,19 @@ class DescriptorWire(Wire):
         return self._fd
 
     def read(self) -> bytes:
-        """Return the received bytes (4096 at most), or b"". Raises DeviceError when the device is lost."""
+        """Return the received bytes (4096 at most), or b"". Raises DeviceError if the device is lost."""
         try:
             data = os.read(self._fd, READ_SIZE)
         except BlockingIOError:
             return b""
         except OSError as error:
             raise self._lost_error(error.strerror) from None
-        if not data:  # in raw mode only a hang-up reads as nothing
+        if not data:  # in raw mode only a hang-up reads as b""
             raise self._lost_error("the other end closed")
         return data
 
     def write(self, data: bytes) -> int:
-        """Send `data`; return the number of bytes accepted. Raises DeviceError when the device is lost."""
+        """Send `data`; return the number of bytes accepted. Raises DeviceError if the device is lost."""
         try:
             return os.write(self._fd, data)
         except BlockingIOError:
@@ -79,7 +79,7 @@ class DescriptorWire(Wire):
             raise self._lost_error(error.strerror) from None
 
     def close(self) -> None:
-        """Close the device. Closing twice is harmless."""
+        """Close the device. May be called twice."""
         fd, self._fd = self._fd, -1
         if fd >= 0:
             os.close(fd)
@@ -91,12 +91,12 @@ class DescriptorWire(Wire):
 
 
 class TerminalWire(DescriptorWire):
-    """A wire on a terminal, none of whose methods waits for the kernel.
+    """A wire on a terminal; none of its methods waits for the kernel.
 
-    What a driver or the other end of a pty has put in is moved to the reader by a kernel thread of normal priority.
-    A `read` or `select` that finds nothing waits until that thread has had its turn: a real-time loop was 0.1 s late on
-    a busy machine. So `fileno` is an edge-triggered epoll, which wakes once that thread has come, and `read` asks the
-    terminal only then.
+    A kernel thread of normal priority moves the bytes from the driver, or from the other end of a pty, to the reader. A
+    `read` or `select` that finds nothing waits until that thread has run, which made a real-time loop 0.1 s late on a
+    busy machine. So `fileno` is an edge-triggered epoll, which wakes once that thread has delivered bytes, and `read`
+    reads the terminal only then.
     """
 
     def __init__(self, fd: int, name: str) -> None:
@@ -110,21 +110,21 @@ class TerminalWire(DescriptorWire):
 
     @property
     def terminal(self) -> int:
-        """Descriptor of the terminal itself, for readers of less than all; -1 once closed."""
+        """Descriptor of the terminal itself, for reads of single bytes; -1 once closed."""
         return self._fd
 
     def read(self) -> bytes:
-        """Return the received bytes (4096 at most), or b"". Raises DeviceError when the device is lost."""
+        """Return the received bytes (4096 at most), or b"". Raises DeviceError if the device is lost."""
         if self._fd >= 0:
             events = self._arrivals.poll(0, 1)
             if not events:
                 return b""
-            if events[0][1] & ~select.EPOLLIN:  # a hang-up, which each further read reports too
+            if events[0][1] & ~select.EPOLLIN:  # a hang-up, which each further read has to report too
                 self._arrivals.modify(self._fd, select.EPOLLIN)
         return super().read()
 
     def close(self) -> None:
-        """Close the device. Closing twice is harmless."""
+        """Close the device. May be called twice."""
         self._arrivals.close()
         super().close()
 
@@ -133,15 +133,15 @@ class PtyWire(TerminalWire):
     """Device end (STM32) of a new pseudo terminal; other programs open `path` as if it were a serial port.
 
     `link_path` is a second name for it that stays the same from run to run, a symbolic link such as
-    "/tmp/uuv-hil-stm32". One process at a time can have that name. A link left by a run that was killed
-    is replaced; a file that is not a link to a pty is never touched.
+    "/tmp/uuv-hil-stm32". One process at a time can own that name. A link left over by a killed process is replaced; a
+    file that is not a link to a pty is never changed.
 
-    Programs open and close the other end unnoticed by this one. As on a UART, what nobody reads is lost:
-    at most about `UNREAD_LIMIT` bytes are stored, so that a program that opens the port (and, as
-    pyserial does, discards what was waiting) never reads old telemetry.
+    This end does not notice when programs open and close the other end. As on a UART, bytes that nobody reads are lost:
+    at most about `UNREAD_LIMIT` bytes are stored. So a program that opens the port, and discards waiting bytes as
+    pyserial does, never reads old telemetry.
 
-    Raises DeviceError if the name is taken or cannot be made, or no pty is left. Not modelled: the time
-    that bytes take at a baud rate, parity, modem lines.
+    Raises DeviceError if the name is in use or cannot be made, or no pty is left. Not modelled: transmission time at a
+    baud rate, parity, modem lines.
     """
 
     def __init__(self, link_path: str = "") -> None:
@@ -151,7 +151,7 @@ class PtyWire(TerminalWire):
             raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
         self.path = os.ttyname(self._slave)
         self._second_name: PtyName | None = None
-        self._room = 0  # bytes that can be written at least, until `UNREAD_LIMIT` are unread
+        self._room = 0  # bytes that can be written before `UNREAD_LIMIT` may be reached
         super().__init__(master, link_path or self.path)
         os.set_blocking(master, False)
         tty.setraw(self._slave)  # both ends share these settings
@@ -164,21 +164,21 @@ class PtyWire(TerminalWire):
 
     @property
     def baud(self) -> int:
-        """Return the speed that the program at the other end set, in bit/s (38400 if it has not)."""
+        """Speed in bit/s that the program at the other end has set (38400 by default)."""
         ospeed: int = struct.unpack_from("I", fcntl.ioctl(self._fd, TCGETS2, bytes(44)), TERMIOS2_OSPEED)[0]
         return ospeed
 
     def write(self, data: bytes) -> int:
-        """Send `data`, or nothing of it if the other end has stopped reading; return the number of bytes accepted."""
+        """Send `data`, or nothing if the other end has stopped reading; return the number of bytes accepted."""
         if self._room <= 0 <= self._fd:
-            self._room = UNREAD_LIMIT - self._unread()  # a query costs as much as a write: once for many frames
+            self._room = UNREAD_LIMIT - self._unread()  # the query costs as much as a write, so once for many frames
             if self._room <= 0:
                 return 0
         self._room -= len(data)
         return super().write(data)
 
     def close(self) -> None:
-        """Remove the link and the pty. Closing twice is harmless."""
+        """Remove the link and the pty. May be called twice."""
         if self._second_name:
             self._second_name.remove()
             self._second_name = None
@@ -191,7 +191,7 @@ class PtyWire(TerminalWire):
 
 
 class PtyHostWire(TerminalWire):
-    """Host end of the pty at `path`, opened exclusively. Discards what was waiting there.
+    """Host end of the pty at `path`, opened exclusively. Bytes that were waiting there are discarded.
 
     Raises DeviceError if there is no such pty, it is not a terminal, or another program has it open.
     """
@@ -202,7 +202,7 @@ class PtyHostWire(TerminalWire):
         except OSError as error:
             raise _cannot_open(path, error) from None
         try:
-            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)  # what pyserial's exclusive mode takes too
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the same lock as pyserial's exclusive mode
             tty.setraw(fd)
         except (OSError, termios.error) as error:
             os.close(fd)
@@ -213,12 +213,11 @@ class PtyHostWire(TerminalWire):
 class UartWire(TerminalWire):
     """A serial device, or the host's end of a pty: 8 data bits, no parity, 1 stop bit, opened exclusively.
 
-    `device` is its path (prefer /dev/serial/by-id/..., which stays the same), `baud` in bit/s. With
-    `rs485` its driver switches the direction of a two-wire bus (RTS high while it sends); all traffic of
-    the other devices on that bus is read. A driver that can is set to deliver each byte at once (on FTDI
-    adapters after 1 ms instead of 16 ms).
-    Raises DeviceError if there is no such device (lists those there are), this user may not open it,
-    another process has it open, or it does not support RS-485; MissingExtraError without pyserial.
+    `device` is its path (prefer /dev/serial/by-id/..., which stays the same), `baud` in bit/s. With `rs485` the driver
+    switches the direction of a two-wire bus (RTS high while sending); traffic of other devices on that bus is read
+    too. If the driver allows it, bytes are delivered at once (with FTDI adapters after 1 ms instead of 16 ms).
+    Raises DeviceError if there is no such device (the error lists those present), this user may not open it, another
+    process has it open, or it does not support RS-485; MissingExtraError without pyserial.
     """
 
     def __init__(self, device: str, baud: int = 115_200, rs485: bool = False) -> None:
@@ -228,16 +227,16 @@ class UartWire(TerminalWire):
             raise MissingExtraError("a uart needs pyserial: pip install pyserial") from None
         try:
             self._port = serial.Serial(device, baud, timeout=0, write_timeout=0, exclusive=True)
-        except (OSError, termios.error) as error:  # SerialException is the one
+        except (OSError, termios.error) as error:  # pyserial's SerialException is an OSError
             raise _cannot_open(device, error, _ports() if error.args[0] == errno.ENOENT else "") from None
         except ValueError as error:
             raise DeviceError(f"{device}: cannot run at {baud} bit/s ({error}); choose another baud") from None
-        # pyserial opens and sets up; reading and writing the descriptor ourselves takes a third of the time.
+        # pyserial opens and configures; reading and writing the descriptor directly takes a third of the time.
         super().__init__(self._port.fileno(), device)
         self.baud = baud
         try:
             self._wait_for_a_byte()
-        except termios.error as error:  # pulled out since
+        except termios.error as error:  # the device was removed meanwhile
             self.close()
             raise _cannot_open(device, error) from None
         self._request_low_latency()
@@ -245,7 +244,7 @@ class UartWire(TerminalWire):
             self._switch_direction()
 
     def close(self) -> None:
-        """Close the device. Closing twice is harmless."""
+        """Close the device. May be called twice."""
         self._arrivals.close()
         self._fd = -1
         self._port.close()
@@ -269,12 +268,12 @@ class UartWire(TerminalWire):
             ) from None
 
     def unsent(self) -> int:
-        """Return the bytes in the kernel's queue of this device (TIOCOUTQ), not those in the adapter's own memory."""
+        """Return the bytes in the kernel's queue of this device (TIOCOUTQ), not those in the adapter's memory."""
         return queued_bytes(self._fd, termios.TIOCOUTQ)
 
     def discard_unsent(self) -> None:
-        """Empty the kernel's queue of this device."""
-        with contextlib.suppress(OSError, ValueError, termios.error):  # writing reports a device that is lost
+        """Empty the kernel's output queue of this device."""
+        with contextlib.suppress(OSError, ValueError, termios.error):  # a lost device is reported by the next write
             termios.tcflush(self._fd, termios.TCOFLUSH)
 
     def _request_low_latency(self) -> bool:

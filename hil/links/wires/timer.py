@@ -1,4 +1,4 @@
-"""A descriptor that wakes a waiting loop at an instant."""
+"""A descriptor that wakes a waiting loop at a set time."""
 
 import os
 import time
@@ -9,15 +9,15 @@ from hil.common.errors import DeviceError
 
 
 class Timer:
-    """A descriptor that becomes readable about an instant: Linux's timerfd, which Python has from 3.13 on.
+    """A descriptor that becomes readable at about a set time: Linux's timerfd, which Python has since 3.13.
 
-    A process wakes some 50 to 150 us after its timer. `lead_ns` is how much that is, learned from each
-    wake-up, and by so much the timer is early: half of the wake-ups come before the instant, half after.
+    A process wakes some 50 to 150 us after its timer. `lead_ns` is this latency, learned from each wake-up, and the
+    timer is set earlier by it: half of the wake-ups come before the set time, half after.
     """
 
     SPEC = Struct("4l")  # struct itimerspec: interval s, ns; value s, ns
     ABSOLUTE = 1  # TFD_TIMER_ABSTIME, sys/timerfd.h
-    LEARN_NS = 2 * NS_PER_US  # a step towards the median, which rare long delays do not move
+    LEARN_NS = 2 * NS_PER_US  # step towards the median, which rare long delays do not change much
     MOST_LEAD_NS = 200 * NS_PER_US
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class Timer:
         self._set_ns = NEVER_NS
 
     def arm(self, at_ns: int) -> None:
-        """Make the timer readable from about `at_ns` (monotonic) on, until it is armed again; `NEVER_NS`: never."""
+        """Make the timer readable from about `at_ns` (monotonic) on, until it is set again; `NEVER_NS`: never."""
         if at_ns == self._wanted_ns:
             return
         self._wanted_ns = at_ns
@@ -41,7 +41,7 @@ class Timer:
         self._libc.timerfd_settime(self.fd, self.ABSOLUTE, self.SPEC.pack(0, 0, seconds, rest), None)
 
     def horizon(self, now: int) -> int:
-        """Return up to when things count as due at `now` (monotonic ns), when the loop has woken."""
+        """Return the time up to which data count as due, after a wake-up at `now` (both monotonic ns)."""
         if now >= self._set_ns:
             late = now - self._set_ns > self.lead_ns
             lead_ns = self.lead_ns + (self.LEARN_NS if late else -self.LEARN_NS)

@@ -1,7 +1,7 @@
 """python-can's virtual bus with a descriptor to wait on.
 
-So a sender can read the answer at once: no thread has to wake up in between. Other software in this process uses it
-like any virtual bus.
+With it a sender can read the answer at once, without a thread that has to wake up. Other software in this process uses
+it like any virtual bus.
 """
 
 import os
@@ -22,7 +22,7 @@ class BelledQueue(Messages):
         self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
     def close(self) -> None:
-        """Close the descriptor. A sender that still has the queue can use it without effect."""
+        """Close the descriptor. A sender that still has this queue may use it, without effect."""
         with self.mutex:
             fd, self.fd = self.fd, -1
             if fd >= 0:
@@ -54,9 +54,9 @@ class VirtualBus(virtual.VirtualBus):
         return self._waiting.fd
 
     def send(self, msg: Message, timeout: float | None = None) -> None:
-        """Send a data frame to all other ends, a copy each: python-can's deep copies take most of its time.
+        """Send a data frame to all other ends, as a simple copy each; python-can's deep copies take most of its time.
 
-        Raises CanOperationError if one of them has not read for so long.
+        Raises CanOperationError if one of them does not read within `timeout` (s).
         """
         self._check_if_open()
         now = time.time()
@@ -71,6 +71,6 @@ class VirtualBus(virtual.VirtualBus):
                     raise CanOperationError("an end of the bus does not read") from None
 
     def shutdown(self) -> None:
-        """Leave the bus. Leaving twice is harmless."""
+        """Leave the bus. May be called twice."""
         super().shutdown()
         self._waiting.close()
