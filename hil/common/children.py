@@ -91,15 +91,18 @@ def module_command(module: str, *arguments: str) -> list[str]:
 def python_command(*words: str) -> list[str]:
     """Return the command that runs this interpreter with `words`: options, then -c CODE or -m MODULE, then arguments.
 
-    Modules are not imported from the current folder.
+    Modules are not imported from the current folder. With -m no word has a line break: a unit of systemd cannot.
     """
     if sys.version_info >= (3, 11):
         return [sys.executable, "-P", *words]
     at = next(number for number, word in enumerate(words) if word in ("-c", "-m"))
     options, (kind, code), arguments = words[:at], words[at : at + 2], words[at + 2 :]
-    if kind == "-m":
-        code = f"from runpy import run_module\nrun_module({code!r}, run_name='__main__', alter_sys=True)"
-    return [sys.executable, *options, "-c", f"import sys\ndel sys.path[0]\n{code}", *arguments]
+    if kind == "-c":
+        code = f"import sys\ndel sys.path[0]\n{code}"
+    else:
+        run = f"run_module({code!r}, run_name='__main__', alter_sys=True)"
+        code = f"import sys; del sys.path[0]; from runpy import run_module; {run}"
+    return [sys.executable, *options, "-c", code, *arguments]
 
 
 def foreign_command(*command: str) -> list[str]:

@@ -6,6 +6,7 @@ What only a real systemd shows is in tests/system/boards/test_whole_board.py.
 import os
 import pwd
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -49,6 +50,17 @@ def test_a_device_that_is_not_there_is_waited_for(root: Path, scenario: str) -> 
     assert values(root, UNIT, "StartLimitBurst") == []
     assert 1.0 < float(values(root, UNIT, "RestartSec")[0]) <= 5.0
     assert values(root, UNIT, "RestartPreventExitStatus") == ["2 5"]
+
+
+def test_the_unit_of_the_oldest_python(root: Path, scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has no option for what -P does: its command is longer, and stands in one line all the same."""
+    monkeypatch.setattr(sys, "version_info", (3, 10))
+    assert install(root, scenario, "--yes") == 0
+    (start,) = values(root, UNIT, "ExecStart")
+    python, option, code, *arguments = shlex.split(start)
+    assert (python, option) == (sys.executable, "-c")
+    assert "del sys.path[0]" in code
+    assert arguments[0] == "slave"
 
 
 @pytest.mark.parametrize(
