@@ -1,8 +1,8 @@
 """Common Data Representation, the bytes of ROS 2 messages: little-endian XCDR1 (OMG DDS-XTypes 1.3, 7.4.1).
 
-A message is four bytes of header, then its fields, each aligned to its own size counted from the fifth
-byte. Where only the lengths of strings vary, `Layout` compiles the whole message into one `struct` for each
-set of lengths; `Writer` and `Reader` go field by field for what holds sequences of strings.
+A message is a header of four bytes, then its fields. Each field is aligned to its own size, counted from the fifth
+byte. If only the lengths of strings vary, `Layout` compiles the whole message into one `struct` for each set of
+lengths. `Writer` and `Reader` go field by field, for messages with sequences of strings.
 """
 
 from collections.abc import Callable
@@ -10,18 +10,18 @@ from struct import Struct, calcsize, error, pack, unpack_from
 from typing import Any, TypeVar
 
 HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian, no options
-_MOST_COMPILED = 64  # string lengths come off the wire: the caches must not grow with them
+_MOST_COMPILED = 64  # entries of a cache: string lengths come from the network and must not make it grow
 _COUNT = Struct("<I")
 
 T = TypeVar("T")
 
 
 class MalformedError(Exception):
-    """A payload that is not a valid message of its type. `tolerant` catches it."""
+    """Raised for a payload that is not a valid message of its type. `tolerant` catches it."""
 
 
 def tolerant(decode: Callable[[bytes], T]) -> Callable[[bytes], T | None]:
-    """Return `decode` with None for a payload that ends early or contradicts itself, instead of MalformedError."""
+    """Return a version of `decode` that returns None for an invalid payload, instead of raising MalformedError."""
 
     def decode_or_none(data: bytes) -> T | None:
         try:
@@ -36,8 +36,8 @@ def tolerant(decode: Callable[[bytes], T]) -> Callable[[bytes], T | None]:
 class Layout:
     """A message of numbers and strings. `fields` are `struct` items ("I", "4d", "72s") or the word "string".
 
-    A string is two values of the compiled struct: its length and its bytes, both with the closing zero.
-    The first value is always `HEADER`.
+    A string takes two values of the compiled struct: its length and its bytes, both with the terminating zero. The
+    first value is always `HEADER`.
     """
 
     def __init__(self, fields: str) -> None:
@@ -47,7 +47,7 @@ class Layout:
         self._named: dict[tuple[str, ...], tuple[Struct, tuple[Any, ...]]] = {}
 
     def struct(self, *lengths: int) -> Struct:
-        """Return the Struct of a message whose strings take `lengths` bytes; with fewer, up to the next length."""
+        """Return the Struct of a message whose strings have these lengths; with fewer, only up to the next length."""
         compiled = self._structs.get(lengths)
         if compiled is None:
             if len(self._structs) >= _MOST_COMPILED:
@@ -56,7 +56,7 @@ class Layout:
         return compiled
 
     def named(self, names: tuple[str, ...]) -> tuple[Struct, tuple[Any, ...]]:
-        """Return the message with these strings, and the values that they are in it."""
+        """Return the Struct of a message with these strings, and the values to pack for them."""
         try:
             return self._named[names]
         except KeyError:
@@ -68,7 +68,7 @@ class Layout:
             return compiled
 
     def unpack(self, data: bytes) -> tuple[Any, ...]:
-        """Return the values of a payload, `HEADER` first. Raises MalformedError; use under `tolerant`."""
+        """Return the values of a payload, `HEADER` first. Raises MalformedError; use inside `tolerant`."""
         check_header(data)
         lengths: tuple[int, ...] = ()
         for _ in range(self.strings):
@@ -84,7 +84,7 @@ class Layout:
         out = "<4s"
         for field in self._fields:
             item = "I" if field == "string" else field
-            # a run of bytes (72s: nine float64 made elsewhere) is aligned by the field before it
+            # a run of bytes (72s: nine float64, packed elsewhere) needs no alignment: the field before it has that
             out += f"{-(calcsize(out) - len(HEADER)) % calcsize('<' + item[-1])}x{item}"
             if field == "string":
                 if not remaining:
@@ -94,32 +94,32 @@ class Layout:
 
 
 class Writer:
-    """Build a message field by field; `data` is what has been written."""
+    """Build a message field by field; `data` has the bytes so far."""
 
     def __init__(self) -> None:
         self.data = bytearray(HEADER)
 
     def numbers(self, code: str, *values: float) -> None:
-        """Write values of one `struct` type, aligned."""
+        """Write values of one `struct` type, with alignment."""
         if values:
             self.data += bytes(-(len(self.data) - len(HEADER)) % calcsize(f"<{code}"))
             self.data += pack(f"<{len(values)}{code}", *values)
 
     def raw(self, data: bytes, size: int = 1) -> None:
-        """Write bytes that are values of `size` bytes each already, aligned as such."""
+        """Write bytes that are packed values of `size` bytes each, with alignment."""
         self.data += bytes(-(len(self.data) - len(HEADER)) % size)
         self.data += data
 
     def string(self, text: str) -> None:
         """Write a string with its length."""
         raw = zero_terminated(text)
-        self.data += bytes(-len(self.data) % _COUNT.size)  # the header is as long as a count
+        self.data += bytes(-len(self.data) % _COUNT.size)  # the header has the size of a count
         self.data += _COUNT.pack(len(raw))
         self.data += raw
 
 
 class Reader:
-    """Read a message field by field. Every method raises MalformedError; use under `tolerant`."""
+    """Read a message field by field. Every method raises MalformedError; use inside `tolerant`."""
 
     def __init__(self, data: bytes) -> None:
         check_header(data)
@@ -136,7 +136,7 @@ class Reader:
     def count(self) -> int:
         """Return the next unsigned number: how many elements follow.
 
-        None takes less than a byte, or it is malformed.
+        Raises MalformedError if that is more than there are bytes left.
         """
         count = int(self.numbers("I")[0])
         if count > len(self._data) - self._at:
@@ -144,7 +144,7 @@ class Reader:
         return count
 
     def raw(self, count: int) -> bytes:
-        """Return the next `count` bytes as they are."""
+        """Return the next `count` bytes."""
         start = self._advance(count)
         return bytes(self._data[start : start + count])
 
@@ -153,7 +153,7 @@ class Reader:
         return text(self.raw(self.count()))
 
     def _advance(self, size: int) -> int:
-        """Return where the next `size` bytes begin."""
+        """Return the offset of the next `size` bytes, and advance."""
         if size > len(self._data) - self._at:
             raise MalformedError("fewer values than announced")
         start, self._at = self._at, self._at + size
@@ -161,12 +161,12 @@ class Reader:
 
 
 def zero_terminated(text: str) -> bytes:
-    """Return the bytes of a string on the wire, without its length."""
+    """Return a string as bytes with a terminating zero, without its length."""
     return text.encode(errors="replace") + b"\0"
 
 
 def text(raw: bytes) -> str:
-    """Return the string in the bytes of `zero_terminated`; what is not UTF-8 shows as U+FFFD."""
+    """Return the string in bytes from `zero_terminated`; invalid UTF-8 becomes U+FFFD."""
     return raw.rstrip(b"\0").decode(errors="replace")
 
 
@@ -177,9 +177,9 @@ def check_header(data: bytes) -> None:
 
 
 def diagonal(size: int, first: float, last: float, third: float | None = None) -> bytes:
-    """Return the bytes of a size x size covariance matrix: `first` on axes 0 to 2 of its diagonal, `last` on the rest.
+    """Return the bytes of a size x size covariance matrix with `first` on diagonal elements 0 to 2, `last` on the rest.
 
-    Axis 2 has `third` if that is given.
+    Element 2 is `third` if that is given.
     """
     key = (size, first, last, third)
     try:

@@ -1,4 +1,4 @@
-"""sensor_msgs/PointCloud2 of a camera with depth, and of a sonar's points."""
+"""sensor_msgs/PointCloud2 of a depth camera, and of a sonar's points."""
 
 from array import array
 from collections.abc import Sequence
@@ -7,27 +7,27 @@ from typing import NamedTuple
 from hil.ros.message import Message, decode, encode, header, time_of
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
-_FLOAT32 = 7  # of PointField
+_FLOAT32 = 7  # constant of PointField
 _FIELDS = [
     {"name": name, "offset": 4 * number, "datatype": _FLOAT32, "count": 1}
     for number, name in enumerate(("x", "y", "z", "rgb"))
 ]
-_STEP = 4 * len(_FIELDS)  # bytes a point
+_STEP = 4 * len(_FIELDS)  # bytes of a point
 _STRENGTH_FIELDS = [*_FIELDS[:3], {**_FIELDS[3], "name": "intensity"}]
 
 
 class Points(NamedTuple):
-    """Points of a sonar in the axes of their frame (m), each with the strength of its echo (dB): x, y, z, intensity."""
+    """Points of a sonar along the axes of their frame (m), each with its echo strength (dB): x, y, z, intensity."""
 
     time_ns: int
     points: tuple[tuple[float, float, float, float], ...]
 
 
 class Cloud(NamedTuple):
-    """A cloud organised as the picture it comes of, from the upper left, in the axes of its frame (REP 103).
+    """A cloud with the rows and columns of its picture, from the upper left, along the axes of its frame (REP 103).
 
-    `data` is four 32-bit floats a pixel: x to the right, y down, z ahead (m; nan where nothing was seen), and "rgb",
-    whose bits are 0x00RRGGBB, as PCL and depth_image_proc have it.
+    `data` has four 32-bit floats for each pixel: x right, y down, z ahead (m; nan without a point), and "rgb" with the
+    bits 0x00RRGGBB, as in PCL and depth_image_proc.
     """
 
     time_ns: int
@@ -37,8 +37,8 @@ class Cloud(NamedTuple):
 
 
 def coloured(points: bytes, rgb: bytes) -> bytes:
-    """Return the data of a `Cloud`: the points of a CameraSample, in the sensor's axes, with their colours."""
-    import numpy as np  # only the process that makes pictures comes here
+    """Return the data of a `Cloud` from the points (sensor axes) and the colours of a CameraSample."""
+    import numpy as np  # used only in the imaging process
 
     places = np.frombuffer(points, "<f4").reshape(-1, 3)
     cloud = np.empty((len(places), len(_FIELDS)), "<f4")
@@ -49,14 +49,14 @@ def coloured(points: bytes, rgb: bytes) -> bytes:
 
 
 def encode_cloud(cloud: Cloud, frame: str = "camera_optical_frame") -> bytes:
-    """Return the message."""
+    """Return the PointCloud2 message of a cloud."""
     head = header(cloud.time_ns, frame)
     size = {"height": cloud.height, "width": cloud.width, "point_step": _STEP, "row_step": _STEP * cloud.width}
     return encode(_TYPE, {"header": head, **size, "fields": _FIELDS, "data": cloud.data})
 
 
 def decode_cloud(data: bytes) -> Cloud | None:
-    """Return a cloud of these fields, without gaps between its points; None for any other."""
+    """Return a cloud with these fields and without gaps between points; None for any other."""
     message = decode(_TYPE, data)
     if message is None or not _is_ours(message):
         return None
@@ -71,7 +71,7 @@ def _is_ours(message: Message) -> bool:
 
 
 def encode_points(time_ns: int, points: Sequence[tuple[float, float, float, float]], frame: str) -> bytes:
-    """Return points with the strengths of their echoes as a message, an unordered cloud."""
+    """Return points with echo strengths as a message, an unordered cloud."""
     data = array("f", [value for point in points for value in point])
     size = {"height": 1, "width": len(points), "point_step": _STEP, "row_step": _STEP * len(points)}
     shape = {"fields": _STRENGTH_FIELDS, "is_dense": True, "data": data.tobytes()}
@@ -79,7 +79,7 @@ def encode_points(time_ns: int, points: Sequence[tuple[float, float, float, floa
 
 
 def decode_points(data: bytes) -> Points | None:
-    """Return points with the strengths of their echoes; None for a cloud of other fields."""
+    """Return points with echo strengths; None for a cloud with other fields."""
     message = decode(_TYPE, data)
     if message is None or message["fields"] != _STRENGTH_FIELDS or message["is_bigendian"]:
         return None

@@ -1,6 +1,6 @@
-"""ROS 2 messages of the commands besides cmd_vel; frames and rules are those of hil.ros.encoders.
+"""ROS 2 messages of commands other than cmd_vel; frames and rules are those of hil.ros.encoders.
 
-What is not finite, or further than any vehicle goes, counts as malformed.
+Values that are not finite, or beyond what any vehicle can do, count as malformed.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,28 +13,28 @@ from hil.ros.encoders import Decoder, Encoder, array_values, pack_stamped, swap_
 from hil.ros.frames import decode_wrench
 
 MOST_DEPTH = 11_000.0  # m
-MOST_HEADING = 100.0  # rad: some turns, which do no harm
+MOST_HEADING = 100.0  # rad; several turns, which do no harm
 MOST_PLACE = 1e6  # m
 MOST_FORCE = 1e6  # N, N m
-WORLD_FRAMES = ("", "map", "odom")  # which are one
+WORLD_FRAMES = ("", "map", "odom")  # all the same frame
 
 _NUMBER = Layout("d")
 _POSE = Layout("i I string 7d")
 _STAMPED = Layout("i I string 6d")
-_LEAST_NORM = 0.5  # of a quaternion that is meant as one
+_LEAST_NORM = 0.5  # squared norm of a valid quaternion
 
 Six = tuple[float, float, float, float, float, float]
 
 
 class PoseCommand(NamedTuple):
-    """Pose to reach: `position` m NED, `heading` rad from north, clockwise. Roll and pitch stay level."""
+    """Pose to reach: `position` m NED, `heading` rad from north, clockwise. Roll and pitch stay zero."""
 
     position: Vector3
     heading: float
 
 
 def encode_number(value: float) -> bytes:
-    """std_msgs/Float64: a depth in m, down; or a compass heading in rad from north, clockwise seen from above."""
+    """std_msgs/Float64: a depth in m, or a compass heading in rad from north, clockwise seen from above."""
     return _NUMBER.struct().pack(HEADER, value)
 
 
@@ -55,9 +55,9 @@ def encode_pose(command: PoseCommand, time_ns: int, frame: str = "map") -> bytes
 
 @tolerant
 def decode_pose(data: bytes) -> PoseCommand:
-    """Return the position and the heading; roll and pitch are left.
+    """Return position and heading; roll and pitch are ignored.
 
-    One of another frame than the world's is malformed.
+    A pose in another frame than the world's is malformed.
     """
     _, _, _, _, frame, *place, x, y, z, w = _POSE.unpack(data)
     if text(frame).rpartition("/")[2] not in WORLD_FRAMES:
@@ -71,10 +71,10 @@ def decode_pose(data: bytes) -> PoseCommand:
 
 @tolerant
 def decode_stamped_twist(data: bytes) -> tuple[Vector3, Vector3]:
-    """Linear (m/s) and angular (rad/s) velocity along FRD.
+    """Return linear (m/s) and angular (rad/s) velocity along FRD.
 
-    One of the world's frame is malformed: velocities are along the body's axes. The header's time is left, as the age
-    of each message is known without.
+    A velocity in the world frame is malformed: it has to be along the body's axes. The header's stamp is ignored,
+    because the attachment gives each message's age.
     """
     _, _, _, _, frame, x, y, z, p, q, r = _STAMPED.unpack(data)
     if text(frame).rpartition("/")[2] in ("map", "odom"):
@@ -86,7 +86,7 @@ def decode_stamped_twist(data: bytes) -> tuple[Vector3, Vector3]:
 
 @tolerant
 def decode_wrench_command(data: bytes) -> Six:
-    """X Y Z (N) and K M N (N m) along FRD, whatever its frame is called: the body's own."""
+    """Return X Y Z (N) and K M N (N m) along FRD; any frame name is taken for the body's."""
     wrench = decode_wrench(data)
     if wrench is None:
         raise MalformedError("not a wrench")
@@ -95,16 +95,16 @@ def decode_wrench_command(data: bytes) -> Six:
 
 
 def encode_thrusts(thrusts: Sequence[float]) -> bytes:
-    """std_msgs/Float64MultiArray of one plain row: the thrust of each thruster in N, in the order of the vehicle."""
+    """std_msgs/Float64MultiArray without dimensions: the thrust of each thruster in N, in the vehicle's order."""
     writer = Writer()
-    writer.numbers("I", 0, 0, len(thrusts))  # no dimensions named, no offset
+    writer.numbers("I", 0, 0, len(thrusts))  # no dimensions, no offset
     writer.numbers("d", *thrusts)
     return bytes(writer.data)
 
 
 @tolerant
 def decode_thrusts(data: bytes) -> tuple[float, ...]:
-    """Return the thrusts in N; the names of dimensions are left."""
+    """Return the thrusts in N; dimensions are ignored."""
     return tuple(_bounded(array_values(data, "d"), MOST_FORCE))
 
 
@@ -114,7 +114,7 @@ def _bounded(values: Sequence[float], most: float) -> Sequence[float]:
     return values
 
 
-ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
+ENCODERS: dict[str, Encoder] = {}  # commands are not samples of sensors
 DECODERS: dict[str, Decoder] = {
     "cmd_vel_stamped": decode_stamped_twist,
     "cmd_depth": _number_within(MOST_DEPTH),

@@ -1,8 +1,8 @@
 """Typed table of all figures in the slave's diagnostics, for writers and readers.
 
-A figure is an attribute of `Diagnostics`, by its name on the network. Reading one gives its value in its type, None if
-it was not reported; a name that is not in the table is an AttributeError, or a KeyError where it is a string, and an
-error of the type checker. docs/reference/diagnostics.md is made from this table.
+A figure is an attribute of `Diagnostics`, with its name on the network. Its value is typed, and None if it was not
+reported. An unknown attribute raises AttributeError and is an error of the type checker; an unknown name as a string
+raises KeyError. docs/reference/diagnostics.md is made from this table.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,9 +16,9 @@ _FACTORS = {"us": 1e-6, "ms": 1e-3, "MiB": 2.0**20, "MHz": 1e6}  # from a unit t
 
 
 class Figure(Generic[T]):
-    """One figure: `name`, `unit` ("" none), `kind` (its type in words), `meaning`, and how it is written as text.
+    """One figure: `name`, `unit` ("": none), `kind` (its type in words), `meaning`, and conversion to and from text.
 
-    `is_counter`: it grows from 0 at the start of the slave (or of the machine), and never falls.
+    `is_counter`: it counts up from 0 at the start of the slave (or of the machine).
     """
 
     __slots__ = ("_decode", "_encode", "is_counter", "kind", "meaning", "name", "unit")
@@ -51,7 +51,7 @@ class Figure(Generic[T]):
         figures.raw[self.name] = self._encode(value)
 
     def read(self, figures: "Diagnostics") -> T | None:
-        """Return the value; None if it was not reported, or as a text that is none of this type."""
+        """Return the value; None if it was not reported or its text is not of this type."""
         text = figures.raw.get(self.name)
         try:
             return None if text is None else self._decode(text)
@@ -60,7 +60,7 @@ class Figure(Generic[T]):
 
     @property
     def base_factor(self) -> float:
-        """Return the factor from this unit to the base unit: seconds, bytes, hertz."""
+        """Factor from this unit to the base unit: seconds, bytes, hertz."""
         return _FACTORS.get(self.unit, 1.0)
 
 
@@ -132,14 +132,14 @@ def or_nan(value: float | None) -> float:
 
 
 def shown(value: float | str | None, form: str = "") -> str:
-    """Return a figure for a person; "-" if it was not reported."""
+    """Return a figure as text for a person; "-" if it was not reported."""
     return "-" if value is None else f"{value:{form}}"
 
 
 class Diagnostics:
-    """Figures of health that a slave published, or is about to. False while there are none.
+    """Health figures of a slave, received or to be published. False if there are none.
 
-    `raw` are the texts as they are on the network; what a slave of another version reports besides stays in there.
+    `raw` has the texts that are sent on the network, including unknown ones from a slave of another version.
     """
 
     __slots__ = ("raw",)
@@ -156,14 +156,14 @@ class Diagnostics:
         return self.FIGURES[name].read(self)
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Report a figure by its name. Raises KeyError for a name that is none."""
+        """Set a figure by its name. Raises KeyError for an unknown name."""
         self.FIGURES[name].__set__(self, value)
 
     def __repr__(self) -> str:
         return f"Diagnostics({self.raw})"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the values of all figures of the table that were reported, by name."""
+        """Return the values of all known figures that were reported, by name."""
         return {name: figure.read(self) for name, figure in self.FIGURES.items() if name in self.raw}
 
     # The machine and the slave's program

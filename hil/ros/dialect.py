@@ -1,7 +1,7 @@
-"""The ROS 2 domain and release that the vehicle uses on the network.
+"""The ROS 2 domain and release that this process uses on the network.
 
-One for the whole process, as with ROS itself. The domain is that of the scenario, [ros] domain; where that has none
-the variable ROS_DOMAIN_ID, as ROS has it; else 0. All that has to do with one vehicle must be of one domain.
+They are the same for the whole process, as in ROS itself. The domain is that of the scenario, [ros] domain; without it
+that of the variable ROS_DOMAIN_ID, as in ROS; else 0. All processes of one vehicle must use the same domain.
 """
 
 import os
@@ -11,27 +11,27 @@ from hil.common.errors import ConfigError
 
 Distro = Literal["humble", "jazzy", "kilted", "rolling"]
 FROM_ENVIRONMENT = -1
-MOST = 232  # as ROS 2 allows
-NO_HASH = "TypeHashNotSupported"  # what Humble sends in place of the hash of a type
+MOST = 232  # limit of ROS 2
+NO_HASH = "TypeHashNotSupported"  # sent by Humble instead of the hash of a type
 
 _chosen: tuple[int, Distro] = (FROM_ENVIRONMENT, "jazzy")
 
 
 def speak(domain: int = FROM_ENVIRONMENT, distro: Distro = "jazzy") -> None:
-    """Set domain and release for this process. Raises ConfigError when the environment gives no valid domain."""
+    """Set domain and release for this process. Raises ConfigError if the environment has an invalid domain."""
     global _chosen  # noqa: PLW0603 - one for the process, see above
     _chosen = domain if domain >= 0 else _from_environment(), distro
 
 
 def domain() -> int:
-    """Return the domain; it is read from the environment once."""
+    """Return the domain; the environment is read once."""
     if _chosen[0] < 0:
         speak(*_chosen)
     return _chosen[0]
 
 
 def is_humble() -> bool:
-    """Return whether types have no hashes, and sensor_msgs/Range no variance."""
+    """Return whether the release is Humble: types have no hashes, and sensor_msgs/Range no variance."""
     return _chosen[1] == "humble"
 
 

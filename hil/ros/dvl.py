@@ -1,4 +1,4 @@
-"""Messages of a Doppler velocity log: marine_acoustic_msgs, and those that ROS filters and displays use."""
+"""Messages of a Doppler velocity log (DVL): marine_acoustic_msgs, and those for ROS filters and displays."""
 
 from math import atan2, hypot, inf, isfinite, nan
 from struct import Struct
@@ -26,13 +26,13 @@ _PISTON = 0
 _TWIST_COVARIANCE = Layout("i I string 6d 288s")
 _DVL = Layout("i I string B B 3d 72s 3d B f B B 16d 16f")
 _BEAMS = 4
-_NO_BEAMS = (0.0,) * 32  # their vectors, ranges, variances, qualities, speeds and variances: flagged as not valid
+_NO_BEAMS = (0.0,) * 32  # vectors, ranges, variances, qualities, speeds and their variances; flagged as invalid
 _FLOAT64 = Struct("<d")
 _NINE, _THIRTY_SIX = Struct("<9d"), Struct("<36d")
 
 
 class AltitudeSample(NamedTuple):
-    """Distance to the seabed in m, inf if there is none within reach."""
+    """Distance to the seabed in m; inf if there is none within range."""
 
     time_ns: int
     distance: float
@@ -41,12 +41,13 @@ class AltitudeSample(NamedTuple):
 def encode_dvl(
     sample: DvlSample, frame: str = "dvl_transducer_link", variance: float = 0.0, mode: int = BOTTOM
 ) -> bytes:
-    """Return marine_acoustic_msgs/Dvl. `mode`: bottom or water.
+    """Return marine_acoustic_msgs/Dvl. `mode`: BOTTOM or WATER.
 
-    `variance`: of the velocity, (m/s)², where the sample has no covariance itself; 0 is sent as -1, "not known".
+    `variance`: of the velocity, (m/s)², if the sample has no covariance; 0 is sent as -1, "unknown".
 
-    By its definition z is the way the log looks: its vector is along FRD, ours, in a frame of its own. Without
-    lock there are no good beams, and velocity and altitude are NaN. Single beams and the speed of sound are left out.
+    By its definition, z is the direction in which the DVL looks. So the velocity is along FRD as ours, in a frame of
+    its own. Without lock there are no good beams, and velocity and altitude are NaN. Single beams and the speed of
+    sound are not sent.
     """
     forward, starboard, down = sample.velocity if sample.locked else (nan, nan, nan)
     known = sample.locked and sample.covariance
@@ -60,16 +61,16 @@ def encode_dvl(
 
 @tolerant
 def decode_dvl(data: bytes) -> DvlSample:
-    """Return velocity along FRD, altitude, and whether at least one beam is locked."""
+    """Return velocity along FRD, altitude, and whether at least one beam has lock."""
     time_ns, (_, _, u, v, w, _, altitude, _, _, beams, *_) = unpack_stamped(_DVL, data)
     return DvlSample(time_ns, (u, v, w), altitude, beams > 0 and isfinite(u + v + w))
 
 
 def encode_dvl_twist(sample: DvlSample, frame: str = "dvl_link", variance: float = 0.0) -> bytes:
-    """geometry_msgs/TwistWithCovarianceStamped of a velocity log.
+    """Return geometry_msgs/TwistWithCovarianceStamped.
 
-    `variance`: of the velocity, (m/s)², where the sample has no covariance itself. Without bottom lock the velocity is
-    NaN and the first covariance -1. The angular part is always empty, and its variances -1 where the others are known.
+    `variance`: of the velocity, (m/s)², if the sample has no covariance. Without bottom lock the velocity is NaN and
+    the first covariance -1. The angular part is always 0, with variances -1 if the sample has a covariance.
     """
     velocity = swap_body(sample.velocity) if sample.locked else (nan, nan, nan)
     known = sample.locked and sample.covariance
@@ -78,7 +79,7 @@ def encode_dvl_twist(sample: DvlSample, frame: str = "dvl_link", variance: float
 
 
 def _linear(of: Covariance) -> bytes:
-    """Return the covariance of a twist whose linear part has this one along FRD, along FLU."""
+    """Return the 6x6 covariance of a twist along FLU, from the velocity's covariance along FRD."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = of
     values = [0.0] * 36
     values[0:3], values[6:9], values[12:15] = (xx, -xy, -xz), (-yx, yy, yz), (-zx, zy, zz)
@@ -88,7 +89,7 @@ def _linear(of: Covariance) -> bytes:
 
 @tolerant
 def decode_dvl_twist(data: bytes) -> DvlSample:
-    """Return the velocity along FRD and whether it is locked. The altitude is NaN: it travels as a Range."""
+    """Return the velocity along FRD and whether it has lock. The altitude is NaN: it is sent as a Range."""
     time_ns, (u, v, w, _, _, _, covariance) = unpack_stamped(_TWIST_COVARIANCE, data)
     locked = isfinite(u + v + w) and _FLOAT64.unpack_from(covariance)[0] >= 0.0
     return DvlSample(time_ns, swap_body((u, v, w)), nan, locked)
@@ -102,9 +103,9 @@ def altitude_of(sample: DvlSample) -> AltitudeSample:
 def encode_range(
     sample: DvlSample, frame: str = "dvl_link", limits: tuple[float, float] = (0.2, 75.0), variance: float = 0.0
 ) -> bytes:
-    """sensor_msgs/Range of the altitude, `limits` m of the device; +inf (REP 117) without bottom lock.
+    """sensor_msgs/Range of the altitude, with the device's `limits` (m); +inf (REP 117) without bottom lock.
 
-    `variance` in m², where the sample has none itself. The field of view is sent as 0: the mean of narrow beams.
+    `variance` in m², if the sample has none. The field of view is sent as 0, as the altitude is a mean of narrow beams.
     """
     distance = altitude_of(sample).distance
     return pack_range(sample.time_ns, (frame,), 0, 0.0, *limits, distance, sample.altitude_variance or variance)

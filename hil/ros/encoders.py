@@ -1,8 +1,8 @@
-"""ROS 2 messages as rmw_zenoh carries them: payloads, type hashes, keys and attachments.
+"""ROS 2 messages as rmw_zenoh transports them: payloads, type hashes, keys and attachments.
 
-This is the one place where our frames (world NED, body FRD) and those of ROS (world ENU, body FLU, REP 103)
-meet: every encoder takes ours and sends theirs, every decoder gives ours back, or None for a malformed
-payload. Covariances are diagonals; 0 means "unknown", as in ROS, and -1 that something is not measured.
+This is the one place where our frames (world NED, body FRD) are converted to and from those of ROS (world ENU, body
+FLU, REP 103): encoders take ours and send theirs; decoders return ours, or None for a malformed payload. Covariances
+are diagonals; 0 means "unknown", as in ROS, and -1 that something is not measured.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -22,20 +22,20 @@ Status = tuple[str, int, str, dict[str, str]]  # name, level (0 ok, 1 warning, 2
 
 _NS_PER_S = 1_000_000_000
 _HALF_SQRT = sqrt(0.5)
-NO_DATA = -1.0  # first element of a covariance whose measurement is missing, as sensor_msgs/Imu has it
+NO_DATA = -1.0  # first element of a covariance if the measurement is missing, as in sensor_msgs/Imu
 
 _TWIST = Struct("<4s6d")
 _IMU = Layout("i I string 4d 72s 3d 72s 3d 72s")
 _ODOMETRY = Layout("i I string string 7d 288s 6d 288s")
 _PRESSURE = Layout("i I string 2d")
 RANGE, RANGE_HUMBLE = Layout("i I string B 5f"), Layout("i I string B 4f")
-_TRANSFORMS = Layout("I i I string string 7d")  # of one
+_TRANSFORMS = Layout("I i I string string 7d")  # a message with one transform
 _UNKNOWN = (0.0, 0.0, 0.0, 0.0, 0.0)
 _ATTACHMENT = Struct("<qqB16s")
 
 
 class Attachment(NamedTuple):
-    """Attachment of rmw_zenoh to a message: sequence number, time of sending (ns, wall), publisher `gid`."""
+    """Attachment of rmw_zenoh to a message: sequence number, send time (wall, ns), `gid` of the publisher."""
 
     sequence: int
     time_ns: int
@@ -43,22 +43,22 @@ class Attachment(NamedTuple):
 
 
 def swap_world(vector: Sequence[float]) -> Vector3:
-    """NED to ENU, or ENU to NED: like the other two swaps its own inverse."""
+    """NED to ENU, or ENU to NED; like the other two swaps it is its own inverse."""
     x, y, z = vector
     return y, x, -z
 
 
 def swap_body(vector: Sequence[float]) -> Vector3:
-    """FRD to FLU, or FLU to FRD; for velocities, angular velocities and accelerations alike."""
+    """FRD to FLU, or FLU to FRD, for velocities, angular velocities and accelerations."""
     x, y, z = vector
     return x, -y, -z
 
 
 def swap_attitude(quaternion: Sequence[float]) -> Quaternion:
-    """Return the attitude (w, x, y, z) of FRD in NED to that of FLU in ENU, or back.
+    """Return the attitude (w, x, y, z) of FLU in ENU from that of FRD in NED, or the other way round.
 
-    The half turn of the world about its north-east diagonal, the attitude, the half turn of the body about
-    its x axis: three quaternions multiplied out.
+    This is the product of three quaternions: a half turn of the world about its north-east diagonal, the attitude, and
+    a half turn of the body about its x axis.
     """
     w, x, y, z = quaternion
     return _HALF_SQRT * (w + z), _HALF_SQRT * (x + y), _HALF_SQRT * (x - y), _HALF_SQRT * (w - z)
@@ -71,9 +71,9 @@ def encode_twist(linear: Sequence[float], angular: Sequence[float]) -> bytes:
 
 @tolerant
 def decode_twist(data: bytes) -> tuple[Vector3, Vector3]:
-    """Linear (m/s) and angular (rad/s) velocity along FRD. What is not finite counts as malformed."""
+    """Return linear (m/s) and angular (rad/s) velocity along FRD; values that are not finite count as malformed."""
     check_header(data)
-    _, x, y, z, p, q, r = _TWIST.unpack(data)  # of exactly this size: a TwistStamped would be other numbers
+    _, x, y, z, p, q, r = _TWIST.unpack(data)  # exactly this size: a TwistStamped would give wrong numbers
     if not isfinite(abs(x) + abs(y) + abs(z) + abs(p) + abs(q) + abs(r)):
         raise MalformedError("not a velocity")
     return (x, -y, -z), (p, -q, -r)
@@ -81,7 +81,7 @@ def decode_twist(data: bytes) -> tuple[Vector3, Vector3]:
 
 def encode_imu(sample: ImuSample, frame: str = "imu_link", variances: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> bytes:
     """sensor_msgs/Imu. `variances`: of roll and pitch, yaw rad², angular velocity (rad/s)², acceleration (m/s²)²."""
-    # Of the frequent messages the swaps are written out here: a call less is a microsecond less where caches are cold.
+    # In frequent messages the swaps are inlined: with cold caches each call costs a microsecond.
     struct, (size, name) = _IMU.named((frame,))
     level, heading, turning, pushing = variances
     attitude, rate, force = diagonal(3, level, level, heading), diagonal(3, turning, 0.0), diagonal(3, pushing, 0.0)
@@ -96,7 +96,7 @@ def encode_imu(sample: ImuSample, frame: str = "imu_link", variances: Sequence[f
 
 @tolerant
 def decode_imu(data: bytes) -> ImuSample:
-    """Return the sample in NED and FRD; covariances are left."""
+    """Return the sample in NED and FRD, without covariances."""
     time_ns, (x, y, z, w, _, p, q, r, _, ax, ay, az, _) = unpack_stamped(_IMU, data)
     return ImuSample(time_ns, swap_attitude((w, x, y, z)), swap_body((p, q, r)), swap_body((ax, ay, az)))
 
@@ -136,7 +136,7 @@ def encode_odometry(
 
 @tolerant
 def decode_odometry(data: bytes) -> OdometrySample:
-    """Return the sample in NED and FRD; covariances are left."""
+    """Return the sample in NED and FRD, without covariances."""
     time_ns, (east, north, up, x, y, z, w, _, *nu, _) = unpack_stamped(_ODOMETRY, data)
     return OdometrySample(
         time_ns, swap_world((east, north, up)), swap_attitude((w, x, y, z)), swap_body(nu[:3]) + swap_body(nu[3:])
@@ -144,7 +144,7 @@ def decode_odometry(data: bytes) -> OdometrySample:
 
 
 def encode_transform(sample: OdometrySample, frame: str = "odom", child: str = "base_link") -> bytes:
-    """tf2_msgs/TFMessage of one transform: where `child` is in `frame`, by the sample."""
+    """tf2_msgs/TFMessage with one transform: the pose of `child` in `frame`, from the sample."""
     struct, (size, name, child_size, child_name) = _TRANSFORMS.named((frame, child))
     time_ns, (north, east, down), (w, x, y, z), _ = sample
     return struct.pack(
@@ -161,33 +161,33 @@ def pack_stamped(layout: Layout, time_ns: int, names: tuple[str, ...], *values: 
 
 
 def pack_range(time_ns: int, names: tuple[str], *values: Any) -> bytes:
-    """Return a sensor_msgs/Range, whose last value, the variance, Humble does not have."""
+    """Return a sensor_msgs/Range; for Humble without its last value, the variance."""
     data = pack_stamped(RANGE, time_ns, names, *values)
     return data[:-4] if dialect.is_humble() else data
 
 
 def unpack_stamped(layout: Layout, data: bytes) -> tuple[int, tuple[Any, ...]]:
-    """Return time in ns and the values behind the frame names."""
+    """Return the stamp (ns) and the values after the frame names."""
     values = layout.unpack(data)
     return values[1] * _NS_PER_S + values[2], values[3 + 2 * layout.strings :]
 
 
 def encode_int64_array(values: Sequence[int]) -> bytes:
-    """std_msgs/Int64MultiArray of one plain row."""
+    """std_msgs/Int64MultiArray without dimensions."""
     padding = "4x" if values else ""
-    return pack(f"<4s3I{padding}{len(values)}q", HEADER, 0, 0, len(values), *values)  # no dimensions named, no offset
+    return pack(f"<4s3I{padding}{len(values)}q", HEADER, 0, 0, len(values), *values)  # no dimensions, no offset
 
 
 @tolerant
 def decode_int64_array(data: bytes) -> tuple[int, ...]:
-    """Return the values; the names of dimensions are left."""
+    """Return the values; dimensions are ignored."""
     return array_values(data, "q")
 
 
 def array_values(data: bytes, kind: str) -> tuple[Any, ...]:
-    """Return the values of a std_msgs multi-array, whose elements are of this `kind` of struct.
+    """Return the values of a std_msgs multi-array, whose elements have the `struct` type `kind`.
 
-    Raises MalformedError if the message does not hold what it announces.
+    Raises MalformedError if the message is shorter than it announces.
     """
     reader = Reader(data)
     for _ in range(reader.count()):  # dimensions
@@ -218,7 +218,7 @@ def encode_diagnostics(time_ns: int, statuses: Sequence[Status], hardware_id: st
 
 @tolerant
 def decode_diagnostics(data: bytes) -> list[Status]:
-    """Return the statuses; stamp and hardware are left."""
+    """Return the statuses; stamp and hardware id are ignored."""
     reader = Reader(data)
     reader.numbers("I", 2)
     reader.string()
@@ -237,18 +237,18 @@ def data_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
 
 
 def dds_name(type_name: str) -> str:
-    """Return how a type is called in keys: sensor_msgs::msg::dds_::Imu_."""
+    """Return the name of a type in keys: sensor_msgs::msg::dds_::Imu_."""
     package, kind, name = type_name.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
 
 def pack_attachment(sequence: int, time_ns: int, gid: bytes) -> bytes:
-    """Return the 33 bytes beside a message; `sequence` from 1, `time_ns` of the wall clock, `gid` 16 bytes."""
+    """Return the 33 bytes of an attachment; `sequence` from 1, `time_ns` by the wall clock, `gid` 16 bytes."""
     return _ATTACHMENT.pack(sequence, time_ns, 16, gid)
 
 
 def unpack_attachment(data: bytes) -> Attachment | None:
-    """Return what `pack_attachment` packed, or None if that is not it."""
+    """Return the values that `pack_attachment` packed; None for other bytes."""
     if len(data) != _ATTACHMENT.size:
         return None
     sequence, time_ns, length, gid = _ATTACHMENT.unpack(data)
@@ -256,39 +256,39 @@ def unpack_attachment(data: bytes) -> Attachment | None:
 
 
 Encoded = Iterable[tuple[str, bytes]]
-Encoder = Callable[..., Encoded]  # of a sample, a prefix, and perhaps variances
+Encoder = Callable[..., Encoded]  # takes a sample, a prefix of frame names, and perhaps variances
 Decoder = Callable[[bytes], Any]
 
 
 def encoder(topic: str) -> Encoder:
-    """Return what turns the simulator's samples called `topic` into messages, each with the topic it goes out on.
+    """Return the function that encodes the simulator's samples called `topic` as messages, each with its ROS topic.
 
-    Its second argument is set before the names of the vehicle's frames ("uuv1/imu_link"), empty for none. Others are
-    the variances of what is measured, where `sim.sensors.spread` has them, and `name` is the sensor's own.
+    Its second argument is the prefix of the vehicle's frame names ("uuv1/" gives "uuv1/imu_link"), or "". Further ones
+    are variances, if `sim.sensors.spread` has them, and the sensor's `name`.
     """
     known = _ENCODERS.get(topic)
     if known is None:
         first = first_of(topic)
-        # The topics and frames of one more of a kind have its name instead.
+        # Another sensor of the same kind uses its own name in topics and frames.
         known = _later(topic).ENCODERS[topic] if first == topic else partial(encoder(first), name=topic)
         _ENCODERS[topic] = known
     return known
 
 
 def decoder(topic: str) -> Decoder | None:
-    """Return what turns a message on one of the topics of `hil.ros.topics` into our records; None for another topic."""
+    """Return the function that decodes messages of a topic in `hil.ros.topics`; None for an unknown topic."""
     first = first_of(topic)
     return _DECODERS.get(topic) or _DECODERS.get(first) or _later(first).DECODERS.get(first)
 
 
 def introduce(topic: str, encode: Encoder, decode: Decoder) -> None:
-    """Let the samples of a sensor of a user's own go out and come in by its class (hil.ros.own)."""
+    """Register the encoder and decoder of a user's own sensor (hil.ros.own)."""
     _ENCODERS[topic] = encode
     _DECODERS[topic] = decode
 
 
 def _later(topic: str) -> Any:
-    """Return the module of the topic: loaded when the vehicle is ready, or never."""
+    """Return the module with the topic's encoders; loaded after the vehicle is ready, if at all."""
     return import_module(f"hil.ros.{_ELSEWHERE.get(topic, 'sensors')}")
 
 

@@ -23,7 +23,7 @@ class Transform(NamedTuple):
 
 
 def mounted(time_ns: int, frame: str, child: str, position: Sequence[float], attitude: Quaternion) -> Transform:
-    """Return the FLU transform of a thing at `position` (m) with `attitude`, both along the FRD axes of `frame`."""
+    """Return the FLU transform of an object at `position` (m) with `attitude`, both along the FRD axes of `frame`."""
     w, x, y, z = attitude
     return Transform(time_ns, frame, child, swap_body(position), (w, x, -y, -z))
 
@@ -68,7 +68,7 @@ def decode_clock(data: bytes) -> int:
 
 
 def encode_wrench(time_ns: int, wrench: Sequence[float], frame: str = "base_link") -> bytes:
-    """geometry_msgs/WrenchStamped of X Y Z (N) and K M N (N m) about the origin of `frame`, along FRD."""
+    """geometry_msgs/WrenchStamped from X Y Z (N) and K M N (N m) about the origin of `frame`, along FRD."""
     return pack_stamped(_WRENCH, time_ns, (frame,), *swap_body(wrench[:3]), *swap_body(wrench[3:]))
 
 
@@ -79,7 +79,7 @@ def decode_wrench(data: bytes) -> tuple[int, Vector3, Vector3]:
     return time_ns, swap_body(values[:3]), swap_body(values[3:])
 
 
-ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
+ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
 DECODERS: dict[str, Decoder] = {
     "/clock": decode_clock,
     "/tf": decode_transforms,

@@ -1,12 +1,12 @@
 """The ROS 2 graph on the network: nodes and their publishers, subscribers, services and clients.
 
-Each of them is a liveliness token, a key that lives as long as the session which declared it, in the form of
-rmw_zenoh (ros2/rmw_zenoh, docs/design.md and src/detail/liveliness_utils.cpp):
+Each of them is a liveliness token, a key that exists as long as the session that declared it, in the form of rmw_zenoh
+(ros2/rmw_zenoh, docs/design.md and src/detail/liveliness_utils.cpp):
 
     @ros2_lv/DOMAIN/SESSION/NODE ID/ID/KIND/ENCLAVE/NAMESPACE/NODE [/TOPIC/TYPE/HASH/QOS]
 
-A slash in a name is a % there. Not modelled: security enclaves, and deadlines, lifespans and leases in QoS. The gid of
-our messages is random, where rmw_zenoh takes a hash of the token.
+Names have "%" instead of "/" there. Not modelled: security enclaves, and deadlines, lifespans and leases in QoS. The
+gid of our messages is random, whereas rmw_zenoh uses a hash of the token.
 """
 
 from collections.abc import Callable
@@ -17,24 +17,24 @@ from hil.ros import dialect
 from hil.ros.encoders import dds_name
 from hil.ros.topics import Qos, Topic, hash_of
 
-ALL = "@ros2_lv/*/**"  # of all domains: `read_token` distinguishes those of others from ours
-SUBSCRIPTIONS = "@ros2_lv/*/*/*/*/MS/**"  # of them those that are subscriptions
+ALL = "@ros2_lv/*/**"  # all domains; `read_token` ignores other domains
+SUBSCRIPTIONS = "@ros2_lv/*/*/*/*/MS/**"  # only subscriptions
 Kind = Literal["NN", "MP", "MS", "SS", "SC"]  # node, publisher, subscription, service, client
 KINDS: dict[str, Kind] = {"NN": "NN", "MP": "MP", "MS": "MS", "SS": "SS", "SC": "SC"}
 SERVICE_QOS = Qos()
 
-# Numbers of rmw/types.h; an empty field is rmw_zenoh's default, which is reliable, volatile, and the last 42.
+# Constants of rmw/types.h; an empty field means rmw_zenoh's default, which is reliable, volatile, depth 42.
 _BEST_EFFORT, _TRANSIENT_LOCAL, _KEEP_ALL, _DEFAULT_DEPTH = "2", "1", "2", 42
 _NODE_PARTS, _ENDPOINT_PARTS = 9, 13
-Identity = tuple[str, int]  # of a node: its session, and its number there
-ELSEWHERE = 1_000_000  # from here on are the numbers of endpoints that another process declares for a node
-_numbers = count()  # of this process's nodes and endpoints, so that no two of a session have the same
+Identity = tuple[str, int]  # of a node: its session, and its number in the session
+ELSEWHERE = 1_000_000  # first number of endpoints that another process declares for a node
+_numbers = count()  # for this process's nodes and endpoints, to make them unique in a session
 
 
 class Entity(NamedTuple):
-    """One node, or one endpoint of a node. `node` and `topic` are whole names ("/uuv1", "/uuv1/imu").
+    """One node, or one endpoint of a node. `node` and `topic` are full names ("/uuv1", "/uuv1/imu").
 
-    `session` distinguishes sessions, `node_id` and `ident` what is in one. A node has no topic, type and hash.
+    `session` identifies the session, `node_id` and `ident` the entity in it. A node has no topic, type and hash.
     """
 
     kind: Kind
@@ -49,13 +49,13 @@ class Entity(NamedTuple):
 
 
 def plain_name(name: str) -> str:
-    """Return a name, of a thruster say, as a part of a ROS name: letters, digits and _, no digit first."""
+    """Return a name, such as a thruster's, as a part of a ROS name: letters, digits and _, not a digit first."""
     plain = "".join([c if c.isascii() and c.isalnum() else "_" for c in name])
     return f"_{plain}" if plain[:1].isdigit() else plain
 
 
 def token(entity: Entity) -> str:
-    """Return its key."""
+    """Return the key of the entity's liveliness token."""
     namespace, _, name = entity.node.rpartition("/")
     parts = ["@ros2_lv", str(dialect.domain()), entity.session, str(entity.node_id), str(entity.ident), entity.kind]
     parts += ["%", _mangle(namespace or "/"), name]
@@ -65,9 +65,9 @@ def token(entity: Entity) -> str:
 
 
 def read_token(key: str) -> Entity | None:
-    """Return what `token` or rmw_zenoh made; None for any other key, and for another domain's.
+    """Return the entity of a key from `token` or rmw_zenoh; None for any other key or another domain.
 
-    What a newer rmw_zenoh may add behind the parts that are known here is left.
+    Further parts that a newer rmw_zenoh may add at the end are ignored.
     """
     parts = key.split("/")
     if len(parts) < _NODE_PARTS or parts[0] != "@ros2_lv" or parts[5] not in KINDS or not all(parts):
@@ -93,7 +93,7 @@ def _read_endpoint(node: Entity, parts: list[str]) -> Entity | None:
 
 
 def qos_text(qos: Qos) -> str:
-    """RELIABILITY:DURABILITY:HISTORY,DEPTH:deadline:lifespan:liveliness; the last three are always the default."""
+    """Return RELIABILITY:DURABILITY:HISTORY,DEPTH:deadline:lifespan:liveliness, the last three as defaults."""
     reliability = "" if qos.reliable else _BEST_EFFORT
     durability = _TRANSIENT_LOCAL if qos.latched else ""
     history = "" if qos.depth else _KEEP_ALL
@@ -102,7 +102,7 @@ def qos_text(qos: Qos) -> str:
 
 
 def read_qos(text: str) -> Qos | None:
-    """Return what `qos_text` encodes; None if it is not of that form."""
+    """Return the QoS in a text of `qos_text`; None for any other text."""
     fields = text.split(":")
     history, _, depth = fields[2].partition(",") if len(fields) >= 6 else ("", "", "none")
     if depth and not depth.isdecimal():
@@ -112,7 +112,7 @@ def read_qos(text: str) -> Qos | None:
 
 
 def ros_name(dds: str) -> str:
-    """Return sensor_msgs/msg/Imu for sensor_msgs::msg::dds_::Imu_; empty for any other form."""
+    """Return sensor_msgs/msg/Imu for sensor_msgs::msg::dds_::Imu_; "" for any other form."""
     parts = dds.split("::")
     if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
         return ""
@@ -124,17 +124,17 @@ class Declarer(Protocol):
 
     @property
     def zid(self) -> str:
-        """Identity of the session on the network."""
+        """Zenoh id of the session."""
 
     def declare_token(self, key: str) -> Callable[[], None]:
-        """Declare a liveliness token, which lives until what this gives is called, or the session lost."""
+        """Declare a liveliness token; it lives until the returned function is called or the session is lost."""
 
 
 class Node:
-    """A node of ours in the graph: `name` is its name, "uuv1". Declares itself, and its endpoints on request.
+    """A node of ours in the graph, with the name `name` ("uuv1"). Declares itself, and its endpoints on request.
 
-    It is there until `leave`, or the session's end. A process that acts for the node of another gives what `identity`
-    returns there as `of`: it declares endpoints of that node, and no second node of the same name.
+    It exists until `leave` or the end of the session. A process that acts for a node of another process passes that
+    node's `identity` as `of`: it then declares endpoints of that node, and no second node of the same name.
     """
 
     def __init__(self, session: Declarer, name: str, of: Identity | None = None) -> None:
@@ -159,19 +159,19 @@ class Node:
         self._withdraw.clear()
 
     def publishes(self, topic: Topic, owner: str) -> None:
-        """Declare that it publishes this topic of the node `owner`, which may be itself."""
+        """Declare that this node publishes this topic of the node `owner`, which may be itself."""
         self._endpoint("MP", topic.full_name(owner), topic.type, topic.qos)
 
     def subscribes(self, topic: Topic, owner: str) -> None:
-        """Declare that it subscribes to this topic of the node `owner`."""
+        """Declare that this node subscribes to this topic of the node `owner`."""
         self._endpoint("MS", topic.full_name(owner), topic.type, topic.qos)
 
     def serves(self, name: str, type_name: str) -> None:
-        """Declare that it serves the service of that full name."""
+        """Declare that this node serves the service with that full name."""
         self._endpoint("SS", name, type_name, SERVICE_QOS)
 
     def calls(self, name: str, type_name: str) -> None:
-        """Declare that it is a client of the service of that full name."""
+        """Declare that this node is a client of the service with that full name."""
         self._endpoint("SC", name, type_name, SERVICE_QOS)
 
     def _endpoint(self, kind: Kind, name: str, type_name: str, qos: Qos) -> None:

@@ -1,9 +1,9 @@
 """ROS 2 messages of imaging sensors: sensor_msgs Image, CompressedImage, CameraInfo; marine_acoustic_msgs sonars.
 
-Pictures are as ROS has them, from the upper left. The frames of REP 103 and of marine_acoustic_msgs (its 2.0.2, the
-comments in its .msg files) are not those of the devices, so each has one of its own, fixed to that of the sensor:
-"camera_optical_frame" is z ahead, x right, y down; "forward_sonar_fan" is z ahead, x up, y to starboard, in which the
-beams of a fan lie in the y-z plane. In a sonar's image a row is a range, a column a beam.
+Pictures begin at the upper left, as in ROS. The axes of REP 103 and of marine_acoustic_msgs (2.0.2, comments in its
+.msg files) differ from the devices' axes, so each sensor has a second frame, fixed to its own: "camera_optical_frame"
+has z ahead, x right, y down; "forward_sonar_fan" has z ahead, x up, y to starboard, with the beams of the fan in its
+y-z plane. In a sonar's image a row is a range, a column a beam.
 """
 
 from array import array
@@ -28,13 +28,13 @@ _IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 _SONAR, _SIDE_SCAN = "marine_acoustic_msgs/msg/ProjectedSonarImage", "marine_acoustic_msgs/msg/RawSonarImage"
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-_TYPE_CODES: dict[Encoding, int] = {"uint8": 0, "float32": 8}  # of SonarImageData
+_TYPE_CODES: dict[Encoding, int] = {"uint8": 0, "float32": 8}  # constants of SonarImageData
 _ENCODINGS: dict[int, Encoding] = {code: encoding for encoding, code in _TYPE_CODES.items()}
-_PIXEL = {"rgb8": 3, "mono8": 1, "32FC1": 4, "32SC1": 4}  # bytes
+_PIXEL = {"rgb8": 3, "mono8": 1, "32FC1": 4, "32SC1": 4}  # bytes of a pixel
 
 
 class Picture(NamedTuple):
-    """An Image or CompressedImage; `encoding` is ROS's ("rgb8", "32FC1") or "jpeg", which has its size inside."""
+    """An Image or CompressedImage; `encoding` is that of ROS ("rgb8", "32FC1") or "jpeg", with the size in its data."""
 
     time_ns: int
     width: int
@@ -44,7 +44,7 @@ class Picture(NamedTuple):
 
 
 class Pinhole(NamedTuple):
-    """Intrinsics in a CameraInfo: the pinhole, and the distortion of the lens."""
+    """Intrinsics in a CameraInfo: the pinhole model, and the distortion of the lens."""
 
     time_ns: int
     width: int
@@ -54,7 +54,7 @@ class Pinhole(NamedTuple):
 
 
 def encode_image(picture: Picture, frame: str = "camera_optical_frame") -> bytes:
-    """sensor_msgs/Image of a picture with no gaps between its rows."""
+    """sensor_msgs/Image of a picture without gaps between its rows."""
     size = {"height": picture.height, "width": picture.width, "step": picture.width * _PIXEL[picture.encoding]}
     head = header(picture.time_ns, frame)
     return encode(_IMAGE, {"header": head, **size, "encoding": picture.encoding, "data": picture.data})
@@ -62,7 +62,7 @@ def encode_image(picture: Picture, frame: str = "camera_optical_frame") -> bytes
 
 @tolerant
 def decode_image(data: bytes) -> Picture:
-    """Return a picture of one of the encodings that are sent here, without gaps between its rows."""
+    """Return a picture in one of the encodings used here, without gaps between its rows."""
     message = read(_IMAGE, data)
     height, width, encoding, pixels = [message[key] for key in ("height", "width", "encoding", "data")]
     if message["step"] != width * _PIXEL.get(encoding, 0) or len(pixels) != message["step"] * height:
@@ -77,13 +77,13 @@ def encode_compressed(time_ns: int, jpeg: bytes, frame: str = "camera_optical_fr
 
 @tolerant
 def decode_compressed(data: bytes) -> Picture:
-    """Return the compressed picture as it is, of width and height 0."""
+    """Return the compressed picture, with width and height 0."""
     message = read(_COMPRESSED, data)
     return Picture(time_of(message), 0, 0, message["format"], message["data"])
 
 
 def jpeg(sample: CameraSample, quality: int) -> bytes:
-    """Return the picture as JPEG of a `quality` from 1 to 95. Raises MissingExtraError."""
+    """Return the picture as JPEG with a `quality` from 1 to 95. Raises MissingExtraError."""
     try:
         from PIL import Image
     except ImportError:
@@ -98,7 +98,7 @@ def jpeg(sample: CameraSample, quality: int) -> bytes:
 
 
 def encode_camera_info(pinhole: Pinhole, frame: str = "camera_optical_frame") -> bytes:
-    """sensor_msgs/CameraInfo; a picture that is put right has the same pinhole."""
+    """sensor_msgs/CameraInfo; the rectified picture has the same pinhole model."""
     time_ns, width, height, (fx, fy, cx, cy), distortion = pinhole
     matrix = fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0
     projection = fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0
@@ -108,7 +108,7 @@ def encode_camera_info(pinhole: Pinhole, frame: str = "camera_optical_frame") ->
 
 @tolerant
 def decode_camera_info(data: bytes) -> Pinhole:
-    """Return the pinhole and a distortion of five numbers; rectification and region are left."""
+    """Return the pinhole model and a distortion of five numbers; rectification and region are ignored."""
     message = read(_CAMERA_INFO, data)
     if len(message["d"]) != 5:
         raise MalformedError("another distortion")
@@ -120,7 +120,7 @@ def decode_camera_info(data: bytes) -> Pinhole:
 def camera_messages(
     sample: CameraSample, prefix: str, images: str = "raw", quality: int = 80, name: str = "camera"
 ) -> ros.Encoded:
-    """Return all messages of one picture: `images` is "raw", "jpeg" or "both". Raises MissingExtraError."""
+    """Return all messages of one picture; `images` is "raw", "jpeg" or "both". Raises MissingExtraError."""
     frame, shape = f"{prefix}{name}_optical_frame", (sample.time_ns, sample.width, sample.height)
     info = encode_camera_info(Pinhole(*shape, sample.intrinsics, sample.distortion), frame)
     messages = [(f"{name}/camera_info", info)]
@@ -154,7 +154,7 @@ def encode_sonar(sample: SonarImageSample, frame: str = "forward_sonar_fan") -> 
 
 @tolerant
 def decode_sonar(data: bytes) -> SonarImageSample:
-    """Return the picture, of a device with evenly spaced ranges."""
+    """Return the picture of a device with evenly spaced ranges."""
     message = read(_SONAR, data)
     ranges = message["ranges"]
     step = (ranges[-1] - ranges[0]) / (len(ranges) - 1) if len(ranges) > 1 else 0.0
@@ -168,17 +168,17 @@ def decode_sonar(data: bytes) -> SonarImageSample:
 
 
 def encode_fan(sample: SonarImageSample, frame: str = "forward_sonar_link") -> bytes:
-    """sensor_msgs/Image of a sonar's picture as a fan, ahead upwards, port on the left: what displays show."""
-    from sim.sensors.imaging.fan_picture import SIZE, fan_grey  # with numpy
+    """sensor_msgs/Image of a sonar's picture as a fan, ahead upwards, port on the left, for displays."""
+    from sim.sensors.imaging.fan_picture import SIZE, fan_grey  # imports numpy
 
     grey = fan_grey(sample, 2 * SIZE)
     return encode_image(Picture(sample.time_ns, grey.shape[1], grey.shape[0], "mono8", grey.tobytes()), frame)
 
 
 def encode_side_scan(sample: SideScanSample, frame: str = "side_scan_link") -> bytes:
-    """marine_acoustic_msgs/RawSonarImage of two beams, port and starboard; the altitude does not travel.
+    """marine_acoustic_msgs/RawSonarImage of two beams, port and starboard; the altitude is not sent.
 
-    Their angles are about the sensor's x axis from down to starboard.
+    The beams' angles are about the sensor's x axis, from down to starboard.
     """
     code = "B" if sample.encoding == "uint8" else "f"
     both = array(code, bytes(len(sample.port) + len(sample.starboard)))
@@ -194,7 +194,7 @@ def encode_side_scan(sample: SideScanSample, frame: str = "side_scan_link") -> b
 
 @tolerant
 def decode_side_scan(data: bytes) -> SideScanSample:
-    """Return the ping; its altitude is inf, as it does not travel."""
+    """Return the ping; its altitude is inf, as it is not sent."""
     message = read(_SIDE_SCAN, data)
     rate, bins = message["sample_rate"], message["samples_per_beam"]
     encoding, count, echoes = _read_echoes(message["image"])
@@ -208,19 +208,19 @@ def decode_side_scan(data: bytes) -> SideScanSample:
 
 
 def _ping(sample: SonarImageSample | SideScanSample, beams: int) -> Message:
-    """Return a PingInfo: the transmit beam has the height of a beam, the receive beam its width."""
+    """Return a PingInfo; the transmit beam has the height of a beam, the receive beam its width."""
     widths = {"tx_beamwidths": [sample.beam_height] * beams, "rx_beamwidths": [sample.beam_width] * beams}
     return {"frequency": sample.frequency, "sound_speed": sample.sound_speed, **widths}
 
 
 def _read_ping(ping: Message) -> tuple[float, float, float, float]:
-    """Return frequency, speed of sound, width and height of the first beam."""
+    """Return frequency (Hz), speed of sound (m/s), width and height (rad) of the first beam."""
     height, width = [ping[key][0] if ping[key] else 0.0 for key in ("tx_beamwidths", "rx_beamwidths")]
     return ping["frequency"], ping["sound_speed"], width, height
 
 
 def _echoes(encoding: Encoding, beams: int, data: bytes) -> Message:
-    """Return little-endian SonarImageData."""
+    """Return SonarImageData, little-endian."""
     return {"dtype": _TYPE_CODES[encoding], "beam_count": beams, "data": data}
 
 

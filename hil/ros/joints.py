@@ -1,4 +1,4 @@
-"""Encode and decode the state of actuators: sensor_msgs/JointState, and a row of motors in a Float64MultiArray."""
+"""Encode and decode the state of actuators: sensor_msgs/JointState, and motors in a Float64MultiArray."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,10 +13,10 @@ _ROW = "std_msgs/msg/Float64MultiArray"
 
 
 class JointStates(NamedTuple):
-    """Thrusters, then fins, by their `names` in the vehicle's file, which are those of the URDF's joints.
+    """Thrusters, then fins, with their `names` in the vehicle's file, which are also those of the URDF's joints.
 
-    `efforts` are the thrusts (N), positive along their axes; 0 for a fin. `positions` are the deflections of fins
-    (rad); 0 for a thruster, the angle of whose shaft is not simulated. Empty positions mean unknown.
+    `efforts` are the thrusts (N), positive along the thrusters' axes; 0 for a fin. `positions` are the deflections of
+    fins (rad); 0 for a thruster, whose shaft angle is not simulated. Empty positions mean unknown.
     """
 
     time_ns: int
@@ -26,21 +26,21 @@ class JointStates(NamedTuple):
 
 
 def joint_states(time_ns: int, vehicle: Vehicle, thrusts: Sequence[float], deflections: Sequence[float]) -> JointStates:
-    """Return the joints of a vehicle from its thrusts (N) and the deflections of its fins (rad)."""
+    """Return the joints of a vehicle from its thrusts (N) and fin deflections (rad)."""
     names = [*[thruster.name for thruster in vehicle.thrusters], *[fin.name for fin in vehicle.fins]]
     efforts, positions = [*thrusts, *[0.0] * len(deflections)], [*[0.0] * len(thrusts), *deflections]
     return JointStates(time_ns, tuple(names), tuple(efforts), tuple(positions))
 
 
 def encode_joints(states: JointStates) -> bytes:
-    """sensor_msgs/JointState of no frame, without velocities."""
+    """sensor_msgs/JointState without a frame and velocities."""
     head, names, positions = header(states.time_ns), states.names, states.positions
     return encode(_TYPE, {"header": head, "name": names, "position": positions, "effort": states.efforts})
 
 
 @tolerant
 def decode_joints(data: bytes) -> JointStates:
-    """Return the joints of a message. One whose names and values differ in number counts as malformed."""
+    """Return the joints in a message; different numbers of names and values count as malformed."""
     message = read(_TYPE, data)
     names, efforts, positions = message["name"], message["effort"], message["position"]
     if len(efforts) != len(names) or len(positions) not in (0, len(names)):
@@ -49,9 +49,9 @@ def decode_joints(data: bytes) -> JointStates:
 
 
 class MotorState(NamedTuple):
-    """One channel: its pulse width in effect (us), its rotor's speed (rad/s, with the sign of its thrust), current (A).
+    """One channel: its present pulse width (us), rotor speed (rad/s, with the sign of its thrust) and current (A).
 
-    Speed and current are nan where the thruster's model does not know them, as of a fin.
+    Speed and current are nan if the thruster's model does not have them, and for fins.
     """
 
     pulse_us: float
@@ -60,7 +60,7 @@ class MotorState(NamedTuple):
 
 
 def encode_motors(motors: Sequence[MotorState]) -> bytes:
-    """std_msgs/Float64MultiArray of a row for each channel, whose columns the second dimension's label names."""
+    """std_msgs/Float64MultiArray with a row for each channel; the label of its second dimension names the columns."""
     columns = len(MotorState._fields)
     rows = {"label": "channel", "size": len(motors), "stride": columns * len(motors)}
     row = {"label": ",".join(MotorState._fields), "size": columns, "stride": columns}
@@ -70,7 +70,7 @@ def encode_motors(motors: Sequence[MotorState]) -> bytes:
 
 @tolerant
 def decode_motors(data: bytes) -> tuple[MotorState, ...]:
-    """Return the motors of a message. One that does not have whole rows counts as malformed."""
+    """Return the motors in a message; incomplete rows count as malformed."""
     values = read(_ROW, data)["data"]
     columns = len(MotorState._fields)
     if len(values) % columns:
@@ -78,5 +78,5 @@ def decode_motors(data: bytes) -> tuple[MotorState, ...]:
     return tuple([MotorState(*values[start : start + columns]) for start in range(0, len(values), columns)])
 
 
-ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
+ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
 DECODERS: dict[str, Decoder] = {"joint_states": decode_joints, "motors": decode_motors}

@@ -1,10 +1,10 @@
-"""Encode and decode any message by its definition, as nested dicts, where there is no encoder of its own.
+"""Encode and decode any message by its definition, as nested dicts, if it has no encoder of its own.
 
-Images, clouds and maps, `uuv-hil topic`, and planners that use messages which the vehicle does not. The
-vehicle's usual messages have fixed layouts instead, which are ten times as fast (hil.ros.encoders).
+This is used for images, clouds and maps, by `uuv-hil topic`, and by planners with messages that the vehicle does not
+have. The vehicle's frequent messages have fixed layouts, which are ten times as fast (hil.ros.encoders).
 
-A message is a dict by field name. An array of numbers is a tuple, one of bytes (uint8, byte, char) is `bytes`, one
-of messages a list. Nothing is converted: frames, units and signs are those of ROS.
+A message is a dict by field name. An array of numbers is a tuple, an array of bytes (uint8, byte, char) is `bytes`, an
+array of messages a list. Nothing is converted: frames, units and signs are those of ROS.
 """
 
 from collections.abc import Collection, Hashable, Iterable, Mapping
@@ -17,15 +17,15 @@ from hil.ros.types import PRIMITIVES, Field, definition
 
 Message = dict[str, Any]
 _NS_PER_S = 1_000_000_000
-_WANTED = {"string": "a text", "bool": "true or false"}  # of any other primitive, a number
+_WANTED = {"string": "a text", "bool": "true or false"}  # for any other primitive: a number
 
 
 def encode(type_name: str, values: Mapping[str, Any]) -> bytes:
     """Return a message of `type_name` ("sensor_msgs/msg/Image", "std_srvs/srv/SetBool_Request").
 
-    Fields that are left out are zero, empty or their definition's default. An array of numbers may be any
-    sequence, or a buffer of its little-endian bytes. Raises ConfigError for an unknown type or field and for a
-    value that does not fit, named by its path.
+    Fields that are left out are zero, empty or their definition's default. An array of numbers may be any sequence, or
+    a buffer of its little-endian bytes. Raises ConfigError, with the path of the field, for an unknown type or field
+    and for a value that does not fit.
     """
     writer = Writer()
     _write(writer, type_name, values, type_name)
@@ -39,12 +39,12 @@ def decode(type_name: str, data: bytes) -> Message | None:
 
 
 def read(type_name: str, data: bytes) -> Message:
-    """Return the fields of a payload. Raises MalformedError; use under `tolerant`."""
+    """Return the fields of a payload. Raises MalformedError; use inside `tolerant`."""
     return _read(Reader(data), type_name)
 
 
 def header(time_ns: int, frame: str = "") -> Message:
-    """Return a std_msgs/Header of this time (ns) and frame."""
+    """Return a std_msgs/Header with this time (ns) and frame."""
     seconds, nanoseconds = divmod(time_ns, _NS_PER_S)
     return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": frame}
 
@@ -70,7 +70,7 @@ def _write(writer: Writer, type_name: str, values: Any, path: str) -> None:
     for field in fields:
         _write_field(writer, field, values.get(field.name), f"{path}.{field.name}")
     if not fields:
-        writer.numbers("B", 0)  # nothing on the wire is shorter than a byte
+        writer.numbers("B", 0)  # an empty message takes one byte
 
 
 def _write_field(writer: Writer, field: Field, value: Any, path: str) -> None:
@@ -99,7 +99,7 @@ def _write_array(writer: Writer, field: Field, value: Any, path: str) -> None:
 
 
 def _raw(field: Field, value: Any) -> bytes | None:
-    """Return the bytes of a buffer of numbers in the wire's byte order (little-endian), else None."""
+    """Return the bytes of a buffer of numbers in the wire's byte order (little-endian); None for other values."""
     code = PRIMITIVES.get(field.type)
     if not code:
         return None
@@ -107,7 +107,7 @@ def _raw(field: Field, value: Any) -> bytes | None:
         view = memoryview(value)
     except TypeError:
         return None
-    if isinstance(value, bytes):  # of a picture: one copy less
+    if isinstance(value, bytes):  # saves a copy of a picture
         return value
     return view.tobytes() if view.itemsize == 1 or view.format.lstrip("<=@") == code else None
 
@@ -145,9 +145,9 @@ def _write_primitives(writer: Writer, kind: str, values: Collection[Any], path: 
 
 
 def _fits(kind: str, value: Any) -> bool:
-    """Return whether a value has the type: `struct` takes any value for a bool ("off" as true), and true for 1.
+    """Return whether a value has the type. `struct` does not check this: it takes "off" as true, and True as 1.
 
-    0 and 1 are bools too, as ROS's own tools have it.
+    0 and 1 are accepted as bools, as in ROS's own tools.
     """
     if kind == "string":
         return isinstance(value, str)

@@ -1,7 +1,7 @@
-"""Messages to and from a modem: std_msgs/UInt8MultiArray, whose one dimension is labelled by the sender.
+"""Messages to and from a modem: std_msgs/UInt8MultiArray with one dimension, whose label is the sender.
 
-`modem_tx` is what a vehicle gives its modem, `modem_rx` what that received; `modem_range` (sensor_msgs/Range) how far
-the sender of the last message received is, by the frame's name.
+`modem_tx` has messages for a vehicle's modem to send, `modem_rx` those it received. `modem_range` (sensor_msgs/Range)
+is the distance to the sender of the last message received, which its frame names.
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ def encode_message(message: Message) -> bytes:
 
 @tolerant
 def decode_message(data: bytes) -> Message:
-    """Sender and payload. Another number of dimensions counts as malformed."""
+    """Return sender and payload; another number of dimensions counts as malformed."""
     message = read(_TYPE, data)
     dimensions = message["layout"]["dim"]
     if len(dimensions) != 1:
@@ -40,11 +40,11 @@ def decode_message(data: bytes) -> Message:
 
 
 def encode_range(time_ns: int, sender: str, distance: float, reach: float) -> bytes:
-    """sensor_msgs/Range: `distance` (m) to `sender`, from 0 to `reach`."""
+    """sensor_msgs/Range: `distance` (m) to `sender`; the limits are 0 and `reach` (m)."""
     return encode_distance(RangeSample(time_ns, distance, (0.0, reach)), sender)
 
 
-ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
+ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
 DECODERS: dict[str, Decoder] = {
     "modem_tx": decode_message,
     "modem_rx": decode_message,

@@ -1,4 +1,4 @@
-"""Topics of a scenario's further sensors of a kind, and topics and messages of a user's own, from their definitions."""
+"""Register the topics of a scenario's additional sensors of a kind, and topics and messages of a user's own sensors."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ HEADER = "std_msgs/msg/Header"
 
 
 def announce(sensors: "SensorSet", where: str) -> None:
-    """Let the topics of a sensors's own and further sensors be known in this process. Raises ConfigError."""
+    """Register the topics of users' own and additional sensors in this process. Raises ConfigError."""
     taken = {*OURS}
     for name, fitted in sensors.items():
         place, own = f"{where}: {name}", fitted.sensor if isinstance(fitted.sensor, OwnKind) else None
@@ -36,7 +36,7 @@ def announce(sensors: "SensorSet", where: str) -> None:
 
 
 def _whole(message: str, place: str) -> str:
-    """ "std_msgs/msg/Float64", also of "std_msgs/Float64"."""
+    """Return a message type's full name, "std_msgs/msg/Float64" also for "std_msgs/Float64". Raises ConfigError."""
     package, _, last = message.rpartition("/")
     whole = message if "/" in package else f"{package}/msg/{last}"
     try:

@@ -1,4 +1,4 @@
-"""Encode and decode nav_msgs/Path: where a planner leads its vehicle, and where a tether hangs."""
+"""Encode and decode nav_msgs/Path: the path of a planner, or the shape of a tether."""
 
 from collections.abc import Sequence
 
@@ -9,11 +9,11 @@ from hil.ros.message import encode, header, read
 
 TYPE = "nav_msgs/msg/Path"
 FRAME = "map"
-MOST_POINTS = 2000  # of a plan that is sent: beyond it every second one goes
+MOST_POINTS = 2000  # in one message; of a longer path every second point is left out, repeatedly
 
 
 def encode_plan(time_ns: int, path: Sequence[Sequence[float]], depth: float) -> bytes:
-    """Return a nav_msgs/Path of places (m, NED); of two numbers they are at `depth`."""
+    """Return a nav_msgs/Path of positions (m, NED); those with two numbers are at `depth`."""
     while len(path) > MOST_POINTS:
         path = [*path[:-1:2], path[-1]]
     head = header(time_ns, FRAME)
@@ -26,7 +26,7 @@ def encode_plan(time_ns: int, path: Sequence[Sequence[float]], depth: float) -> 
 
 @tolerant
 def decode_plan(data: bytes) -> tuple[Vector3, ...]:
-    """Return the places of a nav_msgs/Path, m, NED."""
+    """Return the positions in a nav_msgs/Path, m, NED."""
     message = read(TYPE, data)
     if len(message["poses"]) > MOST_POINTS:
         raise MalformedError("not a path")
@@ -34,5 +34,5 @@ def decode_plan(data: bytes) -> tuple[Vector3, ...]:
     return tuple([swap_world((place["x"], place["y"], place["z"])) for place in places])
 
 
-ENCODERS: dict[str, Encoder] = {}  # no sensor sends it
+ENCODERS: dict[str, Encoder] = {}  # not a sample of a sensor
 DECODERS: dict[str, Decoder] = {"plan": decode_plan, "tether": decode_plan}

@@ -1,9 +1,9 @@
 """ROS 2 messages of scanning sensors: sensor_msgs/LaserScan and more; frames and rules are those of hil.ros.encoders.
 
-A scan is counted about the z axis of its frame. That of a laser or scanning sonar is the sensor's FLU frame, in which
-angles grow to port: they go out with the last one first. A profiler's is called "profiler_scan": x down, y to
-starboard, z astern of the sensor; in it are the points of a profile, too. A ping of a scanning sonar that gives
-intensities is a sonar's picture of one beam (hil.ros.images) in "scanning_sonar_fan": x up, y to starboard, z ahead.
+The angles of a scan are about the z axis of its frame. A laser's or scanning sonar's frame is the sensor's FLU frame,
+in which angles increase to port, so the last beam is sent first. A profiler's frame is "profiler_scan": x down, y to
+starboard, z astern of the sensor; the points of a profile are in it, too. A ping of a scanning sonar with intensities
+is a sonar picture of one beam (hil.ros.images) in "scanning_sonar_fan": x up, y to starboard, z ahead.
 """
 
 from math import cos, isfinite, sin
@@ -20,7 +20,7 @@ _TYPE = "sensor_msgs/msg/LaserScan"
 
 
 def encode_scan(sample: LaserSample, frame: str = "laser_link") -> bytes:
-    """Return a fan about the sensor's z axis."""
+    """Return the message of a scan about the sensor's z axis."""
     last = sample.angle_min + (len(sample.ranges) - 1) * sample.angle_increment
     turned = sample._replace(angle_min=-last, ranges=sample.ranges[::-1], intensities=sample.intensities[::-1])
     return encode_profile(turned, frame)
@@ -28,14 +28,14 @@ def encode_scan(sample: LaserSample, frame: str = "laser_link") -> bytes:
 
 @tolerant
 def decode_scan(data: bytes) -> LaserSample:
-    """Return the fan as the sensor gave it; times within it are left."""
+    """Return the scan in the sensor's order of beams; times inside the scan are ignored."""
     scan = _decode(data)
     last = scan.angle_min + (len(scan.ranges) - 1) * scan.angle_increment
     return scan._replace(angle_min=-last, ranges=scan.ranges[::-1], intensities=scan.intensities[::-1])
 
 
 def encode_profile(sample: LaserSample, frame: str = "profiler_scan") -> bytes:
-    """Return a fan about the sensor's x axis."""
+    """Return the message of a scan about the sensor's x axis."""
     first, increment, (near, far) = sample.angle_min, sample.angle_increment, sample.limits
     last = first + (len(sample.ranges) - 1) * increment
     angles = {"angle_min": first, "angle_max": last, "angle_increment": increment}
@@ -45,7 +45,7 @@ def encode_profile(sample: LaserSample, frame: str = "profiler_scan") -> bytes:
 
 @tolerant
 def decode_profile(data: bytes) -> LaserSample:
-    """Return the fan as the sensor gave it."""
+    """Return the scan in the sensor's order of beams."""
     return _decode(data)
 
 
@@ -58,7 +58,7 @@ def _decode(data: bytes) -> LaserSample:
 
 
 def profile_points(sample: LaserSample) -> list[tuple[float, float, float, float]]:
-    """Return the points of a profile in "profiler_scan" (x down, y to starboard, m) and their strengths (dB)."""
+    """Return the points of a profile in "profiler_scan" (x down, y to starboard, m) with their echo strengths (dB)."""
     strengths = sample.intensities or (0.0,) * len(sample.ranges)
     beams = enumerate(zip(sample.ranges, strengths, strict=True))
     angles = [(sample.angle_min + i * sample.angle_increment, r, s) for i, (r, s) in beams if isfinite(r)]

@@ -37,13 +37,13 @@ _THIRTY_SIX = Struct("<36d")
 
 
 def encode_bool(sample: FlagSample) -> bytes:
-    """std_msgs/Bool, which has no time."""
+    """std_msgs/Bool, which has no stamp."""
     return _BOOL.struct().pack(HEADER, sample.on)
 
 
 @tolerant
 def decode_bool(data: bytes) -> bool:
-    """Return whether it is on."""
+    """Return the value of the switch."""
     return bool(_BOOL.unpack(data)[1])
 
 
@@ -54,7 +54,7 @@ def encode_distance(sample: RangeSample, frame: str = "altimeter_link", variance
 
 @tolerant
 def decode_distance(data: bytes) -> RangeSample:
-    """Return the distance and the limits of the device, as the 32-bit numbers they travel as."""
+    """Return distance and limits of the device, which are sent as 32-bit floats."""
     time_ns, (_, _, near, far, distance) = unpack_stamped(ros.RANGE_HUMBLE, data)
     return RangeSample(time_ns, distance, (near, far))
 
@@ -62,20 +62,20 @@ def decode_distance(data: bytes) -> RangeSample:
 def encode_field(
     sample: FieldSample, frame: str = "magnetometer_link", variance: float = 0.0, z: float | None = None
 ) -> bytes:
-    """sensor_msgs/MagneticField along FLU, in tesla. `variance` of each component in T², but `z` of the last."""
+    """sensor_msgs/MagneticField along FLU, in tesla. `variance` of each component in T²; `z`: that of the third."""
     field = swap_body(sample.field)
     return pack_stamped(_FIELD, sample.time_ns, (frame,), *field, diagonal(3, variance, 0.0, z))
 
 
 @tolerant
 def decode_field(data: bytes) -> FieldSample:
-    """Return the field along FRD; the covariance is left."""
+    """Return the field along FRD, without covariance."""
     time_ns, (x, y, z, _) = unpack_stamped(_FIELD, data)
     return FieldSample(time_ns, swap_body((x, y, z)))
 
 
 def encode_velocity(sample: VelocitySample, frame: str = "current_meter_link") -> bytes:
-    """geometry_msgs/TwistStamped of a velocity along FLU; the angular part is always empty."""
+    """geometry_msgs/TwistStamped of a velocity along FLU; the angular part is always 0."""
     return pack_stamped(_TWIST, sample.time_ns, (frame,), *swap_body(sample.velocity), 0.0, 0.0, 0.0)
 
 
@@ -100,7 +100,7 @@ def encode_fix(sample: FixSample, frame: str = "gps_link") -> bytes:
 
 @tolerant
 def decode_fix(data: bytes) -> FixSample:
-    """Return the fix, with the first and last variance of its covariance."""
+    """Return the fix, with the first and last diagonal element of its covariance."""
     time_ns, (status, _, latitude, longitude, altitude, covariance, _) = unpack_stamped(_FIX_LAYOUT, data)
     values = _NINE.unpack(covariance)
     fix = status >= _FIX and isfinite(latitude + longitude + altitude)
@@ -112,8 +112,8 @@ def decode_fix(data: bytes) -> FixSample:
 def encode_position(sample: PositionSample, frame: str = "map") -> bytes:
     """geometry_msgs/PoseWithCovarianceStamped of a position in the world `frame`.
 
-    Of the stamped messages with a position this is the one that has its covariance too, which filters want. The
-    orientation is not measured: it is level and east, and its variances are -1.
+    Among the stamped messages with a position only this one has a covariance, which filters need. The orientation is
+    not measured: it is the identity (level, facing east), with variances -1.
     """
     values = [0.0] * 36
     for row in range(3):
@@ -125,20 +125,20 @@ def encode_position(sample: PositionSample, frame: str = "map") -> bytes:
 
 @tolerant
 def decode_position(data: bytes) -> PositionSample:
-    """Return the position, NED, with its covariance; the orientation is left."""
+    """Return the position, NED, with its covariance; the orientation is ignored."""
     time_ns, (east, north, up, _, _, _, _, covariance) = unpack_stamped(_POSE, data)
     a, b, c, _, _, _, d, e, f, _, _, _, g, h, i, *_ = _THIRTY_SIX.unpack(covariance)
     return PositionSample(time_ns, swap_world((east, north, up)), _swap_covariance((a, b, c, d, e, f, g, h, i)))
 
 
 def _swap_covariance(of: Covariance) -> Covariance:
-    """Return a position's covariance, NED to ENU or back."""
+    """Return a position's covariance converted from NED to ENU or back."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = of
     return yy, yx, -yz, xy, xx, -xz, -zy, -zx, zz
 
 
 def encode_battery(sample: BatterySample, frame: str = "battery_link") -> bytes:
-    """sensor_msgs/BatteryState: current is negative, as it discharges; health is "dead" once it has switched off."""
+    """sensor_msgs/BatteryState; the current is negative while discharging; health is "dead" after a cut-off."""
     status, health = (_NOT_CHARGING, _DEAD) if sample.cut_off else (_DISCHARGING, _GOOD)
     charge = {"charge": sample.charge, "capacity": sample.capacity, "design_capacity": sample.capacity}
     supply = {"power_supply_status": status, "power_supply_health": health, "power_supply_technology": _LITHIUM_ION}
@@ -150,14 +150,14 @@ def encode_battery(sample: BatterySample, frame: str = "battery_link") -> bytes:
 
 @tolerant
 def decode_battery(data: bytes) -> BatterySample:
-    """Return the battery; its cells, place and number are left."""
+    """Return the battery; cells, location and serial number are ignored."""
     message = read(_BATTERY, data)
     voltage, current, charge, capacity = [message[key] for key in ("voltage", "current", "charge", "capacity")]
     return BatterySample(time_of(message), voltage, -current, charge, capacity, message["power_supply_health"] == _DEAD)
 
 
 def _framed(topic: str, encode: Callable[..., bytes]) -> ros.Encoder:
-    """Return the encoder of a topic whose frame is called like it."""
+    """Return the encoder of a topic whose frame has the topic's name."""
     return lambda sample, prefix, *variances, name=topic: [(name, encode(sample, f"{prefix}{name}_link", *variances))]
 
 

@@ -1,4 +1,4 @@
-"""Table of topics, one row each. Keys, codecs, priorities and the recorder derive from it."""
+"""Table of topics, one row each. Keys, codecs, priorities and the recorder are derived from it."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -10,7 +10,7 @@ Priority = Literal["real_time", "data", "background"]
 
 
 class Qos(NamedTuple):
-    """Quality of service, as ROS 2 calls it. A late subscriber to a `latched` topic gets its last messages."""
+    """Quality of service as in ROS 2. A late subscriber to a `latched` topic gets its last messages."""
 
     reliable: bool = True
     latched: bool = False
@@ -20,9 +20,10 @@ class Qos(NamedTuple):
 class Topic(NamedTuple):
     """A stream between slave and master.
 
-    `name` is that below the node's, or with a leading slash the same for all nodes. `type` is the ROS 2 message type;
-    `rate_hz` the nominal rate (0: on events); `priority` the place in the network's queues; `express` sends at once
-    instead of in batches, which only commands are worth. `qos` is announced to ROS 2 (REP 2003: sensors are reliable).
+    `name` is relative to the node's name, or with a leading slash the same for all nodes. `type` is the ROS 2 message
+    type; `rate_hz` the nominal rate (0: on events); `priority` the queue in the network. `express` messages are sent at
+    once instead of in batches, which is worth it for commands only. `qos` is announced to ROS 2 (REP 2003: sensors are
+    reliable).
     """
 
     name: str
@@ -34,11 +35,11 @@ class Topic(NamedTuple):
     qos: Qos = Qos()
 
     def full_name(self, node: str) -> str:
-        """Return what ROS calls the topic of that node."""
+        """Return the topic's full ROS name for that node."""
         return self.name if self.name.startswith("/") else f"/{node}/{self.name}"
 
 
-FAN = "fan/image_raw"  # of a forward-looking sonar, below its name
+FAN = "fan/image_raw"  # topic of a forward-looking sonar, below its name
 _DESCRIPTION = Qos(latched=True, depth=1)
 
 TOPICS = {
@@ -108,22 +109,22 @@ TOPICS = {
     )
 }
 
-OURS = tuple(TOPICS)  # without those of further sensors of a kind, and of a user's own
+OURS = tuple(TOPICS)  # topics of this table, without those added for additional sensors and users' own
 
-# The sensors whose samples go out on several topics, by the simulator's name of their samples.
+# Sensors whose samples are published on several topics, by the simulator's name of their samples.
 _SAMPLE_TOPICS = {
     "dvl": ("dvl", "dvl_twist", "altitude"),
     "odom": ("odom", "/tf"),
     "profiler": ("profiler", "profiler/points"),
 }
 
-_FURTHER = {topic for topics in _SAMPLE_TOPICS.values() for topic in topics[1:]}  # no sensor has it alone
+_FURTHER = {topic for topics in _SAMPLE_TOPICS.values() for topic in topics[1:]}  # never the only topic of a sensor
 
-ALL = "*"  # the topics of a node, but for pictures
-DESCRIPTIONS = ("robot_description", "map", "obstacles")  # made when somebody subscribes
+ALL = "*"  # all topics of a node except pictures
+DESCRIPTIONS = ("robot_description", "map", "obstacles")  # published only after a subscription
 COMMANDS = tuple([name for name in TOPICS if name.startswith("cmd_")])  # topics of commands to a vehicle
 
-# REP 2016 hashes of the definitions in ROS 2 Jazzy; Humble's are the same but for Range, which had no variance.
+# REP 2016 hashes of the definitions in ROS 2 Jazzy. Humble has the same definitions, except Range without variance.
 TYPE_HASHES = {
     "geometry_msgs/msg/Twist": "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",
     "geometry_msgs/msg/TwistWithCovarianceStamped": (
@@ -160,42 +161,42 @@ TYPE_HASHES = {
 }
 
 
-_alike: dict[str, str] = {}  # names and topics of further sensors of a kind: those of its first
+_alike: dict[str, str] = {}  # name or topic of an additional sensor -> that of the first sensor of its kind
 
 
 def first_of(name: str) -> str:
-    """Return the same topic, or name of samples, of the first sensor of its kind; "camera/labels" for "left/labels"."""
+    """Return the corresponding name or topic of the first sensor of the kind: "camera/labels" for "left/labels"."""
     return _alike.get(name, name)
 
 
 def sample_topics(name: str) -> tuple[str, ...]:
-    """Return the topics on which samples of that name go out; none for those of a sensor that makes pictures."""
+    """Return the topics for samples of that name; empty for sensors with pictures."""
     first = first_of(name)
     topics = _SAMPLE_TOPICS.get(first) or ((first,) if first in TOPICS else ())
     return topics if name == first else tuple([_renamed(topic, first, name) for topic in topics])
 
 
 def further_topics(name: str, first: str) -> dict[str, str]:
-    """Return the topics of one more sensor, called `name`, of the kind whose samples are called `first`.
+    """Return the topics of an additional sensor `name`, of the kind whose samples are called `first`.
 
-    Each with that of the first of the kind which is like it.
+    Each maps to the corresponding topic of the first sensor of the kind.
     """
     rows = [*sample_topics(first), *[topic for topic in OURS if topic.startswith(f"{first}/")]]
     return {_renamed(topic, first, name): topic for topic in rows}
 
 
 def add_further(name: str, first: str) -> None:
-    """Let those topics be known in this process."""
+    """Register the topics of an additional sensor in this process."""
     _alike[name] = first
     for topic, row in further_topics(name, first).items():
         TOPICS[topic], _alike[topic] = TOPICS[row]._replace(name=topic), row
 
 
 def learn(topic: str, type_name: str, published: Mapping[str, str] = MappingProxyType({})) -> bool:
-    """Add a topic that a vehicle's node in the graph declares, if it is like one of a sensor; False if not.
+    """Add a topic that a vehicle's node publishes, if it corresponds to a sensor's topic here; return whether it does.
 
-    So does a process know further sensors whose scenario it has not read. `published` has the types of all topics of
-    the node: of kinds with a topic of that type, it is the one that has most of its topics among them.
+    A process thus learns of additional sensors whose scenario it has not read. `published` has the types of all topics
+    of the node. Among kinds with a topic of this type, the one with most of its topics in `published` is chosen.
     """
     if topic in TOPICS:
         return True
@@ -224,20 +225,20 @@ def _renamed(topic: str, first: str, name: str) -> str:
 
 
 def is_picture(topic: str) -> bool:
-    """Return whether a node's topic carries pictures; a subscription to all topics leaves them out."""
+    """Return whether a node's topic has pictures; a subscription to all topics leaves them out."""
     return "/" in topic[1:]
 
 
 def hash_of(type_name: str) -> str:
-    """Return the hash of any type there is, as the release of ROS has it.
+    """Return the hash of any known type, for the present release of ROS.
 
-    Raises ConfigError for one that is not known.
+    Raises ConfigError for an unknown type.
     """
     if dialect.is_humble():
         return dialect.NO_HASH
     digest = TYPE_HASHES.get(type_name)
     if digest is None:
-        from hil.ros import types  # what the vehicle declares stands above
+        from hil.ros import types  # only for types that the vehicle does not publish
 
         digest = types.type_hash(type_name)
     return digest

@@ -1,6 +1,6 @@
 """A world as ROS 2 messages: its map and its obstacles, in the frame "map" (ENU).
 
-Of ours nobody reads the obstacles and the description: they are decoded by their definitions alone.
+Obstacles and the vehicle's description are only sent, so they have no decoders other than by their definitions.
 """
 
 from collections.abc import Sequence
@@ -19,20 +19,20 @@ from sim.environment.things.zones import Zone
 from sim.environment.world import World
 
 FRAME = "map"
-OBSTACLES = "obstacles"  # the namespace of the markers
+OBSTACLES = "obstacles"  # namespace of the markers
 PIPELINES, ZONES = "pipelines", "zones"
 _CUBE, _CYLINDER, _LINE_STRIP, _LINE_LIST, _TRIANGLE_LIST = 1, 3, 4, 5, 11  # constants of visualization_msgs/Marker
 _COLOUR = {"r": 0.4, "g": 0.45, "b": 0.55, "a": 0.8}
 _ZONE_COLOUR = {"r": 0.75, "g": 0.1, "b": 0.6, "a": 0.9}  # magenta, as on charts
 _ZONE_WIDTH = 1.0  # m
-_LEAST_HEIGHT = 0.01  # m: a marker without height is not drawn
+_LEAST_HEIGHT = 0.01  # m; a marker without height is not drawn
 
 
 class GridMap(NamedTuple):
     """Square cells of `resolution` m, each free or occupied.
 
-    `cells` are 0 (free) and 1 (occupied), row after row from the south, each from the west. `south` and `west` are
-    where the first begins (m from the world's origin), `columns` the cells in a row.
+    `cells` are 0 (free) and 1 (occupied), row by row from the south, each row from the west. `south` and `west` are the
+    corner of the first cell (m from the world's origin); `columns` is the number of cells in a row.
     """
 
     cells: bytes
@@ -54,7 +54,7 @@ def encode_map(time_ns: int, grid: GridMap) -> bytes:
 
 @tolerant
 def decode_map(data: bytes) -> GridMap:
-    """Return the map; what is not known to be free is occupied. Turned maps are none of ours."""
+    """Return the map; cells that are not known to be free are occupied. Rotated maps are not supported."""
     message = read("nav_msgs/msg/OccupancyGrid", data)
     info, place = message["info"], message["info"]["origin"]["position"]
     if len(message["data"]) != info["width"] * info["height"] or not info["width"]:
@@ -64,7 +64,7 @@ def decode_map(data: bytes) -> GridMap:
 
 
 def encode_obstacles(time_ns: int, world: World) -> bytes:
-    """visualization_msgs/MarkerArray: all that is not hidden: cylinders, cubes, triangles; pipelines; zones.
+    """visualization_msgs/MarkerArray of everything not hidden: cylinders, cubes, triangles; pipelines; zones.
 
     Raises ConfigError for a file of zones that cannot be read.
     """
@@ -98,7 +98,7 @@ def _marker(time_ns: int, number: int, obstacle: Cylinder | Box, world: World) -
 
 
 def _mesh_marker(time_ns: int, number: int, mesh: MeshObstacle) -> Message:
-    """Return a list of triangles, in the axes of the map."""
+    """Return a list of triangles, along the axes of the map."""
     colour = dict(zip("rgba", (*mesh.keys.colour, _COLOUR["a"]), strict=True)) if mesh.keys.colour else _COLOUR
     corners = [corner for triangle in mesh.placed for corner in triangle]
     return _drawn(time_ns, OBSTACLES, number, _TRIANGLE_LIST, corners, 1.0, colour, mesh.label)
@@ -119,7 +119,7 @@ def _drawn(
     time_ns: int, space: str, number: int, kind: int, places: Sequence[Vector3], size: float,
     colour: dict[str, float], text: str,
 ) -> Message:  # fmt: skip
-    """Return a marker of places (NED, m), `size` m wide if they are lines."""
+    """Return a marker of positions (NED, m); lines are `size` m wide."""
     return {
         "header": header(time_ns, FRAME), "ns": space, "id": number, "type": kind, "color": colour, "text": text,
         "scale": {"x": size, "y": 1.0, "z": 1.0},
@@ -132,7 +132,7 @@ def _reader(type_name: str) -> Decoder:
     return tolerant(lambda data: read(type_name, data))
 
 
-ENCODERS: dict[str, Encoder] = {}  # no sensor sends them
+ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
 DECODERS: dict[str, Decoder] = {
     name: _reader(TOPICS[name].type) for name in ("robot_description", "obstacles", "/parameter_events")
 } | {"map": decode_map}

@@ -1,7 +1,7 @@
-"""Message and service definitions of ROS 2 as data, one file a package, read on first use.
+"""Message and service definitions of ROS 2 as data, one file for each package, read on first use.
 
-A file holds one block a type: a line `=== NAME HASH`, then the definition as ROS writes it in .msg and .srv
-files, without its comments. HASH is that of REP 2016 (RIHS01), which stands in every key of the type.
+A file has one block for each type: a line `=== NAME HASH`, then the definition as in ROS's .msg and .srv files, without
+comments. HASH is that of REP 2016 (RIHS01), which is part of every key of the type.
 """
 
 import os
@@ -11,7 +11,7 @@ from typing import NamedTuple
 from hil.common.errors import ConfigError
 
 _FOLDER = os.path.dirname(__file__)
-_RULE = "=" * 80  # between a type and those it is made of, in ROS's own concatenated definitions
+_RULE = "=" * 80  # separates a type from its member types in ROS's own concatenated definitions
 PRIMITIVES = {
     "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
     "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d", "string": "",
@@ -19,9 +19,9 @@ PRIMITIVES = {
 
 
 class Field(NamedTuple):
-    """One field: `type` a primitive or the full name of a message; `length` of an array, 0 of a sequence, else None.
+    """One field. `type`: a primitive or the full name of a message. `length`: of an array, 0 for a sequence, else None.
 
-    `default` is its value if nothing is set, where that is not 0; `most` the length of a bounded sequence, else 0.
+    `default` is the value of a field that is not set; `most` the limit of a bounded sequence, 0 without one.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Field(NamedTuple):
 
 
 class Definition(NamedTuple):
-    """One message, or one half of a service. `type_hash` is empty for the latter; `text` its definition."""
+    """One message, or one half of a service, which has an empty `type_hash`. `text` is its definition."""
 
     name: str
     type_hash: str
@@ -41,13 +41,13 @@ class Definition(NamedTuple):
 
 
 def names() -> list[str]:
-    """Return all messages and services there are, sorted."""
+    """Return the names of all messages and services, sorted."""
     packages = [file.removesuffix(".msg") for file in os.listdir(_FOLDER) if file.endswith(".msg")]
     return sorted(name for package in packages for name in _package(package))
 
 
 def type_hash(name: str) -> str:
-    """Return the hash of a message or service, "RIHS01_...". Raises ConfigError for one that is not here."""
+    """Return the hash of a message or service, "RIHS01_...". Raises ConfigError if it is unknown."""
     return _block(name)[0]
 
 
@@ -63,7 +63,7 @@ def definition(name: str) -> Definition:
 
 
 def full_text(name: str) -> str:
-    """Return the definition with those of all messages in it, as rosbag and MCAP store it ("ros2msg").
+    """Return the definition with those of all its member types, in the format of rosbag and MCAP ("ros2msg").
 
     Raises ConfigError.
     """
@@ -88,7 +88,7 @@ def _block(name: str) -> tuple[str, str]:
 
 @cache
 def _package(package: str) -> dict[str, tuple[str, str]]:
-    """Return hash and text of each type of a package."""
+    """Return hash and text of each type of a package; empty for an unknown package."""
     path = os.path.join(_FOLDER, f"{package}.msg")
     if not package.isidentifier() or not os.path.exists(path):
         return {}
