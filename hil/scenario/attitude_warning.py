@@ -1,20 +1,20 @@
-"""Warn when a scenario's speed exceeds that up to which the vehicle's model stays level."""
+"""Warn if a scenario's speed exceeds the limit up to which the vehicle's model holds its attitude."""
 
 from hil.scenario.config import Scenario
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 
 def requested_speed(scenario: Scenario) -> tuple[str, float]:
-    """Return the key of a scenario for how fast its vehicles are to go, and that speed in m/s."""
+    """Return the key of the scenario that sets the speed of its vehicles, and that speed in m/s."""
     if scenario.hunting is not None:
         return "hunting: fields: max_speed", scenario.hunting.fields.max_speed
     return "master: speed", scenario.master.speed
 
 
 def attitude_warning(scenario: Scenario, vehicle: Vehicle | None = None) -> str | None:
-    """Return a warning if the scenario's speed exceeds what its vehicle's model holds its attitude at; else None.
+    """Return a warning if the scenario's speed exceeds the limit at which its vehicle's model holds its attitude.
 
-    `vehicle` is the scenario's, loaded here if left out. Raises ConfigError.
+    Otherwise return None. `vehicle` is the scenario's; it is loaded if left out. Raises ConfigError.
     """
     vehicle = vehicle or load_vehicle(scenario.vehicle)[0]
     key, speed = requested_speed(scenario)

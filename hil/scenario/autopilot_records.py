@@ -1,4 +1,4 @@
-"""The section [autopilot] of a scenario: the flight controller that is the vehicle's brain."""
+"""The section [autopilot] of a scenario: the flight controller that controls the vehicle."""
 
 import os
 from typing import Annotated, Literal, NamedTuple
@@ -8,23 +8,24 @@ from hil.common.schema import Range
 from hil.links.address import parse_address
 
 Pulse = Annotated[int, Range(800, 2200)]
-PORTS = {"ardupilot": 9002, "px4": 4560}  # of the first instance
-STEP = {"ardupilot": 10, "px4": 1}  # from one instance to the next
-COMPANION_PORT = 5763  # of the first ArduPilot: its SERIAL2, MAVLink over TCP
+PORTS = {"ardupilot": 9002, "px4": 4560}  # port of the first instance
+STEP = {"ardupilot": 10, "px4": 1}  # difference of ports between instances
+COMPANION_PORT = 5763  # of the first ArduPilot instance: its SERIAL2, MAVLink over TCP
 Positions = Literal["simulated", "odometry", "dvl", "gps"]
 
 
 class AutopilotSettings(NamedTuple):
     """Settings of the autopilot: its address, the motors that it drives, and the pace of simulated time.
 
-    `program` is ArduSub's SITL program or PX4's build folder, which the slave or `uuv-hil sim` then starts with
-    `arguments` besides its own; left out, it is started by hand. `parameters` is a file of them (.parm), by default the
-    installed one of the vehicle's name if there is one. `frame` is a file of hil/autopilots/frames, "auto" or "custom".
-    `instance` shifts the ports. `address` is where we listen (udp://, tcp://) or the device of a board, left out the
-    interface's own on this machine; `baud` is that of a serial device. With `lockstep` simulated time waits for the
-    autopilot. `silence` without outputs turns the thrusters to neutral. `rate` is that of PX4's HIL_SENSOR. `rc` are
-    pulse widths of a receiver's channels (ArduPilot, PX4's SITL). `positions` is what ArduPilot's estimator gets its
-    position of: a GPS that it simulates of the true one, or messages with samples of ours, as a companion sends them.
+    `program` is ArduSub's SITL program or PX4's build folder; the slave or `uuv-hil sim` starts it, with additional
+    `arguments`. Without it, the user starts the autopilot. `parameters` is a parameter file (.parm), by default the
+    installed one for the vehicle, if there is one. `frame` is a file of hil/autopilots/frames, "auto" or "custom".
+    `instance` shifts the ports. `address` is where we listen (udp://, tcp://) or a board's device; the default is the
+    interface's own address on this machine. `baud` is for a serial device. With `lockstep` simulated time waits for the
+    autopilot. After `silence` without outputs the thrusters go to neutral. `rate` is the rate of PX4's HIL_SENSOR. `rc`
+    has pulse widths of receiver channels (ArduPilot, PX4's SITL). `positions` is the position source of ArduPilot's
+    estimator: a GPS that it simulates itself from the true position, or messages with samples of our sensors, as from a
+    companion computer.
     """
 
     program: str = ""
@@ -41,7 +42,7 @@ class AutopilotSettings(NamedTuple):
     positions: Positions = "simulated"
 
     def validate(self) -> str | None:
-        """Return why an address is invalid, None if all are."""
+        """Return why an address is invalid; None if all are valid."""
         for key, text in (("address", self.address),):
             try:
                 if text and parse_address(text).carries_can:
@@ -53,12 +54,12 @@ class AutopilotSettings(NamedTuple):
         return None
 
     def own_address(self, controller: str) -> str:
-        """Return the address, or the interface's own for this instance."""
+        """Return the address, by default that of the interface for this instance."""
         scheme = "udp" if controller == "ardupilot" else "tcp"
         return self.address or f"{scheme}://127.0.0.1:{PORTS[controller] + STEP[controller] * self.instance}"
 
     def resolve_paths(self, folder: str) -> "AutopilotSettings":
-        """Return the same with paths relative to the folder of the scenario file."""
+        """Return a copy with paths relative to the folder of the scenario file."""
 
         def placed(text: str) -> str:
             path = os.path.expanduser(text)

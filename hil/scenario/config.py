@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SCENARIOS = "hil/scenario/presets"
 FOLDERS = {"vehicle": "sim/vehicles", "world": "sim/worlds", "link.frame": "firmware_stub/frames"}
-# Sections that most runs do without -> what reads them: a record, a class that theirs follow, or a function.
+# Sections that most runs do not have -> what reads them: a record, a class that users' classes follow, or a function.
 LAZY = {
     "autopilot": "hil.scenario.autopilot_records:AutopilotSettings",
     "failure": "sim.vehicle.failures:Failure",
@@ -45,24 +45,27 @@ LAZY = {
     "security": "hil.network.security:Security",
     "link.faults": "hil.links.wires.faults:Faults",
 }
-MANY = ("failure", "force", "release", "member")  # each of them a [[table]]
-AUTOPILOTS = ("ardupilot", "px4")  # controllers that are programs or boards of others
-FEEDBACK = ("imu", "odometry", "pressure")  # what the builtin controller lives on
+MANY = ("failure", "force", "release", "member")  # sections that are arrays of tables, [[table]]
+AUTOPILOTS = ("ardupilot", "px4")  # controllers that are external programs or boards
+FEEDBACK = ("imu", "odometry", "pressure")  # sensors that the builtin controller needs
 
 
 class Scenario(NamedTuple):
-    """One run. `stm32` is who plays the STM32, `controller` who sends it commands.
+    """One run. `stm32` selects what acts as the STM32, `controller` what sends it commands.
 
-    stm32: "python" the firmware's twin inside the slave, on its own frame the firmware in C where that was compiled;
-    "process" the twin in a process of its own; "native" the firmware in C in one; "unicorn" (inside the slave) and
-    "qemu" its image on an emulated processor; "device" a real one. controller: "builtin"; "external": the link's
-    host end is left to the user's own vehicle software; "ardupilot" or "px4": a flight controller, reached as
-    [autopilot] says (hil/scenario/autopilot_records.py). Each [[failure]] is one of a thruster, at its time; each
-    [[force]] a class of the user's own (sim/forces.py); each [[release]] drops a weight of the vehicle's, at its time
-    (sim/vehicle/ballast.py); [tether] holds the vehicle (sim/tether.py); each [[member]] is one vehicle of a fleet,
-    [hunting] the fleet's task (hil/scenario/fleet_records.py),
-    [modem] the modems through which its vehicles report to each other (hil/scenario/modem_records.py), [mavlink] the
-    vehicle as ground stations know it (hil/scenario/mavlink_records.py).
+    stm32: "python": the firmware in Python inside the slave, or for its own frame the firmware in C, if compiled;
+    "process": the firmware in Python in its own process; "native": the firmware in C in its own process; "unicorn"
+    (inside the slave) and "qemu": its binary image on an emulated processor; "device": a real STM32.
+
+    controller: "builtin"; "external": the link's host end is left to the user's own vehicle software; "ardupilot" or
+    "px4": a flight controller, with the settings of [autopilot] (hil/scenario/autopilot_records.py).
+
+    Each [[failure]] is a thruster failure at a given time. Each [[force]] is a class of the user's own (sim/forces.py).
+    Each [[release]] drops a weight of the vehicle at a given time (sim/vehicle/ballast.py). [tether] ties the vehicle
+    (sim/tether.py). Each [[member]] is one vehicle of a fleet, [hunting] the fleet's task
+    (hil/scenario/fleet_records.py). [modem] has the modems through which the fleet's vehicles report to each other
+    (hil/scenario/modem_records.py). [mavlink] is the MAVLink interface for ground stations
+    (hil/scenario/mavlink_records.py).
     """
 
     vehicle: str
@@ -78,9 +81,9 @@ class Scenario(NamedTuple):
     network: Network = Network()
     ros: Ros = Ros()
     recording: Recording = Recording()
-    # These are read by load_scenario, which has their schemas.
+    # load_scenario reads the following, as their schemas are elsewhere.
     security: "Security | None" = None
-    planner: Mapping[str, Any] = MappingProxyType({})  # class and its keys (hil/master/planner.py); {} the default
+    planner: Mapping[str, Any] = MappingProxyType({})  # class and its keys (hil/master/planner.py); {}: the default
     sensors: SensorSet = MappingProxyType({})
     failure: "tuple[Failure, ...]" = ()
     force: "tuple[Force, ...]" = ()
@@ -91,7 +94,7 @@ class Scenario(NamedTuple):
     modem: "Modem | None" = None
     autopilot: "AutopilotSettings | None" = None
     mavlink: "Mavlink | None" = None
-    path: str = ""  # the file it was read from
+    path: str = ""  # path of the scenario file
 
     def validate(self) -> str | None:
         """Return which keys contradict each other, or None."""
@@ -109,11 +112,11 @@ class Scenario(NamedTuple):
         return None
 
     def for_process(self, sensors: SensorSet) -> "Scenario":
-        """Return what a process that only looks needs, with these sensors: without what cannot be sent to it."""
+        """Return a copy for a process that only observes, with these sensors, without parts that cannot be pickled."""
         return self._replace(force=(), failure=(), release=(), tether=None, link=Link(options={}), sensors=sensors)
 
     def _unsupported_link(self) -> str:
-        """Return the part of [link] that the firmware in C does not support; empty if it supports all."""
+        """Return the part of [link] that the firmware in C does not support; "" if it supports all."""
         link = self.link
         if self.stm32 not in ("native", "unicorn", "qemu"):
             return ""
@@ -125,12 +128,12 @@ class Scenario(NamedTuple):
 
 
 def load_scenario(name: str, changes: dict[str, Any] | None = None, given: str = "--set") -> Scenario:
-    """Return the scenario at a path ending in `.toml`, or one of the installed ones by its name.
+    """Return the scenario at a path that ends in `.toml`, or an installed one by its name.
 
-    Paths in it (vehicle, world) are relative to the file. `changes` replace values before they are checked:
-    {"master.speed": 0.5}; a path among them is looked for in the present folder first. This process speaks with ROS as
-    the scenario says from then on. Raises ConfigError, which names the option by which a change was `given` and its
-    key, where the change is at fault; "": the file alone.
+    Paths in the file (vehicle, world) are relative to it. `changes` replace values before they are checked:
+    {"master.speed": 0.5}; a path in them is first looked for in the current folder. The scenario's ROS domain and
+    release become those of this process. Raises ConfigError. If a change causes the error, the error names its key and
+    `given`, the option that made the change; with `given` "" it names the file only.
     """
     if not name.endswith(".toml") and (os.path.sep in name or os.path.exists(name)):
         names = ", ".join(preset_names(SCENARIOS))
@@ -148,7 +151,7 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None, given: str =
 
 
 def _key_at_fault(path: str, changes: dict[str, Any], words: str) -> str:
-    """Return the change without which the scenario has no such error, all of them if it takes several; "" if none."""
+    """Return the change that causes this error, or all if only several together do; "" if the file itself does."""
 
     def fails_with(some: dict[str, Any]) -> bool:
         try:
@@ -164,7 +167,7 @@ def _key_at_fault(path: str, changes: dict[str, Any], words: str) -> str:
 
 
 def _without(key: str, words: str) -> str:
-    """Return an error's words without the sections of `key`, which stands before them already."""
+    """Return an error's text without the sections of `key`, which the caller puts before it."""
     words = words.removeprefix(f"{key}: ")
     for part in key.split("."):
         words = words.removeprefix(f"{part}: ")
@@ -218,7 +221,7 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
             )
         scenario = scenario._replace(autopilot=scenario.autopilot.resolve_paths(folder))
     if any("class" in section or "sensor" in section for section in sensors.values()):
-        from hil.ros.own import announce  # most vehicles have no sensor of a user's own, and one of each kind
+        from hil.ros.own import announce  # not needed with one sensor of each kind and none of the user's own
 
         announce(scenario.sensors, f"{path}: sensors")
     blind = [name for name in FEEDBACK if name not in scenario.sensors]
@@ -228,7 +231,7 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
 
 
 def _check_certificates(scenario: Scenario) -> None:
-    """Check that a scenario with a TLS endpoint has [security]. Raises ConfigError."""
+    """Check that a scenario with a TLS endpoint has a [security] section. Raises ConfigError."""
     named = {"slave: listen": scenario.slave.listen, "network: router": scenario.network.router}
     for number, member in enumerate(scenario.member):
         named |= {f"member[{number}]: listen": member.listen, f"member[{number}]: agent": member.agent}
@@ -238,9 +241,9 @@ def _check_certificates(scenario: Scenario) -> None:
 
 
 def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = "", given: str = "--set") -> Scenario:
-    """Return the same of one vehicle.
+    """Return the scenario of a single vehicle; see `load_scenario`.
 
-    Raises ConfigError, also when the scenario is of a fleet, with a `remedy` of its own.
+    Raises ConfigError, also if the scenario is of a fleet; `remedy` replaces the end of that error's text.
     """
     scenario = load_scenario(name, changes, given)
     if not scenario.member:
@@ -253,7 +256,7 @@ def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = 
 
 
 def with_port(scenario: Scenario, port: str) -> Scenario:
-    """Return `scenario` with its thruster link at that address. Raises ConfigError."""
+    """Return `scenario` with another address of its thruster link. Raises ConfigError."""
     changed = scenario._replace(link=scenario.link._replace(port=port))
     problem = changed.link.validate()
     if problem:
@@ -262,7 +265,7 @@ def with_port(scenario: Scenario, port: str) -> Scenario:
 
 
 def _section(table: dict[str, Any], name: str, path: str) -> dict[str, Any]:
-    """Return a copy of the section of that full name, empty if `table` has none."""
+    """Return a copy of the section with that full name; {} if `table` has none. Raises ConfigError."""
     section = table.get(name.rpartition(".")[2], {})
     if not isinstance(section, dict):
         raise ConfigError(f"{path}: {name}: expected a table: write its keys under [{name}], found {section!r}")
@@ -276,7 +279,7 @@ def _planner(table: Any, where: str) -> dict[str, Any]:
 
 
 def _read(section: str, value: Any, path: str) -> Any:
-    """Return a section of LAZY. Its module is loaded now, and a start without it is sooner."""
+    """Return a section of LAZY. Its module is imported only here, so a start without the section is faster."""
     where = f"{path}: {section}"
     if section in MANY:
         if not isinstance(value, list) or not all(isinstance(row, dict) for row in value):
@@ -309,7 +312,7 @@ def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:
 
 
 def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simulation:
-    """Return the simulation a scenario describes, at time 0. Raises ConfigError."""
+    """Return the simulation that a scenario describes, at time 0. Raises ConfigError."""
     start = scenario.start
     return Simulation(
         vehicle,
@@ -327,7 +330,7 @@ def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simu
 
 
 def _file(key: str, name: str, path: str) -> str:
-    """Return what the scenario at `path` names: a preset that there is, or a file beside it. Raises ConfigError."""
+    """Return a preset name, or the path of a file beside the scenario; check that it exists. Raises ConfigError."""
     resolved = _relative(name, os.path.dirname(path))
     find_preset(FOLDERS[key], resolved, f"{path}: {key}")
     return resolved

@@ -22,7 +22,7 @@ def member_number(scenario: Scenario, which: str) -> int:
 
 
 def as_member(scenario: Scenario, which: str) -> Scenario:
-    """Return the scenario of one vehicle of the fleet, with a seed and frames of its own. Raises ConfigError."""
+    """Return the scenario of one vehicle of the fleet, with its own seed and frames. Raises ConfigError."""
     number = member_number(scenario, which)
     member = scenario.member[number]
     return scenario._replace(
@@ -34,7 +34,7 @@ def as_member(scenario: Scenario, which: str) -> Scenario:
 
 
 def endpoints_of(scenario: Scenario) -> list[str]:
-    """Return where all of its vehicles, and planners of a fleet, are reached: its router, or each by itself."""
+    """Return the endpoints of all vehicles and of a fleet's planners: the router's, or each one's own."""
     if scenario.network.mode == "routed":
         return [scenario.network.router]
     if not scenario.member:
@@ -50,7 +50,7 @@ def hunting_of(scenario: Scenario) -> Hunting:
 
 
 def hunt_plan(scenario: Scenario) -> HuntPlan:
-    """Return the plan of the hunt: each member's place at any time. Raises ConfigError, MissionError."""
+    """Return the plan of the hunt: each member's position at any time. Raises ConfigError, MissionError."""
     hunting = hunting_of(scenario)
     starts = [(member.north, member.east) for member in scenario.member]
     return HuntPlan(starts, hunting.target, hunting.ring, hunting.fields.max_speed)

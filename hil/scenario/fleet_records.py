@@ -1,9 +1,9 @@
-"""Records of the scenario sections of a fleet: its vehicles, and the target that they hunt.
+"""Records of a fleet's scenario sections: its vehicles, and the target that they hunt.
 
-[[member]]                    # each a slave of its own, with a planner of its own
+[[member]]                    # each has its own slave and its own planner
 node = "uuv1"
-listen = "tcp/127.0.0.1:7447" # its slave
-agent = "tcp/127.0.0.1:7467"  # its planner, for those of the others
+listen = "tcp/127.0.0.1:7447" # endpoint of its slave
+agent = "tcp/127.0.0.1:7467"  # endpoint of its planner, for the other planners
 
 [hunting]
 target = [5.0, 8.0]
@@ -20,7 +20,7 @@ from hil.scenario.records import VECTOR_M, Slave
 
 
 class Member(NamedTuple):
-    """One vehicle of a fleet: its slave is `node` and listens at `listen`, its planner listens at `agent`.
+    """One vehicle of a fleet: its slave is called `node` and listens at `listen`; its planner listens at `agent`.
 
     It starts at `north`, `east` with `heading`, at the depth of [start]. Each endpoint takes two ports.
     """
@@ -33,16 +33,16 @@ class Member(NamedTuple):
     heading: Annotated[float, Range(-6.3, 6.3, "rad")] = 0.0
 
     def validate(self) -> str | None:
-        """Return why the name or an endpoint is invalid, None if they are valid."""
+        """Return why the name or an endpoint is invalid; None if they are valid."""
         return Slave(node=self.node, listen=self.listen).validate() or validate_endpoint("agent", self.agent)
 
 
 class Hunting(NamedTuple):
-    """Hunt of a fleet: `target` (m north, m east) is surrounded on a ring of radius `ring`.
+    """Hunt of a fleet: the vehicles surround `target` (m north, m east) on a ring of radius `ring`.
 
-    `min_separation` is the least distance between the centres of two vehicles. `noise` is the standard deviation, each
-    axis, of an error of each vehicle's own position, in addition to its navigation's. Neighbours report their positions
-    to each other every `report_period`; one without a report for `report_timeout` counts as absent.
+    `min_separation` is the least distance between the centres of two vehicles. `noise` is the standard deviation per
+    axis of an error of each vehicle's own position, in addition to its navigation error. Neighbours report their
+    positions to each other every `report_period`; one without a report for `report_timeout` counts as absent.
     """
 
     target: VECTOR_M
@@ -54,7 +54,7 @@ class Hunting(NamedTuple):
     fields: FieldSettings = FieldSettings()
 
     def validate(self) -> str | None:
-        """Return why the times do not fit each other, None if they do."""
+        """Return why the times contradict each other, or None."""
         if self.report_timeout < 2.0 * self.report_period:
             return "report_timeout must be at least twice report_period"
         return None

@@ -1,4 +1,4 @@
-"""Record of the section [mavlink], and the endpoints that it names: `uuv-hil mavlink` reads both."""
+"""Record of the section [mavlink], and the endpoints that it names; `uuv-hil mavlink` reads both."""
 
 from typing import Annotated, Literal, NamedTuple
 
@@ -10,20 +10,20 @@ FORMS = (
     "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT, serial:/dev/ttyUSB0:57600, "
     "zenoh:tcp/HOST:PORT"
 )
-BAUD = 57_600  # of a serial device whose endpoint does not name one
+BAUD = 57_600  # default for a serial device
 Kind = Literal["udpout", "udpin", "tcpin", "tcpout", "serial", "zenoh"]
 
 
 class MavlinkEndpoint(NamedTuple):
-    """The parts of an endpoint: `place` is a host, a device or the endpoint of a zenoh router."""
+    """The parts of an endpoint; `place` is a host, a device or the endpoint of a zenoh router."""
 
     kind: Kind
     place: str
-    port: int = 0  # bit/s of a serial device
+    port: int = 0  # for a serial device its speed in bit/s
 
 
 def parse_endpoint(text: str) -> MavlinkEndpoint:
-    """Return the parts of an endpoint. Raises ConfigError that lists the forms."""
+    """Return the parts of an endpoint. Raises ConfigError, which lists the valid forms."""
     kind, _, rest = text.partition(":")
     if kind == "serial" and rest.startswith("/"):
         device, _, baud = rest.rpartition(":")
@@ -42,7 +42,7 @@ def parse_endpoint(text: str) -> MavlinkEndpoint:
 
 
 def rtp_target(text: str) -> tuple[str, int] | None:
-    """Return host and UDP port of HOST:PORT, None for "". Raises ConfigError."""
+    """Return host and UDP port of HOST:PORT; None for "". Raises ConfigError."""
     if not text:
         return None
     host, _, port = text.rpartition(":")
@@ -52,17 +52,17 @@ def rtp_target(text: str) -> tuple[str, int] | None:
 
 
 class Mavlink(NamedTuple):
-    """Vehicle that MAVLink ground stations and companion software know, served by a process beside the slave.
+    """MAVLink interface of the vehicle for ground stations and companion software, in a process beside the slave.
 
-    `endpoints` are where it speaks: "udpout" sends to a ground station, "udpin" and "tcpin" wait for several, "tcpout"
-    connects to a router, "serial" is a radio or a companion computer, "zenoh" offers the keys that BlueOS has.
-    `system` is its MAVLink system id. `autopilot` is the firmware whose mode numbers and mission rules it follows:
-    "ardupilot" those of ArduSub, which QGroundControl knows best, "generic" those of the MAVLink standard alone.
-    Ground stations on other machines may only look unless `commands_from` is "network". `signing_key`, a passphrase
-    or 64 hexadecimal digits, signs all packets and refuses unsigned ones. `parameters` is the file of stored
-    parameters ("": one of this user's for the node), `logs` the folder that MAVFTP offers. `video_port` is that of the
-    camera's picture as MJPEG over HTTP on this machine, 0 for none; `rtp` ("HOST:PORT") gets it as H.264; `camera` is
-    that camera's name. With `start` the slave starts the process; else `uuv-hil mavlink` does.
+    `endpoints` are its connections: "udpout" sends to a ground station, "udpin" and "tcpin" wait for several, "tcpout"
+    connects to a router, "serial" is a radio or a companion computer, "zenoh" offers the keys of BlueOS. `system` is
+    its MAVLink system id. `autopilot` is the firmware whose mode numbers and mission rules it follows: "ardupilot"
+    means ArduSub, which QGroundControl supports best, "generic" the MAVLink standard alone. Ground stations on other
+    machines may only observe unless `commands_from` is "network". `signing_key`, a passphrase or 64 hexadecimal digits,
+    signs all packets and refuses unsigned ones. `parameters` is the file of stored parameters (default: a file of this
+    user for the node), `logs` the folder that MAVFTP offers. `video_port` serves the camera's picture as MJPEG over
+    HTTP on this machine (0: off); `rtp` ("HOST:PORT") receives it as H.264; `camera` is the name of that camera. With
+    `start` the slave starts this process; otherwise run `uuv-hil mavlink`.
     """
 
     endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")
@@ -78,7 +78,7 @@ class Mavlink(NamedTuple):
     start: bool = True
 
     def validate(self) -> str | None:
-        """Return why an endpoint is none, or None."""
+        """Return why an endpoint is invalid, or None."""
         try:
             for text in self.endpoints:
                 parse_endpoint(text)

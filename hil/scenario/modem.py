@@ -1,7 +1,7 @@
-"""Report exchange of a fleet over modems: TDMA turns, the 16-byte report, and the simulated channel.
+"""Report exchange of a fleet over modems: TDMA slots, the 16-byte report, and the simulated channel.
 
-The keys of [modem] are in `hil.scenario.modem_records`. Without that section reports go over the network, at once
-and whole.
+The keys of [modem] are in `hil.scenario.modem_records`. Without that section, reports go over the network without delay
+or rounding.
 """
 
 from collections import Counter
@@ -28,7 +28,7 @@ REPORT_BYTES = _REPORT.size
 
 
 def modem_of(scenario: Scenario) -> Modem:
-    """Return the [modem] section, checked against the fleet. Raises ConfigError where it does not fit."""
+    """Return the [modem] section, checked against the fleet. Raises ConfigError if they do not fit."""
     modem, hunting = scenario.modem, hunting_of(scenario)
     if modem is None:
         raise ConfigError(f"{scenario.path}: there is no [modem]: its vehicles talk over the network")
@@ -50,10 +50,9 @@ def modem_of(scenario: Scenario) -> Modem:
 class TdmaSchedule:
     """TDMA schedule: when member `number` (from 0) sends.
 
-    It sends at the beginning of its slot; without slots at a random time, half to one and a half times `report_period`
-    after its last report.
-
-    All members use one clock (in HIL that of the machines, which have to agree to a fraction of a slot).
+    It sends at the beginning of its slot. Without slots it sends at a random time, half to one and a half times
+    `report_period` after its last report. All members use one clock; in HIL the clocks of the machines have to agree to
+    a fraction of a slot.
     """
 
     def __init__(self, scenario: Scenario, number: int) -> None:
@@ -64,7 +63,7 @@ class TdmaSchedule:
         self._random = sensor_random(scenario.seed, f"turns/{number}")
 
     def after(self, time_ns: int) -> int:
-        """Return the first turn after this instant, ns."""
+        """Return the time (ns) of the first transmission after `time_ns`."""
         if not self._frame_ns:
             return time_ns + round(self._mean_ns * (0.5 + self._random.random()))
         passed = (time_ns - self._offset_ns) // self._frame_ns
@@ -72,7 +71,7 @@ class TdmaSchedule:
 
 
 class ModemReport(NamedTuple):
-    """Report of one vehicle to the others: position (NED, m), velocity (m/s north, m/s east), its plan's clock (ns)."""
+    """Report of one vehicle to the others: position (NED, m), velocity (m/s north, east), time in its plan (ns)."""
 
     position: Vector3
     velocity: tuple[float, float]
@@ -80,7 +79,7 @@ class ModemReport(NamedTuple):
 
 
 def encode_report(report: ModemReport) -> bytes:
-    """Encode a report in 16 bytes: to 1 cm, depth to 1 dm, 2 cm/s, 1 ms; clipped beyond 6.5 km or 2.5 m/s."""
+    """Encode a report in 16 bytes: to 1 cm, depth to 1 dm, 2 cm/s, 1 ms; limited to 6.5 km of depth and 2.5 m/s."""
     north, east, down = report.position
     speeds = [_bounded(50.0 * speed, -127, 127) for speed in report.velocity]
     level = [_bounded(100.0 * metres, -(2**31), 2**31 - 1) for metres in (north, east)]
@@ -89,7 +88,7 @@ def encode_report(report: ModemReport) -> bytes:
 
 
 def decode_report(data: bytes) -> ModemReport | None:
-    """Return the report in `data`, None if it is not one."""
+    """Return the report in `data`; None if it is not one."""
     if len(data) != _REPORT.size:
         return None
     north, east, down, *speeds, clock = _REPORT.unpack(data)
@@ -101,15 +100,15 @@ def _bounded(value: float, low: int, high: int) -> int:
 
 
 class Channel(Protocol):
-    """Simulated channel between modems: delays, losses, receivers. Calls come in the order of time."""
+    """Simulated channel between modems: delays, losses, receivers. Calls have to be in the order of time."""
 
     counts: Counter[str]
 
     def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
-        """Send to all others in `places` (true poses); return when transmission ends (ns), 0 if impossible."""
+        """Send to all others in `places` (true poses); return the end of the transmission (ns), 0 if impossible."""
 
     def receive(self, time_ns: int) -> list[Packet]:
-        """Return the messages received by now."""
+        """Return the messages received up to `time_ns`."""
 
 
 def open_channel(scenario: Scenario) -> Channel:
@@ -121,7 +120,7 @@ def open_channel(scenario: Scenario) -> Channel:
 
 
 class _Acoustic:
-    """Acoustic channel with the interface `Channel`; orientations are not used."""
+    """Acoustic channel with the interface `Channel`; it ignores orientations."""
 
     def __init__(self, model: AcousticModem, world: World, seed: int) -> None:
         profile = world.ocean.profile if world.ocean else None

@@ -1,11 +1,11 @@
-"""Record of the scenario section of the modems through which the vehicles of a fleet report to each other.
+"""Record of the scenario section [modem]: the modems through which a fleet's vehicles report to each other.
 
 [modem]
 kind = "acoustic"             # or "optical"
 slot = "250 ms"               # each vehicle sends at the beginning of its slot; 0: at random, about every report_period
 source_level = 168.0          # and any other key of sim.modems.acoustic.AcousticModem, or of optical.OpticalModem
 
-Without this table reports go over the network, at once and whole.
+Without this table, reports go over the network without delay or rounding.
 """
 
 from typing import Annotated, Any, Literal, NamedTuple
@@ -18,7 +18,7 @@ _MODELS: dict[str, type[AcousticModem] | type[OpticalModem]] = {"acoustic": Acou
 
 
 class Modem(NamedTuple):
-    """The [modem] table: `slot` s is each vehicle's share of the time, 0 for none; `model` has the modem's own keys."""
+    """The [modem] table: `slot` is each vehicle's slot length (s), 0 for none; `model` has the modem's own keys."""
 
     kind: Literal["acoustic", "optical"] = "acoustic"
     slot: Annotated[float, Range(0.0, 60.0, "s")] = 0.25

@@ -1,8 +1,7 @@
 """Records of the sections of a scenario file: link, slave, start, master, recording, ros.
 
-`hil.scenario.config.load_scenario` reads a file into them; the records of fleets and of modems are in
-`hil.scenario.fleet_records` and
-`hil.scenario.modem_records`, which most runs do not load.
+`hil.scenario.config.load_scenario` reads a file into them. The records of fleets and modems, in
+`hil.scenario.fleet_records` and `hil.scenario.modem_records`, are not loaded by most runs.
 """
 
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ from hil.ros import dialect
 from sim.environment.obstacles import ZoneKind
 from sim.run_events import DEPTH_MARGIN_M, EventKind
 
-if TYPE_CHECKING:  # loaded when a scenario has faults
+if TYPE_CHECKING:  # imported at run time only for a scenario with faults
     from hil.links.wires.faults import Faults
 
 VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range(-1e5, 1e5, "m")]]
@@ -25,11 +24,11 @@ VECTOR_M = tuple[Annotated[float, Range(-1e5, 1e5, "m")], Annotated[float, Range
 class Link(NamedTuple):
     """Thruster link between the vehicle's computer and its STM32.
 
-    `port` is its address in the form of hil/links/address.py: "pty:" makes a pseudo terminal, "pty:/tmp/name" one
-    that other programs find there; a real STM32 is on "/dev/ttyUSB0" or the like, by default the board's UART.
-    `baud` (bit/s) is that of a serial device, `bitrate` (bit/s) that of a CAN bus where the system does not set
-    it. `frame` names the layout, or its file, if the protocol is "frame", `options` are the settings of any other.
-    `watchdog` is the STM32's. `faults` are injected into the link.
+    `port` is its address in the form of hil/links/address.py: "pty:" makes a pseudo terminal, "pty:/tmp/name" one with
+    a name for other programs; a real STM32 is at "/dev/ttyUSB0" or similar, by default the board's UART. `baud` (bit/s)
+    is for a serial device, `bitrate` (bit/s) for a CAN bus whose speed the system does not set. `frame` is the name or
+    file of the layout if the protocol is "frame"; `options` are the settings of any other protocol. `watchdog` is the
+    STM32's timeout. `faults` are injected into the link.
     """
 
     port: str = "pty:"
@@ -42,16 +41,16 @@ class Link(NamedTuple):
     faults: "Faults | None" = None
 
     def validate(self) -> str | None:
-        """Return why the address is invalid or cannot carry the protocol, None if it can."""
+        """Return why the address is invalid or cannot carry the protocol; None if it can."""
         return incompatibility(self.protocol, self.port)
 
 
 class Slave(NamedTuple):
     """Daemon on the single-board computer.
 
-    `step` is the integration step; `control_period` the controller's. Without a new command for
-    `deadman` the thrusters go to neutral. A command older than `command_age_limit` is dropped. With `realtime` the
-    loop has priority over other programs, and with `stay_awake` idle processors do not enter deep sleep states.
+    `step` is the integration step, `control_period` the period of the controller. Without a new command for `deadman`
+    the thrusters go to neutral. A command older than `command_age_limit` is dropped. With `realtime` the loop has
+    priority over other programs; with `stay_awake` idle processors do not enter deep sleep states.
     """
 
     node: str = "uuv1"
@@ -64,14 +63,14 @@ class Slave(NamedTuple):
     stay_awake: bool = True
 
     def validate(self) -> str | None:
-        """Return why the name or the endpoint is invalid, None if both are valid. The name is part of network keys."""
+        """Return why the name, a part of network keys, or the endpoint is invalid; None if both are valid."""
         if not (self.node.replace("_", "").isalnum() and self.node.isascii() and not self.node[0].isdigit()):
             return f"node: {self.node!r} must be letters, digits and _, not starting with a digit"
         return validate_endpoint("listen", self.listen)
 
 
 class Start(NamedTuple):
-    """Start position of the vehicle, NED."""
+    """Start pose of the vehicle, NED."""
 
     north: Annotated[float, Range(-1e5, 1e5, "m")] = 0.0
     east: Annotated[float, Range(-1e5, 1e5, "m")] = 0.0
@@ -80,15 +79,15 @@ class Start(NamedTuple):
 
 
 class Master(NamedTuple):
-    """Task of the planner: to `goal` (north, east) at `depth`, at `speed`.
+    """Task of the planner: go to `goal` (north, east) at `depth`, with `speed`.
 
-    `map` is the map at the start: "known" the world without its hidden obstacles, "unknown" an empty one, "NAME.yaml" a
-    map of map_server. It has cells of `resolution`; obstacles are inflated by half the vehicle's horizontal diagonal
-    plus `margin`, and the seabed is one where it leaves less than `seabed_margin` under the vehicle. A known map shows
-    the world's zones of the kinds in `avoid_zones` as obstacles. `lookahead` and
-    `tolerance` are those of the path. The run fails when the planner is not done within `time_limit`, and for every
-    event of sim/run_events.py that `allow` does not name; the vehicle is too deep `depth_margin` below the deepest
-    commanded depth.
+    `map` is the map at the start: "known" is the world without its hidden obstacles, "unknown" an empty map,
+    "NAME.yaml" a map of map_server. Its cells have size `resolution`. Obstacles are enlarged by half the vehicle's
+    horizontal diagonal plus `margin`. The seabed counts as an obstacle if it leaves less than `seabed_margin` below the
+    vehicle. A known map shows the world's zones of the kinds in `avoid_zones` as obstacles. `lookahead` and `tolerance`
+    are those of path following. A command is sent every `command_period`. The run fails if the planner is not done
+    within `time_limit`, and for each event of sim/run_events.py that is not in `allow`; the event "too deep" means more
+    than `depth_margin` below the deepest commanded depth.
     """
 
     goal: VECTOR_M | None = None
@@ -107,7 +106,7 @@ class Master(NamedTuple):
     avoid_zones: tuple[ZoneKind, ...] = ()
 
     def validate(self) -> str | None:
-        """Return why the map is invalid, None if it is valid."""
+        """Return why the map is invalid; None if it is valid."""
         known = self.map in ("known", "unknown") or self.map.endswith(".yaml")
         return None if known else f'map: {self.map!r} is neither "known", "unknown" nor a file that ends in .yaml'
 
@@ -116,9 +115,9 @@ class Recording(NamedTuple):
     """Recording of a run, and its limits on the disk.
 
     `slave` and `master` select who records: the slave into `folder`, with the inputs that make its run repeatable to
-    the bit (`uuv-hil replay --check`), the master into the folder of the run. A file ends at `file_size`; beyond
-    `total_size` the oldest files of the recording are removed, and without the first one it cannot be repeated.
-    Recording ends when less than `keep_free` is left on the disk.
+    the bit (`uuv-hil replay --check`), the master into the folder of the run. A new file begins at `file_size`. Beyond
+    `total_size` the oldest files of the recording are removed; without the first one the run cannot be repeated.
+    Recording ends if less than `keep_free` is left on the disk.
     """
 
     slave: bool = False
@@ -130,7 +129,7 @@ class Recording(NamedTuple):
     compression: Literal["zstd", "lz4", "none"] = "zstd"
 
     def validate(self) -> str | None:
-        """Return why the sizes do not fit each other, None if they do."""
+        """Return why the sizes contradict each other, or None."""
         if self.total_size < 2.0 * self.file_size:
             return "total_size must be at least twice file_size: the file that is being written, and one more"
         return None
@@ -139,12 +138,12 @@ class Recording(NamedTuple):
 class Ros(NamedTuple):
     """Interface to ROS 2 beyond the sensors: transforms, clock, services, image format.
 
-    `transforms`: /tf, of every odometry sample, and /tf_static, of the sensors' places. `clock`, `wrench` and `joints`
-    are the rates of /clock, of the thrusters' wrench, of joint_states and motors, 0 for none. `services`: arm, reset,
-    set_pose, failures of thrusters.
-    `frame_prefix` ("uuv1/") separates the frames of vehicles that share one /tf; of several only one has a `clock`.
-    `images` is the format of a camera's pictures, `jpeg_quality` (of libjpeg, 1 to 95) that of JPEG. `domain` is that
-    of ROS; left out (-1), it is the variable ROS_DOMAIN_ID, or 0. `distro` is the release of ROS.
+    `transforms`: publish /tf, for every odometry sample, and /tf_static, for the sensors' positions. `clock`, `wrench`
+    and `joints` are the rates of /clock, of the thrusters' wrench, and of joint_states and motors; 0: off. `services`:
+    arm, reset, set_pose, failures of thrusters. `frame_prefix` ("uuv1/") separates the frames of vehicles that share
+    one /tf; only one of several vehicles should have a `clock`. `images` is the format of camera pictures,
+    `jpeg_quality` (of libjpeg, 1 to 95) the quality of JPEG. `domain` is the ROS domain; by default (-1) it is the
+    variable ROS_DOMAIN_ID, or 0. `distro` is the ROS release.
     """
 
     transforms: bool = True

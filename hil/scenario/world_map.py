@@ -1,4 +1,4 @@
-"""Make the occupancy grid at the vehicle's depth that a planner has before the dive."""
+"""Make the occupancy grid, at the vehicle's depth, that a planner has before the dive."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -20,23 +20,23 @@ from sim.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-HALF_DIAGONAL = 0.7072  # cells: how far a cell's corner is from its middle
+HALF_DIAGONAL = 0.7072  # cells; distance from the centre of a cell to its corner
 
 
 def parts_of(world: World, master: Master, start: Start, places: Sequence[Point] = ()) -> list[MapPart]:
-    """Return the parts of the world that its map may show, growing: what is about start and goal, and all of it.
+    """Return the parts of the world that the map may show, in growing order: from the area of start and goal to all.
 
-    `places` are others that a planner goes to.
+    `places` are further positions (north, east) of the planner's task.
     """
     wanted = [(start.north, start.east), *([master.goal] if master.goal else []), *places]
     return map_parts(_extent(world), master.resolution, wanted)
 
 
 def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | None = None) -> OccupancyGrid:
-    """Return the map that the scenario's `map` names: of the world, of nothing, or from a file. Raises ConfigError.
+    """Return the map that the scenario's `map` names: of the world, empty, or from a file. Raises ConfigError.
 
-    It shows a part of the world in its cells, all of it in the scenario's if left out. Obstacles that are `hidden` are
-    not on it.
+    It shows `part` of the world with that part's cell size; by default all, with the scenario's. Obstacles with
+    `hidden` are not on it.
     """
     below = 0.5 * vehicle.dimensions[2] + master.seabed_margin
     part = part or MapPart(_extent(world), master.resolution)
@@ -67,11 +67,12 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | No
 def map_at(
     world: World, depth: float, below: float, resolution: float, part: Extent | None = None, is_coarse: bool = False
 ) -> OccupancyGrid:
-    """Return the map of `world` in cells of `resolution` m for a vehicle at `depth` m with `below` m of water under it.
+    """Return the map of `world`, with cells of `resolution` m, for a vehicle at `depth` m that needs `below` m below.
 
-    It shows all of the world, or a `part`. Occupied is what stands up to that depth, what hangs down to `below` m above
-    it, and where the seabed is shallower, by the middles of cells; an obstacle too thin to be sure to cover one is
-    widened until it is. On a map that `is_coarse` a cell is occupied where any part of it may be. Raises ConfigError.
+    It shows the whole world, or a `part`. A cell is occupied if an obstacle at its centre reaches into the layer from
+    `depth` - `below` to `depth`, or the seabed there is shallower than `depth` + `below`. An obstacle so thin that it
+    may miss all centres is enlarged until it cannot. If `is_coarse`, a cell is occupied if any part of it may be.
+    Raises ConfigError.
     """
     seabed = shallowest if is_coarse else _seabed
 
@@ -88,7 +89,7 @@ def map_at(
                     lower(free, obstacle, norths, easts, widen)
         is_deep = seabed(world, norths, easts) > depth + below
         if world.terrain is not None:
-            world.terrain.unmap()  # the kernel maps far more around each place that is looked at
+            world.terrain.unmap()  # the kernel has mapped far more than what was read
         return np.where(is_deep, free, -1.0)
 
     return OccupancyGrid.rasterise(clearance, part or _extent(world), resolution, vectorised=True)
@@ -100,9 +101,9 @@ def _extent(world: World) -> Extent:
 
 
 def lower(free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: float = 0.0) -> None:
-    """Lower `free` to the distance (m) from an obstacle, made larger by `widen` m all round, where it is near.
+    """Lower `free` (m) to the distance from an obstacle, enlarged by `widen` m, where it is near.
 
-    `norths` and `easts` are the middles of a map's cells; farther than two cells away the obstacle is left out.
+    `norths` and `easts` are the centres of a map's cells; an obstacle more than two cells away is ignored.
     """
     rows, columns = slice(None), slice(None)
     if isinstance(obstacle, (Cylinder, Box)):
@@ -115,7 +116,7 @@ def lower(free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: f
 
 
 def _lower_by_mesh(free: Array, triangles: Iterable[Triangle], norths: Array, easts: Array, widen: float) -> None:
-    """Lower `free` to below 0 where a triangle, seen from above, is within `widen` m of the middle of a cell."""
+    """Set `free` to -1 in cells whose centre is within `widen` m of a triangle, seen from above."""
     for triangle in triangles:
         corners = np.array(triangle)[:, :2]
         (south, west), (north, east) = corners.min(axis=0) - widen, corners.max(axis=0) + widen
@@ -130,7 +131,7 @@ def _lower_by_pieces(
     free: Array, pipeline: Pipeline, world: World, depths: tuple[float, float], norths: Array, easts: Array,
     widen: float,
 ) -> None:  # fmt: skip
-    """Lower `free` to below 0 along what of a pipeline lies between two `depths`."""
+    """Set `free` to -1 along the parts of a pipeline that lie between two `depths`."""
     radius, (south, north), (west, east) = 0.5 * pipeline.diameter, norths[[0, -1], 0], easts[0, [0, -1]]
     middle, size = (0.5 * (south + north), 0.5 * (west + east)), float(np.hypot(north - south, east - west))
     near = pipeline.pieces(world.seabed, world.spacing(), *middle, size)
@@ -143,7 +144,7 @@ def _lower_by_pieces(
 
 
 def close(grid: OccupancyGrid, outline: Sequence[Point]) -> None:
-    """Occupy the cells of a map whose middles are within an outline (corners, north and east in m)."""
+    """Occupy the cells of a map whose centres are inside an outline (corners, north and east in m)."""
     corners = np.array([*outline, outline[0]], float)
     norths, easts = (
         first + grid.resolution * (np.arange(count) + 0.5)
@@ -154,7 +155,7 @@ def close(grid: OccupancyGrid, outline: Sequence[Point]) -> None:
 
 
 def _to_triangle(corners: Array, north: Array, east: Array) -> Array:
-    """Return how far (m) places are from a triangle (3 x 2, m), 0 inside it."""
+    """Return the distances (m) of positions from a triangle (3 x 2, m); 0 inside it."""
     least, turns = np.full(north.shape, np.inf), []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         (x, y), at_x, at_y = end - start, north - start[0], east - start[1]
@@ -167,14 +168,14 @@ def _to_triangle(corners: Array, north: Array, east: Array) -> Array:
 
 
 def _size(obstacle: Cylinder | Box) -> float:
-    """Return how far (m) it reaches from its middle."""
+    """Return the radius (m) of the circle around the obstacle's centre that contains it."""
     if isinstance(obstacle, Cylinder):
         return obstacle.radius
     return 0.5 * float(np.hypot(obstacle.size_north, obstacle.size_east))
 
 
 def _thickness(obstacle: Obstacle) -> float:
-    """Return the radius (m) of the greatest circle within it."""
+    """Return the radius (m) of the largest circle inside the obstacle."""
     if isinstance(obstacle, Cylinder):
         return obstacle.radius
     if isinstance(obstacle, Pipeline):
@@ -185,7 +186,7 @@ def _thickness(obstacle: Obstacle) -> float:
 
 
 def _separation(obstacle: Obstacle, north: Array, east: Array) -> Array:
-    """Return the obstacle's `separation` at arrays of places."""
+    """Return the obstacle's `separation` (m) at arrays of positions."""
     if isinstance(obstacle, Cylinder):
         return np.asarray(np.hypot(north - obstacle.north, east - obstacle.east) - obstacle.radius)
     if isinstance(obstacle, Box):
@@ -195,17 +196,17 @@ def _separation(obstacle: Obstacle, north: Array, east: Array) -> Array:
         across = np.abs(c * y - s * x) - 0.5 * obstacle.size_east
         outside = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
         return np.asarray(outside + np.minimum(np.maximum(along, across), 0.0))
-    linear: Any = obstacle.separation  # a wall's is
+    linear: Any = obstacle.separation  # a wall's, which also works with arrays
     return np.asarray(linear(north, east)[0])
 
 
 def _seabed(world: World, north: Array, east: Array) -> Any:
-    """Return the depth of the seabed (m) at arrays of places, as `World.seabed` has it."""
+    """Return the depth of the seabed (m) at arrays of positions, with the same result as `World.seabed`."""
     terrain = world.terrain
     if terrain is None:
         return world.depth
     rows, columns = terrain.grid.rows, terrain.grid.columns
-    nodes = np.asarray(terrain.depths, np.float32).reshape(rows, columns)  # mapped, perhaps: only some are looked at
+    nodes = np.asarray(terrain.depths, np.float32).reshape(rows, columns)  # may be a mapped file, read only in part
     x, y = (north - terrain.grid.north_min) * terrain.scale, (east - terrain.grid.east_min) * terrain.scale
     on_grid = (x >= 0.0) & (x <= rows - 1) & (y >= 0.0) & (y <= columns - 1)
     i, j = (np.clip(np.asarray(v, np.intp), 0, count - 2) for v, count in ((x, rows), (y, columns)))
@@ -216,9 +217,9 @@ def _seabed(world: World, north: Array, east: Array) -> Any:
 
 
 def shallowest(world: World, north: Array, east: Array) -> Any:
-    """Return the least depth of the seabed (m), or less, in cells of two rows or more with these middles.
+    """Return a lower bound of the seabed's depth (m) in each cell, from the centres of two rows or more.
 
-    A cell's bed is not above the nodes in it and about it.
+    The seabed in a cell is nowhere above the highest of the nodes in it and next to it.
     """
     terrain = world.terrain
     if terrain is None:
@@ -234,8 +235,8 @@ def shallowest(world: World, north: Array, east: Array) -> Any:
     ends = np.column_stack([left, right + 1]).ravel() - left[0]
     least = np.empty(north.shape)
     for row, (here, there) in enumerate(zip(top, bottom, strict=True)):
-        line = nodes[here : there + 1, left[0] : right[-1] + 1].min(axis=0)  # nan where one is
-        line = np.append(np.where(np.isnan(line), NO_DATA, line), np.inf)  # a span may end with the grid
+        line = nodes[here : there + 1, left[0] : right[-1] + 1].min(axis=0)  # nan if one of them is nan
+        line = np.append(np.where(np.isnan(line), NO_DATA, line), np.inf)  # because a span may end with the grid
         least[row] = np.minimum.reduceat(line, ends)[::2]
     is_whole = is_inside[0][:, None] & is_inside[1]
     return np.where(is_whole, least, np.minimum(least, terrain.outside))
