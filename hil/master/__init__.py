@@ -1,4 +1,5 @@
 """The planner process: missions, path following, obstacle avoidance, tasks, agents of a fleet.
 
-Public: `hil.master.planner` is what a planner is, `hil.master.mission` flies one. It must not know thruster links.
+Public: `hil.master.planner` is the interface of a planner, `hil.master.mission` runs one. This room must not depend on
+thruster links.
 """

@@ -1,7 +1,6 @@
-"""Simulate the modem channel of a fleet on the network: deliver on `modem_rx` what vehicles send on `modem_tx`.
+"""Simulate the modem channel of a fleet over the network: deliver on `modem_rx` what vehicles send on `modem_tx`.
 
-The simulator has the true pose of every vehicle; the vehicles do not. Messages arrive after their travel time, or
-are lost.
+Only the simulator knows the true pose of every vehicle. A message arrives after its travel time, or is lost.
 """
 
 import threading
@@ -18,16 +17,16 @@ from hil.scenario.modem import open_channel
 from sim.modems.acoustic import Packet
 from sim.modems.optical_channel import Pose
 
-TICK_S = 0.005  # how exactly a message is handed over in time
+TICK_S = 0.005  # period of the delivery of messages
 QUEUE = 16
-REACH_M = 1e4  # the upper bound that is sent with each distance
+REACH_M = 1e4  # upper bound of the range in each message of a measured distance
 
 
 class ModemNetwork:
     """Serve the modems of a scenario's members until the session is closed. Raises ConfigError.
 
-    A vehicle without a known pose neither sends nor receives. `counts` are those of the channel (sim/modems), and
-    malformed; `ranges` the last measured distance (m) from a vehicle to another.
+    A vehicle without a known pose neither sends nor receives. `ranges` has the last measured distance (m) from one
+    vehicle to another.
     """
 
     def __init__(self, session: Session, scenario: Scenario) -> None:
@@ -48,7 +47,7 @@ class ModemNetwork:
 
     @property
     def counts(self) -> Counter[str]:
-        """Number of messages by their fate."""
+        """Number of messages by their fate: those of the channel (sim/modems), and "malformed"."""
         with self._lock:
             return Counter(self._channel.counts)
 
@@ -78,11 +77,11 @@ class ModemNetwork:
     def _hand_over(self, packet: Packet) -> None:
         now = to_wall_ns(now_ns())
         self._received[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
-        if packet.distance == packet.distance:  # light has none
+        if packet.distance == packet.distance:  # nan: an optical modem measures no distance
             self.ranges[packet.receiver, packet.sender] = packet.distance
             self._measured[packet.receiver].put(encode_range(now, packet.sender, packet.distance, REACH_M), now)
 
 
 def summary(counts: Counter[str]) -> str:
-    """Return the counts in a line."""
+    """Return the counts as one line of text."""
     return ", ".join(f"{number} {fate.replace('_', ' ')}" for fate, number in counts.items()) or "nothing sent"

@@ -1,7 +1,7 @@
 """Run the planner of one vehicle of a fleet: command the vehicle, exchange reports with its neighbours.
 
-No other process leads it: what it has of the others is what their planners publish on the topic `formation`, or what
-the modem of a scenario that has one lets through of it; `formation` is then for those who look on.
+There is no central process. An agent knows of the other vehicles what their planners publish on the topic `formation`.
+In a scenario with modems it receives the reports by modem, and `formation` is only for displays.
 """
 
 import select
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from hil.master.modem_port import ModemPort
 
 REPORTS = TOPICS["formation"]
-QUEUE = 8  # reports of one neighbour that may wait for the reader
+QUEUE = 8  # reports of one neighbour that may wait to be processed
 LOST_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
 REPORT_PERIOD_S = 5.0
@@ -39,8 +39,8 @@ Report = Callable[[str], None]
 def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: float = 60.0) -> None:
     """Run the planner of the member `which` until `stop_fd` becomes readable.
 
-    Waits up to `wait` s for the vehicle. Raises ConfigError, NetworkError, and MissionError if something of
-    sim/run_events.py happened to the vehicle that the scenario does not allow.
+    Waits up to `wait` s for the vehicle. Raises ConfigError, NetworkError, and MissionError if the vehicle had an event
+    (sim/run_events.py) that the scenario does not allow.
     """
     if scenario.security and scenario.modem:
         raise ConfigError(
@@ -75,7 +75,7 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
 
 
 def _subscribe_reports(session: Session, scenario: Scenario, own: str, planner: HuntPlanner, began: int) -> None:
-    """Subscribe to the reports of all others, but for those with modems, and announce that to ROS."""
+    """Announce the topics to ROS and, in a fleet without modems, subscribe to the reports of all other members."""
     graph = Node(session, f"{own}_agent")
     graph.publishes(REPORTS, own)
     if scenario.modem:
@@ -91,16 +91,16 @@ def _subscribe_reports(session: Session, scenario: Scenario, own: str, planner: 
 
 
 def _modem(session: Session, scenario: Scenario, number: int, planner: HuntPlanner, began: int) -> "ModemPort | None":
-    """Return the member's modem, None without one."""
+    """Return the member's modem; None in a fleet without modems."""
     if not scenario.modem:
         return None
-    from hil.master.modem_port import ModemPort  # most fleets talk over the network
+    from hil.master.modem_port import ModemPort  # a late import: most fleets have no modems
 
     return ModemPort(session, scenario, number, planner, began)
 
 
 def _wait(client: VehicleClient, stop_fd: int, seconds: float) -> bool:
-    """Wait for odometry; return False when stopped. Raises NetworkError when none arrives."""
+    """Wait up to `seconds` for odometry; return False if stopped. Raises NetworkError if none arrives."""
     deadline = now_ns() + seconds_ns(seconds)
     while "odom" not in client.latest:
         if select.select((stop_fd,), (), (), 0.02)[0]:
@@ -145,7 +145,7 @@ class _Agent:
         )
 
     def report_events(self) -> list[RunEvent]:
-        """Report what happened to the vehicle, and return the events that the scenario does not allow."""
+        """Report the events of the vehicle, and return those that the scenario does not allow."""
         events = merge_events(self._client.run_events(self._began), self._monitor.log.events())
         for event in events:
             self._report(f"{'expected' if event.kind in self._allow else 'EVENT'}: {event.describe()}")
@@ -186,9 +186,9 @@ class _Agent:
             self._report(f"{time:6.1f} s  {self._planner.progress:4.0%} of the plan, {self._planner.status}")
 
     def _is_lost(self, age_s: float) -> bool:
-        """Return whether the vehicle sends nothing; then the plan's clock stands.
+        """Return whether the vehicle's odometry, `age_s` old, is overdue. The plan's clock stops meanwhile.
 
-        Raises NetworkError if it stays away.
+        Raises NetworkError after GIVE_UP_AFTER_S.
         """
         if age_s > GIVE_UP_AFTER_S:
             raise NetworkError(f"{self._client.node} at {self._client.endpoint} is gone for {age_s:.0f} s")

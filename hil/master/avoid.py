@@ -1,4 +1,4 @@
-"""Plan with A* on the map and steer with VFH+ by the scan (Zhang et al. 2022).
+"""Plan with A* on the map and steer with VFH+ by scans (Zhang et al. 2022).
 
     [planner]
     class = "hil.master.avoid:Avoid"
@@ -7,7 +7,7 @@
     [planner.vfh]
     safety = "0.2 m"
 
-The scan also goes into the map; when something on the way comes to light, the rest is planned again.
+The scans are also entered into the map. When a new obstacle lies on the path, the rest of the path is planned again.
 """
 
 from math import hypot
@@ -25,15 +25,15 @@ from hil.master.follow import goal_of
 from hil.master.planner import Done, Planner, PlanRequest, Samples
 
 _NS_PER_S = 1_000_000_000
-_BLIND_AFTER_NS = _NS_PER_S  # without a scan for so long it stops
-_GIVE_UP_S = 20.0  # that it waits for a way to open
+_BLIND_AFTER_NS = _NS_PER_S  # the vehicle stops if the newest scan is older
+_GIVE_UP_S = 20.0  # the run ends if there is no free way for so long
 
 
 class AvoidSettings(NamedTuple):
     """The planner's keys.
 
-    `scan` is the topic it sees by, a sensor at the vehicle's middle and level with it. `search` finds the way on the
-    map. `max_yaw_rate` in rad/s.
+    `scan` is the topic of the sensor that detects obstacles; it is taken as mounted at the vehicle's centre,
+    horizontally. `search` is the path search on the map. `max_yaw_rate` is in rad/s.
     """
 
     scan: Literal["laser", "scanning_sonar"] = "laser"
@@ -65,14 +65,14 @@ class Sight:
         self.plans = 0
 
     def begin(self, here: Point, goal: Point) -> None:
-        """Plan from here to another goal (m north, m east). Raises MissionError if the map shows no path."""
+        """Plan a path from `here` to `goal` (m north, m east). Raises MissionError if the map shows no path."""
         if self.guide:
             self._map = self.guide.map.grid
         self.guide = Guide(self._map, here, goal, self._settings, self._search)
         self._command = VelocityCommand()
 
     def command(self, samples: Samples) -> VelocityCommand:
-        """Return the command by the newest scan; standstill without one."""
+        """Return the command for the newest scan; a standstill if there is no recent scan."""
         odometry, scan = samples["odom"], samples.get(self._topic)
         if self.guide is None or scan is None or odometry.time_ns - scan.time_ns > _BLIND_AFTER_NS:
             return VelocityCommand(depth=self._depth)
@@ -86,7 +86,7 @@ class Sight:
 class Avoid(Planner):
     """Planner that avoids obstacles on the path to the scenario's goal.
 
-    `[planner.vfh]` has the keys of hil.autonomy.paths.vfh.VfhSettings but for the radius."""
+    `[planner.vfh]` takes the keys of hil.autonomy.paths.vfh.VfhSettings except the radius."""
 
     def __init__(self, vfh: dict[str, Any] | None = None, **keys: Any) -> None:
         self._settings = parse(keys, AvoidSettings, "Avoid")
@@ -95,13 +95,13 @@ class Avoid(Planner):
         self._stuck_since: float | None = None
 
     def begin(self, request: PlanRequest) -> None:
-        """Plan the way. Raises MissionError, ConfigError."""
+        """Plan the path. Raises MissionError, ConfigError."""
         self._sight = Sight(self._settings, self._vfh, request)
         self._sight.begin((request.start.north, request.start.east), goal_of(request))
         self._follow()
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        """Return the command along the path and around obstacles; standstill without a free way, end if none opens."""
+        """Return the command along the path and around obstacles: standstill, later `Done`, if there is no free way."""
         command = self._sight.command(samples)
         guide = self._follow()
         if guide.done:

@@ -1,4 +1,4 @@
-"""Run one planner with one vehicle, simulated or over the network, and account for the result."""
+"""Run one planner with one vehicle, simulated or over the network, and evaluate the run."""
 
 import time
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ MOST_NAMED = 3  # events in one line
 
 
 class Plan(NamedTuple):
-    """A planner that is ready, its request, the world, and the time that planning took (s)."""
+    """A planner that is ready to run, its request, the world, and the time that planning took (s)."""
 
     planner: Planner
     request: PlanRequest
@@ -47,13 +47,13 @@ class Plan(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Result of a mission; times in s, lengths in m.
+    """Result of a mission; times in s, lengths in m. A value that does not apply is nan.
 
-    `cpu_s` is processor time of the whole master while flying, `planner_cpu_s` that of the planner alone. `path_length`
-    is that of the planner's first path, `cross_track_max` and `cross_track_rms` are how far the vehicle truly was from
-    the path it was on, `least_clearance` how near its middle came, on the level, to an obstacle or to ground that its
-    lower end would touch. What does not apply is nan. `reached` is the planner's own word; `events` (times from the
-    start) are what went wrong on the way, of which those of the kinds in `allow` were expected.
+    `cpu_s` is the processor time of the whole master during the flight, `planner_cpu_s` that of the planner alone.
+    `path_length` is the length of the planner's first path. `cross_track_max` and `cross_track_rms` are the true
+    distances of the vehicle from its path. `least_clearance` is the least horizontal distance of its centre from an
+    obstacle, or from ground that its lower end would touch. `reached` is what the planner returned. `events` (times
+    from the start) are the problems of the run; events of the kinds in `allow` were expected.
     """
 
     reached: bool
@@ -72,29 +72,29 @@ class Outcome(NamedTuple):
 
     @property
     def faults(self) -> tuple[RunEvent, ...]:
-        """The events that the scenario does not allow."""
+        """Events that the scenario does not allow."""
         return tuple([event for event in self.events if event.kind not in self.allow])
 
     @property
     def success(self) -> bool:
-        """True if the planner reached its goal and nothing went wrong on the way."""
+        """True if the planner reached its goal and all events were allowed."""
         return self.reached and not self.faults
 
     @property
     def verdict(self) -> str:
-        """Reason why the run ended, with the kinds of events that went wrong."""
+        """Reason why the run ended, with the kinds of events that were not allowed."""
         names = list(dict.fromkeys(event.name for event in self.faults))
         more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
         return f"{self.reason}, but {', '.join([*names[:MOST_NAMED], *more])}" if names else self.reason
 
     @property
     def event_lines(self) -> list[str]:
-        """A line for each event: what, when, for how long and where."""
+        """A line of text for each event: kind, time, duration and place."""
         return [f"{'expected' if event.kind in self.allow else 'EVENT'}: {event.describe()}" for event in self.events]
 
     @property
     def summary(self) -> str:
-        """Distance and deviation from the path as text, without what does not apply."""
+        """Distances and deviations from the path as text, without values that do not apply."""
         reason = (
             (self.travelled, "{:.1f} m travelled"),
             (self.path_length, "on a path of {:.1f} m"),
@@ -106,9 +106,9 @@ class Outcome(NamedTuple):
 
 
 def prepare(scenario: Scenario, world: World | None = None) -> Plan:
-    """Read the scenario's vehicle, world and planner, and let it plan. Raises ConfigError, MissionError.
+    """Read the scenario's vehicle, world and planner, and let the planner plan. Raises ConfigError, MissionError.
 
-    `world` is the scenario's, read here if left out.
+    `world` is the scenario's world, if the caller has loaded it already.
     """
     began = time.monotonic()
     world = world or load_world(scenario.world)
@@ -118,9 +118,9 @@ def prepare(scenario: Scenario, world: World | None = None) -> Plan:
 
 
 def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner, PlanRequest]:
-    """Return a planner that has begun, and with what: a map of a larger part of the world where one shows no path."""
+    """Return the planner after its `begin`, and the request. If no path is found, larger parts of the map are tried."""
     planner = make_planner(scenario)
-    topics_of(planner)  # refuses what is no topic
+    topics_of(planner)  # raises ConfigError for an unknown topic
     parts = parts_of(world, scenario.master, scenario.start, planner.places)
     failed: MissionError | None = None
     for part in parts:
@@ -129,12 +129,12 @@ def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner,
         try:
             planner.begin(request)
             return planner, request
-        except NoPathError as error:  # there may be one that leads farther round
+        except NoPathError as error:  # a larger part of the map may show a path
             failed = error
         except MissionError as error:
             if not is_coarse:
                 raise
-            failed = failed or error  # an end is too near to something for cells of that size
+            failed = failed or error  # start or goal is too close to an obstacle for cells of that size
         planner = make_planner(scenario)
     assert failed is not None
     if len(parts) == 1 and not is_coarse:
@@ -154,9 +154,9 @@ def make_planner(scenario: Scenario) -> Planner:
 
 
 def make_request(scenario: Scenario, vehicle: Vehicle, world: World, part: MapPart | None = None) -> PlanRequest:
-    """Return the plan request for the scenario's planner, with the map of a part of the world. Raises ConfigError.
+    """Return the request for the scenario's planner, with the map of a `part` of the world. Raises ConfigError.
 
-    Left out, it is the first one that `parts_of` gives.
+    Without `part`, the map shows the first part that `parts_of` returns.
     """
     length, width = vehicle.dimensions[:2]
     clearance = hypot(length, width) / 2 + scenario.master.margin
@@ -166,10 +166,10 @@ def make_request(scenario: Scenario, vehicle: Vehicle, world: World, part: MapPa
 
 
 class Flight:
-    """Get commands from the planner, hold depth and heading for it, and account for the run.
+    """Get commands from the planner, hold depth and heading for it, and evaluate the run.
 
-    `reason` is why the flight is over, "" while it goes on. `log` has what went wrong as far as it can be seen from
-    here (sim/run_events.py), times from the start.
+    `reason` tells why the flight is over; "" while it continues. `log` has the events that can be detected from the
+    vehicle's motion and link (sim/run_events.py), with times from the start.
     """
 
     def __init__(self, scenario: Scenario, plan: Plan) -> None:
@@ -192,7 +192,7 @@ class Flight:
         self._monitor = RunMonitor(self.log, vehicle.capsize_tilt, self._below, self._master.depth_margin)
 
     def command(self, elapsed: float, samples: Samples, truth: OdometrySample) -> VelocityCommand:
-        """Return the command `elapsed` s after the start; only velocities in it. `truth` is for the account alone."""
+        """Return the command, only velocities, `elapsed` s after the start. `truth` serves only to evaluate the run."""
         began = time.thread_time()
         answer = self.planner.command(elapsed, self._subscribed(samples))
         self._planner_cpu_s += time.thread_time() - began
@@ -216,9 +216,10 @@ class Flight:
         self.log.hold("link_lost", seconds_ns(since), seconds_ns(until), self._place, what)
 
     def outcome(self, duration: float, cpu_s: float, reason: str = "", events: Sequence[RunEvent] = ()) -> Outcome:
-        """Return the summary of a flight of `duration` s and `cpu_s` s of processor; `reason` if it was ended.
+        """Return the result of a flight of `duration` s and `cpu_s` s of processor time.
 
-        `events` are what went wrong as the vehicle itself reported it, times from the start.
+        `reason` tells why it was ended, if the planner did not end it. `events` are those that the vehicle itself
+        reported, with times from the start.
         """
         goal = self._master.goal
         return Outcome(
@@ -238,7 +239,7 @@ class Flight:
         )
 
     def _subscribed(self, samples: Samples) -> Samples:
-        """Return what the planner subscribes to: with a simulator in the same process there may be more."""
+        """Return the samples of the planner's subscriptions: a simulator in the same process may give more."""
         wanted = ("odom", *self.planner.subscriptions)
         return ReceivedSamples({topic: samples[topic] for topic in samples if ALL in wanted or topic in wanted})
 
@@ -255,14 +256,14 @@ class Flight:
 
 
 class _Spread:
-    """The maximum and the root mean square of some values; nan of none."""
+    """The maximum and the root mean square of values; nan if there are none."""
 
     def __init__(self) -> None:
         self.most = nan
         self._sum, self._count = 0.0, 0
 
     def add(self, value: float) -> None:
-        self.most = max(value, self.most)  # in this order nan is less than any
+        self.most = max(value, self.most)  # in this order max() replaces nan
         self._sum += value * value
         self._count += 1
 
@@ -272,7 +273,7 @@ class _Spread:
 
 
 def held(command: VelocityCommand, odometry: OdometrySample) -> VelocityCommand:
-    """Return `command` with the velocities that lead to its depth (m) and heading (rad), if it has any."""
+    """Return `command` with its depth (m) and heading (rad), if any, replaced by the velocities that hold them."""
     _, _, depth = odometry.position
     if command.depth is not None:
         navigation = Navigation(odometry.orientation, odometry.nu[3:], odometry.nu[:3], depth)
@@ -285,12 +286,12 @@ def held(command: VelocityCommand, odometry: OdometrySample) -> VelocityCommand:
 
 
 def distance_to_path(point: Point, path: Sequence[Point]) -> float:
-    """Return how far (m) a point is from a path of two points or more."""
+    """Return the distance (m) of a point from a path of at least two points."""
     return min(hypot(*off_line(*point, *start, *end)) for start, end in pairwise(path))
 
 
 def require_success(outcome: Outcome) -> None:
-    """Raise MissionError unless the planner reached what it was asked for and nothing went wrong on the way."""
+    """Raise MissionError unless the planner reached its goal and all events were allowed."""
     where = "" if outcome.goal_error != outcome.goal_error else f", {outcome.goal_error:.1f} m from the goal"
     ended = f"{outcome.reason} after {outcome.duration:.1f} s{where}"
     if outcome.faults:
@@ -304,7 +305,7 @@ def require_success(outcome: Outcome) -> None:
 
 
 def _is_command(answer: object) -> bool:
-    """Return whether a planner of a user's own has returned what it is to return."""
+    """Return whether `answer` is a VelocityCommand of finite numbers; a user's own planner may return anything."""
     if not isinstance(answer, VelocityCommand):
         return False
     try:

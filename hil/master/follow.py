@@ -1,4 +1,4 @@
-"""The default planner: a path on the map, and pure pursuit along it."""
+"""The default planner: it plans a path on the map and follows it with pure pursuit."""
 
 from hil.autonomy.control.controller import VelocityCommand, heading_of
 from hil.autonomy.paths.astar import plan, smooth
@@ -8,7 +8,7 @@ from hil.master.planner import Done, Planner, PlanRequest, Point, Samples
 
 
 class Follow(Planner):
-    """A* on the map, obstacles widened by the vehicle's size and the margin, smoothed; pure pursuit to the goal."""
+    """Plan with A* on the map, obstacles widened by the vehicle's size and the margin; follow the smoothed path."""
 
     subscriptions = ()
 
@@ -34,7 +34,7 @@ class Follow(Planner):
 
 
 def goal_of(request: PlanRequest) -> Point:
-    """Return the scenario's goal. Raises ConfigError if it names none."""
+    """Return the scenario's goal (m north, m east). Raises ConfigError if it has none."""
     if request.master.goal is None:
         raise ConfigError("master: key 'goal' is missing: this planner goes to one")
     return request.master.goal

@@ -1,7 +1,7 @@
-"""The planner of one vehicle in a hunt: its own navigation and its neighbours' reports in, a velocity out.
+"""The planner of one vehicle in a hunt: own navigation and neighbours' reports in, a velocity out.
 
-It has the plan agreed on before the dive, its own noisy position, and what the neighbours within the range of
-communication report. It sets out when all who begin next to it have reported.
+It knows the plan agreed on before the dive, its own noisy position, and the reports of neighbours within communication
+range. It starts when all vehicles that begin close to it have reported.
 """
 
 from math import dist
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hil.scenario.modem import ModemReport
     from sim.sensors.samples import OdometrySample
 
-LONGEST_STEP_S = 0.5  # that the plan's clock goes on at once, after whatever hold-up
+LONGEST_STEP_S = 0.5  # largest step of the plan's clock, even after a longer interruption
 
 
 class _StoredReport(NamedTuple):
@@ -34,10 +34,10 @@ class _StoredReport(NamedTuple):
 
 
 class HuntPlanner(Planner):
-    """Vehicle `number` (from 0) of the scenario's members.
+    """Planner of vehicle `number` (from 0) of the scenario's members. Raises ConfigError, MissionError.
 
-    `received` counts the accepted reports, `beyond` those that came from out of range, `malformed` undecodable ones.
-    Raises ConfigError, MissionError.
+    `received` counts the accepted reports, `beyond` the reports from outside of communication range, `malformed` those
+    that could not be decoded.
     """
 
     subscriptions = ()
@@ -55,7 +55,7 @@ class HuntPlanner(Planner):
             if k != number and dist(plan.starts[k], plan.starts[number]) < fields.comfortable
         }
         self._reports: dict[str, _StoredReport] = {}  # by node
-        self._confirmed: set[str] = set()  # neighbours that have been well within range
+        self._confirmed: set[str] = set()  # neighbours that have been within the comfortable distance
         self._here: FormationSample | None = None
         self._odometry: OdometrySample | None = None
         self._time = 0.0
@@ -70,7 +70,7 @@ class HuntPlanner(Planner):
 
     @property
     def neighbours(self) -> list[str]:
-        """The nodes whose reports are not older than the timeout."""
+        """Nodes whose last report is not older than the timeout."""
         return [
             node
             for node, stored in list(self._reports.items())
@@ -78,19 +78,19 @@ class HuntPlanner(Planner):
         ]
 
     def on_report(self, node: str, payload: bytes, time: float) -> None:
-        """Store the report of `node`, received at `time` (s after the start), in any thread."""
+        """Store the report of `node`, received at `time` (s after the start). May be called in any thread."""
         sample = decode_formation(payload)
         self._store_report(node, time, sample, (0.0, 0.0))
 
     def on_modem_report(self, node: str, payload: bytes, time: float) -> None:
-        """Store a report received by modem; `time` is when it was sent (s after the start)."""
-        from hil.scenario.modem import decode_report  # most fleets talk over the network
+        """Store a report received by modem; `time` is the time of sending (s after the start)."""
+        from hil.scenario.modem import decode_report  # a late import: most fleets have no modems
 
         modem_report = decode_report(payload)
         self._store_report(node, time, modem_report, modem_report.velocity if modem_report else (0.0, 0.0))
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        """Return the next command. A hunt does not end: a surrounded target must be kept surrounded."""
+        """Return the next command. A hunt does not end: the vehicles keep the target surrounded."""
         odometry = samples["odom"]
         position = self._noise.measured(odometry.position[:2])
         self._odometry = odometry
@@ -108,11 +108,11 @@ class HuntPlanner(Planner):
         return command._replace(depth=self._depth)
 
     def report(self) -> bytes:
-        """Return the report to the neighbours; nothing (b"") before the first command."""
+        """Return the report for the neighbours; b"" before the first command."""
         return encode_formation(self._here._replace(clock_ns=seconds_ns(self.clock))) if self._here else b""
 
     def modem_report(self) -> bytes:
-        """Return the report in the short form for a modem; b"" before the first command."""
+        """Return the report in the short format for a modem; b"" before the first command."""
         from hil.scenario.modem import ModemReport, encode_report
 
         if self._here is None or self._odometry is None:
@@ -132,7 +132,7 @@ class HuntPlanner(Planner):
             self._reports[node] = _StoredReport(Report(sample.position[:2], sample.clock_ns / NS_PER_S), velocity, time)
 
     def _present(self, node: str) -> Report:
-        """Return the report of `node`, extrapolated to now: else the age of reports would slow the formation down."""
+        """Return the report of `node`, extrapolated to now: without this, old reports would slow the formation down."""
         report, velocity, time = self._reports[node]
         age = self._time - time
         north, east = report.position

@@ -1,4 +1,4 @@
-"""Let a planner run a vehicle over the network."""
+"""Let a planner control a vehicle over the network."""
 
 import select
 import time
@@ -15,15 +15,15 @@ from sim.run_events import RunEvent
 
 LOST_AFTER_S = 1.0
 GIVE_UP_AFTER_S = 10.0
-FINAL_FIGURES_S = 3.0  # that the vehicle's figures of the time after the flight are waited for; they come every second
+FINAL_FIGURES_S = 3.0  # longest wait for the vehicle's diagnostics from after the flight; they come every second
 POLL_S = 0.02
 STOPPED = "stopped by the user"
 _NOT_SENSED = ("ground_truth", "diagnostics", "cmd_vel", "plan")
-PLAN_PERIOD_S = 1.0  # of publishing the planned path again, for late joiners
+PLAN_PERIOD_S = 1.0  # period of publishing an unchanged path again, for late joiners
 
 
 class Mission:
-    """Run one vehicle: a command every `command_period` s."""
+    """Control one vehicle: send a command every `command_period` s."""
 
     def __init__(
         self,
@@ -40,12 +40,12 @@ class Mission:
         self._progress = progress
         self._losses = client.contact.losses
         self._planned: tuple[float, Any] = -PLAN_PERIOD_S, None  # when the path was published, and that path
-        self._odometry_s = 0.0  # when the last odometry was sent, from the start
+        self._odometry_s = 0.0  # time of the last odometry, from the start
 
     def fly(self, stop_fd: int) -> Outcome:
-        """Fly until the planner is done, the time limit or a stop signal.
+        """Fly until the planner is done, the time limit is reached or `stop_fd` becomes readable.
 
-        Raises NetworkError when the vehicle stays away, does not report where it is, or does not obey.
+        Raises NetworkError if the vehicle does not answer, sends no odometry, or does not accept commands.
         """
         began, cpu_began = now_ns(), time.process_time()
         schedule = RateKeeper(self._period_ns, began)
@@ -64,7 +64,7 @@ class Mission:
         return self._flight.outcome(duration, cpu_s, reason, self._events(began, duration))
 
     def _await_final_figures(self, stop_fd: int) -> None:
-        """Wait until the vehicle has reported what happened up to the end of the run."""
+        """Wait until the vehicle has reported its events up to the end of the run."""
         ended = now_ns()
         deadline = ended + seconds_ns(FINAL_FIGURES_S)
         while now_ns() < deadline and self._client.diagnostics().run_events is not None:
@@ -77,7 +77,7 @@ class Mission:
             self._progress.print_line(f"{self._client.node} last reported its contacts and link {age:.1f} s ago")
 
     def _events(self, began: int, duration: float) -> list[RunEvent]:
-        """Return what went wrong by the vehicle's events before the flight's end."""
+        """Return the events that the vehicle reported, cut off at the end of the flight of `duration` s."""
         ended = seconds_ns(duration)
         events = [event for event in self._client.run_events(began) if event.start_ns <= ended]
         return [event._replace(duration_ns=min(event.end_ns, ended) - event.start_ns) for event in events]
@@ -92,7 +92,7 @@ class Mission:
             self._miss_odometry(elapsed)
             return ""
         self._watch_link(elapsed, odometry.age_s)
-        truth = self._client.latest.get("ground_truth", odometry)  # a real vehicle has none
+        truth = self._client.latest.get("ground_truth", odometry)  # a real vehicle sends no truth
         if odometry.age_s > GIVE_UP_AFTER_S:
             raise NetworkError(
                 f"{self._client.node} at {self._client.endpoint} is gone for {odometry.age_s:.0f} s; "
@@ -109,7 +109,7 @@ class Mission:
         return self._flight.reason
 
     def _publish_plan(self, elapsed: float) -> None:
-        """Publish the planner's path for those who look on: at once when it is a new one."""
+        """Publish the planner's path for displays: a new path at once, an unchanged one every PLAN_PERIOD_S."""
         published_s, published = self._planned
         path = self._flight.planner.path
         if path and (path is not published or elapsed - published_s >= PLAN_PERIOD_S):
@@ -130,15 +130,15 @@ class Mission:
             self._progress.print_limited(f"no odom from {node} for {elapsed:.1f} s, waiting for it")
 
     def _watch_link(self, elapsed: float, age: float) -> None:
-        """Add a loss of the network as an event; `age` is that of the last odometry, s."""
+        """Add an event if the link was lost; `age` is that of the last odometry, s."""
         losses = self._client.contact.losses
-        if age > LOST_AFTER_S or losses != self._losses:  # or it has been away, and is back
+        if age > LOST_AFTER_S or losses != self._losses:  # lost now, or lost and restored since the last call
             self._losses = losses
             self._flight.lose_link(min(self._odometry_s, elapsed), elapsed, f"no word from {self._client.node}")
         else:
             self._odometry_s = max(elapsed - age, 0.0)
 
     def _samples(self) -> dict[str, Any]:
-        """Return the samples of the vehicle's sensors, without truth and figures of health: no planner uses them."""
-        latest = self._client.latest.copy()  # the readers add to it
+        """Return the newest samples of the vehicle's sensors, without ground truth and diagnostics."""
+        latest = self._client.latest.copy()  # receiving threads add to it meanwhile
         return {topic: stamped.value for topic, stamped in latest.items() if topic not in _NOT_SENSED}

@@ -1,6 +1,7 @@
-"""Connect the planner of one vehicle of a fleet to its modem: send reports in its turn, receive others'.
+"""Connect the planner of one vehicle of a fleet to its modem: send reports in its slot, receive those of others.
 
-On the network the modem is two topics, `modem_tx` and `modem_rx`, which `uuv-hil channel` connects in place of the sea.
+On the network a modem consists of two topics, `modem_tx` and `modem_rx`. `uuv-hil channel` connects them: it simulates
+the water.
 """
 
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
@@ -16,9 +17,9 @@ QUEUE = 16
 
 
 class ModemPort:
-    """Modem of member `number`: it sends in its turn, and receives. `began` (monotonic ns) is its time 0.
+    """Modem of member `number`: it sends in its TDMA slots, and receives. `began` (monotonic ns) is its time 0.
 
-    TdmaSchedule go by the wall clock: machines have to agree on it to a fraction of a slot. Raises ConfigError.
+    The slots follow the wall clock: all machines must agree on it to a fraction of a slot. Raises ConfigError.
     """
 
     def __init__(self, session: Session, scenario: Scenario, number: int, planner: HuntPlanner, began: int) -> None:
@@ -36,11 +37,11 @@ class ModemPort:
 
     @property
     def deadline_ns(self) -> int:
-        """Time of its next turn, monotonic."""
+        """Start of its next slot, monotonic ns."""
         return from_wall_ns(self._due_ns)
 
     def send_report(self) -> None:
-        """Send the planner's report, if it is its turn and there is one."""
+        """Send the planner's report if the slot has begun and there is a report."""
         now = to_wall_ns(now_ns())
         if now < self._due_ns:
             return

@@ -1,8 +1,8 @@
 """The interface of a planner: samples and time in, a command out.
 
-The same object runs in `uuv-hil sim` (software in the loop), in `uuv-hil master` over the network (hardware in the
-loop), and before a real vehicle that takes `cmd_vel`: it gets samples and the time, and returns a command. It has
-no I/O and no clock of its own. The scenario names it, with the keys its class takes:
+The same planner runs in `uuv-hil sim` (software in the loop), in `uuv-hil master` over the network (hardware in the
+loop), and with a real vehicle that takes `cmd_vel`. It gets samples and the time, and returns a command; it has no I/O
+and no clock of its own. The scenario names its class and gives the keys that the class takes:
 
     [planner]
     class = "hil.master.avoid:Avoid"
@@ -23,13 +23,12 @@ from sim.vehicle.vehicle import Vehicle
 
 Point = tuple[float, float]  # north, east in m
 
-# The newest sample of each topic (hil/ros/topics.py), records of sim/sensors in NED and FRD. The truth is not among
-# them.
+# The newest sample of each topic (hil/ros/topics.py): records of sim/sensors in NED and FRD, without the ground truth.
 Samples = Mapping[str, Any]
 
 
 class ReceivedSamples(dict[str, Any]):
-    """The samples received so far. A topic of which nothing came yet is a KeyError that names it; `get` gives None."""
+    """The samples received so far. A topic without a sample raises an explained KeyError; `get` returns None."""
 
     def __missing__(self, topic: str) -> Any:
         raise KeyError(
@@ -48,11 +47,11 @@ class Done(NamedTuple):
 class PlanRequest(NamedTuple):
     """Input of a planner before the run: the vehicle, its start, the task, and the map.
 
-    `master` is the scenario's section: goal, depth, speed and so on. `map` shows what is known of the world at that
-    depth, obstacles in their true size: nothing if the scenario says `map = "unknown"`. Of a world of more than a
-    million cells it shows the part around start, goal and the planner's places, where they are far apart in cells
-    larger than the scenario's, each occupied where any part of it may be. `clearance` m is how far from
-    them the vehicle's middle must stay, its own size and the margin of the scenario. `node` is the vehicle's name.
+    `node` is the vehicle's name. `master` is the scenario's section with goal, depth, speed and so on. `map` shows the
+    known obstacles at that depth in their true size; none if the scenario says `map = "unknown"`. Of a world of more
+    than a million cells, it shows only the part around start, goal and the planner's places. If these are far apart,
+    its cells are larger than the scenario's, and a cell is occupied if any part of it may be. `clearance` (m) is the
+    distance that the vehicle's centre must keep from obstacles: its own size plus the scenario's margin.
     """
 
     node: str
@@ -64,12 +63,13 @@ class PlanRequest(NamedTuple):
 
 
 class Planner(ABC):
-    """A planner of your own derives from this and has one method to write, `command`.
+    """Base class of planners. Your own planner has to define one method, `command`.
 
-    It may set three attributes for display: `path`, the planned path (m north, m east); `progress`, the share of it
-    already covered (0 to 1); `status`, a few words on what it is doing. `subscriptions` are the topics of sensors that
-    it needs besides "odom": only those are sent and given to it. `ALL` are all but pictures. `places` (m north, m east)
-    are those that it goes to besides the scenario's goal: of a large world the map shows only what is around them.
+    It may set three attributes for display: `path`, the planned path (m north, m east); `progress`, the share of the
+    path already covered (0 to 1); `status`, a few words on what it is doing. `subscriptions` are the sensor topics that
+    it needs besides "odom"; only these are sent and given to it. `ALL` means all topics except images. `places` (m
+    north, m east) are the places that it goes to besides the scenario's goal: the map of a large world shows only their
+    surroundings.
     """
 
     subscriptions: Sequence[str] = (ALL,)
@@ -79,19 +79,19 @@ class Planner(ABC):
     status: str = ""
 
     def begin(self, request: PlanRequest) -> None:  # noqa: B027 - there may be nothing to prepare
-        """Prepare: plan a path. Raises MissionError if there is none."""
+        """Prepare the run, for example plan a path. Raises MissionError if there is no path."""
 
     @abstractmethod
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        """Return what to ask of the vehicle `time` s after the start, or that it is over.
+        """Return the command for the vehicle `time` s after the start, or `Done` to end the run.
 
-        Called every `command_period` of the scenario once there is odometry; `samples["odom"]` is always there.
-        `depth` and `heading` in the command are held on the planner's side: only velocities travel.
+        Called every `command_period` of the scenario, once there is odometry: `samples["odom"]` always exists. The
+        planner's side holds the `depth` and `heading` of the command; only velocities are sent.
         """
 
 
 def topics_of(planner: Planner) -> tuple[str, ...]:
-    """Return what has to be listened to for a mission with this planner. Raises ConfigError for what is no topic."""
+    """Return the topics that this planner's mission must subscribe to. Raises ConfigError for an unknown topic."""
     name, subscriptions = type(planner).__name__, planner.subscriptions
     if isinstance(subscriptions, str):
         raise ConfigError(

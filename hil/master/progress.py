@@ -1,4 +1,4 @@
-"""Show the progress of a mission on the terminal and in a log."""
+"""Show the progress of a mission on the terminal and write it to a log."""
 
 import sys
 import time
@@ -15,9 +15,9 @@ LINE_PERIOD_S = 5.0
 
 
 class Progress:
-    """Show one line that is updated on a terminal; elsewhere a line every five seconds. Everything goes to a log too.
+    """Show one line that is updated on a terminal, else a line every five seconds. Write all lines to a log as well.
 
-    With `report` nothing is printed, and that gets a few words again and again, how far it is.
+    With `report` nothing is printed: `report` is called with the elapsed time and the share done instead.
     """
 
     def __init__(self, log_path: str, report: Callable[[str], None] | None = None) -> None:
@@ -41,11 +41,11 @@ class Progress:
 
     def close(self) -> None:
         """Close the log."""
-        with suppress(OSError):  # the disk is full: what it took stays
+        with suppress(OSError):  # the disk is full: what was written before is kept
             self._log.close()
 
     def _write(self, line: str) -> None:
-        with suppress(OSError):  # the mission goes on without
+        with suppress(OSError):  # the mission continues without the log
             self._log.write(line + "\n")
 
     def print_limited(self, text: str) -> None:
@@ -56,7 +56,7 @@ class Progress:
             self.print_line(text)
 
     def show(self, elapsed: float, truth: OdometrySample, share: float, client: VehicleClient) -> None:
-        """Show the state of the run, when due."""
+        """Show the state of the run, if the period has passed since the last time."""
         if self._report:
             self._report(f"{elapsed:.1f} s, {share:.0%}")
         if elapsed < self._next_s:

@@ -1,4 +1,4 @@
-"""Write the folder of a run, in files that any tool opens."""
+"""Write the folder of a run, in files of common formats."""
 
 import os
 import sys
@@ -24,7 +24,7 @@ COLUMNS = (
 
 
 def make_folder(folder: str) -> str:
-    """Make `folder` if it is not there; returns it. Raises ConfigError if it cannot be made, or written to."""
+    """Create `folder` if it does not exist; return it. Raises ConfigError if it cannot be created or written to."""
     try:
         os.makedirs(folder, exist_ok=True)
     except OSError as error:
@@ -40,9 +40,9 @@ def complain(text: str) -> None:
 
 
 class TrackWriter:
-    """Write `track.csv`, a row per command, at once. Use as a context.
+    """Write `track.csv`, one row for each command, unbuffered. Use as a context manager.
 
-    If the disk fills up or fails, the track ends with its last whole row, `report` is called, and nothing else does.
+    If the disk fills up or fails, the track ends with its last complete row and `report` is called; the flight goes on.
     """
 
     def __init__(self, folder: str, report: Callable[[str], None] = complain) -> None:
@@ -65,7 +65,7 @@ class TrackWriter:
             self._file.close()
 
     def row(self, elapsed: float, truth: OdometrySample, odometry: OdometrySample, command: VelocityCommand) -> None:
-        """Write one instant: `elapsed` s, true and measured state (NED, FRD), and the command."""
+        """Write a row: `elapsed` s, true and measured state (NED, FRD), and the command."""
         figures = (
             elapsed,
             *truth.position,
@@ -86,9 +86,9 @@ class TrackWriter:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        """Close the file without the part of a row that still went into it."""
+        """Close the file and cut off an incomplete row."""
         if self._file:
-            with suppress(OSError):  # what is left of the row does not fit now either
+            with suppress(OSError):  # closing writes the rest of the row, which fails again
                 self._file.close()
             with suppress(OSError):
                 os.truncate(self._path, self._size)
@@ -97,12 +97,12 @@ class TrackWriter:
 
 
 class RecordedClient(VehicleClient):
-    """A vehicle client that passes all received samples and sent commands to `recorder`, once there is one."""
+    """A vehicle client that passes all received samples and sent commands to `recorder`, if that is set."""
 
     recorder: Recorder | None = None
 
     def send(self, topic: str, payload: bytes) -> int:
-        """Send a command as every client does, and note it."""
+        """Send a command as every client does, and record it; return its sequence number."""
         sequence = super().send(topic, payload)
         now = to_wall_ns(now_ns())
         self._record_received(topic, payload, sequence, now, now)
@@ -123,7 +123,7 @@ class RecordedClient(VehicleClient):
 
 @contextmanager
 def recorded(client: RecordedClient, scenario: Scenario, folder: str, report: Callable[[str], None]) -> Iterator[None]:
-    """Record what `client` receives and commands in `folder`/recording, if the scenario wants it.
+    """Record in `folder`/recording what `client` receives and commands, if the scenario asks for it.
 
     `report` is called if the recording ends before the flight. Raises ConfigError, MissingExtraError.
     """

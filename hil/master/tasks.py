@@ -9,9 +9,8 @@
     at = [5.0, 5.0]
     duration = "20 s"
 
-`hil.autonomy.tasks.scheduler` defines what a task is, `hil.master.avoid` what else the section takes. The signals that
-a task
-may wait for: `battery` (share of its charge), `voltage`, `depth`, `altitude`, `leak`, by the vehicle's sensors.
+`hil.autonomy.tasks.scheduler` defines a task, `hil.master.avoid` the other keys of the section. A task may wait for
+these signals, if the vehicle has the sensors: `battery` (share of its charge), `voltage`, `depth`, `altitude`, `leak`.
 """
 
 from collections.abc import Mapping
@@ -27,13 +26,13 @@ from hil.master.avoid import AvoidSettings, Sight
 from hil.master.planner import Done, Planner, PlanRequest, Samples
 
 _NS_PER_S = 1_000_000_000
-SIGNALS = ("battery", "dvl", "leak")  # topics with what tasks may wait for
-_HOLD_GAIN = 0.4  # 1/s, of station keeping
-_HOLD_LIMIT = 0.2  # m/s
+SIGNALS = ("battery", "dvl", "leak")  # topics of the signals that tasks may wait for
+_HOLD_GAIN = 0.4  # 1/s, gain of station keeping
+_HOLD_LIMIT = 0.2  # m/s, its greatest speed
 
 
 class Tasks(Planner):
-    """Run a vehicle through the tasks of a mission and home. `log` has each state with its time of entry (s)."""
+    """Guide a vehicle through the tasks of a mission and home. `log` has each state with its time of entry (s)."""
 
     def __init__(self, vfh: dict[str, Any] | None = None, **keys: Any) -> None:
         mission = {key: keys.pop(key) for key in Mission._fields if key in keys}
@@ -47,12 +46,12 @@ class Tasks(Planner):
 
     @property
     def log(self) -> list[tuple[float, str]]:
-        """Pairs of time (s) and the state that was entered then."""
+        """Pairs of a time (s) and the state that was entered at it."""
         return [(time / _NS_PER_S, state) for time, state in self._scheduler.log]
 
     @property
     def finished(self) -> list[str]:
-        """The tasks that are done, in their order."""
+        """Names of the finished tasks, in the order of their completion."""
         return self._scheduler.finished
 
     def begin(self, request: PlanRequest) -> None:
@@ -61,7 +60,7 @@ class Tasks(Planner):
         self._depth = request.master.depth
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        """Travel to the place of the present task, or hold there while it is done."""
+        """Return the command to the place of the present task, or to hold station there during the work."""
         odometry = samples["odom"]
         here = odometry.position[0], odometry.position[1]
         order = self._scheduler.step(round(time * _NS_PER_S), here, signals_of(samples))
@@ -85,7 +84,7 @@ class Tasks(Planner):
 
 
 def hold_position(here: Point, heading: float, place: Point) -> VelocityCommand:
-    """Return the velocity that keeps a vehicle which can move sideways at a place (m north, m east)."""
+    """Return the velocity that holds a vehicle at a place (m north, m east). The vehicle must be able to sway."""
     away = max(dist(here, place), 1e-9)
     speed = clamp(_HOLD_GAIN * away, _HOLD_LIMIT) / away
     north, east = speed * (place[0] - here[0]), speed * (place[1] - here[1])
@@ -94,7 +93,7 @@ def hold_position(here: Point, heading: float, place: Point) -> VelocityCommand:
 
 
 def signals_of(samples: Samples) -> Mapping[str, float]:
-    """Return what tasks may wait for, of those sensors that the vehicle has."""
+    """Return the signals that tasks may wait for, of the sensors that the vehicle has."""
     signals: dict[str, float] = {"depth": samples["odom"].position[2]}
     battery, dvl, leak = samples.get("battery"), samples.get("dvl"), samples.get("leak")
     if battery:

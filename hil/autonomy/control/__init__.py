@@ -1,1 +1,1 @@
-"""Controllers, thruster allocation and the model they compute with."""
+"""Controllers, thruster allocation, and the vehicle model that they use."""

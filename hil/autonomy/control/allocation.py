@@ -1,10 +1,9 @@
 """Thrust allocation: distribute a wrench over the thrusters.
 
-Within the limits this is the least-squares answer of the smallest norm, by the pseudo-inverse of the
-thruster matrix (Fossen, "Marine Craft Hydrodynamics and Motion Control", on control allocation). The
-inverse is computed once, by a singular value decomposition in plain Python, so that a vehicle which cannot
-make some wrench (six thrusters, no pitch) is no exception.
-Beyond the limits forces give way in a stated order, see `Allocator`.
+Within the limits this is the least-squares solution of minimum norm, by the pseudo-inverse of the thruster matrix
+(Fossen, "Marine Craft Hydrodynamics and Motion Control", on control allocation). The inverse is computed once, by a
+singular value decomposition in plain Python, so a vehicle that cannot produce some wrench (six thrusters, no pitch)
+needs no special case. Beyond the limits, parts of the wrench are reduced in a fixed order, see `Allocator`.
 """
 
 from collections.abc import Sequence
@@ -17,11 +16,11 @@ from hil.common.vectors import dot
 Wrench = tuple[float, float, float, float, float, float]
 Matrix = list[list[float]]
 
-# What cannot be had is shared by weight: a roll or pitch moment never costs surge, sway, heave or yaw.
+# Weights of the errors where not everything is possible: a roll or pitch moment never costs surge, sway, heave or yaw.
 AXIS_WEIGHTS = (1.0, 1.0, 1.0, 0.01, 0.01, 1.0)
-# Combinations weaker than this share of the strongest count as "cannot": a lever arm of some millimetres.
+# Singular values below this share of the largest count as zero; they come from lever arms of some millimetres.
 _RANK_TOLERANCE = 1e-4
-# The cosine between two rows that counts as none: some roundings.
+# Two rows with a cosine below this count as orthogonal; it is a few rounding errors.
 _ORTHOGONAL = 1e-14
 # Convergence is quadratic: 6 rows take about 5 sweeps.
 _MOST_SWEEPS = 30
@@ -30,13 +29,13 @@ _MOST_SWEEPS = 30
 class Allocator:
     """Distribute a wrench over n thrusters.
 
-    `matrix` has 6 rows (X Y Z K M N along FRD) and n columns: the wrench of 1 N of each thruster, in N and
-    N m. `max_forward` and `max_reverse` are n positive limits in N. Raises ConfigError if the sizes do not
-    agree, a limit is not positive or no thruster pushes.
+    `matrix` has 6 rows (X Y Z K M N along FRD) and n columns: the wrench of 1 N of each thruster, in N and N m.
+    `max_forward` and `max_reverse` are n positive limits in N. Raises ConfigError if the sizes differ, a limit is not
+    positive or no thruster has an effect.
 
-    When a thruster would be beyond its limit, moments are served first, then heave, then the horizontal
-    force; each of the three is scaled as a whole, so what is left of the horizontal force keeps its
-    direction. Freedom left by more thrusters than needed is not used to put off saturation.
+    If a thruster would exceed its limit, moments are served first, then heave, then the horizontal force. Each of the
+    three is scaled as a whole, so a reduced horizontal force keeps its direction. Redundant thrusters are not used to
+    avoid saturation.
 
     `axis_weights` and `thruster_weights` are those of `pseudo_inverse`.
     """
@@ -63,15 +62,15 @@ class Allocator:
         return thrusts, self._residual(wrench, thrusts)
 
     def _thrusts(self, wrench: Sequence[float]) -> list[float]:
-        """Return the thrusts for `wrench` if there were no limits."""
+        """Return the thrusts for `wrench` without limits."""
         x, y, z, k, m, n = wrench
-        # from 0.0, so that no thrust is -0.0
+        # starts with 0.0, so that no thrust is -0.0
         return [0.0 + a * x + b * y + c * z + d * k + e * m + f * n for a, b, c, d, e, f in self._inverse]
 
     def _residual(self, wrench: Sequence[float], thrusts: list[float]) -> Wrench:
         """Return `wrench` minus the wrench of `thrusts`."""
         x, y, z, k, m, n = wrench
-        surge = sway = heave = roll = pitch = yaw = 0.0  # added up one by one: `sum` is another in Python 3.12
+        surge = sway = heave = roll = pitch = yaw = 0.0  # not by `sum`, which rounds differently from Python 3.12 on
         for thrust, (a, b, c, d, e, f) in zip(thrusts, self._columns, strict=True):
             surge += a * thrust
             sway += b * thrust
@@ -97,7 +96,7 @@ class Allocator:
             elif now + share * more < reverse:
                 share = (reverse - now) / more
         for index, more in enumerate(extra):
-            # the clip takes away the last bit of rounding only
+            # the limits here remove only the last bit of rounding
             wanted = thrusts[index] + share * more
             thrusts[index] = min(self._forward[index], max(self._reverse[index], wanted))
 
@@ -109,16 +108,15 @@ def pseudo_inverse(
 ) -> tuple[Matrix, int]:
     """Return the weighted pseudo-inverse (n rows of 6) of a 6 x n thruster matrix, and the matrix's rank.
 
-    Of all thrusts f with the least error, the sum of (axis weight x error)² over X Y Z K M N, it gives those
-    with the least cost, the sum of thruster weight x f²; the weights are six and n positive numbers, the
-    latter all 1 if None. So an axis weight is what an axis matters where not everything is possible, and a
-    thruster of weight 4 does a quarter of the work where another can do it: for one that is weak, worn or
-    better left alone. Raises ConfigError if there are not as many weights or one is not positive.
+    Of all thrusts f with the least error, the sum of (axis weight x error)² over X Y Z K M N, it gives those with the
+    least cost, the sum of thruster weight x f². The weights are six and n positive numbers; thruster weights default to
+    1. So an axis weight is the importance of an axis where not everything is possible. A thruster with weight 4 does a
+    quarter of the work where another can do it; this is for a weak or worn thruster. Raises ConfigError if the number
+    of weights is wrong or one is not positive.
 
-    With D and W diagonal matrices of the axis and thruster weights it is W^-1/2 (D T W^-1/2)+ D (Fossen
-    2021, section 11.2.2, which has it for full rank). One-sided Jacobi (Golub & Van Loan 2013, section 8.6):
-    rotations make the rows orthogonal to each other, after which each row is a singular value times a right
-    singular vector.
+    With D and W diagonal matrices of the axis and thruster weights, it is W^-1/2 (D T W^-1/2)+ D (Fossen 2021, section
+    11.2.2, for full rank). It is computed by one-sided Jacobi (Golub & Van Loan 2013, section 8.6): rotations make the
+    rows orthogonal; then each row is a singular value times a right singular vector.
     """
     eases = _eases(thruster_weights, len(matrix[0]))
     _check_weights("axis", axis_weights, len(matrix))
@@ -144,13 +142,13 @@ def pseudo_inverse(
 
 
 def _sweep(rows: Matrix, basis: Matrix, dust: float) -> bool:
-    """Rotate every pair of rows once; return False when all were orthogonal already, rows weaker than `dust` aside."""
+    """Rotate every pair of rows once; return False if all were orthogonal, except rows weaker than `dust`."""
     rotated = False
     for i in range(len(rows)):
         for j in range(i + 1, len(rows)):
             overlap = dot(rows[i], rows[j])
             lengths = sqrt(dot(rows[i], rows[i]) * dot(rows[j], rows[j]))
-            # each pair by its own size, or a weak row beside a strong one stays askew
+            # relative to the pair's own size, or a weak row beside a strong one would not become orthogonal
             if abs(overlap) > _ORTHOGONAL * max(lengths, dust):
                 _rotate(rows, basis, i, j, overlap)
                 rotated = True
@@ -169,7 +167,7 @@ def _rotate(rows: Matrix, basis: Matrix, i: int, j: int, overlap: float) -> None
 
 
 def _eases(thruster_weights: Sequence[float] | None, count: int) -> list[float]:
-    """Return one over the root of each thruster's weight."""
+    """Return one over the square root of each thruster's weight."""
     if thruster_weights is None:
         return [1.0] * count
     _check_weights("thruster", thruster_weights, count)

@@ -5,12 +5,12 @@
     heading ──P──> turn rate ┐
     roll, pitch ──P──────────┴─> p q r ──PID──> angular acceleration ── x inertia ──> K M N
 
-The shape is that of the reference platform ("Modular UUV Simulation Platform", Sensors 2022, 22(20), 8043)
-(position, velocity, attitude, angular rate; P, PI, PD or PID an axis); the position loop is the planner's.
-All loops work in accelerations, so that one set of gains serves vehicles of any size: the vehicle's own
-inertia, rigid plus added, turns them into newtons. Weight, buoyancy, drag and Coriolis forces are not fed
-forward: the integrators find them. Those of surge and sway hold no more than the vehicle's drag can be, so that
-one that an obstacle stops does not go on pushing. Other laws behind the same call: `hil.autonomy.control.families`.
+The structure is that of the reference platform ("Modular UUV Simulation Platform", Sensors 2022, 22(20), 8043):
+position, velocity, attitude, angular rate; P, PI, PD or PID for each axis. The position loop is the planner's. All
+loops output accelerations, so one set of gains serves vehicles of any size: the vehicle's own inertia, rigid-body plus
+added mass, converts them to newtons. Weight, buoyancy, drag and Coriolis forces are not fed forward: the integrators
+compensate them. The integrators of surge and sway are limited to the vehicle's possible drag, so that a vehicle stopped
+by an obstacle does not keep pushing. Other control laws with the same interface: `hil.autonomy.control.families`.
 """
 
 from collections.abc import Sequence
@@ -24,19 +24,19 @@ from hil.common.vectors import Quaternion, Vector3
 Wrench = tuple[float, float, float, float, float, float]
 
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-_ROUNDING = 1e-6  # N, N m: residual of a wrench that the allocator can deliver
-ABSURD = 1e6  # m/s or rad/s: beyond this a measurement or command is a fault
-# Below this share of "upright" a depth error is no longer turned into heave alone.
+_ROUNDING = 1e-6  # N, N m; a smaller residual is rounding
+ABSURD = 1e6  # m/s or rad/s; a larger measurement or command is a fault
+# Limit of the division by the share of heave in the vertical direction (1: upright), for strongly tilted vehicles.
 _LEAST_UPRIGHT = 0.5
 
 
 class AxisGains(NamedTuple):
-    """One velocity or angular-rate loop. Output: m/s² or rad/s², never beyond ±`limit`.
+    """One velocity or angular-rate loop. Output: m/s² or rad/s², limited to ±`limit`.
 
-    `p` in 1/s, `i` in 1/s², `d` without unit; `feedforward` in 1/s multiplies the commanded rate (linear
-    damping over inertia is a good value); `filter` is the time constant of the derivative's low-pass, s; `slew` is
-    the most that the output changes in a second, m/s³ or rad/s³. Of surge and sway the integral is at most the drag
-    at the commanded speed and a `current` (m/s) against it.
+    `p` in 1/s, `i` in 1/s², `d` without unit. `feedforward` in 1/s multiplies the commanded rate (a good value is
+    linear damping over inertia). `filter` is the time constant of the derivative's low-pass, s. `slew` is the rate
+    limit of the output, m/s³ or rad/s³. In surge and sway the integral is limited to the drag at the commanded speed
+    plus an opposing `current` (m/s).
     """
 
     p: Annotated[float, Range(0.0, 100.0)]
@@ -56,19 +56,19 @@ class Drag(NamedTuple):
     quadratic: float
 
     def at(self, speed: float) -> float:
-        """Return the drag (N) at a `speed` of at least 0 m/s."""
+        """Return the drag (N) at a `speed` (m/s) of 0 or more."""
         return speed * (self.linear + self.quadratic * speed)
 
 
 class HoldGains(NamedTuple):
-    """Gains of an outer loop, which turns an error in m or rad into a rate: `p` in 1/s, `limit` in m/s or rad/s."""
+    """Gains of an outer loop, which converts an error in m or rad to a rate: `p` in 1/s, `limit` in m/s or rad/s."""
 
     p: Annotated[float, Range(0.0, 20.0)]
     limit: Annotated[float, Range(1e-3, 10.0)]
 
 
 class Gains(NamedTuple):
-    """Gains of all loops of the cascade; the defaults suit a vehicle whose thrusters follow within about 0.1 s."""
+    """Gains of all loops of the cascade; the defaults suit a vehicle whose thrusters respond within about 0.1 s."""
 
     surge: AxisGains = AxisGains(p=4.0, i=6.0)
     sway: AxisGains = AxisGains(p=4.0, i=6.0)
@@ -83,11 +83,11 @@ class Gains(NamedTuple):
 
 
 class VelocityCommand(NamedTuple):
-    """Command of a planner to the vehicle. Roll and pitch set points are always level.
+    """Command of a planner to the vehicle. Roll and pitch setpoints are always zero.
 
-    `surge`, `sway`, `heave` in m/s along FRD; `yaw_rate` in rad/s about the vertical, clockwise seen from
-    above. With `depth` (m below the surface) `heave` is ignored; with `heading` (rad from north, clockwise)
-    `yaw_rate` only leads the heading loop.
+    `surge`, `sway`, `heave` in m/s along FRD; `yaw_rate` in rad/s about the vertical, clockwise seen from above. With
+    `depth` (m below the surface) `heave` is ignored; with `heading` (rad from north, clockwise) `yaw_rate` is only the
+    feedforward of the heading loop.
     """
 
     surge: float = 0.0
@@ -101,8 +101,8 @@ class VelocityCommand(NamedTuple):
 class Navigation(NamedTuple):
     """Navigation state of the vehicle, as the controller needs it.
 
-    `orientation` (w, x, y, z) of FRD in NED; `angular_velocity` p q r in rad/s and `velocity` u v w over
-    ground in m/s, both along FRD; `depth` in m.
+    `orientation` (w, x, y, z) of FRD in NED; `angular_velocity` p q r in rad/s and `velocity` u v w over ground in m/s,
+    both along FRD; `depth` in m.
     """
 
     orientation: Quaternion
@@ -112,12 +112,12 @@ class Navigation(NamedTuple):
 
 
 class CascadedController:
-    """Cascade from a `VelocityCommand` to a wrench, one call a control period.
+    """Cascade from a `VelocityCommand` to a wrench, one call in each control period.
 
     `inertia` is the diagonal of rigid-body plus added mass: kg for X Y Z, kg m² for K M N. `drags` of surge and sway
-    bound the integrals of these loops; without them the limit of the loop alone does. Coupling between
-    the axes is not modelled. On a vehicle that cannot roll or pitch by its thrusters these moments are
-    computed all the same and are left to the allocator to drop.
+    limit the integrals of these loops; without them only the loop's own limit does. Coupling between the axes is not
+    modelled. For a vehicle whose thrusters cannot roll or pitch it, these moments are computed all the same, and the
+    allocator drops them.
     """
 
     def __init__(self, gains: Gains, inertia: Wrench, drags: Sequence[Drag] = ()) -> None:
@@ -127,15 +127,15 @@ class CascadedController:
             Drag(linear / mass, quadratic / mass) for (linear, quadratic), mass in zip(drags, inertia, strict=False)
         ]
         self._loops = [_Loop(axis, drag) for axis, drag in zip_longest(gains[:6], per_mass)]
-        self._pitch = 0.0  # rad, what it holds
+        self._pitch = 0.0  # rad, setpoint
 
     @property
     def gains(self) -> Gains:
-        """The gains that hold now."""
+        """The present gains."""
         return self._gains
 
     def set_gains(self, gains: Gains) -> None:
-        """Let other gains hold from the next call on; integrals stay as they are."""
+        """Use other gains from the next call on; integrals do not change."""
         self._gains = gains
         for loop, axis in zip(self._loops, gains[:6], strict=True):
             loop.set_gains(axis)
@@ -150,9 +150,9 @@ class CascadedController:
     ) -> Wrench:
         """Return the wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
 
-        `residual` is what the allocator could not deliver of the last wrench (commanded minus delivered): an
-        axis that lacks force does not integrate further towards it. An axis whose measurement or command is not a
-        number, or an absurd one, holds its integral.
+        `residual` is what the allocator could not deliver of the last wrench (commanded minus delivered); an axis that
+        lacks force does not integrate further in that direction. An axis whose measurement or command is nan or absurd
+        holds its integral.
         """
         targets = velocity_targets(command, navigation, self._gains, self._pitch)
         measured = navigation.velocity + navigation.angular_velocity
@@ -168,7 +168,7 @@ class CascadedController:
 def velocity_targets(command: VelocityCommand, navigation: Navigation, gains: Gains, pitch: float = 0.0) -> Wrench:
     """Return the u, v, w (m/s) and p, q, r (rad/s) along FRD that the outer loops command.
 
-    Depth and heading are led to their set points, roll to level, pitch to `pitch` rad, by the hold gains.
+    The hold gains lead depth and heading to their setpoints, roll to 0, and pitch to `pitch` rad.
     """
     heave = command.heave
     if command.depth is not None:
@@ -177,7 +177,7 @@ def velocity_targets(command: VelocityCommand, navigation: Navigation, gains: Ga
 
 
 def _rates(command: VelocityCommand, orientation: Quaternion, gains: Gains, level: float) -> Vector3:
-    """Return the p, q, r (rad/s) that bring roll to 0 and pitch to `level` rad, and turn about the vertical."""
+    """Return the p, q, r (rad/s) that lead roll to 0 and pitch to `level` rad, and turn about the vertical."""
     down = down_in_body(orientation)
     roll, pitch = atan2(down[1], down[2]), -asin(clamp(down[0], 1.0))
     roll_rate = clamp(-gains.roll.p * roll, gains.roll.limit)
@@ -196,7 +196,7 @@ def _rates(command: VelocityCommand, orientation: Quaternion, gains: Gains, leve
 def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> float:
     """Return the heave (m/s along FRD) that leads to `depth` (m) at the present attitude, surge and sway.
 
-    A vehicle that pitches by some degrees at speed dives or climbs by its surge; that is countered too.
+    A vehicle that is pitched by some degrees dives or climbs by its surge; this is compensated.
     """
     down = down_in_body(navigation.orientation)
     rate = clamp(hold.p * (depth - navigation.depth), hold.limit)
@@ -211,30 +211,30 @@ class _Loop:
     __slots__ = ("_behind", "_drag", "_gains", "_integral", "_last", "_output", "_slope")
 
     def __init__(self, gains: AxisGains, drag: Drag | None) -> None:
-        self._drag = drag if drag and any(drag) else None  # over inertia; without any it is not known
+        self._drag = drag if drag and any(drag) else None  # over inertia; all zero means unknown
         self.set_gains(gains)
         self.reset()
 
     def set_gains(self, gains: AxisGains) -> None:
-        self._gains = tuple(gains)  # a plain tuple is unpacked faster than a record
+        self._gains = tuple(gains)  # a plain tuple unpacks faster than a NamedTuple
 
     def reset(self) -> None:
         self._integral = 0.0
         self._slope = 0.0
-        self._output = self._behind = 0.0  # the last output, and the part that the slew limit withheld
+        self._output = self._behind = 0.0  # last output, and the part that the rate limit withheld
         self._last: float | None = None
 
     def update(self, target: float, measured: float, dt: float, residual: float) -> float:
         p, i, d, limit, feedforward, time_constant, slew, current = self._gains
-        if not (abs(measured) < ABSURD and abs(target) < ABSURD):  # without a measurement the integral holds
+        if not (abs(measured) < ABSURD and abs(target) < ABSURD):  # without a valid measurement the integral holds
             return self._slewed(self._integral, dt)
         error = target - measured
         wanted = p * error + feedforward * target
-        if d:  # most loops do without
+        if d:  # zero in most loops
             wanted -= d * self._damped(measured, dt, time_constant)
         integral = self._integral + i * error * dt
         output = wanted + integral
-        if not (  # anti-windup: at the limit of loop, thrusters or slew
+        if not (  # anti-windup: at the limit of the loop, of the thrusters or of the rate
             (abs(output) > limit and output * error > 0.0)
             or (abs(residual) > _ROUNDING and residual * error > 0.0)
             or self._behind * error > 0.0
@@ -265,19 +265,19 @@ def wrap(angle: float) -> float:
 
 
 def heading_of(orientation: Quaternion) -> float:
-    """Return the heading (rad from north, clockwise, -pi to pi) of a body with this orientation FRD in NED."""
+    """Return the heading (rad from north, clockwise, -pi to pi) of a body with this orientation (FRD in NED)."""
     w, x, y, z = orientation
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def down_in_body(orientation: Quaternion) -> Vector3:
-    """Return the unit vector to the centre of the earth, along FRD: the last row of the rotation matrix."""
+    """Return the unit vector down, along FRD: the last row of the rotation matrix."""
     w, x, y, z = orientation
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 def clamp(value: float, limit: float) -> float:
-    """Return `value` clipped to ±`limit`."""
+    """Return `value` limited to ±`limit`."""
     if value > limit:
         return limit
-    return -limit if value < -limit else value  # what is not a number stays so
+    return -limit if value < -limit else value  # nan stays nan

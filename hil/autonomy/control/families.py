@@ -1,15 +1,14 @@
-"""Control laws behind one interface: `Controller`, and the table of names that select one.
+"""Control laws with one interface: `Controller`, and the table of names that select one.
 
     [control]
     family = "sliding_mode"       # "cascade" if left out
     depth = { p = 0.8, limit = 0.5 }
 
-    [control.sliding_mode]        # what is left out has a default
+    [control.sliding_mode]        # all keys have defaults
     surge = { strength = 1.5 }
 
-A family of a user's own is `family = "module:Class"`: a class that is made with `plant`
-(hil/autonomy/control/model.py), `gains` (hil/autonomy/control/controller.py) and the keys of
-`[control.options]` by keyword.
+A user's own family is `family = "module:Class"`. The class gets as keyword arguments `plant`
+(hil/autonomy/control/model.py), `gains` (hil/autonomy/control/controller.py) and the keys of `[control.options]`.
 """
 
 from importlib import import_module
@@ -22,7 +21,7 @@ from hil.common.errors import ConfigError
 from hil.common.plugins import load_class
 from hil.common.schema import nearest, parse
 
-# The word -> a class made of a Plant, the outer loops' Gains and its own `Settings`.
+# family -> class; its arguments are a Plant, the outer loops' Gains and its own `Settings`
 FAMILIES = {
     "sliding_mode": "hil.autonomy.control.sliding_mode:SlidingMode",
     "restoring_pd": "hil.autonomy.control.restoring_pd:RestoringPd",
@@ -30,10 +29,9 @@ FAMILIES = {
 
 
 class Controller(Protocol):
-    """Interface of a control law: from a velocity command to a wrench, one call a control period.
+    """Interface of a control law: from a velocity command to a wrench, one call in each control period.
 
-    Whatever comes in, what goes out are six finite numbers; it reads no clock, so that the same calls
-    give the same wrenches.
+    For any input the output is six finite numbers. It reads no clock, so the same calls give the same wrenches.
     """
 
     def reset(self) -> None:
@@ -44,15 +42,15 @@ class Controller(Protocol):
     ) -> Wrench:
         """Return the wrench (X, Y, Z in N; K, M, N in N m; along FRD) for the next `dt` seconds, `dt` > 0.
 
-        `residual` is what the allocator could not deliver of the last wrench (commanded minus delivered): nothing may
-        wind up against it.
+        `residual` is what the allocator could not deliver of the last wrench (commanded minus delivered); integrators
+        must not wind up against it.
         """
 
 
 def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: Plant, where: str) -> Controller:
-    """Return the controller named `family`; `control` is the `[control]` table, `where` opens messages.
+    """Return the controller named `family`; `control` is the `[control]` table, `where` begins error messages.
 
-    Raises ConfigError for a word that is none, and for a wrong key of its table.
+    Raises ConfigError for an unknown family, and for a wrong key of its table.
     """
     if not isinstance(family, str):
         raise ConfigError(f"{where}: family: expected text, found {family!r}")
@@ -73,7 +71,7 @@ def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: P
 
 
 class _Checked:
-    """Wrapper of a user's own controller, which checks its wrenches."""
+    """Wrapper of a user's own controller; it checks the wrenches."""
 
     def __init__(self, controller: Controller, name: str) -> None:
         self._controller, self._name = controller, name

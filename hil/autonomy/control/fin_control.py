@@ -1,14 +1,14 @@
-"""Controller of a vehicle that steers by fins, such as a torpedo, which has to move to be steered at all.
+"""Controller of a vehicle that steers by fins, such as a torpedo, which can be steered only while it moves.
 
     surge ───────────────────────────────PI──> X        for the propeller
     heave ───────> pitch ──P──> q ───────PI──> M  ┐
-    yaw rate, heading ────────> r ───────PI──> N  ├──> what the thrusters do not make of it, to the fins
+    yaw rate, heading ────────> r ───────PI──> N  ├──> the part that the thrusters do not deliver, to the fins
     level ─────────────────P──> p ───────PI──> K  ┘
 
-The loops are those of hil/autonomy/control/controller.py. It dives by its pitch: the heave that a planner commands
-becomes the
-pitch at which going ahead makes as much, so any planner can lead it. What a fin makes grows with the square of the
-speed, and the deflections follow from the present one; below `least_speed` from that one, since no angle would do.
+The loops are those of hil/autonomy/control/controller.py. The vehicle dives by its pitch: a commanded heave is
+converted to the pitch at which forward motion gives this heave, so any planner can steer it. The force of a fin grows
+with the square of the speed, and deflections are computed for the present speed; below `least_speed` for that speed, as
+no angle would be large enough.
 """
 
 from collections.abc import Sequence
@@ -29,18 +29,18 @@ from hil.autonomy.control.controller import (
 )
 from hil.common.schema import Range
 
-# Forces come along with the moments and cannot be chosen; of the moments roll matters least.
+# Forces come with the moments and cannot be chosen; of the moments, roll matters least.
 _AXIS_WEIGHTS = (1e-6, 1e-6, 1e-6, 0.1, 1.0, 1.0)
-# A residual below this share of the command is rounding: an integrator would stop for it.
+# A residual below this share of the command is rounding, and must not stop an integrator.
 _ROUNDING = 1e-6
 
 
 class FinGains(NamedTuple):
     """`[control.fins]` of a vehicle's file.
 
-    `pitch_limit`: the steepest it dives or climbs. `climb` 1/s: how fast it finds the pitch that its trim takes, by the
-    error of heave over the speed. `least_speed`: the slowest at which its fins serve; while it is commanded
-    to turn, dive or move at all it holds this speed ahead.
+    `pitch_limit`: the steepest dive or climb. `climb` in 1/s: gain of the integrator that finds the trim pitch, from
+    the error of heave over the speed. `least_speed`: the slowest speed at which the fins are effective; while commanded
+    to turn, dive or move at all, the vehicle goes at least this fast.
     """
 
     pitch_limit: Annotated[float, Range(0.02, 1.2, "rad")] = 0.35
@@ -49,10 +49,10 @@ class FinGains(NamedTuple):
 
 
 class FinController(CascadedController):
-    """Cascade from a `VelocityCommand` to a wrench without sway and heave force, one call a control period.
+    """Cascade from a `VelocityCommand` to a wrench without sway and heave force, one call in each control period.
 
-    `inertia` as for a CascadedController. Sway commands are not served. Going astern is: fins then work the other
-    way round, which `FinAllocator` takes into account.
+    `inertia` as for a CascadedController. Sway commands are ignored. The vehicle can go astern: fins then act in the
+    opposite direction, which `FinAllocator` takes into account.
     """
 
     def __init__(self, gains: Gains, fins: FinGains, inertia: Wrench) -> None:
@@ -70,7 +70,7 @@ class FinController(CascadedController):
     ) -> Wrench:
         """Return the wrench (X in N; K, M, N in N m; along FRD; Y and Z 0) for the next `dt` seconds, `dt` > 0.
 
-        `residual` is what thrusters and fins could not deliver of the last wrench.
+        `residual` is the part of the last wrench that thrusters and fins could not deliver.
         """
         surge = self._surge(command)
         self._pitch = self._pitch_for(command, navigation, dt)
@@ -84,7 +84,7 @@ class FinController(CascadedController):
         return least if moves and -least < command.surge < least else command.surge
 
     def _pitch_for(self, command: VelocityCommand, navigation: Navigation, dt: float) -> float:
-        """Return the pitch (rad) at which moving ahead makes the commanded heave."""
+        """Return the pitch (rad) at which forward motion gives the commanded heave."""
         limit, climb, least = self._fins
         heave = command.heave
         if command.depth is not None:
@@ -102,8 +102,8 @@ class FinAllocator:
     """Distribute moments over n fins.
 
     `matrix` has 6 rows (X Y Z K M N along FRD) and n columns: the wrench of 1 rad of each fin at 1 m/s, in N and N m.
-    `limits` are the n greatest deflections in rad. Below `least_speed` m/s deflections are those of that speed. When a
-    fin would go beyond its limit all moments are scaled down. Raises ConfigError as `Allocator` does.
+    `limits` are the n largest deflections in rad. Below `least_speed` m/s deflections are those for that speed. If a
+    fin would exceed its limit, all moments are scaled down. Raises ConfigError as `Allocator` does.
     """
 
     def __init__(self, matrix: Sequence[Sequence[float]], limits: Sequence[float], least_speed: float) -> None:
@@ -113,7 +113,7 @@ class FinAllocator:
     def allocate(self, wrench: Wrench, speed: float) -> tuple[list[float], Wrench]:
         """Return the n deflections (rad) for the moments of `wrench` at `speed` m/s ahead, and the residual moments.
 
-        The side force and heave of the fins are not part of it.
+        The fins' side force and heave force are not part of the residual.
         """
         pressure = copysign(max(speed * speed, self._least), speed)
         x, _, _, *moments = wrench

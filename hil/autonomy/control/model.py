@@ -1,8 +1,8 @@
-"""Vehicle model of a model-based controller: inertia, drag, weight and lift, after Fossen's model.
+"""Vehicle model of a model-based controller: inertia, drag, weight and buoyancy, after Fossen's model.
 
 M nu' + C(nu) nu + D(nu) nu + g(orientation) = wrench of the thrusters (Fossen 2021, "Handbook of Marine Craft
-Hydrodynamics and Motion Control", eq. 6.1). Currents are not known here, and coupling between the axes is
-left out of damping and inertia.
+Hydrodynamics and Motion Control", eq. 6.1). Currents are unknown here, and coupling between the axes is left out of
+damping and inertia.
 """
 
 from typing import NamedTuple
@@ -14,10 +14,10 @@ from hil.common.vectors import Quaternion, Vector3
 class Plant(NamedTuple):
     """Model of a vehicle about its body origin, along FRD; surge, sway, heave, roll, pitch, yaw.
 
-    `inertia` is the diagonal of rigid-body plus added mass, kg and kg m²; `linear_damping` N s/m and N m s,
-    `quadratic_damping` N s²/m² and N m s², positive where they brake; `weight` and `buoyancy` in N act at
-    `center_of_gravity` and `center_of_buoyancy`, m. `moved_water` is the part of the first three of `inertia` that is
-    added mass, `munk_share` what is left of its Munk moment about roll, pitch and yaw (sim/dynamics.py).
+    `inertia` is the diagonal of rigid-body plus added mass, kg and kg m². `linear_damping` (N s/m, N m s) and
+    `quadratic_damping` (N s²/m², N m s²) are positive if they brake. `weight` and `buoyancy` in N act at
+    `center_of_gravity` and `center_of_buoyancy`, m. `moved_water` is the added mass in the first three of `inertia`;
+    `munk_share` is the remaining share of its Munk moment about roll, pitch and yaw (sim/dynamics.py).
     """
 
     inertia: Wrench
@@ -31,11 +31,11 @@ class Plant(NamedTuple):
     munk_share: Vector3 = (1.0, 1.0, 1.0)
 
     def load(self, navigation: Navigation, reference: Wrench) -> Wrench:
-        """Return the wrench (N, N m) that holds `reference` (m/s, rad/s) against drag, weight, lift and turning.
+        """Return the wrench (N, N m) that maintains `reference` (m/s, rad/s) against drag, weight, lift and Coriolis.
 
-        Drag is that of the present speed times the reference, D(nu) nu_ref, which leaves the water's own damping
-        of an error in place (Slotine & Li 1991, "Applied Nonlinear Control", section 9.2).
-        What is not a number, or absurd, counts as 0.
+        Drag is D(nu) nu_ref, with the coefficients of the present speed and the reference velocity, which keeps the
+        water's own damping of an error (Slotine & Li 1991, "Applied Nonlinear Control", section 9.2). A component that
+        is nan or absurd counts as 0.
         """
         nu = navigation.velocity + navigation.angular_velocity
         drag = [
@@ -60,9 +60,9 @@ class Plant(NamedTuple):
         return -excess * x, -excess * y, -excess * z, c * y - b * z, a * z - c * x, b * x - a * y
 
     def coriolis(self, nu: Wrench) -> Wrench:
-        """Return C(nu) nu (N, N m) of a diagonal inertia (Fossen 2021, eq. 3.46).
+        """Return C(nu) nu (N, N m) for a diagonal inertia (Fossen 2021, eq. 3.46).
 
-        Less the part of the Munk moment that is not left, and the forces that go with it.
+        The lost share of the Munk moment is subtracted, with the forces that belong to it.
         """
         u, v, w, p, q, r = nu
         x, y, z, k, m, n = (mass * speed for mass, speed in zip(self.inertia, nu, strict=True))

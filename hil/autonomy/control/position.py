@@ -1,7 +1,8 @@
-"""Position loop: from a wanted position to the velocity command that leads there.
+"""Position loop: from a target position to the velocity command that leads there.
 
-It is the outermost loop of the cascade, P with a limit on speed; the velocity loop within holds speed over ground, so
-that a current leaves no error. For vehicles that can move sideways and stop: one with fins needs a path to follow.
+It is the outermost loop of the cascade, P with a speed limit. The velocity loop inside it controls the speed over
+ground, so a current leaves no error. For vehicles that can move sideways and stop; one with fins needs a path to
+follow.
 """
 
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from math import cos, hypot, sin
 
 from hil.autonomy.control.controller import HoldGains, VelocityCommand
 
-# Slow enough for the velocity loops (about 4 1/s) not to overshoot, and for vehicles that tip when fast.
+# Slow enough for the velocity loops (about 4 1/s) not to overshoot, and for vehicles that pitch up at speed.
 POSITION = HoldGains(p=0.5, limit=0.5)
 
 
@@ -22,8 +23,8 @@ def approach(
 ) -> VelocityCommand:
     """Return the command that leads a vehicle at `position` (m, NED) straight to `target` (m, NED) and holds it there.
 
-    `heading` (rad from north, clockwise) is what it turns to meanwhile, `own_heading` what it has now; the level speed
-    is `gains.p` times the distance and at most `gains.limit` m/s. Roll and pitch are not modelled.
+    `heading` (rad from north, clockwise) is the target heading, `own_heading` the present one. The horizontal speed is
+    `gains.p` times the distance, at most `gains.limit` m/s. Roll and pitch are not modelled.
     """
     north, east = target[0] - position[0], target[1] - position[1]
     distance = hypot(north, east)

@@ -1,11 +1,11 @@
-"""PD control law with compensation of restoring forces and drag by a model.
+"""PD control law that compensates restoring forces and drag by a model.
 
-    acceleration = d (wanted velocity - velocity),    wrench = inertia x acceleration + drag, weight, turning
+    acceleration = d (target velocity - velocity),    wrench = inertia x acceleration + drag, weight, Coriolis
 
-(Takegaki & Arimoto, ASME Journal of Dynamic Systems, Measurement, and Control 103(2), 1981; Fossen 2021, section
-15.3). Depth, heading, roll and pitch errors come in through the wanted velocity, so that the outer loop's p
-times d is the spring. Nothing integrates: nothing winds up, and a push f that the model lacks leaves a velocity error
-of f / (inertia d), or that over the outer loop's p of a depth or heading.
+(Takegaki & Arimoto, ASME Journal of Dynamic Systems, Measurement, and Control 103(2), 1981; Fossen 2021, section 15.3).
+Depth, heading, roll and pitch errors enter through the target velocity, so the outer loop's p times d is the spring
+constant. Without an integrator nothing winds up. A force f that the model lacks leaves a velocity error of
+f / (inertia d), or, divided by the outer loop's p, an error of depth or heading.
 """
 
 from typing import Annotated, ClassVar, NamedTuple
@@ -25,14 +25,14 @@ from hil.common.schema import Range
 
 
 class Damper(NamedTuple):
-    """One axis: `d` in 1/s, and the most that the wrench may be over the inertia, `limit` in m/s² or rad/s²."""
+    """One axis: `d` in 1/s, and `limit` in m/s² or rad/s², the limit of the wrench over the inertia."""
 
     d: Annotated[float, Range(0.0, 100.0)]
     limit: Annotated[float, Range(1e-3, 1e3)] = 10.0
 
 
 class PdSettings(NamedTuple):
-    """`[control.restoring_pd]`; the defaults suit a vehicle whose thrusters follow within about 0.1 s."""
+    """`[control.restoring_pd]`; the defaults suit a vehicle whose thrusters respond within about 0.1 s."""
 
     surge: Damper = Damper(5.0)
     sway: Damper = Damper(5.0)
@@ -45,7 +45,7 @@ class PdSettings(NamedTuple):
 class RestoringPd:
     """A `Controller` (hil/autonomy/control/families.py) for a vehicle like `plant`, with `gains` of the outer loops.
 
-    Not modelled: the thrusters' lag, currents, coupling of the axes by mass.
+    Not modelled: thruster lag, currents, coupling of the axes by mass.
     """
 
     Settings: ClassVar = PdSettings
@@ -75,5 +75,5 @@ class RestoringPd:
 
 
 def _push(damper: Damper, error: float) -> float:
-    """Return the acceleration against a velocity error; 0 against one that is not finite."""
+    """Return the acceleration against a velocity error; 0 if the error is not finite."""
     return damper.d * error if abs(error) < ABSURD else 0.0

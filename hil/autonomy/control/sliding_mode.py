@@ -1,14 +1,14 @@
-"""Sliding mode control law with a boundary layer, on a model of the vehicle.
+"""Sliding mode control law with a boundary layer, based on a model of the vehicle.
 
-On each axis with the velocity error e = nu - wanted and its integral E the surface is s = e + slide E, and
+For each axis with the velocity error e = nu - target and its integral E, the surface is s = e + slide E, and
 
-    acceleration = -slide e - strength sat(s / layer),    wrench = inertia x acceleration + drag, weight, turning
+    acceleration = -slide e - strength sat(s / layer),    wrench = inertia x acceleration + drag, weight, Coriolis
 
 (Slotine & Li 1991, "Applied Nonlinear Control", chapter 7; Yoerger & Slotine, IEEE Journal of Oceanic Engineering
-10(4), 1985, for underwater vehicles). Any disturbance and any error of the model below `strength` is overcome: s
-stays in the layer, within which the law is smooth and does not chatter. E grows within the layer only (the
-conditional integrator of Seshagiri & Khalil, Automatica 41(1), 2005), so that it removes the steady error and
-never winds up. The outer loops, to depth, heading and level, are those of the cascade.
+10(4), 1985, for underwater vehicles). It overcomes any disturbance and model error below `strength`: s stays in the
+boundary layer, in which the law is smooth and does not chatter. E is integrated only inside the layer (the conditional
+integrator of Seshagiri & Khalil, Automatica 41(1), 2005), so it removes the steady error and never winds up. The outer
+loops, for depth, heading, roll and pitch, are those of the cascade.
 """
 
 from math import inf
@@ -33,9 +33,9 @@ _ROUNDING = 1e-6  # N, N m
 class Surface(NamedTuple):
     """Sliding surface of one axis: `strength` in m/s² (rad/s²), `layer` in m/s (rad/s), `slide` in 1/s.
 
-    Within the layer it is a PI law of gain strength / layer + slide, which the thrusters' lag limits. `limit` (m/s²,
-    rad/s²) is the most that the wrench may be over the inertia, `slew` (m/s³, rad/s³) the fastest change of what comes
-    on top of the model's load.
+    Inside the layer it is a PI law with gain strength / layer + slide, which thruster lag limits. `limit` (m/s²,
+    rad/s²) is the limit of the wrench over the inertia. `slew` (m/s³, rad/s³) is the rate limit of the acceleration
+    that is added to the model's load.
     """
 
     strength: Annotated[float, Range(0.0, 100.0)]
@@ -46,7 +46,7 @@ class Surface(NamedTuple):
 
 
 class SlidingSettings(NamedTuple):
-    """`[control.sliding_mode]`; the defaults suit a vehicle whose thrusters follow within about 0.1 s."""
+    """`[control.sliding_mode]`; the defaults suit a vehicle whose thrusters respond within about 0.1 s."""
 
     surge: Surface = Surface(strength=1.5, layer=0.3)
     sway: Surface = Surface(strength=1.5, layer=0.3)
@@ -59,7 +59,7 @@ class SlidingSettings(NamedTuple):
 class SlidingMode:
     """A `Controller` (hil/autonomy/control/families.py) for a vehicle like `plant`, with `settings`.
 
-    `gains` are those of the outer loops. Not modelled: the thrusters' lag, currents, coupling of the axes by mass.
+    `gains` are those of the outer loops. Not modelled: thruster lag, currents, coupling of the axes by mass.
     """
 
     Settings: ClassVar = SlidingSettings
@@ -107,7 +107,7 @@ class _Axis:
         self.reset()
 
     def reset(self) -> None:
-        self._integral = 0.0  # of the error, m or rad
+        self._integral = 0.0  # integral of the error, m or rad
         self._push = 0.0
 
     def reference(self, target: float) -> float:
@@ -116,7 +116,7 @@ class _Axis:
 
     def update(self, error: float, dt: float, residual: float) -> float:
         strength, layer, slide, limit, slew = self._surface
-        if not abs(error) < ABSURD:  # without a measurement the integral holds
+        if not abs(error) < ABSURD:  # without a valid measurement the integral holds
             return self._push
         side = (error + slide * self._integral) / layer
         is_saturated = abs(residual) > _ROUNDING and residual * error < 0.0

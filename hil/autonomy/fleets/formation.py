@@ -1,21 +1,21 @@
 """Formation control: artificial potential fields on a virtual structure, computed by each vehicle for itself.
 
-A vehicle knows its own position, its place in the structure, and the neighbours within the range of communication.
-Four terms make up the velocity it wants; the reference platform (Zhang et al. 2022) has them as its eqs (4) to (9):
+A vehicle knows its own position, its place in the structure, and the neighbours within communication range. Its target
+velocity is the sum of four terms; the numbers are the equations of the reference platform (Zhang et al. 2022):
 
     attraction     (4, 5) to its place in the structure
-    repulsion      (6, 7) from neighbours, the target and obstacles nearby; it vanishes at the place itself
-    communication  (8) to a neighbour who is about to get out of range
+    repulsion      (6, 7) from neighbours, the target and obstacles nearby; zero at the place itself
+    communication  (8) to a neighbour that is about to leave the range
     structure      the velocity of the place, for a moving structure (`hil.autonomy.fleets.hunting`)
 
-and their sum is its (9). What differs from the printed formulas, and why, is in
-docs/explanation/reference_platform.md. Attraction after Khatib (IJRR 5, 1986), conic far away, as (5) below `conic`;
-repulsion after Ge & Cui (IEEE Trans. Robotics and Automation 16, 2000), as (7) has its equilibrium beside the place;
-for communication the mirror image of Khatib's repulsion at the range's edge, a barrier (compare Ji & Egerstedt, IEEE
-Trans. Robotics 23, 2007), as (8) pulls at vehicles out of range; the virtual structure after Lewis & Tan (Autonomous
-Robots 4, 1997). A "force" here is a velocity in m/s: the vehicle's own controller makes the newtons.
+Their sum is its (9). docs/explanation/reference_platform.md explains where the code differs from the printed formulas.
+Attraction is after Khatib (IJRR 5, 1986), conic far away, as (5) below `conic`. Repulsion is after Ge & Cui (IEEE
+Trans. Robotics and Automation 16, 2000), because (7) has its equilibrium beside the place. Communication is the mirror
+image of Khatib's repulsion at the edge of the range, a barrier (compare Ji & Egerstedt, IEEE Trans. Robotics 23, 2007),
+because (8) attracts vehicles that are out of range. The virtual structure is after Lewis & Tan (Autonomous Robots 4,
+1997). A "force" here is a velocity in m/s, which the vehicle's own controller follows.
 
-Level plane; positions and vectors are north, east in m and m/s.
+Horizontal plane; positions and vectors are north, east in m and m/s.
 """
 
 from collections.abc import Sequence
@@ -26,16 +26,16 @@ from hil.common.schema import Range
 
 Vector = tuple[float, float]  # north, east
 
-_NEAREST = 1e-3  # m: nearer than this a field would grow out of all bounds
+_NEAREST = 1e-3  # m; smaller distances are replaced by this, to bound the fields
 
 
 class FieldSettings(NamedTuple):
     """The gains and ranges of the fields.
 
-    `attraction` 1/s, up to `conic` m from the place, constant beyond. `repulsion` m²/s acts within
-    `repulsion_range` m of a neighbour's or obstacle's rim. `communication` m³/s acts on a neighbour from
-    `comfortable` m up to `communication_range` m: choose them off the formation's own distances, or pairs that
-    are just in range of each other contract it. `max_speed` m/s bounds the sum.
+    `attraction` in 1/s, up to `conic` m from the place, constant beyond. `repulsion` in m²/s acts within
+    `repulsion_range` m of the rim of a neighbour or obstacle. `communication` in m³/s acts toward a neighbour from
+    `comfortable` m up to `communication_range` m. Choose these two away from the formation's own distances; otherwise
+    pairs that are just within range contract the formation. `max_speed` in m/s limits the sum.
     """
 
     attraction: Annotated[float, Range(0.0, 10.0)] = 0.6
@@ -48,17 +48,18 @@ class FieldSettings(NamedTuple):
     max_speed: Annotated[float, Range(0.01, 5.0, "m/s")] = 0.4
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return which keys contradict each other, or None."""
         if self.comfortable >= self.communication_range:
             return "comfortable must be below communication_range"
         return None
 
 
 class Body(NamedTuple):
-    """A body to keep away from: its centre, and the least distance (m) of another vehicle's centre from it.
+    """A body to avoid: its centre, and the least distance (m) of another vehicle's centre from it.
 
-    A neighbour with `stays_in_range` is also held within the range of communication. One that has just come into range
-    is not to be, as it would be pulled at hardest (Ji & Egerstedt add such a link only well within the range, too).
+    A neighbour with `stays_in_range` is also kept within communication range. This should be false for one that has
+    just come into range, as the attraction is strongest there (Ji & Egerstedt also add such a link only well within
+    range).
     """
 
     position: Vector
@@ -75,10 +76,10 @@ def attraction(position: Vector, place: Vector, gain: float, conic: float) -> Ve
 
 
 def repulsion(position: Vector, place: Vector, body: Body, gain: float, reach: float) -> Vector:
-    """Return minus the gradient of ½ gain (1/rho - 1/reach)² d², rho being the distance from the rim, d from the place.
+    """Return minus the gradient of ½ gain (1/rho - 1/reach)² d², with distances rho from the rim and d from the place.
 
-    Two parts: away from the body, gain (1/rho - 1/reach) d² / rho², and to the place, gain (1/rho - 1/reach)² d
-    (Ge & Cui's n = 2). Beyond `reach` m nothing.
+    It has two parts: away from the body, gain (1/rho - 1/reach) d² / rho², and to the place, gain (1/rho - 1/reach)² d
+    (Ge & Cui's n = 2). Beyond `reach` m it is zero.
     """
     north, east = position[0] - body.position[0], position[1] - body.position[1]
     between = hypot(north, east)
@@ -94,10 +95,10 @@ def repulsion(position: Vector, place: Vector, body: Body, gain: float, reach: f
 
 
 def communication(position: Vector, neighbour: Vector, gain: float, comfortable: float, reach: float) -> Vector:
-    """Return minus the gradient of ½ gain (1/(reach - d) - 1/(reach - comfortable))², d the neighbour's distance.
+    """Return minus the gradient of ½ gain (1/(reach - d) - 1/(reach - comfortable))², d being the neighbour's distance.
 
-    Towards the neighbour, from `comfortable` m on, the steeper the nearer to `reach` m. Who is farther away
-    than that is not known and does not count.
+    It points to the neighbour, from `comfortable` m on, and grows toward `reach` m. Neighbours beyond are unknown and
+    do not count.
     """
     north, east = neighbour[0] - position[0], neighbour[1] - position[1]
     distance = hypot(north, east)
@@ -116,10 +117,10 @@ def resultant(
     obstacles: Sequence[Body],
     settings: FieldSettings,
 ) -> Vector:
-    """Return the wanted velocity (m/s) of a vehicle at `position`: the sum of all fields, clipped to `max_speed`.
+    """Return the target velocity (m/s) of a vehicle at `position`: the sum of all fields, limited to `max_speed`.
 
-    `place` and its velocity are those of its place in the structure; of the neighbours (`radius`: how near
-    middles may come, m) only those within the range of communication count.
+    `place` and its velocity are those of its place in the structure. Only neighbours within communication range count;
+    their `radius` is the least distance between centres, m.
     """
     s = settings
     known = [body for body in neighbours if _distance(position, body.position) < s.communication_range]
@@ -142,9 +143,9 @@ def separation(positions: Sequence[Vector]) -> float:
 
 
 def formation_error(positions: Sequence[Vector], places: Sequence[Vector]) -> float:
-    """Return the largest distance of a vehicle from its place, with the structure in its best-fitting pose, m.
+    """Return the largest distance (m) of a vehicle from its place, after the structure was moved to fit best.
 
-    Best-fitting: with the centroid of the vehicles, and its own orientation. So only the formation's shape counts.
+    The structure is moved to the vehicles' centroid, not rotated. So only the formation's shape and orientation count.
     """
     north, east = (
         sum(p[axis] - q[axis] for p, q in zip(positions, places, strict=True)) / len(positions) for axis in (0, 1)

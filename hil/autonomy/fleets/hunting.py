@@ -1,13 +1,12 @@
 """Target hunting by a fleet: the formation approaches a target and closes a ring around it.
 
-All is agreed on before the dive in one `HuntPlan`: where each vehicle's place is at any time of the plan. Then every
-vehicle is by itself (`Hunter`): it has its own reading of the plan's clock and slows it while it lags behind its place
-or a neighbour reports that it is late (formation feedback: Ren & Beard, Journal of Guidance, Control, and Dynamics
-27, 2004).
-Opening goes by bearing and distance from the target, which keeps the vehicles in order round it: no two places meet,
-and none leads through the target.
+Everything is agreed before the dive in one `HuntPlan`: the place of each vehicle at any time of the plan. Then each
+vehicle acts for itself (`Hunter`). It has its own clock of the plan, and slows it while it lags behind its place or a
+neighbour reports that it is late (formation feedback: Ren & Beard, Journal of Guidance, Control, and Dynamics 27,
+2004). Places move to the ring by bearing and distance from the target, which keeps the vehicles in order around it: no
+two places meet, and none passes through the target.
 
-Level plane; positions are north, east in m. The target does not move.
+Horizontal plane; positions are north, east in m. The target does not move.
 """
 
 from collections.abc import Sequence
@@ -19,19 +18,19 @@ from hil.autonomy.control.controller import VelocityCommand, wrap
 from hil.autonomy.fleets.formation import Body, FieldSettings, Vector, formation_error, resultant, separation
 from hil.common.errors import MissionError
 
-_KEEP_OFF = 1.2  # the approach ends where the first place is so many ring radii from the target
-_WAIT = 0.5  # 1/s: how much a clock slows for each second that a neighbour's is behind
-_LAG = 0.3  # m behind its place at which a vehicle's clock goes at half its pace
-_PACE = 0.7  # share of the top speed that places move at; the rest is for catching up
-_TINY = 1e-3  # s, for velocities by differences
+_KEEP_OFF = 1.2  # ring radii; the approach ends when the first place is this close to the target
+_WAIT = 0.5  # 1/s; slowdown of a clock for each second that a neighbour's clock is behind
+_LAG = 0.3  # m; distance from its place at which a vehicle's clock has half its pace
+_PACE = 0.7  # share of the top speed with which places move; the rest is for catching up
+_TINY = 1e-3  # s, for velocities by finite differences
 
 
 class HuntPlan:
     """Plan of a hunt: each vehicle's place, by the plan's clock (s).
 
-    From `starts` the formation goes towards `target` as it is, then opens into a ring of `ring` m. `speed` m/s
-    is the vehicles' top speed. `approach` and `duration` are when the ring begins and is closed, in s. Raises
-    MissionError if vehicles start within the ring or there are fewer than three.
+    From `starts` the formation moves unchanged towards `target`, then opens into a ring of radius `ring` m. `speed` m/s
+    is the vehicles' top speed. `approach` and `duration` are the times (s) when the ring begins to form and when it is
+    closed. Raises MissionError if vehicles start within the ring or there are fewer than three.
     """
 
     def __init__(self, starts: Sequence[Vector], target: Vector, ring: float, speed: float) -> None:
@@ -54,7 +53,7 @@ class HuntPlan:
         self.duration = self.approach + longest / (_PACE * speed)
 
     def place(self, number: int, clock: float) -> Vector:
-        """Return where vehicle `number` should be when the plan's clock shows `clock` s."""
+        """Return the place of vehicle `number` when the plan's clock shows `clock` s."""
         if clock < self.approach:
             share = max(0.0, clock) / self.approach
             north, east = self.starts[number]
@@ -66,12 +65,12 @@ class HuntPlan:
         return self.target[0] + distance * cos(bearing), self.target[1] + distance * sin(bearing)
 
     def velocity(self, number: int, clock: float) -> Vector:
-        """Return the velocity of that place, m/s for each second of the plan."""
+        """Return the velocity of that place, in m per second of the plan's clock."""
         before, after = self.place(number, clock - _TINY), self.place(number, clock + _TINY)
         return (after[0] - before[0]) / (2.0 * _TINY), (after[1] - before[1]) / (2.0 * _TINY)
 
     def _advance(self, centre: Vector) -> Vector:
-        """Return how far the formation moves unchanged: until its first place is near the ring."""
+        """Return the vector by which the formation moves unchanged, until its first place is near the ring."""
         north, east = self.target[0] - centre[0], self.target[1] - centre[1]
         advance = 0.0, 0.0
         for percent in range(1, 101):
@@ -83,7 +82,7 @@ class HuntPlan:
 
 
 class Report(NamedTuple):
-    """State of a neighbour: position (m north, m east), its plan's clock (s), whether to stay in range of it."""
+    """State of a neighbour: position (m north, m east), its clock of the plan (s), and whether to stay in its range."""
 
     position: Vector
     clock: float
@@ -93,8 +92,7 @@ class Report(NamedTuple):
 class Hunter:
     """Controller of one vehicle of a hunt: vehicle `number` of the `plan`.
 
-    `min_separation` m: the least distance between the centres of two vehicles. `clock`: its reading of the plan's
-    clock, s.
+    `min_separation`: the least distance (m) between the centres of two vehicles. `clock`: its own clock of the plan, s.
     """
 
     def __init__(self, plan: HuntPlan, number: int, settings: FieldSettings, min_separation: float) -> None:
@@ -105,10 +103,10 @@ class Hunter:
         self._min_separation = min_separation
 
     def update(self, position: Vector, reports: Sequence[Report], dt: float) -> Vector:
-        """Return the wanted velocity (m/s) at `position`, `dt` s after the last call.
+        """Return the target velocity (m/s) at `position`, `dt` s after the last call.
 
-        `reports` are those of other vehicles; what comes from beyond the range of communication is ignored. With a
-        `dt` of 0 the clock stands, and the vehicle stays where its place is.
+        `reports` are those of other vehicles; those from beyond the communication range are ignored. With `dt` 0 the
+        clock stands still, and so does the vehicle's place.
         """
         in_range = [r for r in reports if dist(r.position, position) < self._settings.communication_range]
         lag = dist(position, self._plan.place(self._number, self.clock)) / _LAG
@@ -128,7 +126,7 @@ class Hunter:
         )
 
     def command(self, position: Vector, heading: float, reports: Sequence[Report], dt: float) -> VelocityCommand:
-        """Return the command for the velocity of `update`; the vehicle turns its bow (`heading` rad) to the target."""
+        """Return the command for the velocity of `update`; the bow (`heading`, rad) turns to the target."""
         north, east = self.update(position, reports, dt)
         target = self._plan.target
         error = wrap(atan2(target[1] - position[1], target[0] - position[0]) - heading)
@@ -141,9 +139,9 @@ class Hunter:
 class Criteria(NamedTuple):
     """Success criteria of a hunt.
 
-    Over the whole hunt no two centres nearer than `separation` m; during the approach the formation kept to
-    `formation` m; at the end everyone within `ring` of the ring, as a share of its radius, no gap between neighbours
-    as seen from the target above `gap` rad, and neighbours' spacing right to a share of `spacing`.
+    Over the whole hunt: distance of any two centres above `separation` m. During the approach: formation error up to
+    `formation` m. At the end: every vehicle within `ring` of the ring, as a share of its radius; no gap between
+    neighbours, seen from the target, above `gap` rad; relative error of the spacing between neighbours up to `spacing`.
     """
 
     separation: float
@@ -179,13 +177,13 @@ class Referee:
         self._formation_error = 0.0
 
     def watch(self, positions: Sequence[Vector], clock: float) -> None:
-        """Record all positions at one time; `clock` is the fastest vehicle's, s."""
+        """Record all positions at one time; `clock` is that of the fastest vehicle, s."""
         self._separation = min(self._separation, separation(positions))
         if clock < self._plan.approach:
             self._formation_error = max(self._formation_error, formation_error(positions, self._plan.starts))
 
     def judge(self, positions: Sequence[Vector]) -> Judgement:
-        """Return the judgement with the vehicles at their last positions."""
+        """Return the results, with the vehicles at their last positions."""
         plan, criteria = self._plan, self._criteria
         polar = sorted((_polar(plan.target, position) for position in positions), key=lambda p: p[1])
         ring_error = max(abs(distance - plan.ring) for distance, _ in polar)
@@ -202,12 +200,12 @@ class Referee:
 
 
 def _polar(target: Vector, position: Vector) -> tuple[float, float]:
-    """Return distance and bearing of `position` from `target`."""
+    """Return distance (m) and bearing (rad) of `position` from `target`."""
     return dist(target, position), atan2(position[1] - target[1], position[0] - target[0])
 
 
 def _spread(bearings: Sequence[float]) -> list[float]:
-    """Return bearings evenly round the target, in the order of `bearings` and as near to them as possible."""
+    """Return evenly spaced bearings around the target, in the order of `bearings` and as near to them as possible."""
     apart = 2.0 * pi / len(bearings)
     order = sorted(range(len(bearings)), key=lambda number: bearings[number])
     rank = {number: place for place, number in enumerate(order)}

@@ -1,9 +1,9 @@
-"""Random errors of measured positions, to test formations with.
+"""Random errors of measured positions, to test formations.
 
-`LocalisationNoise` gives zero-mean Gaussian errors, each axis by itself. The paper of the reference platform (Zhang et
-al. 2022) prints for its eq. (10) a function of Gaussian shape with the sign of its exponent turned round. That is no
-error: it is never below its amplitude and grows without bound. Bias and drift are those of the sensors, not modelled
-here.
+`LocalisationNoise` adds zero-mean Gaussian errors, independent for each axis. The paper of the reference platform
+(Zhang et al. 2022) prints for its eq. (10) a Gaussian function with the wrong sign of its exponent. That is no error
+model: it is never below its amplitude and grows without bound. Bias and drift belong to the sensors and are not
+modelled here.
 """
 
 from random import Random
@@ -14,9 +14,9 @@ Position = tuple[float, float]  # north, east in m
 
 
 class LocalisationNoise:
-    """Positions with errors of standard deviation `deviation` m an axis; one seed, one sequence.
+    """Positions with errors of standard deviation `deviation` m for each axis; the same seed gives the same errors.
 
-    Raises ConfigError for a deviation below 0.
+    Raises ConfigError for a negative deviation.
     """
 
     def __init__(self, deviation: float, seed: int) -> None:

@@ -1,12 +1,11 @@
 """Any-angle path planning on a grid: lazy Theta* over jump points.
 
-A* on a grid turns by 45 degrees only; Theta* lets a cell's parent be any cell that it can be seen from, so the
-path goes straight from corner to corner (Daniel, Nash, Koenig & Felner, JAIR 39, 2010). Lazy, it looks along a
-line only once the cell is the next to go on from (Nash, Koenig & Tovey, "Lazy Theta*", AAAI 2010). The cells are
-those where A* of `hil.autonomy.paths.astar` may turn, which leaves most of an open map out. Where A*'s own path,
-smoothed,
-is shorter, it is the answer. The path is short, not proven the shortest: that would take every line between two corners
-of the map.
+A* on a grid turns only in steps of 45 degrees. In Theta* the parent of a cell can be any cell in line of sight, so the
+path goes straight from corner to corner (Daniel, Nash, Koenig & Felner, JAIR 39, 2010). The lazy version checks a line
+of sight only when the search continues from the cell (Nash, Koenig & Tovey, "Lazy Theta*", AAAI 2010). The cells are
+those where A* of `hil.autonomy.paths.astar` may turn, which leaves out most of an open map. If A*'s own path, smoothed,
+is shorter, it is returned. The path is short, but not proven the shortest: that would need every line between two
+corners of the map.
 """
 
 import heapq
@@ -18,16 +17,16 @@ from numpy.typing import NDArray
 from hil.autonomy.paths.astar import ALL_DIRECTIONS, Jumps, path_length, plan, smooth, trace, without_repeats
 from hil.autonomy.paths.occupancy import Cell, OccupancyGrid, Point
 
-# A line of sight is walked in steps of up to so many cells where the water around is free.
+# In free water, a line of sight is checked in steps of up to this number of cells.
 _FARTHEST_STEP = 24
-# A straight line may leave out up to so many turns.
+# A straight line may replace up to this number of turns.
 _AHEAD = 20
 
 
 def plan_any_angle(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
     """Return a short path from `start` to `goal` (m north, m east) over free cells, as the points where it turns.
 
-    Vehicle size is not modelled: inflate the grid. Raises MissionError as `hil.autonomy.paths.astar.plan` does.
+    The vehicle's size is not modelled: inflate the grid first. Raises MissionError as `hil.autonomy.paths.astar.plan`.
     """
     known = smooth(grid, plan(grid, start, goal))
     cells = _Search(~grid.cells, grid.cell(start), grid.cell(goal)).run()
@@ -44,11 +43,11 @@ class _Search:
         self._source, self._target = self._jumps.index(start), self._jumps.index(goal)
         self._costs = {self._source: 0.0}
         self._parents = {self._source: self._source}
-        self._came_from: dict[int, int] = {}  # the jump that ends in a cell: always free to go
+        self._came_from: dict[int, int] = {}  # cell -> start of the jump that reached it, whose line is always free
         self._closed: set[int] = set()
 
     def run(self) -> list[Cell]:
-        """Return the cells where the path turns, ends included; there must be one."""
+        """Return the cells where the path turns, ends included; a path has to exist."""
         queue = [(0.0, self._source)]
         while True:
             _, cell = heapq.heappop(queue)
@@ -63,7 +62,7 @@ class _Search:
                     heapq.heappush(queue, (self._costs[next_cell] + self._distance(next_cell, self._target), next_cell))
 
     def _straightened(self, cells: list[Cell]) -> list[Cell]:
-        """Return the cells without turns that a straight line can replace: parents were chosen by one check each."""
+        """Remove turns that a straight line can replace, because each parent was chosen by a single check."""
         lengths, before = [0.0], [0]
         for end, cell in enumerate(cells[1:], 1):
             choices = [
@@ -76,7 +75,7 @@ class _Search:
         return [cells[i] for i in trace(dict(enumerate(before)), len(cells) - 1)]
 
     def _reach(self, to: int, cell: int) -> bool:
-        """Assume that `to` can be seen from the parent of `cell`; return whether that is the best path so far."""
+        """Assume that the parent of `cell` sees `to`: store that path if it is the best so far; return True if so."""
         parent = self._parents[cell]
         cost = self._costs[parent] + self._distance(parent, to)
         if cost >= self._costs.get(to, inf):
@@ -85,7 +84,7 @@ class _Search:
         return True
 
     def _settle(self, cell: int) -> None:
-        """Check whether the parent can be seen; else use the jump's start as the parent."""
+        """Check that the parent sees the cell; otherwise use the jump's start as its parent."""
         self._closed.add(cell)
         before, parent = self._came_from.get(cell, cell), self._parents[cell]
         if parent != before and not self._sight.is_free(self._jumps.cell(parent), self._jumps.cell(cell)):
@@ -105,7 +104,7 @@ class Sight:
         self._clear = _free_rings(walled).tobytes()
 
     def is_free(self, start: Cell, end: Cell) -> bool:
-        """Return whether the line between two free cells touches free ones only; an occupied one's corner counts."""
+        """Return whether the line between two free cells touches only free cells; corners of occupied cells count."""
         (row, column), (to_row, to_column) = start, end
         here = (row + 1) * self._width + column + 1
         along, across = abs(to_row - row), abs(to_column - column)
@@ -119,19 +118,19 @@ class Sight:
         """Check `along` cells from `origin` in steps of `ahead`, and `across` (fewer) in steps of `lateral`."""
         clear, step = self._clear, 0
         while step < along:
-            # between this column of cells and the next the line is this far aside, in halves of 1 / along
+            # lateral offset of the line between this column of cells and the next, in halves of 1 / along
             shift, rest = divmod((2 * step + 1) * across + along, 2 * along)
             cell = origin + step * ahead + shift * lateral
             if not (clear[cell] and clear[cell + ahead]):
                 return False
-            if not rest and not (clear[cell - lateral] and clear[cell - lateral + ahead]):  # through the corner of four
+            if not rest and not (clear[cell - lateral] and clear[cell - lateral + ahead]):  # at a corner of four cells
                 return False
             step += max(1, clear[cell] - 1)
         return True
 
 
 def _free_rings(free: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return how many rings of cells around each are free, itself counted as one; 0 where it is occupied."""
+    """Return the number of free rings of cells around each cell, itself counted as one; 0 if it is occupied."""
     rings, inner = free.astype(np.uint8), free
     for _ in range(_FARTHEST_STEP):
         rows = inner[:-2] & inner[1:-1] & inner[2:]

@@ -1,10 +1,10 @@
 """Shortest path on an occupancy grid: A* with jump-point search, and smoothing of the path.
 
-Moves go to the 8 neighbours at cost 1 and sqrt(2); a diagonal one needs both cells beside it free, so that
-no corner is cut. Of the many equally long paths A* would look at, jump-point search keeps one: diagonal moves
-first, and a turn only where an obstacle allows it (Harabor & Grastien, "Online graph pruning for pathfinding
-on grid maps", AAAI 2011; the variant without corner cutting, SoCS 2012). The next turn in the four straight
-directions is looked up in tables that numpy fills for the whole map at once.
+Moves go to the 8 neighbours at cost 1 and sqrt(2). A diagonal move needs both adjacent cells free, so no corner is cut.
+Of the many equally long paths, jump-point search considers only one: diagonal moves first, and a turn only where an
+obstacle makes it useful (Harabor & Grastien, "Online graph pruning for pathfinding on grid maps", AAAI 2011; the
+variant without corner cutting, SoCS 2012). The next turn in the four straight directions comes from tables that numpy
+computes for the whole map at once.
 """
 
 import heapq
@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from hil.autonomy.paths.occupancy import Cell, OccupancyGrid, Point
 from hil.common.errors import MissionError, NoPathError
 
-# What a diagonal move saves against two straight ones.
+# Saving of a diagonal move compared with two straight ones.
 _SAVING = 2.0 - sqrt(2.0)
-# (rows, columns) of a move, all round from the east over the north: even ones straight, odd ones diagonal.
+# (rows, columns) of a move, from east over north all round: even ones are straight, odd ones diagonal.
 _DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 ALL_DIRECTIONS = tuple(range(8))
 STRIP_ROWS = 64
-# How a path may go on after a move: a straight one up to a right angle, a diagonal one up to half of it.
+# Directions in which a path may go on after a move: up to 90 degrees off a straight one, 45 off a diagonal one.
 _ONWARD = [tuple((d + turn) % 8 for turn in (range(-1, 2) if d % 2 else range(-2, 3))) for d in range(8)]
-# The map as a move to the east, north, west or south sees it: going to growing columns.
+# Views of the map for moves to the east, north, west and south, in which the move is always to the right.
 _VIEWS: tuple[Callable[[NDArray[Any]], NDArray[Any]], ...] = (
     lambda cells: cells,
     lambda cells: cells.T,
@@ -39,9 +39,9 @@ _VIEWS: tuple[Callable[[NDArray[Any]], NDArray[Any]], ...] = (
 def plan(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
     """Return the shortest 8-connected path from `start` to `goal` (m north, m east), as the points where it turns.
 
-    It leads over centres of cells; `start` and `goal` themselves are its ends. Vehicle size is not
-    modelled: inflate the grid. Raises MissionError if an end is off the map or in an obstacle (naming the
-    nearest free point) or if no path exists.
+    It passes through centres of cells; its ends are `start` and `goal` themselves. The vehicle's size is not modelled:
+    inflate the grid first. Raises MissionError if an end is off the map or in an obstacle (naming the nearest free
+    point) or if there is no path.
     """
     check_ends(grid, start, goal)
     cells = _search(~grid.cells, grid.cell(start), grid.cell(goal))
@@ -51,10 +51,10 @@ def plan(grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
 
 
 def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
-    """Return `path` without the detours that a straight line over free cells can replace.
+    """Return `path` without detours that a straight line over free cells can replace.
 
-    From each point the line goes as far along the path as can be seen; the result is short, not shortest.
-    The ends stay.
+    From each point the line goes as far along the path as is visible; the result is short, not the shortest. The ends
+    do not change.
     """
     points = _densify(path, grid.resolution)
     smoothed, here = points[:1], 0
@@ -65,8 +65,8 @@ def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
 
 
 def _last_seen(grid: OccupancyGrid, points: list[Point], here: int) -> int:
-    """Return a point that can be seen from `here` while the one after it cannot: by doubling, then by halving."""
-    seen, unseen = here + 1, len(points)  # the next point is on the path: it needs no check
+    """Return a point visible from `here` whose successor is not; found by doubling, then by bisection."""
+    seen, unseen = here + 1, len(points)  # the next point needs no check, as it is on the path
     while unseen - seen > 1:
         looked_for = min(2 * seen - here, unseen - 1) if unseen == len(points) else (seen + unseen) // 2
         if grid.line_is_free(points[here], points[looked_for]):
@@ -88,14 +88,14 @@ def check_ends(grid: OccupancyGrid, start: Point, goal: Point) -> None:
 
 
 def no_path_error(start: Point, goal: Point) -> NoPathError:
-    """Return the error to raise when no path from `start` to `goal` exists."""
+    """Return the error to raise if there is no path from `start` to `goal`."""
     return NoPathError(
         f"no path from {_text(start)} to {_text(goal)}: obstacles part them; lessen the margin, or the map's cells"
     )
 
 
 def without_repeats(points: list[Point]) -> list[Point]:
-    """Return `points` without those that equal the one before."""
+    """Return `points` without those that equal their predecessor."""
     return [points[0], *(b for a, b in pairwise(points) if a != b)]
 
 
@@ -125,7 +125,7 @@ def _densify(path: Sequence[Point], step: float) -> list[Point]:
 
 
 def _search(free: NDArray[np.bool_], start: Cell, goal: Cell) -> list[Cell] | None:
-    """Return the cells of a shortest path where it turns or might, ends included; None if there is no path."""
+    """Return the cells of a shortest path where it turns or may turn, ends included; None if there is no path."""
     jumps = Jumps(free, goal)
     source, target, width = jumps.index(start), jumps.index(goal), jumps.width
     costs, parents = {source: 0.0}, {source: source}
@@ -166,10 +166,10 @@ def trace(parents: dict[int, int], cell: int) -> list[int]:
 
 
 class Jumps:
-    """End of a move in one direction: the next cell where a shortest path may turn, or the goal.
+    """Ends of moves in one direction: the next cell where a shortest path may turn, or the goal.
 
-    Cells are numbered row by row on the map with a border of one occupied cell, so that no move needs to check
-    for the edge; 0 (a cell of the border) stands for "nowhere".
+    Cells are numbered row by row on the map with a border of one occupied cell, so that no move has to check for the
+    edge. 0, a cell of the border, means that there is no end.
     """
 
     def __init__(self, free: NDArray[np.bool_], goal: Cell) -> None:
@@ -182,7 +182,7 @@ class Jumps:
         for view in _VIEWS:
             table = np.zeros(free.shape, np.int32)
             seen, turns, (row_numbers, column_numbers) = view(free), view(table), map(view, numbers)
-            for start in range(1, len(seen) - 1, STRIP_ROWS):  # what is computed on the way is of a strip alone
+            for start in range(1, len(seen) - 1, STRIP_ROWS):  # in strips, to limit memory for intermediate results
                 end = min(start + STRIP_ROWS, len(seen) - 1)
                 index = row_numbers[start - 1 : end + 1] + column_numbers[start - 1 : end + 1]
                 turns[start:end] = _next_turns(seen[start - 1 : end + 1], index, self._goal)[1:-1]
@@ -204,7 +204,7 @@ class Jumps:
         return row - 1, column - 1
 
     def next(self, cell: int, direction: int) -> int:
-        """Return the end of a move from `cell`."""
+        """Return the end of a move from `cell`; 0 if there is none."""
         if direction % 2 == 0:
             return self._straight[direction // 2][cell]
         step, passable, first, second = self._diagonal[direction // 2]
@@ -217,9 +217,9 @@ class Jumps:
 
 
 def _next_turns(free: NDArray[np.bool_], index: NDArray[np.int32], goal: int) -> NDArray[np.int32]:
-    """Return, for moves to growing columns, each row's next cell where a path may turn, 0 if blocked before.
+    """Return, for moves to the right, each row's next cell where a path may turn; 0 if it is blocked before.
 
-    A path turns beside an obstacle it has just passed: where the neighbour is free and the one behind it is not.
+    A path turns beside the end of an obstacle: where the lateral neighbour is free and the one before it is not.
     """
     wall = ~free
     opening = [_ahead(free, side, 0) & _ahead(wall, side, -1) for side in (-1, 1)]
@@ -233,5 +233,5 @@ def _next_turns(free: NDArray[np.bool_], index: NDArray[np.int32], goal: int) ->
 
 
 def _ahead(cells: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
-    """Return the cells this many rows and columns further; what wraps round lies in the border."""
+    """Return the cells this many rows and columns further; those that wrap around are in the border."""
     return np.roll(cells, (-rows, -columns), axis=(0, 1))

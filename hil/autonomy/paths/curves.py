@@ -1,9 +1,9 @@
 """Curves in three dimensions, parametrised by the distance along them, for trajectories.
 
-Everything that is made of circles and straight lines is a `Chain` of `Piece`s: a straight line, a circle, a helix,
-a Dubins path (`hil.autonomy.paths.dubins`). A spline (`hil.autonomy.paths.spline`) passes smoothly through given
-points. World frame NED: headings in rad from north, clockwise seen from above; a slope is the angle of the curve down
-from the horizontal, so that diving is positive.
+Curves of circular arcs and straight lines are a `Chain` of `Piece`s: a straight line, a circle, a helix, a Dubins path
+(`hil.autonomy.paths.dubins`). A spline (`hil.autonomy.paths.spline`) passes smoothly through given points. The world
+frame is NED: headings in rad from north, clockwise seen from above. The slope is the angle of the curve below the
+horizontal, so it is positive in a dive.
 """
 
 from bisect import bisect_right
@@ -16,17 +16,17 @@ from hil.common.errors import MissionError
 
 Position = tuple[float, float, float]  # north, east, down in m
 
-# Below this turn (rad) a piece is taken as straight: the closed form would divide two small numbers.
+# A piece with a total turn (rad) below this counts as straight, because the closed form would divide by almost 0.
 _STRAIGHT = 1e-9
-# Two pieces whose directions differ by more than this (rad) meet in a corner.
+# Two pieces whose directions differ by more than this (rad) form a corner.
 _CORNER = 1e-6
 
 
 class Place(NamedTuple):
     """A point of a curve.
 
-    `position` m, NED; `heading` and `slope` rad; `turn` rad/m: how fast the heading changes along the curve
-    (positive to starboard), so that a vehicle at v m/s turns at v x turn rad/s.
+    `position` m, NED; `heading` and `slope` rad; `turn` rad/m: change of heading along the curve, positive to
+    starboard. At v m/s a vehicle turns at v x turn rad/s.
     """
 
     position: Position
@@ -36,24 +36,24 @@ class Place(NamedTuple):
 
 
 class Curve(Protocol):
-    """Interface of a curve: its `length` in m and a place for every metre of it; at a corner that of the next piece."""
+    """Interface of a curve: its `length` in m, and the place at each distance; at a corner that of the next piece."""
 
     @property
     def length(self) -> float:
-        """Return the length in m."""
+        """Length in m."""
         ...
 
     def at(self, along: float) -> Place:
-        """Return the place this many metres from the start."""
+        """Return the place at this distance (m) from the start."""
         ...
 
     def corners(self) -> list[float]:
-        """Return where between its ends, in m along it, the direction jumps: the places to stop and turn at."""
+        """Return the distances (m) of the corners between its ends, where a vehicle has to stop and turn."""
         ...
 
 
 class Piece(NamedTuple):
-    """Part of a helix: `length` m from `start` on, at a constant `slope` and `turn` (rad/m; 0 is straight)."""
+    """Part of a helix: `length` m from `start` on, at a constant `slope` and `turn` (rad/m; 0: straight)."""
 
     start: Position
     heading: float
@@ -62,10 +62,10 @@ class Piece(NamedTuple):
     length: float
 
     def at(self, along: float) -> Place:
-        """Return the place this many metres from the start."""
+        """Return the place at this distance (m) from the start."""
         north, east, down = self.start
         level, turned = along * cos(self.slope), along * self.turn
-        # the chord of an arc: as long as the arc times sinc of half the turn, and half the turn off its start
+        # length of the chord: that of the arc times sinc of half the turn; its direction is off by half the turn
         chord = level * (sin(turned / 2.0) / (turned / 2.0) if abs(turned) > _STRAIGHT else 1.0)
         course = self.heading + turned / 2.0
         position = north + chord * cos(course), east + chord * sin(course), down + along * sin(self.slope)
@@ -83,25 +83,25 @@ class Chain:
         self.length = self._ends[-1]
 
     def at(self, along: float) -> Place:
-        """Return the place this many metres from the start, 0 to `length`."""
+        """Return the place at this distance (m) from the start, 0 to `length`."""
         number = min(bisect_right(self._ends, along), len(self.pieces) - 1)
         begins = self._ends[number - 1] if number else 0.0
         return self.pieces[number].at(along - begins)
 
     def corners(self) -> list[float]:
-        """Return where between its ends, in m along it, the direction jumps."""
+        """Return the distances (m) of the corners between its ends."""
         joints = zip(pairwise(self.pieces), self._ends, strict=False)
         return [end for (piece, after), end in joints if _bent(piece.at(piece.length), after)]
 
 
 def _bent(before: Place, after: Piece) -> bool:
-    """Return whether the directions of two pieces differ where they meet."""
+    """Return whether the directions of two pieces differ where they join."""
     heading = abs(remainder(after.heading - before.heading, 2.0 * pi))
     return max(heading, abs(after.slope - before.slope)) > _CORNER
 
 
 def straight(start: Position, end: Position, heading: float = 0.0) -> Piece:
-    """Return the straight line between two points (m, NED). `heading` (rad) holds on one that goes straight down."""
+    """Return the straight line between two points (m, NED). `heading` (rad) is used for a vertical line only."""
     north, east, down = (b - a for a, b in zip(start, end, strict=True))
     level = hypot(north, east)
     if level > 0.0:
@@ -110,7 +110,7 @@ def straight(start: Position, end: Position, heading: float = 0.0) -> Piece:
 
 
 def polyline(points: Sequence[Position]) -> Chain:
-    """Return straight lines from point to point (m, NED). Raises MissionError if fewer than two differ."""
+    """Return straight lines from point to point (m, NED). Raises MissionError if all points are the same."""
     pieces: list[Piece] = []
     for start, end in pairwise(points):
         if start != end:
@@ -121,10 +121,10 @@ def polyline(points: Sequence[Position]) -> Chain:
 
 
 def helix(centre: Position, radius: float, turns: float, dive: float = 0.0, bearing: float = 0.0) -> Chain:
-    """Return a helix of `turns` turns round `centre` (m, NED: that of the first turn), `dive` m deeper at the end.
+    """Return a helix of `turns` turns around `centre` (m, NED, of the first turn), which ends `dive` m deeper.
 
-    `radius` m; it starts at `bearing` (rad from north) seen from the centre and goes clockwise seen from
-    above, with negative `turns` the other way. Raises MissionError for a radius or turns that make no helix.
+    `radius` m. It starts at `bearing` (rad from north) seen from the centre and goes clockwise seen from above, with
+    negative `turns` counter-clockwise. Raises MissionError if `radius` is not positive or `turns` is 0.
     """
     if not radius > 0.0 or turns == 0.0:
         raise MissionError(f"a radius of {radius:g} m and {turns:g} turns make no helix; neither may be 0")

@@ -1,9 +1,10 @@
-"""Incremental path planning on a map that changes: D* Lite.
+"""Incremental path planning on a changing map: D* Lite.
 
 Koenig & Likhachev, "D* Lite", AAAI 2002, the optimised version: the search runs from the goal to the vehicle and is
-repaired where cells change. Worth it where the changes are near the vehicle and the map's other parts are searched
-already; the first plan takes longer than that of `hil.autonomy.paths.astar`, which jumps over open water. Moves and
-corners as there. Lengths are whole numbers (a cell is 2^20): so equal paths stay equal, however they are added up.
+repaired where cells change. It pays off where the changes are near the vehicle and the rest of the map has been
+searched already; the first plan takes longer than with `hil.autonomy.paths.astar`, which jumps over open water. Moves
+and corners are the same as there. Lengths are integers (a cell is 2^20), so equally long paths compare equal, however
+they are summed.
 """
 
 import heapq
@@ -21,9 +22,9 @@ Key = tuple[float, float]
 
 
 class DStarLite:
-    """Planner that reuses its search from one plan to the next, as long as the goal and the map's size stay.
+    """Planner that reuses its search for the next plan, as long as the goal and the map's size do not change.
 
-    `expanded` counts the expanded cells since it was made, a measure of the cost of planning.
+    `expanded` counts the expanded cells, a measure of the cost of planning.
     """
 
     def __init__(self) -> None:
@@ -34,7 +35,8 @@ class DStarLite:
     def plan(self, grid: OccupancyGrid, start: Point, goal: Point) -> list[Point]:
         """Return the shortest 8-connected path from `start` to `goal` (m north, m east), cell by cell.
 
-        Vehicle size is not modelled: inflate the grid. Raises MissionError as `hil.autonomy.paths.astar.plan` does.
+        The vehicle's size is not modelled: inflate the grid first. Raises MissionError as
+        `hil.autonomy.paths.astar.plan` does.
         """
         check_ends(grid, start, goal)
         self._width = int(grid.cells.shape[1]) + 2
@@ -59,15 +61,15 @@ class DStarLite:
         self._free = bytearray(np.pad(~grid.cells, 1).tobytes())
         self._straight = (1, width, -1, -width)
         self._diagonal = tuple((a + b, a, b) for a in (1, -1) for b in (width, -width))
-        self._shift = 0  # "k_m": what the vehicle's own path adds to every key
+        self._shift = 0  # "k_m": sum of the vehicle's own movements, added to every key
         self._costs: dict[int, float] = {}  # "g"
-        self._ahead: dict[int, float] = {goal: 0}  # "rhs": the cost by way of the best neighbour
+        self._ahead: dict[int, float] = {goal: 0}  # "rhs": the cost through the best neighbour
         self._queue: list[tuple[Key, int]] = []
         self._queued: dict[int, Key] = {}
         self._put(goal)
 
     def _repair(self, grid: OccupancyGrid) -> None:
-        """Update the cells that changed; a cell counts for the moves around it, diagonal ones past it too."""
+        """Update the cells that changed and their neighbours, whose moves they affect."""
         changed = [self._index(int(row), int(column)) for row, column in np.argwhere(grid.cells != self._cells)]
         for cell in changed:
             self._free[cell] = not self._free[cell]
@@ -112,14 +114,14 @@ class DStarLite:
         self._update_best_neighbour(cell)
 
     def _update_best_neighbour(self, cell: int) -> None:
-        """Find the best neighbour of a cell again."""
+        """Recompute the best neighbour of a cell."""
         if cell != self._goal:
             costs = [self._costs.get(neighbour, inf) + length for neighbour, length in self._moves(cell)]
             self._ahead[cell] = min(costs, default=inf)
         self._put(cell)
 
     def _put(self, cell: int) -> None:
-        """Queue a cell if its costs are inconsistent, and only then."""
+        """Queue a cell if its two costs differ; else remove it from the queue."""
         if self._costs.get(cell, inf) == self._ahead.get(cell, inf):
             self._queued.pop(cell, None)
             return
@@ -131,7 +133,7 @@ class DStarLite:
         return cost + self._octile(self._start, cell) + self._shift, cost
 
     def _moves(self, cell: int) -> list[tuple[int, int]]:
-        """Yield the neighbours and their distances."""
+        """Return the free neighbours and their distances."""
         free = self._free
         if not free[cell]:
             return []

@@ -1,10 +1,10 @@
 """Dubins paths with climb: shortest paths of a vehicle that cannot turn on the spot.
 
-In the plane it is one of six words of three pieces, arcs of the least radius and a straight line between or an
-arc (Dubins, American Journal of Mathematics 79, 1957; closed forms after Shkel & Lumelsky, Robotics and
-Autonomous Systems 34, 2001). The depth changes evenly along the path. Where the plane path is too short for the
-steepest slope, whole circles to starboard are added at the end, as wide as the slope allows (Chitsaz & LaValle,
-CDC 2007, for the case of high altitude). That is a good path, not always the shortest in three dimensions.
+In the plane the path is one of six words of three pieces: two arcs of the least radius with a straight line or an arc
+between them (Dubins, American Journal of Mathematics 79, 1957; closed forms after Shkel & Lumelsky, Robotics and
+Autonomous Systems 34, 2001). The depth changes linearly along the path. If the plane path is too short for the steepest
+slope, whole circles to starboard are added at the end, enlarged to fit the slope (Chitsaz & LaValle, CDC 2007, for the
+case of high altitude). The result is good, but not always the shortest in three dimensions.
 """
 
 from collections.abc import Callable
@@ -29,8 +29,8 @@ class Pose(NamedTuple):
 def dubins(start: Pose, end: Pose, radius: float, steepest: float = pi / 6.0) -> Chain:
     """Return the Dubins path from `start` to `end` with turns of `radius` m, nowhere steeper than `steepest` rad.
 
-    Raises MissionError for a radius that is not above 0 or a steepest slope outside 0 to 90 degrees, and if start
-    and end are the same.
+    Raises MissionError if the radius is not positive, the steepest slope is not between 0 and 90 degrees, or start and
+    end have the same horizontal pose.
     """
     if not radius > 0.0 or not 0.0 < steepest < pi / 2.0:
         raise MissionError("a Dubins path needs a turning radius above 0 m and a steepest slope between 0 and 90 deg")
@@ -46,7 +46,7 @@ def dubins(start: Pose, end: Pose, radius: float, steepest: float = pi / 6.0) ->
 
 
 def _laid_out(start: Pose, pieces: list[tuple[float, float]], slope: float) -> Chain:
-    """Return pieces (turn per level metre, level length) one after the other, all at one slope."""
+    """Return a chain of pieces (turn per horizontal metre, horizontal length), all with one slope."""
     laid: list[Piece] = []
     position, heading = start
     for turn, level in pieces:
@@ -59,10 +59,10 @@ def _laid_out(start: Pose, pieces: list[tuple[float, float]], slope: float) -> C
 
 
 def _shortest(heading: float, end_heading: float, north: float, east: float) -> tuple[Lengths, Lengths]:
-    """Return the best word: turn of each piece (1 to starboard, -1 to port, 0 straight) and its length, in radii."""
+    """Return the best word: turn of each piece (1 to starboard, -1 to port, 0 straight), and lengths in radii."""
     distance, course = hypot(north, east), atan2(east, north)
     candidates: list[tuple[Lengths, Lengths]] = []
-    for side in (1.0, -1.0):  # what begins to port is the mirror image of what begins to starboard
+    for side in (1.0, -1.0):  # words that begin to port are mirror images of those that begin to starboard
         a, b = side * (heading - course), side * (end_heading - course)
         for (first, second, third), word in _WORDS:
             lengths = word(a, b, distance)
@@ -72,7 +72,7 @@ def _shortest(heading: float, end_heading: float, north: float, east: float) -> 
 
 
 def _same_turns(a: float, b: float, distance: float) -> Lengths | None:
-    """Starboard, straight, starboard: the headings `a` and `b` against the line from start to end."""
+    """Starboard, straight, starboard; `a` and `b` are the headings relative to the line from start to end."""
     ahead, lateral = distance + sin(a) - sin(b), cos(b) - cos(a)
     course = atan2(lateral, ahead)
     return _round(course - a), hypot(ahead, lateral), _round(b - course)
@@ -90,7 +90,7 @@ def _opposite_turns(a: float, b: float, distance: float) -> Lengths | None:
 
 
 def _three_turns(a: float, b: float, distance: float) -> Lengths | None:
-    """Starboard, port, starboard: only for ends near each other."""
+    """Starboard, port, starboard; only for ends that are near each other."""
     ahead, lateral = distance + sin(a) - sin(b), cos(b) - cos(a)
     cosine = 1.0 - (ahead * ahead + lateral * lateral) / 8.0
     if cosine < -1.0:
@@ -101,7 +101,7 @@ def _three_turns(a: float, b: float, distance: float) -> Lengths | None:
 
 
 def _round(angle: float) -> float:
-    """Return `angle` in [0, 2 pi); what is less than that by rounding only is 0, not a whole circle."""
+    """Return `angle` in [0, 2 pi); a value slightly below 2 pi by rounding gives 0, not a whole circle."""
     angle %= 2.0 * pi
     return 0.0 if angle > 2.0 * pi - _DUST else angle
 

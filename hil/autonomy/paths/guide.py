@@ -1,9 +1,9 @@
-"""Travel to a goal on a partly known map: plan a path, follow it, avoid obstacles, plan again.
+"""Travel to a goal on a partly known map: plan a path, follow it, avoid obstacles, replan.
 
-A* finds the path on the map, pure pursuit follows it, VFH+ bends the heading and the speed round whatever the scan
-shows. The scans go into the map as well; when an obstacle turns up on the path, the rest is replanned. With a map of
-the world this is the map-known mode, with one that lacks obstacles or is empty (`OccupancyGrid.empty`) the
-obstacle-unknown mode: nothing else differs.
+A* finds the path on the map, pure pursuit follows it, and VFH+ changes heading and speed to avoid what the scan shows.
+The scans also update the map; if an obstacle appears on the path, the rest is replanned. With a map of the world this
+is the map-known mode; with an incomplete or empty map (`OccupancyGrid.empty`) it is the obstacle-unknown mode. Nothing
+else differs.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,11 +25,11 @@ from hil.common.schema import Range
 
 Search = Callable[[OccupancyGrid, Point, Point], list[Point]]
 
-_SCANS_TO_REPLAN = 10  # scans between two plans where there was no path
+_SCANS_TO_REPLAN = 10  # scans between two attempts while there is no path
 
 
 class GuideSettings(NamedTuple):
-    """Settings of a `Guide`: m/s, m, rad/s. `margin` m from obstacles is planned beyond the vehicle's radius."""
+    """Settings of a `Guide` in m, m/s and rad/s. Paths keep `margin` from obstacles besides the vehicle's radius."""
 
     vfh: VfhSettings
     speed: Annotated[float, Range(0.01, 5.0, "m/s")] = 0.5
@@ -43,9 +43,9 @@ class Guide:
     """Guidance of a vehicle from `start` to `goal` (m north, m east), scan by scan.
 
     `search` finds the path on an inflated map: `astar.plan`, `any_angle.plan_any_angle` or the `plan` of a
-    `dstar.DStarLite`. Raises MissionError if the map at the start shows no path. Afterwards `path` is the path,
-    `plans` how many were made, `progress` the share of the path that is done, `done` whether the goal is reached,
-    `stuck` why there is no path any more; it looks for one again as the map changes.
+    `dstar.DStarLite`. Raises MissionError if the map at the start shows no path. Attributes: `path`: the present path;
+    `plans`: number of plans made; `progress`: share of the path that is done; `done`: whether the goal is reached;
+    `stuck`: why there is no path any more, else "". While stuck, it replans as the map changes.
     """
 
     def __init__(
@@ -83,15 +83,15 @@ class Guide:
         return self._pursuit.progress
 
     def _may_be_free(self) -> bool:
-        """Return whether it is time to plan again where there was no path."""
+        """Return whether to replan now, after no path was found."""
         self._waited = self._waited + 1 if self.stuck else 0
         return self._waited > 0 and self._waited % _SCANS_TO_REPLAN == 0
 
     def _plan(self, start: Point, clearance: float | None = None) -> None:
-        """Plan a path from `start` on the map so far, at least `clearance` m from obstacles, and start to follow it."""
+        """Plan a path from `start` on the present map, `clearance` m from obstacles, and start to follow it."""
         vfh, margin = self._settings.vfh, self._settings.margin
         inflated = self.map.grid.inflate(vfh.radius + margin if clearance is None else clearance)
-        if clearance is not None:  # the vehicle may be nearer to an obstacle than it would plan to go
+        if clearance is not None:  # the vehicle may be nearer to an obstacle than the clearance
             start = inflated.nearest_free(start) or start
         self.path = smooth(inflated, self._search(inflated, start, self._goal))
         self.plans += 1
@@ -104,7 +104,7 @@ class Guide:
         )
 
     def _plan_again(self, here: Point) -> None:
-        """Plan with a smaller margin where there is no path with the whole one; without any path the vehicle stays."""
+        """Replan, with a smaller margin if there is no path with the full one; without any path the vehicle stops."""
         vfh, margin = self._settings.vfh, self._settings.margin
         for clearance in (vfh.radius + margin, vfh.radius + 0.5 * margin):
             try:
@@ -116,7 +116,7 @@ class Guide:
                 return
 
     def _is_blocked_by(self, cells: NDArray[np.intp]) -> bool:
-        """Return whether one of these cells is nearer to the path than half the margin allows."""
+        """Return whether one of these cells is nearer to the path than the radius plus half the margin."""
         grid, settings = self.map.grid, self._settings
         centres = (cells + 0.5) * grid.resolution + grid.origin
         allowed = settings.vfh.radius + 0.5 * settings.margin
@@ -124,7 +124,7 @@ class Guide:
 
 
 def _distance(points: NDArray[np.floating], start: Point, end: Point) -> float:
-    """Return the distance of the nearest of `points` from the straight line between `start` and `end`, m."""
+    """Return the distance (m) of the nearest of `points` from the straight line between `start` and `end`."""
     leg = np.subtract(end, start)
     share = np.clip((points - start) @ leg / (leg @ leg), 0.0, 1.0)
     return float(np.min(np.linalg.norm(points - start - share[:, None] * leg, axis=1)))

@@ -1,8 +1,8 @@
-"""Mapping from scans: echoes of a scanning laser or sonar in an occupancy grid.
+"""Mapping from scans: update an occupancy grid with the echoes of a scanning laser or sonar.
 
-Each cell has the logarithm of its odds of being occupied: an echo adds to it, a beam that passes takes away, and
-bounds let it change its mind (Moravec & Elfes, ICRA 1985; the numbers are OctoMap's, Hornung et al., Autonomous
-Robots 34, 2013). What a map showed before stays occupied. Errors of the vehicle's position are not modelled: they
+Each cell has the logarithm of its odds of being occupied: an echo increases it, a beam that passes decreases it, and
+bounds allow later changes (Moravec & Elfes, ICRA 1985; the constants are those of OctoMap, Hornung et al., Autonomous
+Robots 34, 2013). Cells that were occupied at the start stay so. Errors of the vehicle's position are not modelled; they
 blur the map.
 """
 
@@ -23,7 +23,7 @@ _LEAST, _MOST = -2.0, 3.5
 
 
 class LaserMap:
-    """Map `known` updated by scans; echoes beyond `reach` m are ignored. `grid` is the map so far."""
+    """Map `known`, updated by scans; echoes beyond `reach` m are ignored. `grid` is the present map."""
 
     def __init__(self, known: OccupancyGrid, reach: float) -> None:
         self.grid = OccupancyGrid(known.cells.copy(), known.resolution, known.origin)
@@ -34,7 +34,7 @@ class LaserMap:
     def add(self, position: Sequence[float], heading: float, scan: Scan) -> NDArray[np.intp]:
         """Add a scan taken at `position` (m north, m east) and `heading` (rad from north, clockwise).
 
-        Returns the cells (rows of row and column) that were free before and are occupied now.
+        Returns the cells (n x 2, row and column) that are newly occupied.
         """
         angles = heading + scan.first + scan.step * np.arange(len(scan.ranges))
         ranges = np.array([d if isfinite(d) and d > 0.0 else np.inf for d in scan.ranges])
@@ -54,7 +54,7 @@ class LaserMap:
         angles: Floats,
         hits: Cells,
     ) -> None:
-        """Reduce the odds of the cells that the beams passed, once a scan, except those with an echo."""
+        """Decrease the odds of the cells that beams passed, once for each scan, except those with an echo."""
         steps = np.arange(0.0, self._reach, 0.7 * self.grid.resolution)
         along, turned = np.broadcast_arrays(steps[:, None], angles)
         short = along < ranges - self.grid.resolution
@@ -64,7 +64,7 @@ class LaserMap:
         self._odds[passed] = np.maximum(self._odds[passed] + _MISS, _LEAST)
 
     def _cells(self, position: Sequence[float], ranges: Floats, angles: Floats) -> Cells:
-        """Return the cells of the map at these distances and headings, each as often as it is met."""
+        """Return the cells of the map at these distances and headings, with repetitions."""
         (south, west), resolution = self.grid.origin, self.grid.resolution
         rows = np.floor((position[0] + ranges * np.cos(angles) - south) / resolution).astype(np.intp)
         columns = np.floor((position[1] + ranges * np.sin(angles) - west) / resolution).astype(np.intp)

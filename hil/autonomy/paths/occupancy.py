@@ -1,4 +1,4 @@
-"""Occupancy grids: cells of a map that a vehicle must keep out of, and their ROS map files."""
+"""Occupancy grids: maps of cells that a vehicle must avoid, and their ROS map files."""
 
 import os
 import re
@@ -14,18 +14,18 @@ from hil.common.tables import read_bytes
 from hil.common.text import clean
 
 Point = tuple[float, float]  # north, east in m
-Cell = tuple[int, int]  # row, column: counted to the north and to the east
+Cell = tuple[int, int]  # row, column; rows count to the north, columns to the east
 
-LARGEST_YAML = 1 << 20  # bytes; one of map_server has some hundred
+LARGEST_YAML = 1 << 20  # bytes; a map_server file has some hundred
 LARGEST_IMAGE = 1 << 28  # bytes: 16,384 x 16,384 cells
-STRIP = 1 << 17  # cells that are looked at together: what is computed of them takes some MB
-LONGEST_HEADER = 1 << 16  # bytes, of which nearly all may be comments
-FINEST, COARSEST = 1e-3, 1e3  # m, of a cell
-FARTHEST = 1e5  # m north and east, as in a world
+STRIP = 1 << 17  # cells that are processed together, to limit intermediate results to some MB
+LONGEST_HEADER = 1 << 16  # bytes, most of which may be comments
+FINEST, COARSEST = 1e-3, 1e3  # m, limits of the cell size
+FARTHEST = 1e5  # m north and east, as for a world
 _PGM_HEADER = re.compile(rb"P5" + 2 * rb"(?:\s|#[^\n]*\n)+([0-9]{1,9})" + rb"(?:\s|#[^\n]*\n)+255\s")
 
-_GREY = np.array((254, 0), np.uint8)  # of free and occupied cells, as ROS map_saver writes them
-# Lines are looked at this far (in cells) to both sides, so that none slips between two cells at a corner.
+_GREY = np.array((254, 0), np.uint8)  # values of free and occupied cells, as written by ROS map_saver
+# A line is checked with this half width (in cells), so that it cannot pass between two cells at a corner.
 _HALF_WIDTH = 1e-6
 
 
@@ -41,8 +41,8 @@ class Extent(NamedTuple):
 class OccupancyGrid:
     """Square cells, each free or occupied. Points off the map count as occupied.
 
-    `cells`: bool array, True where occupied; row 0 is the southernmost, column 0 the westernmost.
-    `resolution`: the side of a cell, m. `origin`: north and east (m) of the south-west corner of the map.
+    `cells`: bool array, True for occupied; row 0 is the southernmost, column 0 the westernmost. `resolution`: size of a
+    cell, m. `origin`: north and east (m) of the map's south-west corner.
     """
 
     def __init__(self, cells: NDArray[np.bool_], resolution: float, origin: Point) -> None:
@@ -64,11 +64,11 @@ class OccupancyGrid:
         margin: float = 0.0,
         vectorised: bool = False,
     ) -> "OccupancyGrid":
-        """Return a map of `extent`: a cell is occupied where the clearance at its centre is `margin` or less.
+        """Return a map of `extent`; a cell is occupied if the clearance at its centre is `margin` or less.
 
-        `clearance(north, east)` gives m to the nearest obstacle (below 0 inside); with `vectorised` it takes
-        and gives arrays. What is smaller than a cell may fall between the centres: for a true distance a
-        margin of 0.71 cells prevents that. Raises ConfigError if the extent holds no cell.
+        `clearance(north, east)` returns the distance (m) to the nearest obstacle, negative inside; if `vectorised`,
+        with arrays. An obstacle smaller than a cell may be missed between centres; for a true distance, a margin of
+        0.71 cells prevents this. Raises ConfigError if the extent contains no cell or too many.
         """
         rows = ceil((extent.north - extent.south) / resolution - 1e-9)
         columns = ceil((extent.east - extent.west) / resolution - 1e-9)
@@ -90,11 +90,11 @@ class OccupancyGrid:
         return cls(cells, resolution, (extent.south, extent.west))
 
     def inflate(self, radius: float) -> "OccupancyGrid":
-        """Return the map with every cell occupied whose centre is within `radius` m of an occupied cell's centre."""
+        """Return a map with every cell occupied whose centre is within `radius` m of an occupied cell's centre."""
         reach = radius / self.resolution + 1e-9
         rows, columns = self.cells.shape
         grown = self.cells.copy()
-        # how many occupied cells lie west of each column: a disc is a stack of runs, each the difference of two sums
+        # number of occupied cells west of each column: a disc is a stack of runs, each a difference of two sums
         sums = np.zeros((rows, columns + 1), np.int32)
         np.cumsum(self.cells, axis=1, out=sums[:, 1:])
         index = np.arange(columns)
@@ -105,7 +105,7 @@ class OccupancyGrid:
         return OccupancyGrid(grown, self.resolution, self.origin)
 
     def cell(self, point: Point) -> Cell:
-        """Return the cell around `point`, which may lie outside of the map."""
+        """Return the cell that contains `point`; it may be off the map."""
         north, east = self._scaled(point)
         return floor(north), floor(east)
 
@@ -127,7 +127,7 @@ class OccupancyGrid:
         return self.contains(point) and not bool(self.cells[self.cell(point)])
 
     def nearest_free(self, point: Point) -> Point | None:
-        """Return the centre of the free cell nearest to `point`, None if there is none."""
+        """Return the centre of the free cell nearest to `point`; None if there is none."""
         least, found = np.inf, None
         for part in _strips(*self.cells.shape):
             free = np.argwhere(~self.cells[part]) + np.array((part.start, 0))
@@ -140,7 +140,7 @@ class OccupancyGrid:
         return self.centre(found) if found else None
 
     def line_is_free(self, start: Point, end: Point) -> bool:
-        """Return whether the straight line touches free cells only; the corner of an occupied one counts."""
+        """Return whether the straight line touches only free cells; corners of occupied cells count."""
         (north, east), (to_north, to_east) = self._scaled(start), self._scaled(end)
         d_north, d_east = to_north - north, to_east - east
         length = hypot(d_north, d_east)
@@ -153,7 +153,7 @@ class OccupancyGrid:
         )
 
     def _strip_is_free(self, north: float, east: float, d_north: float, d_east: float) -> bool:
-        """Return `line_is_free` in cells: between two crossings of grid lines the line is in one cell."""
+        """Return `line_is_free` in units of cells; between two crossings of grid lines the line is in one cell."""
         cuts = np.sort(np.concatenate(([0.0, 1.0], _crossings(north, d_north), _crossings(east, d_east))))
         middles = 0.5 * (cuts[1:] + cuts[:-1])
         rows = np.floor(north + middles * d_north).astype(np.intp)
@@ -167,10 +167,10 @@ class OccupancyGrid:
         return (point[0] - self.origin[0]) / self.resolution, (point[1] - self.origin[1]) / self.resolution
 
     def write_pgm(self, path: str) -> None:
-        """Write the map as ROS `map_server` reads it: a P5 image at `path` ("x.pgm") and "x.yaml" beside it.
+        """Write the map for ROS `map_server`: a P5 image at `path` ("x.pgm") and "x.yaml" beside it.
 
-        ROS has x to the east and y to the north (REP 103): the image's first row is the north edge, the
-        origin the south-west corner. Raises ConfigError if the files cannot be written.
+        ROS has x to the east and y to the north (REP 103): the first row of the image is the north edge, the origin the
+        south-west corner. Raises ConfigError if the files cannot be written.
         """
         rows, columns = self.cells.shape
         north, east = self.origin
@@ -195,9 +195,9 @@ class OccupancyGrid:
 
     @classmethod
     def read(cls, path: str) -> "OccupancyGrid":
-        """Read the map described by the map_server YAML file at `path`; unknown cells count as occupied.
+        """Read the map of the map_server YAML file at `path`; unknown cells count as occupied.
 
-        Raises ConfigError for anything but an 8-bit P5 image and an unturned origin.
+        Raises ConfigError unless the image is an 8-bit P5 and the origin is not rotated.
         """
         settings = _read_settings(path)
         try:
@@ -219,7 +219,7 @@ class OccupancyGrid:
 
 
 def _crossings(start: float, change: float) -> NDArray[np.float64]:
-    """Return where, as shares of the line, a coordinate from `start` changed by `change` passes whole numbers."""
+    """Return where a coordinate from `start` to `start + change` crosses integers, as shares of the line."""
     if change == 0.0:
         return np.empty(0)
     low, high = min(start, start + change), max(start, start + change)
@@ -236,7 +236,7 @@ def _read_settings(path: str) -> dict[str, str]:
 
 
 def _read_pgm(path: str) -> NDArray[np.uint8]:
-    """Return the grey levels of a P5 file, row 0 at its top. Raises ConfigError or ValueError."""
+    """Return the grey levels of a P5 file, with the top row first. Raises ConfigError or ValueError."""
     data = read_bytes(path, LARGEST_IMAGE)
     header = _PGM_HEADER.match(data, 0, LONGEST_HEADER)
     if not header:
@@ -246,7 +246,7 @@ def _read_pgm(path: str) -> NDArray[np.uint8]:
 
 
 def _strips(rows: int, columns: int) -> list[slice]:
-    """Return the rows in strips of two or more, as far as there are so many."""
+    """Return the rows divided into strips of at least two rows, if there are as many."""
     step = max(2, STRIP // columns)
     starts = [0, *range(step, rows - 1, step)]
     return [slice(start, end) for start, end in zip(starts, [*starts[1:], rows], strict=True)]

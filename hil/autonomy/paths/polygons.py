@@ -1,4 +1,4 @@
-"""Test which points are inside areas that are given by unordered edges, with holes."""
+"""Test which points are inside areas, possibly with holes, that are defined by unordered edges."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,7 @@ Edges = tuple[Array, ...]  # each (n, 2) north, east in m
 
 
 def segments(edges: Iterable[Array]) -> tuple[Array, Array]:
-    """Return the starts and the ends of all straight pieces, (n, 2) each."""
+    """Return the start and end points of all straight segments, (n, 2) each."""
     edges = list(edges)
     if not edges:
         return np.empty((0, 2)), np.empty((0, 2))
@@ -20,9 +20,9 @@ def segments(edges: Iterable[Array]) -> tuple[Array, Array]:
 
 
 def fill(edges: Edges, north: Array, east: Array) -> tuple[Window, Mask]:
-    """Return which crossings of the growing arrays `north` and `east` (m) are inside.
+    """Return which nodes of the grid of increasing `north` and `east` (m) are inside the area.
 
-    The rows and columns around the area, and of those crossings whether each is in it.
+    The result is the window of rows and columns around the area, and a mask of its nodes.
     """
     start, end = segments(edges)
     if not len(start):
@@ -37,9 +37,9 @@ def _within(axis: Array, start: Array, end: Array) -> slice:
 
 
 def _crossed(start: Array, end: Array, north: Array, east: Array) -> Mask:
-    """Return where, coming from the west along a row, an odd number of edges has been crossed."""
+    """Return the nodes where an odd number of edges has been crossed, coming from the west along a row."""
     first, last = np.sort([np.searchsorted(north, start[:, 0]), np.searchsorted(north, end[:, 0])], axis=0)
-    counts = last - first  # the rows that each edge crosses
+    counts = last - first  # number of rows that each edge crosses
     which = np.repeat(np.arange(len(start)), counts)
     rows = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts) + first[which]
     share = (north[rows] - start[which, 0]) / (end[which, 0] - start[which, 0])
@@ -51,14 +51,14 @@ def _crossed(start: Array, end: Array, north: Array, east: Array) -> Mask:
 
 
 def edge_distance(start: Array, end: Array, north: Array, east: Array) -> tuple[Window, Array]:
-    """Return how far crossings of `north` and `east`, evenly `north[1] - north[0]` m apart, are from straight pieces.
+    """Return the distances of grid nodes from straight segments; the grid spacing is `north[1] - north[0]` m.
 
-    `start`, `end`: of the pieces, (n, 2). The rows and columns around them, and of those crossings the distance in
-    spacings, float32: right where it is less than 1.5, larger or inf elsewhere.
+    `start`, `end`: end points of the segments, (n, 2). The result is the window of rows and columns around them, and
+    the distance of each of its nodes, in spacings, float32: exact below 1.5, larger or inf elsewhere.
     """
     spacing, corner = north[1] - north[0], np.array([north[0], east[0]])
     start, along = (start - corner) / spacing, (end - start) / spacing
-    counts = np.maximum(1, np.ceil(np.hypot(*along.T))).astype(np.intp)  # of parts no longer than a spacing
+    counts = np.maximum(1, np.ceil(np.hypot(*along.T))).astype(np.intp)  # number of parts no longer than a spacing
     which = np.repeat(np.arange(len(start)), counts)
     part = (np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts))[:, None]
     along = (along / counts[:, None])[which]
@@ -84,7 +84,7 @@ def edge_distance(start: Array, end: Array, north: Array, east: Array) -> tuple[
 
 
 def contains(edges: Edges, points: Array) -> Mask:
-    """Return which of `points` (n, 2) north, east are inside: (n,)."""
+    """Return which of the `points` (n, 2), north and east, are inside: (n,)."""
     inside = np.zeros(len(points), bool)
     start, end = segments(edges)
     if not len(start):

@@ -1,8 +1,8 @@
-"""Pure pursuit: follow a path by steering for a point ahead on it (Coulter 1992, CMU-RI-TR-92-01).
+"""Pure pursuit: follow a path by steering toward a point ahead on it (Coulter 1992, CMU-RI-TR-92-01).
 
-Coulter's curvature 2 sin(error) / lookahead at the cruising speed is a turn rate of 2 speed / lookahead for
-each radian of heading error. That gain is kept while the vehicle slows down, so that it turns on the spot
-where the path bends sharply. Currents are not modelled: the velocity controller holds speed over ground.
+Coulter's curvature 2 sin(error) / lookahead at cruising speed is a turn rate of 2 speed / lookahead for each radian of
+heading error. This gain stays the same while the vehicle slows down, so it turns on the spot at sharp bends. Currents
+are not modelled: the velocity controller controls the speed over ground.
 """
 
 from collections.abc import Sequence
@@ -15,18 +15,17 @@ from hil.common.errors import MissionError
 
 Point = tuple[float, float]  # north, east in m
 
-# A bend beyond this angle is a place to stop and turn at; a smaller one is rounded off.
+# A bend sharper than this angle is a place to stop and turn; other bends are cut.
 _SHARP = 100.0 * pi / 180.0
 
 
 class PurePursuit:
-    """Path follower along `path` (points in m north, m east), which stops at the end.
+    """Path follower along `path` (points in m north, m east); the vehicle stops at the end.
 
-    `lookahead` m: how far ahead on the path to steer for; it sets how much corners are cut (up to about a
-    third of it). `speed` m/s is slowed by the heading error and within one lookahead of a stop. The turn rate
-    stays within `max_yaw_rate` rad/s. A stop, and with it the end, counts as reached within `tolerance` m.
-    `depth` (m) is passed on with every command. Raises MissionError if the path is empty or a parameter is
-    not positive.
+    `lookahead` m: distance ahead on the path of the point to steer toward; corners are cut by up to about a third of
+    it. `speed` m/s is reduced by the heading error, and within one lookahead of a stop. The turn rate is limited to
+    `max_yaw_rate` rad/s. A stop, and the end, counts as reached within `tolerance` m. `depth` (m) is copied to every
+    command. Raises MissionError if the path is empty or a parameter is not positive.
     """
 
     def __init__(
@@ -50,7 +49,7 @@ class PurePursuit:
         self._path = _Path(path)
         self._stops = self._path.stops()
         self._stop = self._stops.pop(0)
-        self._passed = 0.0  # where the last stop was
+        self._passed = 0.0  # distance along the path of the last stop
         self._along = 0.0
         self.aim = 0.0
         self.cross_track = 0.0
@@ -58,11 +57,11 @@ class PurePursuit:
         self.done = False
 
     def update(self, position: Sequence[float], heading: float) -> VelocityCommand:
-        """Return the command at `position` (m north, m east; more is ignored) and `heading` (rad from north).
+        """Return the command at `position` (m north, m east; other values are ignored) and `heading` (rad from north).
 
-        `aim` is then the heading (rad) of the point steered for; `cross_track` the distance from the path in m,
-        positive to its starboard; `progress` the share of the path that has been reached, 0 to 1; `done` turns
-        true for good at the end.
+        Sets `aim`, the heading (rad) to the point ahead; `cross_track`, the distance from the path in m, positive to
+        its starboard; `progress`, the share of the path that is done, 0 to 1; and `done`, which stays true once the end
+        is reached.
         """
         here = position[0], position[1]
         self._locate(here)
@@ -80,7 +79,7 @@ class PurePursuit:
         return VelocityCommand(surge=self._surge(here, error), yaw_rate=turn, depth=self._depth)
 
     def _locate(self, here: Point) -> None:
-        """Move to the nearest place of the path, not far from the last: a path may come near itself."""
+        """Find the nearest point of the path, not far from the last one, as a path may come near itself."""
         low = max(self._passed, self._along - self._lookahead)
         high = min(self._stop, self._along + self._lookahead)
         self._along, self.cross_track = self._path.nearest(here, low, high)
@@ -98,7 +97,7 @@ class PurePursuit:
 
 
 class _Leg(NamedTuple):
-    """A straight piece of the path: its start, its direction as a unit vector, and where it lies along the path."""
+    """A straight leg of the path: start, direction as a unit vector, and its begin and end along the path (m)."""
 
     start: Point
     direction: Point
@@ -106,7 +105,7 @@ class _Leg(NamedTuple):
     ends: float
 
     def at(self, along: float) -> Point:
-        """Return the point this many metres along the path."""
+        """Return the point at this distance (m) along the path."""
         distance = along - self.begins
         return self.start[0] + distance * self.direction[0], self.start[1] + distance * self.direction[1]
 
@@ -127,7 +126,7 @@ class _Path:
             self._legs.append(_Leg((points[0][0], points[0][1]), (1.0, 0.0), 0.0, 0.0))
 
     def stops(self) -> list[float]:
-        """Return where to stop: at the sharp bends and at the end."""
+        """Return where to stop: at sharp bends and at the end."""
         bends = [
             leg.ends
             for leg, after in pairwise(self._legs)
@@ -136,12 +135,12 @@ class _Path:
         return [*bends, self.length]
 
     def at(self, along: float) -> Point:
-        """Return the point this many metres along."""
+        """Return the point at this distance (m) along the path."""
         leg = next((leg for leg in self._legs if along < leg.ends), self._legs[-1])
         return leg.at(along)
 
     def nearest(self, point: Point, low: float, high: float) -> tuple[float, float]:
-        """Return the place between `low` and `high` nearest to `point`, and its distance to starboard of it."""
+        """Return the place (m along) nearest to `point` between `low` and `high`, and its offset to starboard."""
         best, least, side = low, float("inf"), 1.0
         for leg in self._legs:
             if leg.begins > high or leg.ends < low:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from hil.autonomy.paths.curves import Place, Position
 from hil.common.errors import MissionError
 
-# Gauss-Legendre on [-1, 1]: node and weight.
+# Gauss-Legendre quadrature on [-1, 1]: node and weight.
 _NODES = (
     (0.0, 0.5688888888888889),
     (-0.5384693101056831, 0.47862867049936647),
@@ -17,18 +17,18 @@ _NODES = (
     (-0.9061798459386640, 0.23692688505618908),
     (0.9061798459386640, 0.23692688505618908),
 )
-_PARTS = 4  # between two points the curve is measured in so many parts at least
-_PRECISION = 1e-9  # of the distance of the two points: a part is halved until its length is known to this
-_MOST_STEPS = 40  # a bisection alone finds a place to 1e-12 of its part
-_LEVEL = 1e-9  # where it goes straight down, or stops in a cusp, the heading has no defined turn
+_PARTS = 4  # least number of parts between two points for measuring the length
+_PRECISION = 1e-9  # share of the distance between two points; parts are halved until their length is this precise
+_MOST_STEPS = 40  # enough for a bisection alone to find a place to 1e-12 of its part
+_LEVEL = 1e-9  # horizontal share below which (vertical, or in a cusp) the turn of the heading is undefined
 
 
 class Spline:
     """Natural cubic spline through `points` (m, NED).
 
-    Its parameter is the chord length from point to point; direction and curvature have no jumps (de Boor,
-    "A Practical Guide to Splines", 2001, chapter IV), but for a cusp where the points lead straight back.
-    `length` m. Raises MissionError if fewer than two points are given or two neighbours are the same.
+    Its parameter is the chord length from point to point. Direction and curvature are continuous (de Boor, "A Practical
+    Guide to Splines", 2001, chapter IV), except in a cusp where the points lead straight back. `length` m. Raises
+    MissionError if there are fewer than two points or two neighbouring points are the same.
     """
 
     def __init__(self, points: Sequence[Position]) -> None:
@@ -46,13 +46,13 @@ class Spline:
         self.length = self._begins[-1]
 
     def at(self, along: float) -> Place:
-        """Return the place this many metres from the start, 0 to `length`."""
+        """Return the place at this distance (m) from the start, 0 to `length`."""
         number = min(max(bisect_right(self._begins, along) - 1, 0), len(self._parts) - 1)
         part = self._parts[number]
         return part.place(part.find(along - self._begins[number], self._begins[number + 1] - self._begins[number]))
 
     def corners(self) -> list[float]:
-        """Return an empty list: the direction jumps nowhere."""
+        """Return an empty list: the direction is continuous."""
         return []
 
 
@@ -75,7 +75,7 @@ class _Cubic(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A piece of the curve: north, east, down as cubics, from the parameter `begin` over `size`."""
+    """A part of the curve: north, east, down as cubics, from the parameter `begin` over `size`."""
 
     cubics: Sequence[_Cubic]
     begin: float
@@ -85,14 +85,15 @@ class _Part(NamedTuple):
         return hypot(*(cubic.slope(self.begin + t) for cubic in self.cubics))
 
     def measure(self, t: float) -> float:
-        """Return the length in m up to `t` after the beginning."""
+        """Return the length (m) up to the parameter `t` after the beginning."""
         return 0.5 * t * sum(weight * self.speed(0.5 * t * (1.0 + node)) for node, weight in _NODES)
 
     def split(self, precision: float) -> Iterator["_Part"]:
-        """Halve this part until the length of each piece is known to `precision` (m); return them in the curve's order.
+        """Halve this part until the length of each piece is known to `precision` (m); yield the pieces in order.
 
-        Near a cusp the speed falls to 0 and rises again within a part, which no one rule measures: two that agree may
-        both be wrong. So the speed must not vary much within a piece, unless the piece is as short as the precision.
+        Near a cusp the speed falls to 0 and rises again within a part. No single quadrature rule measures this: two
+        that agree may both be wrong. So the speed must not vary much within a piece, unless the piece is shorter than
+        the precision.
         """
         half = 0.5 * self.size
         halves = [self._replace(size=half), self._replace(begin=self.begin + half, size=half)]
@@ -106,10 +107,10 @@ class _Part(NamedTuple):
             yield from part.split(precision)
 
     def find(self, wanted: float, length: float) -> float:
-        """Return where (the parameter after the beginning) this part, `length` m long, is `wanted` m long.
+        """Return the parameter (after the beginning) at which this part, `length` m long, has a length of `wanted` m.
 
-        By Newton's steps, which settle at once where the speed hardly changes; one that leaves the part of the curve
-        known to hold the place, as near a cusp, is replaced by a bisection.
+        It uses Newton's method, which converges at once where the speed hardly changes. A step that leaves the bracket
+        of the solution, as near a cusp, is replaced by a bisection.
         """
         low, high = 0.0, self.size
         t = self.size * wanted / length

@@ -1,7 +1,7 @@
 """Trajectories: a curve traversed in time, checked against the vehicle's limits.
 
-The speed is a trapezoid: from rest to cruising speed, and to rest at the end and at every corner, at a constant
-acceleration; at a corner the vehicle turns on the spot, if it can. World frame NED; headings in rad from north,
+The speed profile is a trapezoid with constant acceleration: from rest to cruising speed, and to rest at the end and at
+every corner. At a corner the vehicle turns on the spot, if it can. The world frame is NED: headings in rad from north,
 clockwise seen from above; depth is down. Currents are not modelled: speeds are over ground.
 """
 
@@ -15,20 +15,20 @@ from hil.autonomy.paths.curves import Curve, Place, Position
 from hil.common.errors import MissionError
 from hil.common.schema import Range
 
-# A curve is checked every so many metres, and at no fewer places than this.
+# A curve is checked at this spacing (m), and at no fewer than this number of places.
 _SPACING = 0.05
 _LEAST_CHECKS = 200
-_BEFORE = 1e-9  # m: at a corner, the place just before it
-# Rounding is no breach of a limit.
+_BEFORE = 1e-9  # m; distance before a corner at which to evaluate the curve just before it
+# Tolerance of limits, relative or absolute, for rounding.
 _SLACK = 1e-6
 
 
 class Limits(NamedTuple):
-    """Limits of a vehicle's motion and of the water's depth: m/s, m/s², rad/s, m.
+    """Limits of a vehicle's motion and of the depth: m/s, m/s², rad/s, m.
 
-    `speed` is the most along the path, `vertical_speed` up or down, `yaw_rate` of turning, `acceleration`
-    along the path, `lateral_acceleration` across it. Whatever the speed, the path may be no steeper than `climb_angle`
-    (rad, up or down) and bend no tighter than `turn_radius` (m): 0 is that of a vehicle that turns on the spot.
+    `speed` is the maximum along the path, `vertical_speed` up or down, `yaw_rate` of turning, `acceleration` along the
+    path, `lateral_acceleration` across it. At any speed, the path may not be steeper than `climb_angle` (rad, up or
+    down) and not bend more sharply than `turn_radius` (m); 0 is for a vehicle that turns on the spot.
     """
 
     speed: Annotated[float, Range(1e-3, 20.0, "m/s")] = 1.0
@@ -43,7 +43,7 @@ class Limits(NamedTuple):
 
 
 class Setpoint(NamedTuple):
-    """Wanted state of a vehicle at one instant: position m and velocity m/s, NED; heading rad; its rate rad/s."""
+    """Target state of a vehicle at one time: position m and velocity m/s, NED; heading rad; its rate rad/s."""
 
     position: Position
     velocity: tuple[float, float, float]
@@ -52,21 +52,21 @@ class Setpoint(NamedTuple):
 
 
 class _Leg(NamedTuple):
-    """A run from rest to rest between two corners, then a turn on the spot: m along the curve, s, m/s."""
+    """A run from rest to rest between two corners, then a turn on the spot; in m along the curve, s, m/s."""
 
     begin: float
     length: float
     speed: float
     ramp: float
     starts: float
-    turns: float  # when the run is over
+    turns: float  # time when the run ends and the turn begins
     ends: float
 
 
 class Trajectory:
     """Motion along `curve` at up to `speed` m/s, at rest at both ends and at corners. `duration` in s.
 
-    Raises MissionError where it breaks one of the `limits`, with the place and the speed that would keep it.
+    Raises MissionError if it breaks one of the `limits`, with the place and a speed within the limits.
     """
 
     def __init__(self, curve: Curve, speed: float, limits: Limits) -> None:
@@ -82,7 +82,7 @@ class Trajectory:
             self.duration = self._legs[-1].ends
 
     def at(self, time: float) -> Setpoint:
-        """Return the set point `time` s after the start; before and after the run that of its ends, at rest."""
+        """Return the setpoint `time` s after the start; before the start and after the end, that at rest there."""
         time = min(max(time, 0.0), self.duration)
         leg = next(leg for leg in self._legs if time <= leg.ends)
         if time > leg.turns:
@@ -95,7 +95,7 @@ class Trajectory:
 
     def _leg(self, begin: float, end: float, speed: float) -> _Leg:
         length, acceleration = end - begin, self._limits.acceleration
-        speed = min(speed, sqrt(length * acceleration))  # a short path has no time to reach it
+        speed = min(speed, sqrt(length * acceleration))  # a short leg does not reach the cruising speed
         ramp = speed / acceleration
         turns = self.duration + ramp + length / speed
         return _Leg(
@@ -103,7 +103,7 @@ class Trajectory:
         )
 
     def _turn(self, along: float) -> float:
-        """Return how far (rad) the heading jumps at a corner; 0 at the end."""
+        """Return the jump of the heading (rad) at a corner; 0 at the end."""
         if along >= self.curve.length:
             return 0.0
         return wrap(self.curve.at(along).heading - self.curve.at(along - _BEFORE).heading)
@@ -127,7 +127,8 @@ class Trajectory:
 def check(curve: Curve, speed: float, limits: Limits) -> None:
     """Raise MissionError for the first place where traversing `curve` at `speed` m/s breaks a limit.
 
-    It looks every 5 cm, at 200 places at least: a spline's sharpest bend may be missed by less than that.
+    The curve is checked every 5 cm and at 200 places or more, so the sharpest bend of a spline may be missed by less
+    than that.
     """
     count = max(_LEAST_CHECKS, int(curve.length / _SPACING))
     corners = curve.corners()
@@ -150,7 +151,7 @@ def _where(place: Place, along: float) -> str:
 
 
 def _validate_place(place: Place, speed: float, limits: Limits) -> str | None:
-    """Return which limit passing `place` at `speed` m/s breaks, and the remedy."""
+    """Return which limit is broken at `place` at `speed` m/s, with the remedy; None if none is."""
     (_, _, depth), _, slope, turn = place
     if not limits.shallowest - _SLACK <= depth <= limits.deepest + _SLACK:
         return f"outside of the depths allowed, {limits.shallowest:g} to {limits.deepest:g} m; move the path"
@@ -167,7 +168,7 @@ def _validate_place(place: Place, speed: float, limits: Limits) -> str | None:
 
 
 def _fastest(slope: float, turn: float, limits: Limits) -> float:
-    """Return the speed in m/s within all limits on a path of this slope (rad) and turn (rad/m)."""
+    """Return the speed (m/s) within all limits on a path with this slope (rad) and turn (rad/m)."""
     speeds = [limits.speed]
     if slope:
         speeds.append(limits.vertical_speed / abs(sin(slope)))
@@ -180,10 +181,10 @@ def _fastest(slope: float, turn: float, limits: Limits) -> float:
 def track(
     setpoint: Setpoint, position: Sequence[float], heading: float, limits: Limits, gain: float
 ) -> VelocityCommand:
-    """Return the command that leads a vehicle at `position` (m, NED) and `heading` (rad) onto its set point.
+    """Return the command that leads a vehicle at `position` (m, NED) and `heading` (rad) to its setpoint.
 
-    The set point's velocity, plus `gain` (1/s) times the position error, turned into the body's axes (level: roll
-    and pitch are not modelled) and kept within the limits: the level part keeps its direction.
+    It is the setpoint's velocity plus `gain` (1/s) times the position error, along the body's axes (roll and pitch are
+    not modelled) and within the limits. A limited horizontal velocity keeps its direction.
     """
     north, east, down = (
         rate + gain * (wanted - here) for rate, wanted, here in zip(setpoint[1], setpoint[0], position, strict=True)

@@ -1,16 +1,18 @@
-"""Obstacle avoidance from scans: the vector field histogram VFH+.
+"""Avoid obstacles by scans with the vector field histogram VFH+.
 
-Ulrich & Borenstein, "VFH+: Reliable Obstacle Avoidance for Fast Mobile Robots", ICRA 1998: obstacles widened by the
-vehicle's size fill sectors around it; two thresholds keep a sector's state from flickering; directions that the
-least turning circle cannot reach are masked; of the openings that are left the one of least cost is taken.
+Ulrich & Borenstein, "VFH+: Reliable Obstacle Avoidance for Fast Mobile Robots", ICRA 1998. The directions around the
+vehicle are divided into sectors. Obstacles, widened by the vehicle's size, block the sectors that they cover. Two
+thresholds (a hysteresis) keep a sector from flickering between blocked and free. Directions that the vehicle cannot
+reach on its smallest turning circle are masked. Of the remaining openings, the one of least cost is taken.
 
-Two things differ. A sector takes the magnitude of the nearest obstacle in it where the paper adds up the cells of a
-grid: the thresholds are then distances, the same for any number of beams, and one beam on a thin post is enough. And
-the speed falls with the water ahead and with the turn to make, which VFH+ leaves open; the vehicle stops where no
-direction is free. (The reference platform's own rule for the speed could not be compared.)
+This implementation differs from the paper in two ways. First, the magnitude of a sector comes from its nearest
+obstacle, not from a sum over the cells of a grid: the thresholds are then distances, independent of the number of
+beams, and one beam on a thin post is enough. Second, the speed, which VFH+ leaves open, falls with the free distance
+ahead and with the turn to make; the vehicle stops when no direction is free. (It could not be compared with the
+reference platform's rule for the speed.)
 
-All in the level plane. Headings and sectors in rad from north, clockwise seen from above; a scan's angles from the
-bow, starboard positive. Currents are not modelled.
+All geometry is in the horizontal plane. Headings and sectors are in rad from north, clockwise seen from above; angles
+of a scan are from the bow, positive to starboard. Currents are not modelled.
 """
 
 from collections.abc import Sequence
@@ -24,7 +26,7 @@ from hil.common.schema import Range
 class Scan(NamedTuple):
     """A scan of a laser or sonar: distances in m, at angles `first`, `first` + `step`, ... rad from the bow.
 
-    A distance that is not finite or not above 0 means that nothing came back.
+    A distance that is not finite, or not above 0, means no echo.
     """
 
     first: float
@@ -32,7 +34,7 @@ class Scan(NamedTuple):
     ranges: Sequence[float]
 
     def points(self) -> list[tuple[float, float]]:
-        """Yield angle and distance of every echo."""
+        """Return angle (rad) and distance (m) of every echo."""
         return [
             (self.first + number * self.step, distance)
             for number, distance in enumerate(self.ranges)
@@ -41,12 +43,13 @@ class Scan(NamedTuple):
 
 
 class VfhSettings(NamedTuple):
-    """`radius` m of the vehicle, `safety` m to keep beyond it; what is farther than `range` m does not count.
+    """Settings of a `Vfh`. The vehicle has `radius` m and keeps `safety` m more from obstacles.
 
-    Below `block_within` m a sector becomes blocked, beyond `free_beyond` m free again. `turning_radius` in m
-    is that of the least circle (0: turns on the spot). An opening wider than `wide` rad is passed at its
-    side. The weights are those of VFH+'s cost: for the target, the present heading, the last choice; the first
-    should exceed the sum of the others.
+    Obstacles farther than `range` m are ignored. A sector becomes blocked when an obstacle is nearer than
+    `block_within` m, and free again when none is nearer than `free_beyond` m. `turning_radius` (m) is that of the
+    smallest turning circle; 0 means that the vehicle turns on the spot. The vehicle passes an opening wider than `wide`
+    rad along its side. The weights are those of VFH+'s cost for deviations from the target, from the present heading
+    and from the last choice; the first should exceed the sum of the other two.
     """
 
     radius: Annotated[float, Range(0.01, 20.0, "m")]
@@ -62,7 +65,7 @@ class VfhSettings(NamedTuple):
     last_weight: Annotated[float, Range(0.0, 100.0)] = 2.0
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return an error message if keys contradict each other, else None."""
         if not self.radius + self.safety < self.block_within <= self.free_beyond <= self.range:
             return "radius + safety, block_within, free_beyond and range must grow in this order"
         return None
@@ -71,8 +74,8 @@ class VfhSettings(NamedTuple):
 class Vfh:
     """Choose the direction of travel, scan by scan.
 
-    `density` (0 to 1), `blocked` and `masked` are of each sector, sector k being centred on k x 2 pi / `sectors`
-    from north. What is out of the scan's sight keeps its state.
+    `density` (0 to 1), `blocked` and `masked` have one value per sector; the centre of sector k is at k x 2 pi /
+    `sectors` from north. Sectors outside of the scan keep their state.
     """
 
     def __init__(self, settings: VfhSettings) -> None:
@@ -85,9 +88,9 @@ class Vfh:
         self._last: float | None = None
 
     def steer(self, scan: Scan, heading: float, target: float, reach: float = inf) -> float | None:
-        """Return the free heading (rad) that leads best to the heading `target`; None if there is none.
+        """Return the free heading (rad) of least cost on the way to the heading `target`; None if no heading is free.
 
-        `heading` is the vehicle's own, rad. What is farther away than `reach` m, beyond the goal, does not count.
+        `heading` (rad) is the vehicle's own. Obstacles farther than `reach` m, that is beyond the goal, are ignored.
         """
         echoes = [
             (angle, distance) for angle, distance in scan.points() if distance <= min(reach, self._settings.range)
@@ -107,9 +110,9 @@ class Vfh:
     ) -> VelocityCommand:
         """Return the command for the heading of `steer`: at most `speed` m/s ahead and `max_yaw_rate` rad/s.
 
-        The speed falls with the cosine of the turn to make, and evenly with the free water straight ahead from
-        `block_within` down to nothing at the distance of radius and safety. Without a free heading the vehicle
-        turns on the spot towards its target, to look for one.
+        The speed falls with the cosine of the turn to make. It also falls linearly with the free distance straight
+        ahead, from `block_within` to zero at radius + safety. If no heading is free, the vehicle turns on the spot
+        towards the target, to find one.
         """
         free = self.steer(scan, heading, target, reach)
         error = wrap((target if free is None else free) - heading)
@@ -120,7 +123,7 @@ class Vfh:
         return VelocityCommand(surge=speed * max(0.0, cos(error)) * min(1.0, max(0.0, room)), yaw_rate=turn)
 
     def _fill(self, scan: Scan, echoes: list[tuple[float, float]], heading: float) -> None:
-        """Return the polar histogram: for each visible sector the magnitude of the nearest obstacle, widened."""
+        """Update the polar histogram: the magnitude of each visible sector is that of its nearest widened obstacle."""
         half = 0.5 * abs(scan.step)
         ends = sorted((scan.first, scan.first + scan.step * (len(scan.ranges) - 1)))
         for sector in self._between(heading + ends[0] - half, heading + ends[1] + half):
@@ -132,7 +135,7 @@ class Vfh:
                 self.density[sector] = max(self.density[sector], magnitude)
 
     def _between(self, low: float, high: float) -> list[int]:
-        """Return the sectors whose centre lies between two headings, `low` below `high`."""
+        """Return the sectors whose centre lies between the headings `low` and `high` (rad; `low` is below `high`)."""
         count = self._settings.sectors
         first, last = ceil(low / self._width), floor(high / self._width)
         return [sector % count for sector in range(first, min(last, first + count - 1) + 1)]
@@ -142,7 +145,7 @@ class Vfh:
         return density > 1.0 - (threshold / self._settings.range) ** 2
 
     def _mask(self, echoes: list[tuple[float, float]], heading: float) -> None:
-        """Mask what lies behind an obstacle that the least circle to that side would hit."""
+        """Mask directions behind an obstacle that the smallest turning circle to that side would hit."""
         circle = self._settings.turning_radius
         port, starboard = -pi, pi
         for angle, distance in echoes if circle else ():
@@ -154,7 +157,7 @@ class Vfh:
         self.masked = [not port <= turn <= starboard for turn in turns]
 
     def _candidates(self, target: float) -> list[float]:
-        """Return the candidate headings: through the middle of narrow openings, along the sides of wide ones."""
+        """Return the candidate headings: the middle of narrow openings, headings along the sides of wide ones."""
         closed = [blocked or masked for blocked, masked in zip(self.blocked, self.masked, strict=True)]
         if not any(closed):
             return [target]
@@ -186,7 +189,7 @@ class Vfh:
 
 
 def _openings(closed: list[bool]) -> list[tuple[int, int]]:
-    """Return first sector and number of sectors of every run of open ones, all round; at least one is closed."""
+    """Return first sector and length of every run of open sectors, all round; at least one sector must be closed."""
     count, start = len(closed), closed.index(True)
     runs: list[tuple[int, int]] = []
     for step in range(1, count):

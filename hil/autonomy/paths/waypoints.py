@@ -6,7 +6,7 @@
     east = 0.0
     depth = "3 m"
 
-In a CSV the first line names the columns, in any order; empty lines and those that begin with # do not count.
+The first line of a CSV file names the columns, in any order. Empty lines and lines that begin with # are ignored.
 """
 
 import csv
@@ -21,7 +21,7 @@ from hil.common.tables import read_bytes
 
 
 class Waypoint(NamedTuple):
-    """A waypoint: m north and east, and m deep."""
+    """A waypoint: north, east and depth in m."""
 
     north: Annotated[float, Range(-1e5, 1e5, "m")]
     east: Annotated[float, Range(-1e5, 1e5, "m")]
@@ -36,9 +36,9 @@ class WaypointFile(NamedTuple):
 
 
 def read_waypoints(path: str) -> Curve:
-    """Read the path in the TOML or, if it ends in `.csv`, CSV file at `path`; that of a CSV is of straight lines.
+    """Return the path in the file at `path`: CSV if the name ends in `.csv`, else TOML. A CSV path has straight legs.
 
-    Raises ConfigError naming file and key or line, MissionError naming the file if the points make no path.
+    Raises ConfigError that names the file and the key or line, MissionError if no path can be made of the waypoints.
     """
     file = _read_csv(path) if path.lower().endswith(".csv") else load(path, WaypointFile)
     points: list[Position] = [(point.north, point.east, point.depth) for point in file.waypoint]
@@ -75,7 +75,7 @@ def _waypoints(text: str, path: str) -> Iterator[Waypoint]:
 
 
 def _number(cell: str) -> float | str:
-    """Return the number in a cell; other text is returned for the schema, which handles units and errors."""
+    """Return the number in a cell. Return other text unchanged: the schema handles units and errors."""
     try:
         return float(cell)
     except ValueError:

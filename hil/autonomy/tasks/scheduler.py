@@ -12,9 +12,10 @@ A mission is a list of tasks, in Python or in a TOML file:
     urgent = true
     repeat = true
 
-The result is a chart (`hil.autonomy.tasks.statechart`) like the reference platform's template in Stateflow: idle, each
-task with its parts travel and work, home, done. Of the tasks that are ready the one of highest priority is next, of
-equals the nearest. An urgent one interrupts those of lower priority, which are restarted later.
+The result is a chart (`hil.autonomy.tasks.statechart`) like the reference platform's template in Stateflow. Its states
+are idle, home, done, and one for each task, with the parts travel and work. Of the tasks that are ready, the one of
+highest priority is next; of tasks with equal priority, the nearest. An urgent task interrupts tasks of lower priority,
+which are restarted later.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,8 +35,9 @@ _OWN = ("idle", "home", "done")
 class Task(NamedTuple):
     """Task of `duration` s `at` a place (m north, m east).
 
-    Ready once `when` (comparisons of signals) is true, `after` s of the mission have passed and all that it
-    `needs` is done. `repeat`: ready again whenever `when` is; the mission does not wait for it.
+    A task is ready when the comparisons of signals in `when` are true, `after` s of the mission have passed and all
+    tasks in `needs` are done. A task with `repeat` becomes ready again whenever `when` is true; the mission does not
+    wait for it.
     """
 
     name: str
@@ -50,7 +52,7 @@ class Task(NamedTuple):
 
 
 class Mission(NamedTuple):
-    """Tasks, and where to go when all are done; a place is reached within `tolerance` m."""
+    """Tasks of a mission, and the `home` to return to after them. A place is reached within `tolerance` m."""
 
     home: tuple[Metres, Metres]
     task: tuple[Task, ...]
@@ -58,7 +60,7 @@ class Mission(NamedTuple):
 
 
 class Order(NamedTuple):
-    """Present order: the `task` ("" for none), its `state`, and where to be (None: stay)."""
+    """Present order: the `task` ("" for none), its `state`, and the `goal` (m north, m east; None to stay)."""
 
     task: str
     state: str
@@ -66,9 +68,9 @@ class Order(NamedTuple):
 
 
 class Scheduler:
-    """Run a mission. `log` has every state entered and when (ns); `done` is true at home after all tasks.
+    """Run a mission. `log` has the time (ns) and name of every state entered. `done` is true at home after all tasks.
 
-    Raises ConfigError that begins with `where`.
+    Raises ConfigError whose text begins with `where`.
     """
 
     def __init__(self, mission: Mission, where: str = "mission") -> None:
@@ -92,7 +94,7 @@ class Scheduler:
         return frozenset(name for condition in self._ready.values() for name in condition.signals)
 
     def step(self, time: int, position: Sequence[float], signals: Mapping[str, float]) -> Order:
-        """Return the order at `time` (ns, growing) and `position` (m north, m east; more is ignored)."""
+        """Return the order at `time` (ns, increasing) and `position` (m north, m east; other values are ignored)."""
         here = position[0], position[1]
         if not self._chart.active:
             self._began = time
@@ -119,7 +121,7 @@ class Scheduler:
         return task.at if task else None
 
     def _choice(self, time: int, here: Point, signals: Mapping[str, float]) -> str:
-        """Return the event that starts the next task, or the return home; "" for neither."""
+        """Return the event that starts the next task or the return home; "" if there is neither."""
         ready = [task for task in self._mission.task if self._is_ready(task, time, signals)]
         if ready:
             return _start(min(ready, key=lambda task: (-task.priority, dist(here, task.at))).name)
@@ -142,12 +144,12 @@ def _start(name: str) -> str:
 
 
 def _interrupting(doing: Task, tasks: Sequence[Task]) -> list[Task]:
-    """Return the tasks that may interrupt one."""
+    """Return the tasks that may interrupt the task `doing`."""
     return [task for task in tasks if task.urgent and task.priority > doing.priority]
 
 
 def _chart(mission: Mission, where: str) -> Chart:
-    """Return the state chart: a state for each task with its travel and work, idle between them."""
+    """Return the state chart: idle, home, done, and for each task a state with the parts travel and work."""
     states = [State(name) for name in _OWN]
     transitions = [Transition("idle", "home", event="go home"), Transition("home", "done", event="arrived")]
     for task in mission.task:

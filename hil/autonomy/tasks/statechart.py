@@ -1,9 +1,10 @@
-"""Hierarchical state charts: states and their transitions by events, signals and time.
+"""Hierarchical state charts: states, and transitions between them by events, signals and time.
 
-The semantics are Stateflow's where it offers a choice: at most one transition a step; those of outer states are tried
-before those of inner ones, of one state in the order they are written; leaving goes from the inside out, entering
-from the outside in and on to each state's `initial` one; a transition from a state to itself leaves and enters it.
-Not there: parallel states, history, actions. The caller acts on the states that `step` returns.
+The semantics are Stateflow's where it offers a choice. A step makes at most one transition. Transitions of outer states
+are tried before those of inner states; those of one state, in the order in which they are written. States are left from
+the inside out and entered from the outside in, down to each state's `initial` part. A transition from a state to itself
+leaves and enters it. Parallel states, history and actions are not supported: the caller acts on the states that `step`
+returns.
 """
 
 import operator
@@ -19,7 +20,7 @@ _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
 
 
 class State(NamedTuple):
-    """A state, part of its `parent` if it has one; one with parts names the `initial` of them."""
+    """A state. `parent` is the state that it is part of, if any; `initial` the part that is entered first, if any."""
 
     name: str
     parent: str = ""
@@ -27,7 +28,7 @@ class State(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Transition on an `event`, while `when` is true of the signals, `after` s in the source state."""
+    """Transition on an `event`, if the condition `when` is true and the source state has been active for `after` s."""
 
     source: str
     target: str
@@ -46,7 +47,7 @@ class Change(NamedTuple):
 class Condition:
     """Comparisons of signals with numbers, joined by "and": `battery < 0.2 and depth > 3`.
 
-    `signals` are the names in it. Raises ConfigError that begins with `where`.
+    `signals` has the names of the signals in it. Raises ConfigError whose text begins with `where`.
     """
 
     def __init__(self, text: str, where: str) -> None:
@@ -60,15 +61,15 @@ class Condition:
         self.signals = frozenset(name for name, _, _ in self._parts)
 
     def holds(self, signals: Mapping[str, float]) -> bool:
-        """Return whether all comparisons are true; one with an unknown signal is not."""
+        """Return whether all comparisons are true. A comparison of an unknown signal is false."""
         return all(name in signals and compare(signals[name], number) for name, compare, number in self._parts)
 
 
 class Chart:
-    """A chart in one of its states. Time is the caller's, in ns.
+    """A chart in one of its states. The caller gives the time in ns.
 
-    Raises ConfigError that begins with `where` if names do not fit together. `signals` and `events` are all it
-    asks for.
+    `signals` and `events` have the names of all signals and events that the transitions use. Raises ConfigError whose
+    text begins with `where` if the chart is not consistent.
     """
 
     def __init__(self, initial: str, states: Sequence[State], transitions: Sequence[Transition], where: str) -> None:
@@ -90,12 +91,12 @@ class Chart:
         return self.active[-1] if self.active else ""
 
     def start(self, time: int) -> Change:
-        """Enter the initial state at `time` ns."""
+        """Enter the initial state at `time` ns; return the states that were entered."""
         self.active = ()
         return self._enter((), self._initial, time)
 
     def step(self, time: int, signals: Mapping[str, float], events: Collection[str] = ()) -> Change:
-        """Make the first transition whose event, signals and time (ns) hold; return an empty change for none."""
+        """Make the first transition that is due at `time` (ns) by its event, signals and time; return the change."""
         for depth, name in enumerate(self.active):
             for transition, condition in self._transitions[name]:
                 if self._due(transition, time, events) and condition.holds(signals):
@@ -108,7 +109,7 @@ class Chart:
         return transition.after is None or time - self._since[transition.source] >= round(transition.after * 1e9)
 
     def _common(self, depth: int, target: str) -> tuple[str, ...]:
-        """Return the active states that stay: those that are outside of both the source, at `depth`, and the target."""
+        """Return the active states that are not left: those outside of both the source, at `depth`, and the target."""
         above = _line(self._states, target)[:-1]
         staying = [a for a, b in zip(self.active[:depth], above, strict=False) if a == b]
         return tuple(staying)
@@ -125,7 +126,7 @@ class Chart:
 
 
 def _line(states: Mapping[str, State], name: str) -> list[str]:
-    """Return a state and all it is part of, the outermost first."""
+    """Return a state and all its parents, the outermost first."""
     line = [name]
     while states[line[0]].parent:
         line.insert(0, states[line[0]].parent)
@@ -150,7 +151,7 @@ def _check(initial: str, states: Sequence[State], transitions: Sequence[Transiti
 
 
 def _check_family(state: State, states: Mapping[str, State], where: str) -> None:
-    """Raise ConfigError for circles of parents, and for a state with parts but no initial one."""
+    """Raise ConfigError if parents form a circle, or if a state with parts has no initial part."""
     above, seen = state.parent, {state.name}
     while above:
         if above in seen:
