@@ -66,7 +66,7 @@ def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = 
 
 
 def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet:
-    """Thrusters with first-order lags and no battery, the quickest there are; else as `choose`."""
+    """Return thrusters with first-order lags and no battery, the quickest there are; else as `choose`."""
     return (NativeThrusterSet if has_native() else ThrusterSet)(vehicle, dt, seed)
 
 

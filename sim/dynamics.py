@@ -243,7 +243,7 @@ class Dynamics:
         )
 
     def _restoring(self, depth: float, rotation: Rotation) -> tuple[float, float, float, float, float, float]:
-        """Weight down and lift up, each at its own centre."""
+        """Return the wrench of weight, down, and lift, up, each at its own centre."""
         _, _, _, _, _, _, zx, zy, zz = rotation  # the world's down, along the body axes
         lift, lift_x, lift_y, lift_z = self.hull.lift(depth, rotation)
         excess = self.weight - lift
@@ -325,7 +325,7 @@ class Dynamics:
 
 
 def _settle(state: State, position: list[float], quaternion: list[float], nu: list[float], nu_dot: list[float]) -> None:
-    """Give `state` these numbers. Raises FloatingPointError instead if there is one that is not finite."""
+    """Set `state` to these numbers. Raises FloatingPointError instead if there is one that is not finite."""
     if not isfinite(sum(position) + sum(quaternion) + sum(nu)):
         raise FloatingPointError("the state is not finite any more")
     state.position, state.quaternion, state.nu, state.nu_dot = position, quaternion, nu, nu_dot

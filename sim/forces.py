@@ -26,7 +26,7 @@ class Force(Protocol):
     """
 
     def begin(self, time_ns: int) -> None:
-        """A step begins."""
+        """Prepare for a step that begins."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the wrench on a vehicle at `position` (m, NED), attitude `rotation` (body to world, 9 numbers).

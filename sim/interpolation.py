@@ -48,7 +48,7 @@ def validate_columns(axis: str, at: Sequence[float], **columns: Sequence[float])
 
 
 def interpolate(at: Sequence[float], values: Sequence[float], x: float) -> float:
-    """Straight lines between the points, the ends hold outside; `at` grows strictly."""
+    """Return the value at `x` on straight lines between the points, the ends' outside; `at` grows strictly."""
     after = bisect_right(at, x)
     if after == 0:
         return values[0]

@@ -24,7 +24,7 @@ def times(matrix: Matrix, u: float, v: float, w: float, p: float, q: float, r: f
 
 
 def cross_matrix(vector: Sequence[float]) -> Matrix:
-    """S(a), the 3x3 matrix of the cross product: S(a) b = a x b."""
+    """Return S(a), the 3x3 matrix of the cross product: S(a) b = a x b."""
     x, y, z = vector
     return [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
 

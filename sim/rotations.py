@@ -97,6 +97,6 @@ def from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def to_euler(quaternion: Sequence[float]) -> Vector3:
-    """Roll, pitch and yaw (ZYX) in rad: roll and yaw within ±pi, pitch within ±pi/2."""
+    """Return roll, pitch and yaw (ZYX) in rad: roll and yaw within ±pi, pitch within ±pi/2."""
     xx, _, _, yx, _, _, zx, zy, zz = matrix(quaternion)
     return atan2(zy, zz), asin(max(-1.0, min(1.0, -zx))), atan2(yx, xx)

@@ -165,7 +165,7 @@ def events_since(events: Iterable[RunEvent], began_ns: int) -> tuple[RunEvent, .
 
 
 def encode_events(events: Iterable[RunEvent]) -> str:
-    """Events as text, a line each: kind, start and duration (ns), place (m), and what."""
+    """Return events as text, a line each: kind, start and duration (ns), place (m), and what."""
     return "\n".join([_encode(event) for event in events])
 
 

@@ -208,7 +208,7 @@ class Simulation:
         return make_fused_step(*parts, self.world.current, self._dt_ns, self._contact.shape, numbers)
 
     def _command(self, pwm_us: tuple[int, ...]) -> None:
-        """Give equipment and thrusters their parts of new pulses."""
+        """Pass equipment and thrusters their parts of new pulses."""
         assert self.equipment is not None
         count = self._count_thrusters(pwm_us)
         for weight in self.equipment.command(pwm_us[count:]):

@@ -30,7 +30,7 @@ class MagneticField(NamedTuple):
 
 
 def field_of(world: "World") -> FieldAngles:
-    """Intensity (T), inclination and declination (rad) of `world`. Raises MissingExtraError."""
+    """Return intensity (T), inclination and declination (rad) of `world`. Raises MissingExtraError."""
     if world.magnetic_field is not None:
         return world.magnetic_field
     if world.origin is None:

@@ -92,7 +92,7 @@ class MeshObstacle(NamedTuple):
         return self.keys.name or f"the mesh at ({self.north:g}, {self.east:g})"
 
     def separation(self, north: float, east: float) -> Separation:
-        """Distance (m) from the upright cylinder around it, negative inside, and the direction away from its axis."""
+        """Return distance (m) from the upright cylinder around it, negative inside, and direction off its axis."""
         x, y = north - self.north, east - self.east
         distance = sqrt(x * x + y * y)
         out = (x / distance, y / distance) if distance else (1.0, 0.0)

@@ -59,7 +59,7 @@ class Cylinder(NamedTuple):
         return self.name or f"the pile at ({self.north:g}, {self.east:g})"
 
     def separation(self, north: float, east: float) -> Separation:
-        """Distance from the side and the direction away from the axis; north on the axis itself."""
+        """Return the distance from the side and the direction away from the axis; north on the axis itself."""
         x, y = north - self.north, east - self.east
         distance = sqrt(x * x + y * y)
         if distance == 0.0:
@@ -90,7 +90,7 @@ class Box(NamedTuple):
         return self.name or f"the block at ({self.north:g}, {self.east:g})"
 
     def separation(self, north: float, east: float) -> Separation:
-        """Distance from the nearest side or corner and the direction away from it."""
+        """Return the distance from the nearest side or corner and the direction away from it."""
         c, s = cos(self.heading), sin(self.heading)
         x, y = north - self.north, east - self.east
         along, across = c * x + s * y, c * y - s * x
@@ -123,6 +123,6 @@ class Wall(NamedTuple):
         return f"the {side[self.inward_north + self.inward_east < 0.0]} wall"
 
     def separation(self, north: float, east: float) -> Separation:
-        """Distance from the wall, and the direction into the water."""
+        """Return the distance from the wall, and the direction into the water."""
         distance = self.inward_north * north + self.inward_east * east - self.offset
         return distance, self.inward_north, self.inward_east

@@ -88,7 +88,7 @@ def ray_lengths(width: int, height: int, fx: float, fy: float, cx: float, cy: fl
 
 
 def decode(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Linear radiances (0 to 1) of sRGB bytes."""
+    """Return linear radiances (0 to 1) of sRGB bytes."""
     return _LINEAR[picture]
 
 

@@ -118,7 +118,7 @@ def _along(relief: "Slope | Step | Ridge | Sinusoid", grid: Grid, depth: Callabl
 
 
 def _displaced(side: int, hurst: float, random: Random) -> list[list[float]]:
-    """Heights of (side + 1)² nodes, `side` a power of 2: squares' middles first, then the middles of their edges."""
+    """Return heights of (side + 1)² nodes, `side` a power of 2: squares' middles first, then those of edges."""
     nodes = [[0.0] * (side + 1) for _ in range(side + 1)]
     for i, j in ((0, 0), (0, side), (side, 0), (side, side)):
         nodes[i][j] = random.gauss(0.0, 1.0)

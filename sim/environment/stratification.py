@@ -27,7 +27,7 @@ class Stratified:
         self._density = density
 
     def begin(self, time_ns: int) -> None:
-        """Layers do not change with time."""
+        """Do nothing: layers do not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return what the lift is more, or less (N, N m, body axes about the origin)."""
@@ -56,7 +56,7 @@ class WavySurface:
         self._time = 0.0
 
     def begin(self, time_ns: int) -> None:
-        """The sea of this instant holds for the step."""
+        """Set the instant of the sea, which holds for the step."""
         self._time = time_ns * 1e-9
         if self.twin is not None:
             self.twin.begin(self._time)

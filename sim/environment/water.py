@@ -100,7 +100,7 @@ class SampledWaves:
 
 
 def pushed_mass(vehicle: Vehicle, density: float) -> list[list[float]]:
-    """M_A + rho V: 6 rows of 3, from the water's acceleration (body axes) to force and moment about the origin."""
+    """Return M_A + rho V, 6 rows of 3: from the water's acceleration (body axes) to wrench about the origin."""
     displaced = density * displaced_volume(vehicle, density)
     added = square(vehicle.added_mass, 6)
     upright = square([1.0, 1.0, 1.0], 3) + cross_matrix(vehicle.center_of_buoyancy)

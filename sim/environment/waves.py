@@ -124,7 +124,7 @@ class WaveField:
         self._tangent = (-inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # time, north, east, and WaterMotion.surface there
 
     def hold(self, time: float, north: float, east: float, motion: WaterMotion) -> None:
-        """Let `surface` go on from `motion`, which is that of this time (s) and place (m)."""
+        """Set `surface` to continue from `motion`, which is that of this time (s) and place (m)."""
         self._tangent = (time, north, east, *motion.surface)
 
     def surface(self, time: float, north: float, east: float) -> float:

@@ -163,7 +163,7 @@ class World(NamedTuple):
     def clearance(
         self, north: float, east: float, depth: float = inf, within: float = _RELIEF_WITHIN, height: float = inf
     ) -> float:
-        """Distance in m from a point to the nearest obstacle's side, negative inside it, inf if there is none.
+        """Return the distance (m) from a point to the nearest obstacle's side: negative inside, inf if there is none.
 
         Only obstacles count that are between `depth` m and `height` m above it, and with them a relief that reaches up
         to `depth`, no farther than `within` m away. If `depth` is left out, all obstacles count and no relief.

@@ -71,7 +71,7 @@ def paths(level_distance: float, source_depth: float, receiver_depth: float, dep
 
 
 def _images(source: float, depth: float, bounces: int) -> Iterator[tuple[float, int, int]]:
-    """Depths of the images, and how often their sound met surface and bottom."""
+    """Yield depths of the images, and how often their sound met surface and bottom."""
     for turn in range(bounces + 1):
         around = 2.0 * turn * depth
         yield source + around, turn, turn  # leaves upwards, comes from below; no bounce at all for turn 0

@@ -126,7 +126,7 @@ class PictureScene(RayScene):
         self._context.vertex_array(self._planes, []).render(vertices=3)
 
     def _draw_seabed(self, geometry: Geometry, terrain: Terrain, at: Floats, turned: Floats, reach: float) -> None:
-        """The part of the grid that may be seen, and what is about it; its cells without data as solids."""
+        """Draw the part of the grid that may be seen, and what is about it; its cells without data as solids."""
         grid, context = terrain.grid, self._context
         low, high = self._bounds(turned, reach)
         x, y = terrain.coordinates(at[0], at[1])
@@ -179,7 +179,7 @@ class PictureScene(RayScene):
         return self._context.vertex_array(self._mesh, content), 3 * len(data)
 
     def _draw_solids(self, rows: Floats, numbers: NDArray[np.int64]) -> None:
-        """Spheres, cylinders and boxes, the far sides of a box around each."""
+        """Draw spheres, cylinders and boxes, the far sides of a box around each."""
         if not len(rows):
             return
         context = self._context
@@ -243,7 +243,7 @@ def window(terrain: Terrain, outside: float, rows: Integers, columns: Integers) 
 
 
 def columns_without_data(unknown: NDArray[np.bool_], north: Floats, east: Floats, far: float) -> Floats:
-    """Boxes `far` m up and down on the cells about the `unknown` nodes, but for those among others; rows of a scene."""
+    """Return rows of boxes, `far` m up and down, on the cells about the `unknown` nodes, not those among others."""
     cells = unknown[:-1, :-1] | unknown[:-1, 1:] | unknown[1:, :-1] | unknown[1:, 1:]
     cells &= (np.diff(north) > 0.0)[:, None] & (np.diff(east) > 0.0)
     around = np.pad(cells, 1, mode="edge")
@@ -276,7 +276,7 @@ def _cube() -> NDArray[np.float32]:
 
 @lru_cache(maxsize=1)
 def open_context() -> "Context":
-    """One for all cameras of the process."""
+    """Return the one context of all cameras of the process."""
     try:
         import moderngl
     except ImportError:

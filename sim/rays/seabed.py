@@ -23,7 +23,7 @@ ON_SURFACE = 1e-6  # m that rounding may have put a place below the surface
 def intersect_seabed(
     terrain: "Terrain | None", depth: float, origin: Sequence[float], direction: Sequence[float], reach: float
 ) -> tuple[float, int]:
-    """Distance to the seabed, inf if it is not within `reach`, and where on it; it is flat without terrain."""
+    """Return the distance to the seabed, inf if beyond `reach`, and where on it; it is flat without terrain."""
     z, dz = origin[2], direction[2]
     if terrain is None:
         return _intersect_flat(z, dz, depth, 0.0, reach), SURFACE

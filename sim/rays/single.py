@@ -116,7 +116,7 @@ def _passes(row: Sequence[float], origin: Sequence[float], direction: Sequence[f
 def _intersect_solid(
     geometry: Geometry, row: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float
 ) -> tuple[float, int]:
-    """Distance to a solid, inf if it is not within `reach`, and the detail of the hit."""
+    """Return the distance to a solid, inf if it is not within `reach`, and the detail of the hit."""
     kind, sizes = row[KIND], row[SIZES:ROOT]
     if kind == HALF_SPACE:
         return _intersect_half_space(sizes, origin, direction, reach), 0
@@ -217,7 +217,7 @@ def _intersect_mesh(
 
 
 def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) -> float:
-    """Distance to a triangle from either side, inf beside it (Möller & Trumbore 1997, J. Graphics Tools 2(1))."""
+    """Return the distance to a triangle, inf beside it (Möller & Trumbore 1997, J. Graphics Tools 2(1))."""
     ax, ay, az, ex, ey, ez, fx, fy, fz = corner
     dx, dy, dz = along
     px, py, pz = dy * fz - dz * fy, dz * fx - dx * fz, dx * fy - dy * fx

@@ -61,7 +61,7 @@ def box(center: Point, dimensions: Point, rotation: Sequence[float] = _UPRIGHT) 
 
 
 def half_space(normal: Point, offset: float) -> Solid:
-    """Half space of places p (NED) where `normal` (a unit vector, into the water) p is below `offset` m."""
+    """Return the half space of places p (NED) where `normal` (a unit vector, into the water) p is below `offset` m."""
     return Solid(HALF_SPACE, inf, (0.0, 0.0, 0.0), _UPRIGHT, (*normal, offset))
 
 

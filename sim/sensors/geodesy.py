@@ -25,7 +25,7 @@ class TangentPlane:
         self._axes = list(zip(north, east, down, strict=True))
 
     def geodetic(self, place: Sequence[float]) -> Vector3:
-        """Latitude and longitude (degrees) and altitude (m) of a place (m, NED from the origin)."""
+        """Return latitude and longitude (degrees) and altitude (m) of a place (m, NED from the origin)."""
         north, east, down = place
         x, y, z = [
             start + a * north + b * east + c * down
@@ -43,7 +43,7 @@ class TangentPlane:
 
 
 def earth_centred(latitude: float, longitude: float, altitude: float) -> Vector3:
-    """Geodetic (degrees, m) to Cartesian, earth-centred and earth-fixed, in m."""
+    """Convert geodetic (degrees, m) to Cartesian, earth-centred and earth-fixed, in m."""
     phi, lam = radians(latitude), radians(longitude)
     normal = SEMI_MAJOR_AXIS / sqrt(1.0 - _E2 * sin(phi) ** 2)
     out = (normal + altitude) * cos(phi)
@@ -51,7 +51,7 @@ def earth_centred(latitude: float, longitude: float, altitude: float) -> Vector3
 
 
 def geodetic(x: float, y: float, z: float) -> Vector3:
-    """Cartesian, earth-centred and earth-fixed (m) to latitude and longitude (degrees) and altitude (m).
+    """Convert Cartesian, earth-centred and earth-fixed (m) to latitude and longitude (degrees) and altitude (m).
 
     tan(phi) = (z + e² N sin(phi)) / p, iterated (Hofmann-Wellenhof and Moritz 2006, Physical Geodesy, 5.6.1):
     each turn leaves a 150th of the error, which between the deepest sea and the highest mountain begins below 1e-5

@@ -59,7 +59,7 @@ class Imu:
 
 
 def specific_force(state: State, position: Point, gravity: float) -> Vector3:
-    """Acceleration less gravity (m/s², body axes) at `position` m from the origin: what an accelerometer feels.
+    """Return acceleration less gravity (m/s², body axes) at `position` m from the origin: what an accelerometer feels.
 
     The acceleration of a point of a turning body: v' + omega x v + omega' x r + omega x (omega x r).
     """

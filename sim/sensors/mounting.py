@@ -47,13 +47,13 @@ class Mounting(NamedTuple):
         return north + x, east + y, down + z
 
     def depth(self, state: State) -> float:
-        """Depth of the sensor in m."""
+        """Return the depth of the sensor in m."""
         x, y, z = self.position
         down_x, down_y, down_z = down_axis(state.quaternion)
         return state.position[2] + (down_x * x + down_y * y + down_z * z)
 
     def velocity(self, nu: Sequence[float]) -> Vector3:
-        """Velocity (m/s, body axes) of the sensor's place when the vehicle moves with `nu`."""
+        """Return the velocity (m/s, body axes) of the sensor's place when the vehicle moves with `nu`."""
         u, v, w, p, q, r = nu
         x, y, z = self.position
         return u + q * z - r * y, v + r * x - p * z, w + p * y - q * x

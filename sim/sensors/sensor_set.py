@@ -155,7 +155,7 @@ class Schedule:
         return arrived
 
     def _send(self, slot: "Slot", sample: Sample, now_ns: int, arrived: list[tuple[str, Sample]]) -> None:
-        """Let a sample set out that may take its time."""
+        """Send a sample, which may take some time to arrive."""
         delay_ns = slot.delay_ns
         if not delay_ns:
             arrived.append((slot.topic, sample))

@@ -62,7 +62,7 @@ class HullLift:
         """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
-        """Lift and drag (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""
+        """Return lift and drag (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""
         u, v, w, p, q, r = nu_r
         x, y, z = self._position
         fx, fy, fz = self._force(u + q * z - r * y, v + r * x - p * z, w + p * y - q * x)
@@ -73,7 +73,7 @@ class HullLift:
         return [*self._polar, self._scale, float(self._vertical), *self._position]
 
     def _force(self, u: float, v: float, w: float) -> tuple[float, float, float]:
-        """Lift and drag in the plane of the hull's axis and the flow, or in the vertical plane."""
+        """Return lift and drag in the plane of the hull's axis and the flow, or in the vertical plane."""
         cross = w if self._vertical else sqrt(v * v + w * w)
         planar = sqrt(u * u + cross * cross)
         if planar == 0.0:

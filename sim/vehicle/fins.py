@@ -43,7 +43,7 @@ class Polar(NamedTuple):
     broadside_drag: float
 
     def at(self, alpha: float) -> tuple[float, float]:
-        """C_L, which has the sign of a positive `alpha` (rad, any), and C_D, never negative."""
+        """Return C_L, which has the sign of a positive `alpha` (rad, any), and C_D, never negative."""
         return self.coefficients(alpha, sin(alpha), cos(alpha))
 
     def coefficients(self, alpha: float, sine: float, cosine: float) -> tuple[float, float]:
@@ -144,7 +144,7 @@ class Fin(NamedTuple):
 def slope_and_induced(
     slope: float | None, induced: float | None, aspect_ratio: float | None, oswald: float
 ) -> tuple[float, float]:
-    """Lift slope and induced drag factor: what is None follows from the aspect ratio."""
+    """Return lift slope and induced drag factor: what is None follows from the aspect ratio."""
     if aspect_ratio is not None:
         slope = lift_slope(aspect_ratio) if slope is None else slope
         induced = 1.0 / (pi * oswald * aspect_ratio) if induced is None else induced
@@ -176,7 +176,7 @@ class FinSet:
         self.servos.follow()
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
-        """Let the servos go towards what these pulses (us, one a fin) ask for; one without a pulse stays."""
+        """Set the servos' targets to what these pulses (us, one a fin) ask for; one without a pulse stays."""
         if pwm_us != self._pwm_us:
             rows = zip(self._fins, pwm_us, self.servos.values, strict=True)
             self.servos.aim([fin.deflection(us) if is_pulse(us) else angle for fin, us, angle in rows])
@@ -216,7 +216,7 @@ class FinSet:
 
 
 def fin_matrix(fins: Sequence[Fin], density: float) -> Matrix:
-    """6 x n: the wrench (N, N m) of 1 rad of each fin at 1 m/s ahead, before stall; it grows with the speed squared."""
+    """Return as 6 x n the wrench (N, N m) of 1 rad of each fin at 1 m/s, before stall; it grows with speed²."""
     columns = []
     for fin in fins:
         chord, normal = fin.frame

@@ -263,7 +263,7 @@ def _with_common(table: dict[str, Any], key: str, every: str) -> list[dict[str, 
 
 
 def rigid_mass_matrix(vehicle: Vehicle) -> Matrix:
-    """M_RB about the body origin, 6x6 (Fossen 2021, eq. 3.44)."""
+    """Return M_RB about the body origin, 6x6 (Fossen 2021, eq. 3.44)."""
     mass = vehicle.mass
     lever = cross_matrix(vehicle.center_of_gravity)
     corner = [[mass * x for x in row] for row in lever]
@@ -273,7 +273,7 @@ def rigid_mass_matrix(vehicle: Vehicle) -> Matrix:
 
 
 def mass_matrix(vehicle: Vehicle) -> Matrix:
-    """M = M_RB + M_A about the body origin, 6x6."""
+    """Return M = M_RB + M_A about the body origin, 6x6."""
     return total(rigid_mass_matrix(vehicle), square(vehicle.added_mass, 6))
 
 

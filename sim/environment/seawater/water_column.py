@@ -50,7 +50,7 @@ class WaterColumn:
         return SoundRays(depths, speeds, bottom)
 
     def pressure(self, depth: float) -> float:
-        """Pa above that of the air at `depth` m: the weight of the water on top, exactly; 0 in the air."""
+        """Return Pa above the air's at `depth` m: the weight of the water on top, exactly; 0 in the air."""
         if depth <= 0.0:
             return 0.0
         row = min(bisect_right(self._depths, depth), len(self._pressures)) - 1

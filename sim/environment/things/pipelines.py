@@ -67,7 +67,7 @@ class Pipeline(NamedTuple):
         return self.height + self.diameter <= 0.0
 
     def separation(self, north: float, east: float) -> Separation:
-        """Distance (m) from its side as seen from above, and the direction away from its axis."""
+        """Return the distance (m) from its side as seen from above, and the direction away from its axis."""
         best = (inf, 1.0, 0.0)
         for (from_north, from_east), (to_north, to_east) in pairwise(self.points):
             x, y = off_line(north, east, from_north, from_east, to_north, to_east)
@@ -158,7 +158,7 @@ class Stretch(NamedTuple):
         return self.part.label
 
     def separation(self, north: float, east: float) -> Separation:
-        """Distance (m) from its side as seen from above, and the direction away from its axis."""
+        """Return the distance (m) from its side as seen from above, and the direction away from its axis."""
         return self.part.separation(north, east)
 
 

@@ -157,7 +157,7 @@ class Bins:
         return shares
 
     def _places(self, ranges: Floats) -> Floats:
-        """Ranges in bins of the table."""
+        """Return ranges in bins of the table."""
         places: Floats = (ranges - self._origin) / self.step
         return np.clip(places, 0.0, len(self._law) - 1.0)
 
@@ -194,7 +194,7 @@ def main_lobe(width: float) -> float:
 
 
 def speckled(mean: Floats, looks: float, random: np.random.Generator) -> Floats:
-    """Intensities as a sonar measures them, from their means.
+    """Return intensities as a sonar measures them, from their means.
 
     Many scatterers in one cell add up to a complex Gaussian amplitude: its magnitude is Rayleigh distributed, its
     intensity exponentially (Goodman 1985, Statistical Optics, 2.9). The mean of `looks` such is gamma distributed; 0

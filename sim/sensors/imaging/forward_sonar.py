@@ -143,7 +143,7 @@ class ForwardSonar:
         )  # fmt: skip
 
     def _intensities(self, time_ns: int, state: State) -> "Floats":
-        """Mean echo / source, beams x bins."""
+        """Return mean echo / source, beams x bins."""
         import numpy as np
 
         from sim.sensors.imaging.bottom_echo import shares_of

@@ -1,4 +1,4 @@
-"""What a sonar's own motion makes of one ping: it has moved on and turned when the echoes come.
+"""Effects of a sonar's own motion on one ping: it has moved on and turned when the echoes come.
 
 An echo from range r comes t = 2 r / c after the ping. With v the sonar's velocity and w its turn rate, to first order
 in v / c and w t: the range is measured 1 - d v / c times as long, d being the direction of the thing, which by then

@@ -158,7 +158,7 @@ class Scenery:
         return shade
 
     def _bent(self, points: Pixels) -> Pixels:
-        """Crests are bright, hollows dark. Only the nodes from the first to the last that is hit are looked at."""
+        """Return the brightness by curvature of the nodes that are hit: crests are bright, hollows dark."""
         assert self.terrain is not None
         grid, scale = self.terrain.grid, self.terrain.scale
         rows = np.clip(((points[0] - grid.north_min) * scale + 0.5).astype(np.int32), 0, grid.rows - 1)
@@ -232,7 +232,7 @@ def _interpolate_grain(u: Pixels, v: Pixels) -> Pixels:
 
 @lru_cache(maxsize=1)
 def grain_tile() -> Pixels:
-    """Noise whose amplitude falls with 1 / frequency, mean 0, standard deviation 1, flattened."""
+    """Return noise whose amplitude falls with 1 / frequency, mean 0, standard deviation 1, flattened."""
     random = np.random.default_rng(1)
     spectrum = np.fft.rfft2(random.standard_normal((_SIDE, _SIDE)))
     down, across = np.fft.fftfreq(_SIDE)[:, None], np.fft.rfftfreq(_SIDE)[None, :]

@@ -118,7 +118,7 @@ class SideScan:
 
 
 def _aperture(model: SideScanModel) -> "Aperture":
-    """Port's slices, then starboard's, each from the upper end of the main lobe, or the zenith, down to nadir."""
+    """Return port's slices, then starboard's, from the upper end of the main lobe, or the zenith, to nadir."""
     import numpy as np
 
     from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern

@@ -45,7 +45,7 @@ class _Levels(Protocol):
 
 
 def encoding(model: _Levels) -> Encoding:
-    """Encoding of the picture."""
+    """Return the encoding of the picture."""
     return "float32" if model.ground_truth else "uint8"
 
 

@@ -93,7 +93,7 @@ def within(values: Sequence[float], true: Sequence[float], limits: Limits) -> tu
 
 
 def cone(width: float, height: float, rings: int) -> list[Vector3]:
-    """Unit vectors that fill a beam about the x axis, `width` rad to the sides (y) and `height` rad up and down (z).
+    """Return unit vectors that fill a beam about x, `width` rad to the sides (y), `height` rad up and down (z).
 
     One in the middle, and 6, 12, 18, ... on each of `rings` ellipses, the last of which is the beam's edge.
     """

@@ -117,7 +117,7 @@ class Dvl:
         return [distance if near <= distance <= far and distance > 0.0 else None for distance in distances]
 
     def _flat_ranges(self, state: State, height: float) -> tuple[Sequence[float], float]:
-        """Distances to a flat seabed `height` m below the sensor, inf for none; and how far across the longest goes."""
+        """Return distances to a flat seabed `height` m below the sensor, inf for none; and the longest's way across."""
         down_x, down_y, down_z = down_axis(state.quaternion)
         _, far = self._limits
         distances, across = [], 0.0
@@ -130,7 +130,7 @@ class Dvl:
 
 
 def _janus(tilt: float) -> list[Vector3]:
-    """Unit vectors of the beams, `tilt` rad from straight down, between the axes seen from above."""
+    """Return unit vectors of the beams, `tilt` rad from straight down, between the axes seen from above."""
     angles = [pi / 4.0 + k * pi / 2.0 for k in range(_BEAMS)]
     return [(sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)) for angle in angles]
 

@@ -151,7 +151,7 @@ class ThrusterSet:
         self._failures.add(failures)
 
     def immerse(self, shares: Sequence[float] | None) -> None:
-        """Let each give this share of its thrust from now on, as near the surface; None: all of it."""
+        """Set the share of its thrust that each gives from now on, as near the surface; None: all of it."""
         self._shares = shares
 
     def failures(self, name: str) -> "tuple[Failure, ...]":
@@ -219,7 +219,7 @@ class ThrusterSet:
         return thrusts
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
-        """Let the steps from now on go towards what these pulses (us, one a thruster) give. Raises ConfigError."""
+        """Set the targets of the steps from now on by these pulses (us, one a thruster). Raises ConfigError."""
         if len(pwm_us) != len(self._thrusters):
             raise ConfigError(
                 f"{len(pwm_us)} pulses for a vehicle of {len(self._thrusters)} thrusters: give one a thruster"

@@ -154,7 +154,7 @@ class T200(NamedTuple):
         return copysign(point.rpm * 2.0 * pi / 60.0, point.thrust), point.current
 
     def rows(self, pwm_us: int) -> "Rows":
-        """Thrust and current at this pulse over the voltages of the table."""
+        """Return thrust and current at this pulse over the voltages of the table."""
         from sim.vehicle.thrusters.t200 import rows
 
         return rows(pwm_us)

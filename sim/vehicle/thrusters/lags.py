@@ -130,7 +130,7 @@ class _Braked:
         return wanted + missing * exp(-rate * time) / (1.0 + self._k2 * missing * span)
 
     def _braking(self, y: float, c: float, time: float) -> float:
-        """y' = -(c + k1 y + k2 y²) from `y` > 0 on: Riccati's equation with constant coefficients."""
+        """Solve y' = -(c + k1 y + k2 y²) from `y` > 0 on: Riccati's equation with constant coefficients."""
         square = self._k1 * self._k1 / 4.0 - self._k2 * c
         shift = -sqrt(square) if square > 0.0 else 0.0  # cancels, and keeps a long step from overflowing
         even, odd = _waves(square, shift, time)

@@ -25,7 +25,7 @@ class Performance(NamedTuple):
 
 
 def _read() -> tuple[list[float], list[float], list[list[list[float]]]]:
-    """Voltages, pulses, and thrust, current, rpm as [quantity][pulse][voltage]."""
+    """Return voltages, pulses, and thrust, current, rpm as [quantity][pulse][voltage]."""
     path = os.path.join(os.path.dirname(sim.__file__), "data", "t200.csv")
     with open(path, encoding="ascii") as file:
         lines = [line.split(",") for line in file if not line.startswith("#")]
@@ -39,7 +39,7 @@ VOLTS, _PULSES, _COLUMNS = _read()
 
 
 def rows(pwm_us: int) -> Rows:
-    """Thrust (N), current (A) and speed (rev/min) of this pulse at each of VOLTS; all 0 outside 800..2200 us."""
+    """Return thrust (N), current (A) and speed (rev/min) of this pulse at each of VOLTS; all 0 outside 800..2200 us."""
     if not 800 <= pwm_us <= 2200:
         return [0.0] * len(VOLTS), [0.0] * len(VOLTS), [0.0] * len(VOLTS)
     pulse = min(max(pwm_us, _PULSES[0]), _PULSES[-1])

@@ -171,7 +171,7 @@ def _link_poses(robot: Element, path: str) -> dict[str, Pose]:
 
 
 def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
-    """Mass, centre of gravity and inertia about it, of all links together; what they do not have is left out."""
+    """Return mass, centre of gravity and inertia about it, of all links together; what they do not have is left out."""
     parts = []
     for link in robot.findall("link"):
         inertial = link.find("inertial")

@@ -52,7 +52,7 @@ def read_buoyancy_engine(robot: Element, poses: Mapping[str, Pose], path: str) -
 
 
 def _fluid_added_mass(added: Element, path: str) -> Matrix:
-    """SDFormat 1.10: the upper triangle as <xx> <xy> ... <rr>, positive."""
+    """Return added mass of SDFormat 1.10: the upper triangle as <xx> <xy> ... <rr>, positive."""
 
     def entry(i: int, j: int) -> float:
         return number_of(added.findtext(_ADDED[min(i, j)] + _ADDED[max(i, j)]) or "0", path)
@@ -61,7 +61,7 @@ def _fluid_added_mass(added: Element, path: str) -> Matrix:
 
 
 def _gazebo_water(element: Element, path: str, notes: list[str]) -> dict[str, Any]:
-    """Stability derivatives by Fossen's names, negative where they brake; a kind not there at all is left out.
+    """Return stability derivatives by Fossen's names, negative where they brake; a kind not there at all is left out.
 
     `xUabsV` is the force by U |V|. Of these the vehicle's file has those with one speed twice, and those with |U|.
     """

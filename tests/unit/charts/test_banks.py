@@ -54,7 +54,7 @@ def raised(top: float) -> Grid:
 
 
 def test_the_distance_to_an_edge_is_that_to_the_nearest_of_its_pieces() -> None:
-    """A star, part of it off the grid, one of its pieces of no length."""
+    """The area is a star, part of it off the grid, one of its pieces of no length."""
     angles = np.linspace(0.0, 2.0 * np.pi, 11)
     radius = np.where(np.arange(11) % 2, 40.0, 17.0)
     star = np.column_stack([30.0 + radius * np.cos(angles), 20.0 + radius * np.sin(angles)])
@@ -78,7 +78,7 @@ def test_the_distance_to_an_edge_is_that_to_the_nearest_of_its_pieces() -> None:
 
 @pytest.mark.parametrize(("grid", "most"), [(built(mole()), 0.1), (raised(OUT_OF_WATER), 0.25)], ids=["land", "hazard"])
 def test_a_mole_s_water_line_is_straight_where_it_is_charted(grid: Grid, most: float) -> None:
-    """So many cells from its edge at most; and what is half as deep as the bed runs along it to 0.1 of a cell."""
+    """The bed leaves the edge by so many cells at most; its line of half the depth runs along it to 0.1 of a cell."""
     assert abs(offsets(grid, 0.0)).max() < most
     assert np.ptp(offsets(grid, 0.5 * DEPTH)) < 0.1
     teeth = masked(-LAND_RISE)
@@ -97,13 +97,13 @@ def test_what_is_always_under_water_has_its_full_height_to_its_edge() -> None:
 
 
 def test_a_mole_narrower_than_a_cell_has_no_gaps() -> None:
-    """0.8 of a cell wide: many nodes along it are beside it, and the water over them was 6 m deep."""
+    """The mole is 0.8 of a cell wide: many nodes along it are beside it, and the water over them was 6 m deep."""
     crest = built(mole(2.0)).at(MIDDLE + np.linspace(-60.0, 60.0, 400)[:, None] * ALONG)
     assert crest.max() < 0.5
 
 
 def test_no_shore_where_two_pieces_of_land_meet() -> None:
-    """Nor where land ends with its chart."""
+    """No bank is made where land ends with its chart, either."""
     whole, halves = built(mole()), built(mole(end=10.0), mole(start=10.0))
     assert halves.depths == pytest.approx(whole.depths, abs=1e-6)
     beyond = built(np.array([(-50.0, -50.0), (-50.0, 300.0), (48.0, 300.0), (48.0, -50.0), (-50.0, -50.0)]))

@@ -42,7 +42,7 @@ class Camera:
         self._development = Development(model, self._eye.axial, seed, self.topic)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Let it see a solid that goes with a vehicle's `state`, its own axes the body's."""
+        """Add to its view a solid that goes with a vehicle's `state`, its own axes the body's."""
         self._eye.add(solid, state)
 
     def sample(self, time_ns: int, state: State) -> CameraSample:

@@ -1,4 +1,4 @@
-"""What all sonars that make pictures have in common: ringing, their own motion, and the scanning sonar's side lobes."""
+"""Effects on the pings of all sonars that make pictures: ringing, own motion, and a scanning sonar's side lobes."""
 
 from math import atan2, cos, hypot, radians, sin, sqrt
 from typing import Any
@@ -44,7 +44,7 @@ def at_depth(depth: float, *nu: float) -> State:
 
 
 def picture(sample: Any) -> Any:
-    """Bins x beams."""
+    """Return the picture, bins x beams."""
     return np.frombuffer(sample.intensities, sample.encoding).reshape(sample.bins, -1)
 
 
@@ -98,7 +98,7 @@ def test_a_side_scans_lines_begin_bright() -> None:
 
 
 def test_side_lobes_of_a_scanning_sonar_count_twice() -> None:
-    """In pings that look past a ball, it is received by the pattern squared, to 1.5 dB."""
+    """A ball is received by the pattern squared, to 1.5 dB, in pings that look past it."""
     angles, echoes = sweep(HEAD._replace(side_lobes=13.26))
     received = echoes.sum(axis=1)
     aside = np.linspace(-1.0, 1.0, 51)
@@ -118,7 +118,7 @@ def test_side_lobes_of_a_scanning_sonar_count_twice() -> None:
 
 
 def test_the_surface_mirrors_what_a_scanning_sonar_hears() -> None:
-    """A ball at the sonar's depth of 1.5 m, 10 m ahead: the bent way is sqrt(10² + 3²) m, one way bent is between."""
+    """The bent way of a ball at the sonar's 1.5 m, 10 m ahead, is sqrt(10² + 3²) m; one way bent is between."""
     model = HEAD._replace(
         angle_min=-0.01, angle_max=0.01, step=0.01, multipath=True, beam_height=radians(50.0), rays=400
     )
@@ -141,7 +141,7 @@ def test_intensities_need_a_beam() -> None:
 
 
 def test_ranges_of_a_sonar_that_closes_in_are_shorter() -> None:
-    """Sound that comes back to where the sonar is by then: 1 - v / c of the range, ahead; the same across."""
+    """The sound comes back to where the sonar is by then: 1 - v / c of the range, ahead; the same across."""
     sonar = fitted(ForwardSonar, FORWARD._replace(max_range=60.0))
     sonar._pinger.add(solids.half_space((-1.0, 0.0, 0.0), -50.0), State())
     still, moving = (sonar._pinger.ping(0, at_depth(10.0, v, 0.0, 0.0, 0.0, 0.0, 0.0)) for v in (0.0, 15.0))
@@ -153,7 +153,7 @@ def test_ranges_of_a_sonar_that_closes_in_are_shorter() -> None:
 
 @pytest.mark.parametrize("rate", [0.5, -0.8])
 def test_a_forward_sonar_that_turns_hears_things_where_they_stand_by_then(rate: float) -> None:
-    """A ball at 45 m, 60 ms away: a sonar that turns to starboard finds it farther to port."""
+    """A sonar that turns to starboard finds a ball at 45 m, 60 ms away, farther to port."""
     model = FORWARD._replace(beam_width=radians(0.6))
     sonar = fitted(ForwardSonar, model)
     angle, distance = radians(5.0), 45.0
@@ -167,7 +167,7 @@ def test_a_forward_sonar_that_turns_hears_things_where_they_stand_by_then(rate: 
 
 
 def test_a_side_scan_loses_what_is_far_while_it_turns() -> None:
-    """By 60 m, 80 ms away, a turn of 8 deg/s moved the beam of 0.8 deg by 0.64 deg: it receives less of it."""
+    """A turn of 8 deg/s moves the beam of 0.8 deg by 0.64 deg until 60 m, 80 ms away: it receives less of it."""
     rate, width = radians(8.0), SCAN.beam_width
     scan = fitted(SideScan, SCAN, FLAT)
     still, turning = (
@@ -187,7 +187,7 @@ def test_a_side_scan_loses_what_is_far_while_it_turns() -> None:
 
 
 def test_a_head_that_looks_aside_moves_along_its_own_axes() -> None:
-    """Looking to starboard from a vehicle that goes to starboard: a wall there is nearer."""
+    """A wall to starboard is nearer to a sonar that looks and goes there."""
     model = HEAD._replace(angle_min=radians(89.0), angle_max=radians(91.0), step=radians(1.0))
     sonar = fitted(ScanningSonar, model)
     pinger = sonar._echoes._pingers[0]
