@@ -91,7 +91,7 @@ class QemuStm32:
             self._held = held.pop_all()
 
     def pwm_us(self) -> tuple[int, ...]:
-        """Pulses (us) from the compare registers, read by QEMU and not by the firmware; 0 without timers."""
+        """Return the pulses (us) from the compare registers, read by QEMU and not by the firmware; 0 without timers."""
         if self._qmp is None:
             self._qmp = _Qmp(self._connect_monitor())
         words = [word for address in PULSE_REGISTERS for word in self._qmp.words(address, 4)]

@@ -42,7 +42,7 @@ class Rcc(Peripheral):
         self._measure()
 
     def write(self, offset: int, value: int) -> None:
-        """Oscillators follow their switches; a change of clock takes effect at once."""
+        """Write a register: oscillators follow their switches; a change of clock takes effect at once."""
         if offset == CR:
             value = value & 0x050D_00F9 | (value >> 24 & 5) << 25 | (value >> 16 & 1) << 17 | (value & 1) << 1
         elif offset == self.cfgr:

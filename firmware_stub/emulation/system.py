@@ -81,7 +81,7 @@ class SystemControl(Peripheral):
         self._plan(self._wraps() + 1)
 
     def retime(self) -> None:
-        """Go on at the new clock from the value that the counter has."""
+        """Continue at the new clock from the value that the counter has."""
         self._restart(self._wrap_length() - 1 - self._count_down())
 
     def _write_systick(self, offset: int, value: int) -> None:
@@ -113,7 +113,7 @@ class SystemControl(Peripheral):
         return self.words.get(SYST_RVR, 0) + 1
 
     def _count(self) -> int:
-        """Clocks counted since it was last at its reload value."""
+        """Return the clocks counted since it was last at its reload value."""
         if not self.words.get(SYST_CSR, 0) & SYST_ENABLE:
             return 0
         return (self._offset + self._ticks.count()) % self._wrap_length()

@@ -104,7 +104,7 @@ class Timer(Peripheral):
         self._plan()
 
     def retime(self) -> None:
-        """Go on at the new clock from the present count."""
+        """Continue at the new clock from the present count."""
         count = self._count() % (self.words[ARR] + 1)
         self._notice_updates()
         self._restart(count)
@@ -122,7 +122,7 @@ class Timer(Peripheral):
         self._ticks = Ticks(self._time, self._clock_hz())
 
     def _count(self) -> int:
-        """Steps since it was last at zero or set, without coming round."""
+        """Return the steps since it was last at zero or set, without coming round."""
         if not self.words.get(CR1, 0) & CEN:
             return self._first
         return self._first + self._ticks.count() // (self.words.get(PSC, 0) + 1)

@@ -87,7 +87,7 @@ class Usart(Peripheral):
         return True
 
     def read(self, offset: int) -> int:
-        """Reading the data makes room for the next byte."""
+        """Read a register; reading the data makes room for the next byte."""
         if offset == DR:
             return self._read_data()
         if offset == SR:

@@ -179,9 +179,10 @@ class ArduPilot(Autopilot):
             raise DeviceError(f"{self.name}: cannot answer: {error.strerror or error}") from None
 
     def _state_of(self, time_ns: int, truth: OdometrySample) -> JsonState:
-        """Position on the level, velocity and attitude are the truth: ArduPilot makes its own GPS and compass of them.
+        """Return the state for ArduPilot, which makes its own GPS and compass of it.
 
-        Depth is that of the pressure sensor, if there is one: ArduPilot makes its water pressure of it.
+        So position on the level, velocity and attitude are the truth. Depth is that of the pressure sensor, if there is
+        one: ArduPilot makes its water pressure of it.
         """
         inputs = self._inputs
         north, east, down = truth.position

@@ -101,7 +101,7 @@ class Observer(VehicleClient):
 
 
 def pooled(runs: Sequence[Result]) -> Result:
-    """Several runs of one configuration as one, one after the other."""
+    """Return several runs of one configuration as one, one after the other."""
     first, *others = runs
     if not others:
         return first

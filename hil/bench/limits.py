@@ -176,7 +176,7 @@ def _quota_us(share: float) -> tuple[int, int]:
 
 
 def _settings(limits: Limits, version: int) -> dict[str, dict[str, str]]:
-    """Controller -> files of its group -> what is written there."""
+    """Return by controller the files of its group, and what is written to each."""
     settings = {}
     if limits.cpu_share:
         quota, period = _quota_us(limits.cpu_share)
@@ -243,7 +243,7 @@ def parse_memory(text: str) -> float:
 
 
 def parse_cpus(text: str) -> tuple[int, ...]:
-    """Processor numbers: "0", "0,2", "0-3". Raises ConfigError."""
+    """Return the processor numbers in "0", "0,2", "0-3". Raises ConfigError."""
     cpus: set[int] = set()
     try:
         for part in text.split(","):

@@ -92,7 +92,7 @@ def family(pid: int) -> list[int]:
 
 
 def cpu_s(pids: Iterable[int]) -> float:
-    """Processor time (s, user and system) that processes have used; those that have ended count 0."""
+    """Return the processor time (s, user and system) that processes have used; those that have ended count 0."""
     total = 0.0
     for pid in pids:
         with suppress(psutil.Error):
@@ -114,7 +114,7 @@ def resident_mib(pids: Iterable[int]) -> float:
 
 
 def mapped_files(pid: int) -> set[str]:
-    """Paths of the files that a process has mapped; none if it has ended."""
+    """Return the paths of the files that a process has mapped; none if it has ended."""
     try:
         return {mapping.path for mapping in psutil.Process(pid).memory_maps() if mapping.path.startswith("/")}
     except psutil.Error:

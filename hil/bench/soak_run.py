@@ -170,7 +170,7 @@ def measured(values: Sequence[float]) -> list[float]:
 
 
 def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tuple[float, Interval]:
-    """Slope in units an hour by least squares, and its interval of 95 %, by resampling blocks of the record.
+    """Return the slope in units an hour by least squares, and its interval of 95 %, by resampling blocks of the record.
 
     Blocks, because neighbours are alike (moving block bootstrap: Kuensch, Annals of Statistics 17, 1989).
     """
@@ -193,7 +193,7 @@ def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tupl
 
 
 def _line(x: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
-    """Intercept and slope by least squares."""
+    """Return intercept and slope by least squares."""
     mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)
     spread = sum((a - mean_x) ** 2 for a in x)
     slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / spread if spread else 0.0

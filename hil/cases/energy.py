@@ -60,7 +60,7 @@ def power_of_thrust(thrust: float) -> float:
 
 @lru_cache(maxsize=2)
 def _table(reverse: bool) -> tuple[list[float], list[float]]:
-    """Growing thrusts (N) and what they take (W)."""
+    """Return growing thrusts (N) and what they take (W)."""
     thrusts, watts = [0.0], [0.0]
     for offset in range(5, 405, 5):
         point = performance(1500 - offset if reverse else 1500 + offset, REFERENCE_V)

@@ -66,7 +66,7 @@ ROWS = (
 
 
 def rows(sil: Run, hil: Run) -> list[list[str]]:
-    """Side by side for a report: SIL, HIL and the difference, the heads of the columns first."""
+    """Return rows for a report: SIL, HIL and the difference, the heads of the columns first."""
     differences = compare(sil, hil)
     a, b = sil.result, hil.result
     both = {

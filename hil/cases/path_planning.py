@@ -49,7 +49,7 @@ class PathPlanning(SingleCase):
         return shortest(plan.world, plan.request.vehicle, scenario.master.depth, (start, goal))
 
     def draw(self, runs: Sequence[Run], path: str) -> None:
-        """Figure 8, the tracks on the map, and figure 9, speed over time."""
+        """Draw figure 8, the tracks on the map, and figure 9, speed over time."""
         from hil.cases.pictures import draw_field
 
         draw_field(self.title, runs, path)
@@ -85,7 +85,7 @@ class PathPlanningUnknown(PathPlanning):
 
 
 def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], random: Random) -> list[Table]:
-    """Piles that no map shows, three of five on `path` and the others within 4 m of it, all passable."""
+    """Return piles that no map shows, three of five on `path` and the others within 4 m of it, all passable."""
     piles: list[Table] = []
     for _ in range(10_000):
         if len(piles) == PILES:

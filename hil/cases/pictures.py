@@ -79,7 +79,7 @@ def _mark(axes: Any, scenario_path: str) -> None:
 
 
 def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
-    """Surge over time, as commanded and as it was."""
+    """Draw surge over time, as commanded and as it was."""
     for run in runs:
         for number, track in enumerate(run.tracks):
             colour, name = COLOURS[run.result.mode], run.result.mode.upper()
@@ -98,7 +98,7 @@ def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
 
 
 def draw_seeds(title: str, results: Sequence[Result], path: str) -> None:
-    """Every flight as a dot, in four of its figures: SIL and HIL beside each other. Raises MissingExtraError."""
+    """Draw every flight as a dot, in four of its figures: SIL and HIL beside each other. Raises MissingExtraError."""
     plt = pyplot()
     figure, panels = plt.subplots(1, len(SPREAD), figsize=(13, 3.2), layout="constrained")
     good = sum(result.success for result in results)

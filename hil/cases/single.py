@@ -70,7 +70,7 @@ class SingleCase(Case):
         """Return the length (m) of the shortest way that does what the case asks."""
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
-        """Figures of this case alone."""
+        """Return the figures of this case alone."""
         return {}
 
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:

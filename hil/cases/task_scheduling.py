@@ -56,7 +56,7 @@ class TaskScheduling(SingleCase):
         return {f"{state[:-5]} done": end for state, end in ends.items() if state.endswith(" work")}
 
     def draw(self, runs: Sequence[Run], path: str) -> None:
-        """Figure 10: the paths from task to task on the map."""
+        """Draw figure 10: the paths from task to task on the map."""
         from hil.cases.pictures import draw_field
 
         draw_field(self.title, runs, path)

@@ -57,7 +57,7 @@ def write_toml(path: str, table: Table) -> None:
 
 
 def _lines(table: Table, name: str) -> Iterator[str]:
-    """Plain values first: what follows the header of a section belongs to it."""
+    """Yield the lines of a table, plain values first: what follows the header of a section belongs to it."""
     tables = {key: value for key, value in table.items() if isinstance(value, dict)}
     arrays = {key: value for key, value in table.items() if _is_array_of_tables(value)}
     for key, value in table.items():

@@ -87,7 +87,7 @@ def _near(points: Array, north: Array, east: Array, reach: float) -> Mask:
 
 
 def limits_at(survey: Survey, points: Array) -> tuple[Array, Array]:
-    """Shoal and deep limit in m at `points` (n, 2)."""
+    """Return shoal and deep limit in m at `points` (n, 2)."""
     low, high = np.full(len(points), -np.inf), np.full(len(points), np.inf)
     for sheet in survey.sheets:
         covered = contains(sheet.coverage, points)
@@ -198,7 +198,7 @@ def banked(depths: NDArray[np.floating[Any]], tops: Array, inside: Array) -> Arr
 
 
 def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
-    """`depths` with a slope where there is land: up from its shore, or from the beach if that is higher."""
+    """Return `depths` with a slope where there is land: up from its shore, or from the beach if that is higher."""
     from scipy.ndimage import distance_transform_edt
 
     land, water = bounds.land, bounds.known & ~bounds.land

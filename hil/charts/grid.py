@@ -54,7 +54,7 @@ class Grid(NamedTuple):
         return float(np.nanmax(self.depths))
 
     def at(self, points: Array) -> Array:
-        """Depths at `points` (n, 2) north, east, bilinear in between; nan outside or beside a nan."""
+        """Return the depths at `points` (n, 2) north, east, bilinear in between; nan outside or beside a nan."""
         rows, columns = self.depths.shape
         scaled = (points - (self.north_min, self.east_min)) / self.resolution
         cell = np.clip(np.floor(scaled).astype(np.intp), 0, (rows - 2, columns - 2))
@@ -155,7 +155,7 @@ def write_files(contents: Mapping[str, bytes]) -> None:
 
 @contextmanager
 def replaced(*paths: str) -> Iterator[list[str]]:
-    """Give names to write files under, which become those at `paths` when all is written, or else go.
+    """Provide temporary names for files, which are renamed to `paths` when all are written, or else removed.
 
     Makes their folders. Raises ConfigError for an OSError.
     """

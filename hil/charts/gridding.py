@@ -77,7 +77,7 @@ class Surface:
         self._patches = [_widen(points, order, *box) for box in boxes]
 
     def evaluate(self, north: Array, east: Array, wanted: Mask, report: Progress = lambda share: None) -> Array:
-        """Depths at the crossings of the growing arrays `north` and `east` in m: (len(north), len(east)).
+        """Return the depths at the crossings of the growing arrays `north` and `east` in m: (len(north), len(east)).
 
         Only where `wanted` (of that shape) is true; nan elsewhere.
         """
@@ -115,7 +115,7 @@ class Surface:
         return np.asarray(total / weights[..., None])
 
     def at(self, places: Array) -> Array:
-        """Depths at `places` (n, 2)."""
+        """Return the depths at `places` (n, 2)."""
         total, weights = np.zeros(len(places)), np.zeros(len(places))
         for patch in self._patches:
             weight = self._weight(places, patch)
@@ -153,7 +153,7 @@ class Surface:
         return slice(int(np.searchsorted(clipped, ends[0], "right")), int(np.searchsorted(clipped, ends[1], "left")))
 
     def _weight(self, nodes: Array, patch: Patch, least: float = LEAST_WEIGHT) -> Array:
-        """Wendland's C2 function along both axes: 1 in the middle of the patch, 0 on its rim, and below `least`."""
+        """Return Wendland's C2 function along both axes: 1 in the patch's middle, 0 on its rim, and below `least`."""
         clipped = np.clip(nodes, self._low, self._high)
         t = np.minimum(np.abs(clipped - patch.centre) / patch.half, 1.0)
         rest = (1.0 - t) * (1.0 - t)
@@ -271,7 +271,7 @@ class _Fit:
 
 
 def _kernel(a: Array, b: Array) -> Array:
-    """Minus the distances to the power 1.75, (len(a), len(b)): by roots, which are faster than powers."""
+    """Return minus the distances to the power 1.75, (len(a), len(b)): by roots, which are faster than powers."""
     from scipy.spatial.distance import cdist
 
     distances = cdist(a, b)

@@ -60,7 +60,7 @@ def _rms(errors: Array) -> float:
 
 
 def _linear(points: Array, folds: Indices) -> Array:
-    """Soundings as the triangles of the other points have them; nan outside of those, and where none is held out."""
+    """Return soundings as triangles of the other points have them; nan outside, and where none is held out."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 

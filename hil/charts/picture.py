@@ -127,7 +127,7 @@ def _slopes(depths: Depths, resolution: float, part: slice) -> list[Depths]:
 
 
 def _shaded(grid: Grid, plt: Any) -> tuple[NDArray[np.uint8], Any]:
-    """RGB of every node, and the scale of depths for the colour bar."""
+    """Return RGB of every node, and the scale of depths for the colour bar."""
     from matplotlib import cm, colors
 
     scale = cm.ScalarMappable(colors.PowerNorm(0.6, *_range(grid.depths)), plt.get_cmap("GnBu"))

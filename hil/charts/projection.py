@@ -36,7 +36,7 @@ class LocalPlane:
 
 
 def _ecef(phi: Array, lam: Array) -> Array:
-    """Points of the ellipsoid, (..., 3) in m."""
+    """Return points of the ellipsoid, (..., 3) in m."""
     radius = SEMI_MAJOR_AXIS / np.sqrt(1.0 - _E2 * np.sin(phi) ** 2)
     parts = radius * np.cos(phi) * np.cos(lam), radius * np.cos(phi) * np.sin(lam), radius * (1.0 - _E2) * np.sin(phi)
     return np.stack(parts, axis=-1)

@@ -36,7 +36,7 @@ class Site(NamedTuple):
 
 
 def sites(grid: Grid, length: float, depth: float | None = None) -> Iterator[Site]:
-    """Ways of `length` m, the best first, at `depth` m if that is given. Raises ConfigError when there is none.
+    """Return ways of `length` m, the best first, at `depth` m if that is given. Raises ConfigError when there is none.
 
     A way is good where the bed under it goes up and down, and the ground beside it comes up to the vehicle, for the
     laser and the sonar to see; all of it lies in known water. Where all of that is too deep for daylight, deeper.
@@ -124,5 +124,5 @@ def _site(middle: Point, course: float, length: float, depth: float) -> Site:
 
 
 def _rounded(depth: float) -> float:
-    """Round up to half a metre, never deeper."""
+    """Return a depth rounded to half a metre, to the shallower one."""
     return float(np.floor(2.0 * depth) / 2.0)

@@ -131,7 +131,7 @@ class Fleet:
         return vehicles
 
     async def find(self, *names: str, seconds: float = 30.0) -> list[Vehicle]:
-        """`wait_for` for asyncio."""
+        """Wait as `wait_for` does, for asyncio."""
         import asyncio
 
         return await asyncio.to_thread(lambda: self.wait_for(*names, seconds=seconds))

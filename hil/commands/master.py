@@ -144,7 +144,7 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
 
 
 def _pause(stop_fd: int, seconds: float) -> None:
-    """Wait. Raises KeyboardInterrupt if `stop_fd` becomes readable."""
+    """Wait; raises KeyboardInterrupt if `stop_fd` becomes readable."""
     if select.select((stop_fd,), (), (), seconds)[0]:
         raise KeyboardInterrupt
 

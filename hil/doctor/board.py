@@ -148,7 +148,7 @@ def process_limits(text: str) -> dict[str, float]:
 
 
 def _process(case: Case) -> str | None:
-    """Limits and status of a process of the user's; None if we may not, or cannot, start one."""
+    """Return limits and status of a process of the user's; None if we may not, or cannot, start one."""
     prefix = as_user(case.user) if case.tree.live else []
     if prefix:
         return case.tree.run(*prefix, "cat", LIMITS, STATUS)

@@ -174,7 +174,7 @@ def _kind(name: str) -> str:
 
 
 def _logins(tree: Tree, tty: str) -> list[str]:
-    """Services that are enabled and open a login prompt on a serial port."""
+    """Return the services that are enabled and open a login prompt on a serial port."""
     wanted = [
         name
         for folder in tree.names("/etc/systemd/system")

@@ -51,7 +51,7 @@ def wlan(case: Case) -> Iterator[Finding]:
 
 
 def listeners(tree: Tree) -> dict[int, str]:
-    """TCP port that somebody listens on -> inode of the socket."""
+    """Return the inode of the listening socket of each TCP port that has one."""
     inodes = {}
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         for line in tree.text(table).splitlines()[1:]:

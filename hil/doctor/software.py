@@ -249,7 +249,7 @@ def granted(case: Case) -> Iterator[Finding]:
 
 
 def step_cost_s(scenario: Scenario) -> float:
-    """Processor time (s) that one step of the scenario's simulation takes here, without its start."""
+    """Return the processor time (s) that one step of the scenario's simulation takes here, without its start."""
     from sim.environment.world import load_world
     from sim.vehicle.vehicle import load_vehicle
 

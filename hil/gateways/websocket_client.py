@@ -28,7 +28,7 @@ class SendQueue:
         self.dropped = 0
 
     def put(self, message: str | bytes, keep: bool) -> None:
-        """Let a message be sent; without `keep` it may be dropped."""
+        """Queue a message to be sent; without `keep` it may be dropped."""
         self._waiting.append((message, keep))
         self._bytes += len(message)
         while self._bytes > MOST_BYTES and not self._waiting[0][1] and len(self._waiting) > 1:

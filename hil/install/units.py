@@ -54,7 +54,7 @@ class Service(NamedTuple):
 
 
 def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
-    """Path -> what it is to hold. Raises ConfigError when a name cannot stand in a unit or a rule."""
+    """Return by path what each file is to hold. Raises ConfigError when a name cannot stand in a unit or a rule."""
     files = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
     if _can(service.scenario):
         module = can_module(service.scenario, board)

@@ -28,7 +28,7 @@ class View(NamedTuple):
     eye: tuple[int, int]
 
     def flat(self, vector: tuple[float, float, float]) -> tuple[float, float]:
-        """Right and up of a vector along FRD."""
+        """Return right and up of a vector along FRD."""
         return self.right[1] * vector[self.right[0]], self.up[1] * vector[self.up[0]]
 
 
@@ -139,7 +139,7 @@ def _draw_ballast(axes: Any, vehicle: Vehicle, view: View) -> None:
 
 
 def _stacks(vehicle: Vehicle, view: View) -> dict[tuple[float, float], list[int]]:
-    """Thrusters by the place where they are drawn: seen from one side, some hide others."""
+    """Return thrusters by the place where they are drawn: seen from one side, some hide others."""
     stacks: dict[tuple[float, float], list[int]] = {}
     for number, thruster in enumerate(vehicle.thrusters):
         across, up = view.flat(thruster.position)
@@ -175,7 +175,7 @@ def _draw_thruster(axes: Any, vehicle: Vehicle, view: View, number: int, reach: 
 
 
 def _draw_speeds(axes: Any, reaches: tuple[Reach, ...]) -> None:
-    """Bars for the four axes a pilot commands, m/s and rad/s on one scale."""
+    """Draw bars for the four axes a pilot commands, m/s and rad/s on one scale."""
     shown = [reach for reach in reaches if reach.axis in ("surge", "sway", "heave", "yaw")]
     ticks = {"surge": ("ahead", "astern"), "sway": ("starboard", "port"), "heave": ("down", "up"),
              "yaw": ("to starboard", "to port")}  # fmt: skip

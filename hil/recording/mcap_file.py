@@ -122,7 +122,7 @@ class RecordingFile:
 
 
 def schema_of(kind: str) -> tuple[str, bytes]:
-    """Encoding and text of a type's definition; none for a type of others that we do not know."""
+    """Return encoding and text of a type's definition; none for a type of others that we do not know."""
     from hil.ros import types
 
     try:

@@ -71,7 +71,7 @@ class McapWriter:
         self._write(self._records.Header(profile="ros2", library=library))
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Facts by name. Before the first message."""
+        """Write facts by name. Before the first message."""
         at = self._output.tell()
         length = self._write(self._records.Metadata(name=name, metadata=values))
         self._other_indexes.append(self._records.MetadataIndex(offset=at, length=length, name=name))

@@ -64,7 +64,7 @@ def read_about(path: str) -> About:
 
 
 def _number(name: str) -> tuple[int, str]:
-    """NAME_12.mcap comes after NAME_9.mcap."""
+    """Return a key by which NAME_12.mcap comes after NAME_9.mcap."""
     digits = name.removesuffix(".mcap").rpartition("_")[2]
     return (int(digits) if digits.isdigit() else 0, name)
 

@@ -253,7 +253,7 @@ _logged_time = attrgetter("logged_ns")
 
 
 def _read_key(key: str) -> tuple[str, str] | None:
-    """Topic and type of a key: the inverse of `ros.data_key`. None for what is no topic."""
+    """Return topic and type of a key: the inverse of `ros.data_key`. None for what is no topic."""
     parts = key.split("/")
     package, _, name = parts[-2].partition("::") if len(parts) > 3 else ("", "", "")
     kind, _, last = name.partition("::dds_::")

@@ -114,7 +114,7 @@ class Loop:
         self.started_ns = now_ns()
 
     def run(self, stop_fd: int) -> None:
-        """Loop until `stop_fd` becomes readable."""
+        """Run until `stop_fd` becomes readable."""
         command_fd = self.command_receiver.fileno()
         ros_fd = self.ros.fileno() if self.ros else -1
         autopilot, autopilot_fd = self.autopilot, self.autopilot.fileno() if self.autopilot else -1

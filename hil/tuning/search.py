@@ -118,7 +118,7 @@ class Tuner:
         return process._replace(delay=process.delay + _waiting(loop))
 
     def _propose(self, axis: str, process: Process, closed: float) -> dict[str, AxisGains | HoldGains]:
-        """Gains by their keys, for a closed loop of `closed` delays."""
+        """Return gains by their keys, for a closed loop of `closed` delays."""
         loop = AXES[axis].loop
         time = (closed + 1.0) * process.delay
         proposed: dict[str, AxisGains | HoldGains] = {}

@@ -92,7 +92,7 @@ def _round_trip(plan: HuntPlan) -> list[int]:
 
 
 def _draw_times(panels: Sequence[Any], run: Run, plan: HuntPlan) -> None:
-    """Least distance between two, error of the formation, distances from the target."""
+    """Draw over time the least distance between two, error of the formation, distances from the target."""
     mode = run.result.mode
     style = {"linestyle": LINES[mode], "linewidth": 1.1}
     time = run.tracks[0].time

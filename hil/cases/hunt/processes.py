@@ -183,7 +183,7 @@ class _Observer:
         self._agents.check()
 
     def _cpu(self) -> tuple[float, float]:
-        """Processor time (s) of all agents, and of all slaves."""
+        """Return the processor time (s) of all agents, and of all slaves."""
         return cpu_s(self._agents.pids), cpu_s(self._slaves.pids)
 
 

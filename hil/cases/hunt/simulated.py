@@ -99,7 +99,7 @@ class SimulatedHunt:
                     planner.on_report(sender, report, self.time)
 
     def _exchange_by_modem(self, modem: Modem, channel: Channel, now: int) -> None:
-        """Let the vehicle in turn send by modem; deliver the messages that have arrived completely."""
+        """Send by modem from the vehicle whose turn it is; deliver the messages that have arrived completely."""
         for number, due_ns in enumerate(self._turns_due_ns):
             if now >= due_ns:
                 self._turns_due_ns[number] = self._turns[number].after(now)

@@ -148,6 +148,6 @@ def shortest_paths(plan: HuntPlan) -> float:
 
 
 def _ring(plan: HuntPlan, first: float) -> Sequence[Vector]:
-    """Places evenly round the target, one of them at the bearing `first`."""
+    """Return places evenly round the target, one of them at the bearing `first`."""
     bearings = [first + 2.0 * pi * number / len(plan.starts) for number in range(len(plan.starts))]
     return [(plan.target[0] + plan.ring * cos(b), plan.target[1] + plan.ring * sin(b)) for b in bearings]

@@ -133,7 +133,7 @@ def _origin(world: World) -> str:
 
 
 def _obstacles(world: World, grid: Grid) -> Iterator[str]:
-    """Static models from the bed to their tops; what stands out of the water ends 5 m above it."""
+    """Return static models from the bed to their tops; what stands out of the water ends 5 m above it."""
     standing: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box, *_walls(world))
     for number, obstacle in enumerate(standing):
         bed = float(grid.at(np.array([[obstacle.north, obstacle.east]]))[0])

@@ -28,7 +28,7 @@ def check_size(grid: Grid) -> None:
 
 
 def triangulate(grid: Grid) -> tuple[Corners, Triangles]:
-    """Corners (n, 3) as east, north, up in m, and triangles (m, 3) of them, seen from above counter-clockwise.
+    """Return corners (n, 3) as east, north, up in m, and triangles (m, 3) of them, seen from above counter-clockwise.
 
     Two triangles a cell; none where one of its nodes is unknown. Raises ConfigError if none is left, or for more nodes
     than MOST_NODES.

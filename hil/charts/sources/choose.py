@@ -88,7 +88,7 @@ def _open(path: str, positive: Positive, crs: str | None) -> Raster:
 def _on_a_plane(
     loose: list[Points], has_others: bool, resolution: float | None, reach: float | None
 ) -> tuple[Survey, Extent]:
-    """Soundings in metres from an origin whose place on the earth is unknown."""
+    """Return soundings in metres from an origin whose place on the earth is unknown."""
     if has_others or any(points.geographic for points in loose):
         raise ConfigError(
             f"{loose[0].name}: has metres, which neither --area nor files in degrees can be put to: "

@@ -59,7 +59,7 @@ class Raster(NamedTuple):
         return f"{self.name} of {self.date}" if self.date else self.name
 
     def depths(self, plane: LocalPlane, north: Array, east: Array) -> Array:
-        """Depths in m at the crossings of the evenly growing `north` and `east` (m on `plane`), nan where none is.
+        """Return depths (m) at the crossings of evenly growing `north` and `east` (m on `plane`), nan where none is.
 
         GDAL resamples: bilinear, or the mean of the pixels of a node. Raises ConfigError.
         """

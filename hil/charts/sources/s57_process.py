@@ -83,7 +83,7 @@ def _set_options(updates: str) -> None:
 
 
 def _numbered(path: str, edition: str, update: int, folder: str) -> str:
-    """Links in `folder` to the cell and to its updates after number `update`, which GDAL looks for from 001 on.
+    """Make links in `folder` to the cell and to its updates after number `update`, which GDAL looks for from 001 on.
 
     Raises _UpdateError for one of another edition, which GDAL would apply.
     """

@@ -87,7 +87,7 @@ class Survey(NamedTuple):
 
 
 def resample(line: Array, step: float) -> Array:
-    """Places along `line` (n, 2), both ends among them, at most `step` m apart."""
+    """Return places along `line` (n, 2), both ends among them, at most `step` m apart."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     wanted = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / step)) + 1)
     return np.column_stack([np.interp(wanted, along, line[:, k]) for k in (0, 1)])

@@ -119,7 +119,7 @@ def _measure(bench: Bench, seconds: float, place: str) -> Found:
 
 
 def _table(by_rate: dict[float, list[Found]]) -> list[str]:
-    """Medians over the runs."""
+    """Return medians over the runs."""
     rows = [["", "late p50 us", "p99", "p99.9", "max", "within 2 ms", "skipped", "behind"]]
     for rate, runs in by_rate.items():
         name = f"{rate:g} Hz"

@@ -131,7 +131,7 @@ def _table(courses: list[Course]) -> list[str]:
 
 
 def _cells(values: list[float], base: list[float], again: list[list[float]], factor: float = 1.0) -> list[str]:
-    """Median, spread, and what it is more than `base`."""
+    """Return median, spread, and what it is more than `base`."""
     change = difference(values, base, again)
     more = f"{factor * change.more:+.2f}"
     return [

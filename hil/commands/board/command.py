@@ -161,7 +161,7 @@ def to_json(tree: Tree, board: Board | None) -> dict[str, object]:
 
 
 def _plain(value: object) -> object:
-    """Records as dicts, however deep."""
+    """Return records as dicts, however deep."""
     if isinstance(value, tuple):
         fields = getattr(value, "_asdict", None)
         return {key: _plain(item) for key, item in fields().items()} if fields else [_plain(item) for item in value]

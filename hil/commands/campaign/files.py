@@ -203,7 +203,7 @@ def _opened_files() -> Iterator[set[str]]:
 
 
 def _own_modules() -> dict[str, str]:
-    """Modules in the folders of the classes that scenarios have named, with their files: those import others."""
+    """Return the modules in the folders of the classes that scenarios named, with files: those import others."""
     roots = {name.partition(".")[0] for name in loaded}
     files = {name: os.path.abspath(getattr(module, "__file__", None) or "") for name, module in sys.modules.items()}
     places = {os.path.dirname(files[root]) for root in roots if root in files and not _is_installed(files[root])}

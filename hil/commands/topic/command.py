@@ -307,7 +307,7 @@ def _row(name: str, type_name: str) -> Topic:
 
 
 def whole_type(name: str) -> str:
-    """ "geometry_msgs/msg/Twist", also of "geometry_msgs/Twist". Raises ConfigError for an unknown one."""
+    """Return "geometry_msgs/msg/Twist", also of "geometry_msgs/Twist". Raises ConfigError for an unknown one."""
     package, _, last = name.rpartition("/")
     whole = name if "/" in package else f"{package}/msg/{last}"
     types.definition(whole)

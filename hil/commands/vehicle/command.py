@@ -147,7 +147,7 @@ def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[Reach, ...]:
 
 
 def net_weight(vehicle: Vehicle, density: float) -> float:
-    """Weight less lift in N, positive if it sinks in water of `density` kg/m³."""
+    """Return the weight less lift in N, positive if it sinks in water of `density` kg/m³."""
     return (vehicle.mass - density * displaced_volume(vehicle, density)) * GRAVITY
 
 

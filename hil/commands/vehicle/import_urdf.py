@@ -93,7 +93,7 @@ def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Ma
 
 
 def to_toml(vehicle: Vehicle, notes: list[str]) -> str:
-    """`vehicle` as the text of a vehicle file; `notes` stand at its head as comments."""
+    """Return `vehicle` as the text of a vehicle file; `notes` stand at its head as comments."""
     head = [f"# {note}" for note in ("Body axes: x forward, y starboard, z down.", *notes)]
     lines = [*head, *_toml_keys(vehicle, skip=("thrusters", "meshes", *EQUIPMENT))]
     equipment = {key: value for key in EQUIPMENT if (value := getattr(vehicle, key))}

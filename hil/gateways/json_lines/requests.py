@@ -129,7 +129,7 @@ def _array(name: str, values: Any) -> list[float]:
 
 
 def _points(path: Any) -> list[Any]:
-    """Points of three numbers; MATLAB writes a single one without the outer brackets."""
+    """Return the points of three numbers; MATLAB writes a single one without the outer brackets."""
     if isinstance(path, list) and path and not isinstance(path[0], list):
         path = [path]
     if not isinstance(path, list) or not path:

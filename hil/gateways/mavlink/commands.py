@@ -183,7 +183,7 @@ class Commands:
         return ACCEPTED
 
     def _storage(self, request: CommandRequest, _: int) -> int:
-        """Parameters are stored as they are set: to store them again is done already, to reset them is not offered."""
+        """Accept to store parameters, which are stored as they are set; refuse to reset them."""
         return ACCEPTED if request.params[0] in (0.0, 1.0) else UNSUPPORTED
 
 

@@ -29,7 +29,7 @@ class ParameterMirror:
         self._lock = asyncio.Lock()
 
     def forget(self) -> None:
-        """Let everything be written again: the master is a new one."""
+        """Write everything again to a new master."""
         self._values.clear()
         self._watched.clear()
 

@@ -22,7 +22,7 @@ class Subscriber:
         self._wake = asyncio.Event()
 
     def put(self, data: bytes) -> None:
-        """Let a message be sent, with its length before it."""
+        """Queue a message to be sent, with its length before it."""
         self._waiting.append(data)
         self._bytes += len(data)
         while len(self._waiting) > 1 and (len(self._waiting) > MOST_WAITING or self._bytes > MOST_BYTES):

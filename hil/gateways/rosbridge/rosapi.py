@@ -99,7 +99,7 @@ def parameter(of: Mapping[str, Any]) -> str:
 
 
 def split(name: str) -> tuple[str, str]:
-    """ "/uuv1" and "gains.surge.p" of "/uuv1/gains.surge.p"."""
+    """Return "/uuv1" and "gains.surge.p" of "/uuv1/gains.surge.p"."""
     node, _, rest = name.rpartition("/")
     return node, rest
 

@@ -28,7 +28,7 @@ DEEPEST = 16  # messages in messages
 
 
 def whole_type(name: str, kind: str = "msg") -> str:
-    """ "geometry_msgs/msg/Twist", also of "geometry_msgs/Twist"."""
+    """Return "geometry_msgs/msg/Twist", also of "geometry_msgs/Twist"."""
     package, _, last = name.rpartition("/")
     return name if "/" in package or not package else f"{package}/{kind}/{last}"
 

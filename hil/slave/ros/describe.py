@@ -41,7 +41,7 @@ def main() -> int:
 
 
 def robot_description(scenario: Scenario) -> bytes:
-    """std_msgs/String: the vehicle as URDF."""
+    """Encode std_msgs/String: the vehicle as URDF."""
     from hil.ros.message import encode
     from sim.vehicle.urdf.writer import urdf_of
 
@@ -50,7 +50,7 @@ def robot_description(scenario: Scenario) -> bytes:
 
 
 def known_map(scenario: Scenario) -> bytes:
-    """nav_msgs/OccupancyGrid: the initial map of this scenario's planner."""
+    """Encode nav_msgs/OccupancyGrid: the initial map of this scenario's planner."""
     try:
         from hil.scenario import world_map
     except ImportError:
@@ -66,7 +66,7 @@ def known_map(scenario: Scenario) -> bytes:
 
 
 def obstacles(scenario: Scenario) -> bytes:
-    """visualization_msgs/MarkerArray: the obstacles of the world."""
+    """Encode visualization_msgs/MarkerArray: the obstacles of the world."""
     from hil.ros.world import encode_obstacles
 
     return encode_obstacles(to_wall_ns(now_ns()), load_world(scenario.world))

@@ -42,7 +42,7 @@ class ActsPanel:
         server.scene.on_click()(self._on_click)
 
     def show_reason(self, reason: str) -> None:
-        """Grey the buttons while there is a reason why the vehicle would not obey."""
+        """Disable the buttons while there is a reason why the vehicle would not obey."""
         if self._reason.content != reason:
             self._reason.content = reason
             for button in self._buttons:
@@ -166,5 +166,5 @@ class ActsPanel:
 
 
 def _wrapped(angle: float) -> float:
-    """Degrees as radians from -pi to pi."""
+    """Return degrees as radians from -pi to pi."""
     return radians((angle + 180.0) % 360.0 - 180.0)

@@ -65,12 +65,12 @@ class SensorScene:
 
 
 def _laser_points(scan: Any) -> Any:
-    """Places (FRD, m) where the beams of a level fan end; angles count to port in ROS, to starboard here."""
+    """Return places (FRD, m) where the beams of a level fan end; angles count to port in ROS, to starboard here."""
     return _fan(scan, lambda r, a: (r * np.cos(a), r * np.sin(a), np.zeros_like(r)))
 
 
 def _profiler_points(scan: Any) -> Any:
-    """Places (FRD, m) where the beams of a fan across the vehicle end; 0 is straight down."""
+    """Return places (FRD, m) where the beams of a fan across the vehicle end; 0 is straight down."""
     return _fan(scan, lambda r, a: (np.zeros_like(r), r * np.sin(a), r * np.cos(a)))
 
 

@@ -52,7 +52,7 @@ class WorldScene:
             self._draw_current()
 
     def seabed(self, north: float, east: float) -> float:
-        """Depth of the seabed at a place (m)."""
+        """Return the depth of the seabed at a place (m)."""
         return self.world.seabed(north, east)
 
     def draw_path(self, path: Sequence[Sequence[float]], depth: float, name: str = "path") -> None:
@@ -155,7 +155,7 @@ class WorldScene:
 
 
 def arrows(starts: Any, along: Any) -> Any:
-    """Line segments (n x 2 x 3) of arrows from `starts` (k x 3), each of them as long as `along` (3, or k x 3)."""
+    """Return line segments (n x 2 x 3) of arrows from `starts` (k x 3), each as long as `along` (3, or k x 3)."""
     starts, along = np.asarray(starts, float), np.broadcast_to(np.asarray(along, float), np.shape(starts))
     ends = starts + along
     side = np.cross(along, (0.0, 0.0, 1.0))
@@ -180,7 +180,7 @@ def triangles(norths: Any, easts: Any, depths: Any) -> tuple[Any, Any]:
 
 
 def nodes(world: World, most: int = MOST_NODES) -> tuple[Any, Any, Any]:
-    """Norths, easts and depths (rows x columns) of the seabed, thinned out to `most` nodes a side."""
+    """Return norths, easts and depths (rows x columns) of the seabed, thinned out to `most` nodes a side."""
     if world.terrain is None:
         south, north, west, east = world.extent
         return np.array([south, north]), np.array([west, east]), np.full((2, 2), world.depth)

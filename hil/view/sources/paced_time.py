@@ -50,5 +50,5 @@ class PacedTime:
         self._paused = True
 
     def seek(self, time: float) -> None:
-        """Go on from that instant."""
+        """Continue from that instant."""
         self._base, self._since_ns = max(0.0, min(time, self.duration or NO_END)), self._clock()

@@ -86,11 +86,11 @@ class RecordedSource:
         return
 
     def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
-        """Delays are not computed of recordings here; `uuv-hil plot` draws them."""
+        """Return nothing: delays in recordings are drawn by `uuv-hil plot`."""
         return [], {}
 
     def show_pictures(self, wanted: bool) -> None:
-        """Pictures of a recording are always there."""
+        """Do nothing: pictures of a recording are always there."""
 
     def log_lines(self) -> list[str]:
         """Return no lines: a recording has no log."""

@@ -87,7 +87,7 @@ class Steering:
             self.error = str(error)
 
     def _held_values(self, command: StickCommand) -> tuple[float | None, float | None]:
-        """Depth and heading to hold: those the vehicle had when the stick came back to the middle."""
+        """Return depth and heading to hold: those the vehicle had when the stick came back to the middle."""
         state = self._vehicle.state
         if not command.hold_depth or abs(command.heave) > HOLD_WITHIN:
             self._depth = None

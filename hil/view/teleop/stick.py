@@ -62,7 +62,7 @@ class Stick:
         )  # fmt: skip
 
     def release(self) -> None:
-        """Let the stick go."""
+        """Release the stick."""
         self._held = False
 
     def command(self, now_ns: int) -> StickCommand | None:
