@@ -105,3 +105,17 @@ def test_docstrings_of_tests_begin_with_their_subject() -> None:
                 if not is_word or first.endswith(":") or first.rstrip(",") in CIRCUMSTANCES:
                     found.append(f"{where}: {node.name}: {first} ...")
     assert not found, "\n".join(found)
+
+
+def test_docstrings_of_functions_begin_with_a_plain_word() -> None:
+    """A function says "Encode sensor_msgs/Imu", "Return C_L", not what it encodes or returns alone."""
+    found = []
+    for room in ("hil", "sim", "boards", "firmware_stub"):
+        for where, nodes in _definitions(room).items():
+            for node in nodes:
+                if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                    is_noun = any("property" in ast.unparse(each) for each in node.decorator_list)
+                    first = (ast.get_docstring(node) or "Return").split()[0]
+                    if not is_noun and not re.fullmatch(r"[A-Z][a-z]+[.,:;]?", first):
+                        found.append(f"{where}: {node.name}: {first} ...")
+    assert not found, "\n".join(found)
