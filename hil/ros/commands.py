@@ -34,7 +34,7 @@ class PoseCommand(NamedTuple):
 
 
 def encode_number(value: float) -> bytes:
-    """std_msgs/Float64: a depth in m, or a compass heading in rad from north, clockwise seen from above."""
+    """Encode std_msgs/Float64: a depth in m, or a compass heading in rad from north, clockwise seen from above."""
     return _NUMBER.struct().pack(HEADER, value)
 
 
@@ -47,7 +47,7 @@ def _number_within(most: float) -> Callable[[bytes], float | None]:
 
 
 def encode_pose(command: PoseCommand, time_ns: int, frame: str = "map") -> bytes:
-    """geometry_msgs/PoseStamped in the world `frame`."""
+    """Encode geometry_msgs/PoseStamped in the world `frame`."""
     half = 0.5 * command.heading
     w, x, y, z = swap_attitude((cos(half), 0.0, 0.0, sin(half)))
     return pack_stamped(_POSE, time_ns, (frame,), *swap_world(command.position), x, y, z, w)
@@ -95,7 +95,7 @@ def decode_wrench_command(data: bytes) -> Six:
 
 
 def encode_thrusts(thrusts: Sequence[float]) -> bytes:
-    """std_msgs/Float64MultiArray without dimensions: the thrust of each thruster in N, in the vehicle's order."""
+    """Encode std_msgs/Float64MultiArray without dimensions: each thruster's thrust in N, in the vehicle's order."""
     writer = Writer()
     writer.numbers("I", 0, 0, len(thrusts))  # no dimensions, no offset
     writer.numbers("d", *thrusts)

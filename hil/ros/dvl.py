@@ -103,7 +103,7 @@ def altitude_of(sample: DvlSample) -> AltitudeSample:
 def encode_range(
     sample: DvlSample, frame: str = "dvl_link", limits: tuple[float, float] = (0.2, 75.0), variance: float = 0.0
 ) -> bytes:
-    """sensor_msgs/Range of the altitude, with the device's `limits` (m); +inf (REP 117) without bottom lock.
+    """Encode sensor_msgs/Range of the altitude, with the device's `limits` (m); +inf (REP 117) without bottom lock.
 
     `variance` in m², if the sample has none. The field of view is sent as 0, as the altitude is a mean of narrow beams.
     """

@@ -43,13 +43,13 @@ class Attachment(NamedTuple):
 
 
 def swap_world(vector: Sequence[float]) -> Vector3:
-    """NED to ENU, or ENU to NED; like the other two swaps it is its own inverse."""
+    """Convert NED to ENU, or ENU to NED; like the other two swaps it is its own inverse."""
     x, y, z = vector
     return y, x, -z
 
 
 def swap_body(vector: Sequence[float]) -> Vector3:
-    """FRD to FLU, or FLU to FRD, for velocities, angular velocities and accelerations."""
+    """Convert FRD to FLU, or FLU to FRD, for velocities, angular velocities and accelerations."""
     x, y, z = vector
     return x, -y, -z
 
@@ -65,7 +65,7 @@ def swap_attitude(quaternion: Sequence[float]) -> Quaternion:
 
 
 def encode_twist(linear: Sequence[float], angular: Sequence[float]) -> bytes:
-    """geometry_msgs/Twist of body velocities: `linear` m/s and `angular` rad/s along FRD."""
+    """Encode geometry_msgs/Twist of body velocities: `linear` m/s and `angular` rad/s along FRD."""
     return _TWIST.pack(HEADER, *swap_body(linear), *swap_body(angular))
 
 
@@ -80,7 +80,7 @@ def decode_twist(data: bytes) -> tuple[Vector3, Vector3]:
 
 
 def encode_imu(sample: ImuSample, frame: str = "imu_link", variances: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> bytes:
-    """sensor_msgs/Imu. `variances`: of roll and pitch, yaw rad², angular velocity (rad/s)², acceleration (m/s²)²."""
+    """Encode sensor_msgs/Imu. `variances`: roll and pitch, yaw rad², turn rate (rad/s)², acceleration (m/s²)²."""
     # In frequent messages the swaps are inlined: with cold caches each call costs a microsecond.
     struct, (size, name) = _IMU.named((frame,))
     level, heading, turning, pushing = variances
@@ -102,7 +102,7 @@ def decode_imu(data: bytes) -> ImuSample:
 
 
 def encode_pressure(sample: PressureSample, frame: str = "pressure_link", variance: float = 0.0) -> bytes:
-    """sensor_msgs/FluidPressure: absolute pressure. `variance` in Pa²."""
+    """Encode sensor_msgs/FluidPressure: absolute pressure. `variance` in Pa²."""
     return pack_stamped(_PRESSURE, sample.time_ns, (frame,), sample.pascal, variance)
 
 
@@ -119,7 +119,7 @@ def encode_odometry(
     child: str = "base_link",
     variances: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0),
 ) -> bytes:
-    """nav_msgs/Odometry: pose in the world `frame`, velocities along the body `child`.
+    """Encode nav_msgs/Odometry: pose in the world `frame`, velocities along the body `child`.
 
     `variances`: of horizontal position and depth m², attitude rad², velocity (m/s)², angular velocity (rad/s)².
     """
@@ -144,7 +144,7 @@ def decode_odometry(data: bytes) -> OdometrySample:
 
 
 def encode_transform(sample: OdometrySample, frame: str = "odom", child: str = "base_link") -> bytes:
-    """tf2_msgs/TFMessage with one transform: the pose of `child` in `frame`, from the sample."""
+    """Encode tf2_msgs/TFMessage with one transform: the pose of `child` in `frame`, from the sample."""
     struct, (size, name, child_size, child_name) = _TRANSFORMS.named((frame, child))
     time_ns, (north, east, down), (w, x, y, z), _ = sample
     return struct.pack(
@@ -173,7 +173,7 @@ def unpack_stamped(layout: Layout, data: bytes) -> tuple[int, tuple[Any, ...]]:
 
 
 def encode_int64_array(values: Sequence[int]) -> bytes:
-    """std_msgs/Int64MultiArray without dimensions."""
+    """Encode std_msgs/Int64MultiArray without dimensions."""
     padding = "4x" if values else ""
     return pack(f"<4s3I{padding}{len(values)}q", HEADER, 0, 0, len(values), *values)  # no dimensions, no offset
 
@@ -198,7 +198,7 @@ def array_values(data: bytes, kind: str) -> tuple[Any, ...]:
 
 
 def encode_diagnostics(time_ns: int, statuses: Sequence[Status], hardware_id: str = "") -> bytes:
-    """diagnostic_msgs/DiagnosticArray."""
+    """Encode diagnostic_msgs/DiagnosticArray."""
     seconds, ns = divmod(time_ns, _NS_PER_S)
     writer = Writer()
     writer.numbers("i", seconds)

@@ -23,7 +23,7 @@ class FormationSample(NamedTuple):
 
 
 def encode_formation(sample: FormationSample) -> bytes:
-    """trajectory_msgs/MultiDOFJointTrajectoryPoint; the transform is the pose of FLU in ENU."""
+    """Encode trajectory_msgs/MultiDOFJointTrajectoryPoint; the transform is the pose of FLU in ENU."""
     w, x, y, z = swap_attitude(sample.orientation)
     elapsed = divmod(sample.clock_ns, _NS_PER_S)
     return _POINT.struct().pack(HEADER, 1, *swap_world(sample.position), x, y, z, w, 0, 0, *elapsed)

@@ -29,7 +29,7 @@ def mounted(time_ns: int, frame: str, child: str, position: Sequence[float], att
 
 
 def encode_transforms(transforms: Sequence[Transform]) -> bytes:
-    """tf2_msgs/TFMessage."""
+    """Encode tf2_msgs/TFMessage."""
     writer = Writer()
     writer.numbers("I", len(transforms))
     for time_ns, frame, child, translation, (w, x, y, z) in transforms:
@@ -56,7 +56,7 @@ def _transform(reader: Reader) -> Transform:
 
 
 def encode_clock(time_ns: int) -> bytes:
-    """rosgraph_msgs/Clock."""
+    """Encode rosgraph_msgs/Clock."""
     return _CLOCK.struct().pack(HEADER, *divmod(time_ns, _NS_PER_S))
 
 
@@ -68,7 +68,7 @@ def decode_clock(data: bytes) -> int:
 
 
 def encode_wrench(time_ns: int, wrench: Sequence[float], frame: str = "base_link") -> bytes:
-    """geometry_msgs/WrenchStamped from X Y Z (N) and K M N (N m) about the origin of `frame`, along FRD."""
+    """Encode geometry_msgs/WrenchStamped from X Y Z (N) and K M N (N m) about the origin of `frame`, along FRD."""
     return pack_stamped(_WRENCH, time_ns, (frame,), *swap_body(wrench[:3]), *swap_body(wrench[3:]))
 
 

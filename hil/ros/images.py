@@ -54,7 +54,7 @@ class Pinhole(NamedTuple):
 
 
 def encode_image(picture: Picture, frame: str = "camera_optical_frame") -> bytes:
-    """sensor_msgs/Image of a picture without gaps between its rows."""
+    """Encode sensor_msgs/Image of a picture without gaps between its rows."""
     size = {"height": picture.height, "width": picture.width, "step": picture.width * _PIXEL[picture.encoding]}
     head = header(picture.time_ns, frame)
     return encode(_IMAGE, {"header": head, **size, "encoding": picture.encoding, "data": picture.data})
@@ -71,7 +71,7 @@ def decode_image(data: bytes) -> Picture:
 
 
 def encode_compressed(time_ns: int, jpeg: bytes, frame: str = "camera_optical_frame") -> bytes:
-    """sensor_msgs/CompressedImage."""
+    """Encode sensor_msgs/CompressedImage."""
     return encode(_COMPRESSED, {"header": header(time_ns, frame), "format": "jpeg", "data": jpeg})
 
 
@@ -98,7 +98,7 @@ def jpeg(sample: CameraSample, quality: int) -> bytes:
 
 
 def encode_camera_info(pinhole: Pinhole, frame: str = "camera_optical_frame") -> bytes:
-    """sensor_msgs/CameraInfo; the rectified picture has the same pinhole model."""
+    """Encode sensor_msgs/CameraInfo; the rectified picture has the same pinhole model."""
     time_ns, width, height, (fx, fy, cx, cy), distortion = pinhole
     matrix = fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0
     projection = fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0
@@ -142,7 +142,7 @@ def camera_messages(
 
 
 def encode_sonar(sample: SonarImageSample, frame: str = "forward_sonar_fan") -> bytes:
-    """marine_acoustic_msgs/ProjectedSonarImage."""
+    """Encode marine_acoustic_msgs/ProjectedSonarImage."""
     beams = len(sample.beams)
     return encode(_SONAR, {
         "header": header(sample.time_ns, frame), "ping_info": _ping(sample, beams),
@@ -168,7 +168,7 @@ def decode_sonar(data: bytes) -> SonarImageSample:
 
 
 def encode_fan(sample: SonarImageSample, frame: str = "forward_sonar_link") -> bytes:
-    """sensor_msgs/Image of a sonar's picture as a fan, ahead upwards, port on the left, for displays."""
+    """Encode sensor_msgs/Image of a sonar's picture as a fan, ahead upwards, port on the left, for displays."""
     from sim.sensors.imaging.fan_picture import SIZE, fan_grey  # imports numpy
 
     grey = fan_grey(sample, 2 * SIZE)
@@ -176,7 +176,7 @@ def encode_fan(sample: SonarImageSample, frame: str = "forward_sonar_link") -> b
 
 
 def encode_side_scan(sample: SideScanSample, frame: str = "side_scan_link") -> bytes:
-    """marine_acoustic_msgs/RawSonarImage of two beams, port and starboard; the altitude is not sent.
+    """Encode marine_acoustic_msgs/RawSonarImage of two beams, port and starboard; the altitude is not sent.
 
     The beams' angles are about the sensor's x axis, from down to starboard.
     """

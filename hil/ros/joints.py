@@ -33,7 +33,7 @@ def joint_states(time_ns: int, vehicle: Vehicle, thrusts: Sequence[float], defle
 
 
 def encode_joints(states: JointStates) -> bytes:
-    """sensor_msgs/JointState without a frame and velocities."""
+    """Encode sensor_msgs/JointState without a frame and velocities."""
     head, names, positions = header(states.time_ns), states.names, states.positions
     return encode(_TYPE, {"header": head, "name": names, "position": positions, "effort": states.efforts})
 
@@ -60,7 +60,7 @@ class MotorState(NamedTuple):
 
 
 def encode_motors(motors: Sequence[MotorState]) -> bytes:
-    """std_msgs/Float64MultiArray with a row for each channel; the label of its second dimension names the columns."""
+    """Encode std_msgs/Float64MultiArray with a row a channel; the label of its second dimension names the columns."""
     columns = len(MotorState._fields)
     rows = {"label": "channel", "size": len(motors), "stride": columns * len(motors)}
     row = {"label": ",".join(MotorState._fields), "size": columns, "stride": columns}

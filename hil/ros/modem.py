@@ -23,7 +23,7 @@ class Message(NamedTuple):
 
 
 def encode_message(message: Message) -> bytes:
-    """std_msgs/UInt8MultiArray of one dimension."""
+    """Encode std_msgs/UInt8MultiArray of one dimension."""
     size = len(message.payload)
     dimension = {"label": message.sender, "size": size, "stride": size}
     return encode(_TYPE, {"layout": {"dim": [dimension]}, "data": message.payload})
@@ -40,7 +40,7 @@ def decode_message(data: bytes) -> Message:
 
 
 def encode_range(time_ns: int, sender: str, distance: float, reach: float) -> bytes:
-    """sensor_msgs/Range: `distance` (m) to `sender`; the limits are 0 and `reach` (m)."""
+    """Encode sensor_msgs/Range: `distance` (m) to `sender`; the limits are 0 and `reach` (m)."""
     return encode_distance(RangeSample(time_ns, distance, (0.0, reach)), sender)
 
 

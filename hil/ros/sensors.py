@@ -37,7 +37,7 @@ _THIRTY_SIX = Struct("<36d")
 
 
 def encode_bool(sample: FlagSample) -> bytes:
-    """std_msgs/Bool, which has no stamp."""
+    """Encode std_msgs/Bool, which has no stamp."""
     return _BOOL.struct().pack(HEADER, sample.on)
 
 
@@ -48,7 +48,7 @@ def decode_bool(data: bytes) -> bool:
 
 
 def encode_distance(sample: RangeSample, frame: str = "altimeter_link", variance: float = 0.0) -> bytes:
-    """sensor_msgs/Range of one narrow sonar beam; +inf and -inf as in REP 117. `variance` in m²."""
+    """Encode sensor_msgs/Range of one narrow sonar beam; +inf and -inf as in REP 117. `variance` in m²."""
     return ros.pack_range(sample.time_ns, (frame,), 0, 0.0, *sample.limits, sample.distance, variance)
 
 
@@ -62,7 +62,7 @@ def decode_distance(data: bytes) -> RangeSample:
 def encode_field(
     sample: FieldSample, frame: str = "magnetometer_link", variance: float = 0.0, z: float | None = None
 ) -> bytes:
-    """sensor_msgs/MagneticField along FLU, in tesla. `variance` of each component in T²; `z`: that of the third."""
+    """Encode sensor_msgs/MagneticField along FLU, in tesla. `variance` of a component in T²; `z`: that of the third."""
     field = swap_body(sample.field)
     return pack_stamped(_FIELD, sample.time_ns, (frame,), *field, diagonal(3, variance, 0.0, z))
 
@@ -75,7 +75,7 @@ def decode_field(data: bytes) -> FieldSample:
 
 
 def encode_velocity(sample: VelocitySample, frame: str = "current_meter_link") -> bytes:
-    """geometry_msgs/TwistStamped of a velocity along FLU; the angular part is always 0."""
+    """Encode geometry_msgs/TwistStamped of a velocity along FLU; the angular part is always 0."""
     return pack_stamped(_TWIST, sample.time_ns, (frame,), *swap_body(sample.velocity), 0.0, 0.0, 0.0)
 
 
@@ -87,7 +87,7 @@ def decode_velocity(data: bytes) -> VelocitySample:
 
 
 def encode_fix(sample: FixSample, frame: str = "gps_link") -> bytes:
-    """sensor_msgs/NavSatFix. Without a fix: status -1, position NaN and covariance unknown."""
+    """Encode sensor_msgs/NavSatFix. Without a fix: status -1, position NaN and covariance unknown."""
     horizontal, vertical = sample.variances if sample.fix else (0.0, 0.0)
     covariance = _NINE.pack(horizontal, 0.0, 0.0, 0.0, horizontal, 0.0, 0.0, 0.0, vertical)
     place = (sample.latitude, sample.longitude, sample.altitude) if sample.fix else (nan, nan, nan)
@@ -110,7 +110,7 @@ def decode_fix(data: bytes) -> FixSample:
 
 
 def encode_position(sample: PositionSample, frame: str = "map") -> bytes:
-    """geometry_msgs/PoseWithCovarianceStamped of a position in the world `frame`.
+    """Encode geometry_msgs/PoseWithCovarianceStamped of a position in the world `frame`.
 
     Among the stamped messages with a position only this one has a covariance, which filters need. The orientation is
     not measured: it is the identity (level, facing east), with variances -1.
@@ -138,7 +138,7 @@ def _swap_covariance(of: Covariance) -> Covariance:
 
 
 def encode_battery(sample: BatterySample, frame: str = "battery_link") -> bytes:
-    """sensor_msgs/BatteryState; the current is negative while discharging; health is "dead" after a cut-off."""
+    """Encode sensor_msgs/BatteryState; the current is negative while discharging; health is "dead" after a cut-off."""
     status, health = (_NOT_CHARGING, _DEAD) if sample.cut_off else (_DISCHARGING, _GOOD)
     charge = {"charge": sample.charge, "capacity": sample.capacity, "design_capacity": sample.capacity}
     supply = {"power_supply_status": status, "power_supply_health": health, "power_supply_technology": _LITHIUM_ION}

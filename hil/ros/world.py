@@ -43,7 +43,7 @@ class GridMap(NamedTuple):
 
 
 def encode_map(time_ns: int, grid: GridMap) -> bytes:
-    """nav_msgs/OccupancyGrid: 0 free, 100 occupied; x is east, y north."""
+    """Encode nav_msgs/OccupancyGrid: 0 free, 100 occupied; x is east, y north."""
     head = header(time_ns, FRAME)
     origin = {"position": {"x": grid.west, "y": grid.south}, "orientation": {"w": 1.0}}
     size = {"width": grid.columns, "height": len(grid.cells) // grid.columns, "resolution": grid.resolution}
@@ -64,7 +64,7 @@ def decode_map(data: bytes) -> GridMap:
 
 
 def encode_obstacles(time_ns: int, world: World) -> bytes:
-    """visualization_msgs/MarkerArray of everything not hidden: cylinders, cubes, triangles; pipelines; zones.
+    """Encode visualization_msgs/MarkerArray of everything not hidden: cylinders, cubes, triangles; pipelines; zones.
 
     Raises ConfigError for a file of zones that cannot be read.
     """
