@@ -10,6 +10,7 @@ from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, MissionError
 from hil.doctor.scenario_findings import ScenarioFinding
+from hil.doctor.scenario_sections import check_sections
 from hil.master.flight import Plan, prepare
 from hil.master.planner import Planner
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
@@ -50,6 +51,7 @@ def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
     yield from _check_periods(scenario)
     yield from _check_late(scenario)
     yield from _check_mavlink(scenario)
+    yield from check_sections(scenario, vehicle)
     if scenario.controller == "builtin":
         yield from _check_line(scenario, vehicle)
     elif scenario.controller == "px4":

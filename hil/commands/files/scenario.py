@@ -14,8 +14,8 @@ from hil.scenario.config import SCENARIOS, Scenario, load_scenario
 EXAMPLES = """\
 `check` finds what a flight would run into: keys and values that are wrong, a rate that the link's baud cannot carry, a
 start, a goal or a task inside an obstacle, more speed than the vehicle reaches or keeps its attitude at, a path that
-takes longer than time_limit, members of a fleet that overlap. Its exit code is 1 if there is a problem, 2 if the file
-cannot be read; a warning alone is no problem.
+takes longer than time_limit, members of a fleet that overlap, folders of certificates that are missing. Its exit code
+is 1 if there is a problem, 2 if the file cannot be read; a warning alone is no problem.
 
 examples:
   uuv-hil scenario list

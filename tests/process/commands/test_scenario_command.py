@@ -80,6 +80,11 @@ def test_what_a_flight_would_run_into_is_found(
     assert words in output
 
 
+HORIZONTAL = ("front_right", "front_left", "rear_right", "rear_left")
+OFF = "{{thruster='{}', kind='off'}}"
+SECURITY = "security={slave='no/slave', master='no/master', may_command=['master']}"
+
+
 @pytest.mark.parametrize(
     ("changes", "level", "words"),
     [
@@ -107,12 +112,48 @@ def test_what_a_flight_would_run_into_is_found(
         (["mavlink.endpoints=['tcpin:127.0.0.1:7448']"], "problem", "listen takes ports 7447 and 7448"),
         (["mavlink.endpoints=['udpin:127.0.0.1:9', 'udpin:127.0.0.1:9']"], "problem", "is there twice"),
         (["mavlink.video_port=8000"], "warning", "mavlink: video_port: there is no camera 'camera'"),
+        (["master.depth_margin=0"], "warning", "master: depth_margin: 0 m: control overshoots"),
+        (["sensors.odometry.rate=1"], "warning", "sensors: odometry: rate: 1 Hz is too slow for the controller"),
+        ([f"failure=[{', '.join(map(OFF.format, HORIZONTAL))}]"], "problem", "all thrusters that push horizontally"),
+        ([SECURITY], "problem", "security: slave: there is no folder"),
     ],
 )
 def test_what_does_not_fit_together_is_found(
     capsys: pytest.CaptureFixture[str], changes: list[str], level: str, words: str
 ) -> None:
     assert_found(capsys, "paper_field", changes, level, words)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ["master.depth_margin=0", "master.allow=['too_deep']"],
+        ["sensors.odometry.rate=2"],
+        [f"failure=[{', '.join(map(OFF.format, HORIZONTAL[1:]))}]"],
+        [f"failure=[{', '.join(map(OFF.format, HORIZONTAL))}, {{thruster='rear_left', kind='repaired', time=5.0}}]"],
+    ],
+)
+def test_what_can_go_well_is_no_finding(capsys: pytest.CaptureFixture[str], changes: list[str]) -> None:
+    words = [word for change in changes for word in ("--set", change)]
+    assert run(capsys, "scenario", "check", "paper_field", *words) == (0, "paper_field: no problem found\n", "")
+
+
+def test_folders_of_certificates_are_looked_at(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Only the folder of this machine has to be there, and that one whole."""
+    path = tmp_path / "mine.toml"
+    assert run(capsys, "scenario", "new", str(path))[0] == 0
+    path.write_text(f"{path.read_text()}\n[security]\nslave = 'a'\nmaster = 'b'\nmay_command = ['b']\n")
+    (tmp_path / "b").mkdir()
+    for name in ("ca.pem", "cert.pem"):
+        (tmp_path / "b" / name).touch()
+    code, output, _ = run(capsys, "scenario", "check", str(path))
+    assert code == 1
+    first, second = output.splitlines()
+    assert first.startswith(f"warning: {path}: security: slave: there is no folder {tmp_path / 'a'}: right only if")
+    assert f"problem: {path}: security: master: " in second
+    assert f"{tmp_path / 'b' / 'key.pem'} is not there; `uuv-hil keys add b`" in second
+    (tmp_path / "b" / "key.pem").touch()
+    assert run(capsys, "scenario", "check", str(path))[0] == 0
 
 
 def assert_found(capsys: pytest.CaptureFixture[str], name: str, changes: list[str], level: str, words: str) -> None:

@@ -1,0 +1,95 @@
+"""Check sections of a scenario whose values are each permitted, and with which no flight goes well."""
+
+import os
+from collections.abc import Iterator
+
+from hil.common.errors import NetworkError
+from hil.doctor.scenario_findings import ScenarioFinding
+from hil.network.security import tls
+from hil.scenario.config import Scenario
+from sim.vehicle.failures import Failure
+from sim.vehicle.thrusters.bank import wrench_matrix
+from sim.vehicle.vehicle import Vehicle
+
+# Flights of paper_field, path_planning and task_scheduling are too deep with a margin of 0.02 m, not with this one.
+LEAST_DEPTH_MARGIN_M = 0.05
+# Of paper_six, bluerov2, bluerov2_heavy and bluerov2_li2020 three fail in paper_field at 1 Hz, at 0.5 m/s; none at 2 Hz.
+LEAST_ODOMETRY_HZ = 2.0
+HORIZONTAL = 1e-3  # share of a thruster's thrust along x or y from which on it pushes horizontally
+
+
+def check_sections(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
+    """Yield what is wrong in [master], [sensors], [[failure]] and [security]."""
+    yield from _check_depth_margin(scenario)
+    yield from _check_odometry(scenario)
+    yield from _check_failures(scenario, vehicle)
+    yield from _check_security(scenario)
+
+
+def _check_depth_margin(scenario: Scenario) -> Iterator[ScenarioFinding]:
+    """Find a margin of depth that every control exceeds."""
+    margin = scenario.master.depth_margin
+    if margin < LEAST_DEPTH_MARGIN_M and "too_deep" not in scenario.master.allow:
+        yield ScenarioFinding(
+            "warning",
+            f"master: depth_margin: {margin:g} m: control overshoots a depth by some centimetres, and the run fails as "
+            f'too deep: use at least {LEAST_DEPTH_MARGIN_M:g} m, or name "too_deep" in allow',
+        )
+
+
+def _check_odometry(scenario: Scenario) -> Iterator[ScenarioFinding]:
+    """Find an odometry that is too slow for the slave's controller."""
+    odometry = scenario.sensors.get("odometry")
+    if scenario.controller == "builtin" and odometry and odometry.model.rate < LEAST_ODOMETRY_HZ:
+        yield ScenarioFinding(
+            "warning",
+            f"sensors: odometry: rate: {odometry.model.rate:g} Hz is too slow for the controller, which takes speed "
+            f"and depth from it: use at least {LEAST_ODOMETRY_HZ:g} Hz",
+        )
+
+
+def _check_failures(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
+    """Find a vehicle that has no horizontal thrust from the start on."""
+    x, y, *_ = wrench_matrix(vehicle)
+    pairs = zip(vehicle.thrusters, x, y, strict=True)
+    horizontal = {thruster.name for thruster, *push in pairs if max(map(abs, push)) > HORIZONTAL}
+    repaired = {one.thruster for one in scenario.failure if one.kind == "repaired"}
+    dead = {one.thruster for one in scenario.failure if _is_dead_at_start(one)} - repaired
+    if horizontal and horizontal <= dead:
+        yield ScenarioFinding(
+            "problem",
+            f"failure: all thrusters that push horizontally have failed at 0 s ({', '.join(sorted(horizontal))}), and "
+            "the vehicle stays where it starts: leave one of them, or let it fail later with time",
+        )
+
+
+def _is_dead_at_start(failure: Failure) -> bool:
+    without = failure.kind == "off" or (failure.kind == "efficiency" and failure.efficiency == 0.0)
+    return failure.time == 0.0 and without
+
+
+def _check_security(scenario: Scenario) -> Iterator[ScenarioFinding]:
+    """Find folders of certificates that are not there, or lack a file. Each machine may have its own one alone."""
+    if scenario.security is None:
+        return
+    named = {key: getattr(scenario.security, key) for key in ("slave", "master", "router")}
+    folders = {key: folder for key, folder in named.items() if folder}
+    there = [key for key, folder in folders.items() if os.path.isdir(folder)]
+    for key, folder in folders.items():
+        if key in there:
+            try:
+                tls(folder)
+            except NetworkError as error:
+                yield ScenarioFinding("problem", f"security: {key}: {error}")
+        elif there:
+            yield ScenarioFinding(
+                "warning",
+                f"security: {key}: there is no folder {folder}: right only if this is not the machine of the {key}; "
+                "`uuv-hil keys add NAME` makes one",
+            )
+        else:
+            yield ScenarioFinding(
+                "problem",
+                f"security: {key}: there is no folder {folder}, nor one of another machine: make it with "
+                "`uuv-hil keys add NAME`",
+            )
