@@ -29,7 +29,7 @@ NOT_TYPED = {
     r"^git clone|^pip install|^python3 -m venv|^\. \.venv": "is done: the project is installed",
     r"^ros2 |^export ": "needs ROS 2",
     r"^uuv-hil teleop": "reads the keys of a terminal; tests/system/view/test_teleop.py",
-    r"fleet\.toml": "needs machines with folders of their own",
+    r"fleet\.toml(?! --copy)(?<!scenario check fleet\.toml)": "needs the ports of its members, or other machines",
     r"^cat /proc": "needs an Arm board",
     r"^dask |\bray start|_ADDRESS=": "needs other machines; tests/system/netns/test_netns_campaign.py",
 }
