@@ -90,7 +90,7 @@ def test_a_master_that_is_taken_over_learns_it(own_slave: tuple[Program, str]) -
 
 @retried_when_busy("a connection, and a command of another process")
 def test_the_first_command_goes_out_at_once(endpoint: str) -> None:
-    """Also right after another master has left, of whom the vehicle's last figures may still speak."""
+    """The command waits for nothing, also just after another master, whom the last figures may still name, has left."""
     for _ in range(2):
         with hil.connect(endpoint, wait=60.0) as fleet:
             vehicle = fleet["uuv1"]
@@ -116,7 +116,7 @@ def test_software_of_its_own(tmp_path: Path) -> None:
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
         with hil.connect(f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
-            assert fleet["uuv1"].imu.age < 0.2
+            assert wait_for(lambda: fleet["uuv1"].imu.age < 0.2)
             with pytest.raises(NetworkError, match="external"):
                 fleet["uuv1"].stop()
 

@@ -59,7 +59,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
 
 
 def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str]) -> None:
-    """But for what the network dropped in a busy moment, which `record` counts."""
+    """The recordings agree but for what the network dropped in a busy moment, which `record` counts."""
     _, received, reported = dive
     ours, theirs = (
         {(message.topic, message.sequence): message.data for message in read_messages(str(path))} for path in dive[:2]
@@ -273,7 +273,7 @@ def test_what_the_figures_show(dive: tuple[Path, Path, str]) -> None:
     (own,), (received,) = (collect(read_messages(str(path)), str(path)).values() for path in dive[:2])
     for data in (own, received):
         assert [row[1:] for row in data.commands[1:-1]] == [(0.5, 0.0, 0.1, 0.3)] * (len(data.commands) - 2)
-        assert len(data.delays) == len(data.traced) > (25 if data is own else 10), "but for what did not come"
+        assert len(data.delays) == len(data.traced) > 10, "but for what did not come"
         assert 0 < min(data.delays.totals_ns()) < 1e9
         north, east, depth, _, surge = data.true[-10][1:6]
         assert surge == pytest.approx(0.5, abs=0.15)

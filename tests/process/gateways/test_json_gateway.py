@@ -25,7 +25,7 @@ def test_questions_and_commands(client: Client, fleet: Fleet) -> None:
     assert client.call(id=7, do="vehicles") == {"id": 7, "ok": True, "vehicles": ["uuv1"]}
     state = client.call(id="a", vehicle="uuv1", do="get", sensor="state")
     assert state["id"] == "a"
-    assert 0 <= state["age"] < 0.3
+    assert wait_for(lambda: 0 <= client.call(vehicle="uuv1", do="get", sensor="state")["age"] < 0.3)
     north, east, depth = state["sample"]["position"]
     assert depth == state["sample"]["depth"]
     assert client.call(do="drive", surge=0.3, depth=depth)["ok"]

@@ -12,6 +12,7 @@ from pymavlink import mavparm
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink.flight.modes import Mode
+from tests.support.busy import retried_when_busy
 from tests.support.clients.mavlink_ground import Ground
 from tests.support.processes import PATIENCE_S, Program, free_port, wait_for, write_scenario
 
@@ -72,8 +73,9 @@ def test_parameters_are_read_and_set(ground: Ground) -> None:
     assert parameters.mavset(ground.link, "WP_SPEED", 0.5, retries=10)
 
 
+@retried_when_busy("seconds of a gateway and a slave in processes of their own")
 def test_pulse_widths_come_more_often_than_once_a_second(ground: Ground) -> None:
-    """With a stick that moves to and fro; the slave's diagnostics, which have them too, come once a second."""
+    """A stick moves to and fro; the slave's diagnostics, which hold the widths too, come once a second."""
     ground.set_mode(Mode.MANUAL)
     ground.arm()
     assert ground.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, 1e5) == 0
@@ -165,7 +167,7 @@ def test_several_ground_stations_and_web_pages(ground: Ground, vehicle: Vehicle)
 
 
 def test_over_a_serial_line_and_one_master_only(ground: Ground, vehicle: Vehicle, tmp_path: Path) -> None:
-    """A second vehicle process at the end of a pty; the one that is armed first is obeyed."""
+    """A second vehicle process is at the end of a pty; the one that is armed first is obeyed."""
     radio, line = os.openpty()
     tty.setraw(line)  # what is written before the gateway opens it is no text of a person
     device = os.ttyname(line)

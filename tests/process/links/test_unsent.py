@@ -25,6 +25,7 @@ from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import open_driver
 from hil.slave.drivers.ends import check_line_rate
+from tests.support.busy import retried_when_busy
 from tests.support.processes import Program, wait_for, write_scenario
 
 FULL = (1900,) * 6
@@ -177,7 +178,7 @@ def test_a_stalled_line_carries_nothing_and_loses_what_is_discarded() -> None:
 
 
 def test_the_queue_of_a_serial_device_is_asked_for_and_emptied(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A pty has none, so what the kernel is asked is looked at."""
+    """A pty has no such queue, so the calls to the kernel are checked."""
     requests: list[tuple[int, int]] = []
 
     def count(_fd: int, request: int, _buffer: bytes) -> bytes:
@@ -239,8 +240,9 @@ def test_a_closed_wire_has_nothing_unsent() -> None:
     assert wire.unsent() == 0
 
 
+@retried_when_busy("seconds of a thread that reads as slowly as the line carries")
 def test_commands_that_9600_baud_cannot_carry_do_not_outlive_the_stop() -> None:
-    """80 a second, of which the line carries 34: where they queue, the thrusters turn 4 s longer than they should."""
+    """The line carries 34 of 80 commands a second: if they queued, the thrusters would turn 4 s too long."""
     driver = open_driver("python", Link(faults=Faults(baud=9600), watchdog=0.2), 6, True, 1, lambda _: None)
     with contextlib.closing(driver):
         due, end, sequence = now_ns(), now_ns() + 3 * NS_PER_S, 0

@@ -21,7 +21,7 @@ from hil.scenario.config import build_simulation, load_scenario
 from sim.environment.world import load_world
 from sim.sensors.own import OwnSample
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.processes import ROOT, Program, write_scenario
+from tests.support.processes import ROOT, Program, wait_for, write_scenario
 
 OTHERS = """
 class Bare:
@@ -124,7 +124,7 @@ def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
         with hil.connect(f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
             sample = next(fleet["uuv1"].samples("thermometer"))
             assert sample.values["temperature"] == pytest.approx(16.95, abs=0.1)
-            assert fleet["uuv1"].newest("thermometer").age < 1.0
+            assert wait_for(lambda: fleet["uuv1"].newest("thermometer").age < 1.0)
         assert slave.stop(signal.SIGTERM) == 0, slave.output
     values = [float(text) for text in re.findall(r"temperature: ([\d.]+)", echo.output)]
     assert len(values) == 3

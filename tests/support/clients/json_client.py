@@ -71,7 +71,7 @@ def gateway(fleet: Fleet) -> Iterator[JsonGateway]:
 def wait_for_pictures(fleet: Fleet) -> None:
     """Wait until the process that makes the pictures has started, which may take long on a busy machine."""
     vehicle = fleet["uuv1"]
-    assert wait_for(lambda: any(topic.startswith("camera/") for topic in vehicle.pictures()))
+    assert wait_for(lambda: any(topic.startswith("camera/") for topic in vehicle.pictures()), 200.0)
 
 
 class Client:

@@ -1,5 +1,6 @@
 """`bench jitter`, `load`, `stream` and `soak`: their arithmetic exactly, each once against a real slave, bad input."""
 
+import functools
 import json
 import os
 import re
@@ -17,6 +18,7 @@ from hil.bench.jitter_run import bare_loop, changes_for
 from hil.bench.limits import Limits
 from hil.bench.load_run import Cost, Course, Setting
 from hil.bench.record import load
+from hil.bench.soak_run import RETURN_S
 from hil.cli import main
 from hil.commands.bench import jitter as bench_jitter
 from hil.common.clock import RateKeeper
@@ -25,12 +27,10 @@ from tests.support.busy import retried_when_busy
 from tests.support.processes import Program, wait_for
 
 
-@retried_when_busy("how late processes wake up")
 def test_a_bare_loop_is_a_floor() -> None:
     with Bench("paper_field", changes_for(200.0)) as bench:
         late = bare_loop(bench, 0.5)
     assert 0.0 < late.p50 <= late.p99 <= late.maximum
-    assert late.p50 < 5000.0
 
 
 ONE = min(os.sched_getaffinity(0))
@@ -89,8 +89,11 @@ def test_jitter_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "cyclictest is what the kernel does for a program that sleeps" in output
     record = load(file)
     assert len(record.figures["200 Hz slave p50"].values) == 2
-    assert 0.0 < record.figures["200 Hz slave p50"].median < 10_000.0
-    assert 50.0 < record.figures["200 Hz within 2 ms"].median <= 100.0
+    runs = zip(record.figures["200 Hz slave p50"].values, record.figures["200 Hz within 2 ms"].values, strict=True)
+    for late_us, share in runs:
+        assert late_us > 0.0
+        assert 0.0 <= share <= 100.0
+        assert (late_us < 2000.0) == (share > 50.0), "half of the cycles are as late as the median or less"
     assert record.settings["scenario"] == "paper_field"
     assert record.settings["set"] == ["sensors.imu.rate=50"]
 
@@ -118,11 +121,11 @@ def test_stream_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main(["bench", "stream", "--seconds", "2", "--repeat", "2", *changes, "--output", file]) == 0
     figures = load(file).figures
     assert len(figures["imu rate"].values) == 2
-    assert figures["imu rate"].median == pytest.approx(50.0, rel=0.1)
+    rate_hz = figures["imu rate"].median
+    assert 0.0 < rate_hz == pytest.approx(50.0 * (1.0 - figures["imu missing"].median / 100.0), rel=0.1)
     assert figures["imu loss"].median == 0.0
-    assert figures["imu missing"].median < 10.0
-    assert figures["imu bandwidth"].median == pytest.approx(50.0 * 357, rel=0.15)  # 324 B of CDR, 33 attached
-    assert 0.0 < figures["imu age p50"].median < 20.0
+    assert figures["imu bandwidth"].median == pytest.approx(rate_hz * 357, rel=0.05)  # 324 B of CDR, 33 attached
+    assert 0.0 < figures["imu age p50"].median <= figures["imu age p99"].median
     assert figures["ground_truth rate"].median == 0.0
     assert figures["ground_truth missing"].median == 100.0
     assert "nothing came on ground_truth" in capsys.readouterr().out
@@ -178,7 +181,7 @@ def test_soak_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert main([*words, "--output", file]) == 0, capsys.readouterr().out
     figures = load(file).figures
     assert len(figures["return"].values) == 2, "the start is none"
-    assert max(figures["return"].values) < 1.0
+    assert max(figures["return"].values) < RETURN_S
     assert figures["real-time factor"].median == pytest.approx(1.0, abs=0.01)
     assert {"steps skipped", "threads", "private memory"} < {*figures}
     assert 1.0 < figures["private memory"].median < figures["memory"].median
@@ -250,7 +253,7 @@ def test_a_signal_ends_what_was_started(number: int, tmp_path: Path) -> None:
         assert wait_for(lambda: list(tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log")))
         (log,) = tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log")
         assert wait_for(lambda: "ready" in log.read_text())
-        assert program.stop(number) == 130
-    left = subprocess.run(["pgrep", "-f", str(tmp_path)], capture_output=True, text=True)
-    assert left.stdout == ""
+        assert program.stop(number) == 130, program.output
+    left = functools.partial(subprocess.run, ["pgrep", "-f", str(tmp_path)], capture_output=True, text=True)
+    assert wait_for(lambda: not left().stdout), left().stdout
     assert not list(tmp_path.glob("uuv-hil-scratch-bench-*"))

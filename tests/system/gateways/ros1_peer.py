@@ -12,7 +12,7 @@ from sensor_msgs.msg import Image, Imu
 from std_srvs.srv import SetBool, Trigger
 from tf2_ros import Buffer, TransformListener
 
-PATIENCE_S = 60.0
+PATIENCE_S = 200.0  # for the first picture, whose process gives way to all others
 
 
 def main() -> None:

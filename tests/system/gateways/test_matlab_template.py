@@ -1,6 +1,7 @@
 """The template for MATLAB and Octave: its algorithms against ours in Python, and its two cases at real vehicles."""
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -19,7 +20,6 @@ from hil.autonomy.paths.vfh import Scan, Vfh, VfhSettings
 from hil.client.fleet import Fleet
 from hil.common.errors import MissionError
 from hil.gateways.json_lines.server import JsonGateway
-from tests.support.busy import retried_when_busy
 from tests.support.clients.json_client import own_state
 from tests.support.documents import blocks
 from tests.support.octave import MATLAB, needs_octave, run, run_octave
@@ -178,7 +178,7 @@ NEARER = """, struct( ...
 
 
 def test_task_scheduling_in_octave(tmp_path: Path) -> None:
-    """The stations of the paper, nearer and shorter."""
+    """The stations are the paper's, nearer and with shorter work."""
     result = fly(tmp_path, "task_scheduling.toml", NEARER)
     assert result["visited"] == ["charging", "acquisition", "transmission", "home"]
     assert len(result["paths"]) == 4
@@ -229,7 +229,7 @@ printf('%.2f\\n', time, position(1:2), command(1), done, numel(ranges));
 
 
 def test_the_blocks_of_simulink_with_a_stand_in_for_its_base_class(tmp_path: Path) -> None:
-    """All but Simulink itself: their steps drive the vehicle towards the first station."""
+    """The blocks run without Simulink: their steps drive the vehicle towards the first station."""
     with serve(tmp_path, "task_scheduling.toml") as (_, gateway):
         time, north, east, surge, done, beams = map(float, run(tmp_path, gateway, SYSTEMS))
     assert time > 2.5
@@ -250,21 +250,32 @@ def test_the_tutorial_in_octave(tmp_path: Path) -> None:
 
 
 LOOP = """
+clock = tic;
 rate = uuv.Rate(20);
-for k = 1:600
+spent = cputime();
+punctual = 0;
+for k = 1:100
   state = vehicle.state();
   scan = vehicle.laser();
   vehicle.drive('surge', 0.1, 'depth', 5);
+  if k == 50, pause(0.2); end
   rate.wait();
+  punctual = punctual + (toc(clock) - rate.cycles * rate.period <= 0.1 * rate.period);
 end
-printf('%d\\n', rate.cycles, rate.late);
+printf('%g\\n', rate.cycles, rate.late, punctual, toc(clock), (cputime() - spent) / 100);
 """
 
 
-@retried_when_busy("a late cycle may be that of a busy machine", attempts=5)
 def test_a_loop_of_20_hz(tmp_path: Path) -> None:
-    """The run lasts 30 s; docs/how-to/matlab.md shows one of ten minutes."""
+    """A cycle takes less of the processor than its period, and those that began late are counted, no others.
+
+    How many are late is no matter of a test, as others use the machine: docs/how-to/matlab.md says it of ten minutes.
+    """
     with serve(tmp_path, "path_planning.toml") as (_, gateway):
-        cycles, late = map(int, run(tmp_path, gateway, LOOP))
-    assert cycles >= 600
-    assert late <= 0.1 * cycles
+        before_s = time.process_time()
+        cycles, late, punctual, took_s, cycle_s = map(float, run(tmp_path, gateway, LOOP))
+        gateway_s = (time.process_time() - before_s) / 100
+    assert cycles >= 103, "a pause of four periods leaves out three"
+    assert 0.05 * cycles <= took_s
+    assert 3 <= late <= cycles - punctual, "on a busy machine all may be"
+    assert cycle_s + gateway_s < 0.05

@@ -118,7 +118,9 @@ UNKNOWN = ("marine_acoustic_msgs", "rcl_interfaces")  # Debian has them not
 
 
 def test_rostopic_lists_echoes_and_measures(ros: Ros) -> None:
-    assert wait_for(lambda: "/uuv1/cmd_vel" in (listed := ros.run("rostopic", "list")) and "/uuv1/camera" in listed)
+    assert wait_for(
+        lambda: "/uuv1/cmd_vel" in (listed := ros.run("rostopic", "list")) and "/uuv1/camera" in listed, 200
+    )
     listed = set(ros.run("rostopic", "list").split())
     assert {"/clock", "/tf", "/tf_static", "/uuv1/imu", "/uuv1/odom", "/uuv1/map"} <= listed
     assert ros.run("rostopic", "type", "/uuv1/imu").strip() == "sensor_msgs/Imu"
