@@ -241,11 +241,12 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_nobody_is_there(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         b.wait_report("nobody has connected: start PX4's SITL")
+        assert not b.run.autopilot.connected
 
 
 @pytest.mark.usefixtures("impatient")
 def test_a_board_is_diagnosed_step_by_step(tmp_path: Path) -> None:
-    """Nothing comes; then what a wrong baud rate makes of it; then heartbeats, and no outputs."""
+    """The board sends nothing, then what a wrong baud rate makes of it, then heartbeats without outputs."""
     board = Board()
     words = "no heartbeat: check the cable", r"a wrong baud rate (921600)", "but no HIL_ACTUATOR_CONTROLS"
     with bench(tmp_path, autopilot=f'address = "{board.path}"') as b:

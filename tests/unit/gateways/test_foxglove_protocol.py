@@ -86,4 +86,5 @@ def test_the_layout_plots_fields_that_messages_have() -> None:
             name, *fields = path.partition("[")[0].split(".")
             message: Any = ros_message.empty(TOPICS[name].type)
             for field in fields:
+                assert field in message, path
                 message = message[field]
