@@ -79,7 +79,7 @@ DEFAULT_RECORDINGS = Path(__file__).parent.parent / "recordings"  # where `uuv-h
 
 @pytest.fixture(autouse=True)
 def _records_into_no_repository() -> Iterator[None]:
-    """A test that records names a folder of its own: a run of the tests leaves the repository as it was."""
+    """Fail a test that records into the repository: it has to name a folder of its own."""
     before = DEFAULT_RECORDINGS.exists()
     yield
     assert before or not DEFAULT_RECORDINGS.exists(), f"{DEFAULT_RECORDINGS} was made: give the recording tmp_path"
@@ -100,7 +100,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="session")
 def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The C twins, compiled once: for `tests.support.flights.twins.taken_from`. Skips where there is no compiler.
+    """Compile the C twins once, for `tests.support.flights.twins.taken_from`. Skips where there is no compiler.
 
     Workers of one run share them: the first compiles, the others wait for it.
     """

@@ -45,7 +45,7 @@ def name_of(block: Block) -> str:
 
 
 def flat(table: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """{"sensors.laser.rate": 5} of the tables of a TOML file."""
+    """Return the tables of a TOML file as {"sensors.laser.rate": 5}."""
     changes: dict[str, Any] = {}
     for key, value in table.items():
         changes |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
@@ -54,7 +54,7 @@ def flat(table: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 @pytest.fixture
 def modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder with all modules of the pages in it, which Python finds."""
+    """Provide a folder with all modules of the pages in it, which Python finds."""
     for block in PYTHON:
         if block.file:
             (tmp_path / block.file).write_text(block.text)
@@ -118,7 +118,7 @@ def test_toml_is_a_part_of_a_scenario(block: Block, modules: Path) -> None:
 
 @pytest.mark.parametrize("page", sorted({b.page for b in TOML if reader_of(parse_toml(b.text))}))
 def test_whole_files_are_read(page: str, tmp_path: Path) -> None:
-    """In the order of the page: a scenario names the world that stands before it."""
+    """The files are read in the order of the page: a scenario names the world that stands before it."""
     for number, block in enumerate(blocks("toml", page=ROOT / page)):
         load = reader_of(parse_toml(block.text))
         if load:
@@ -161,7 +161,7 @@ def test_a_place_in_a_pile_is_no_success(modules: Path) -> None:
 
 
 def test_a_route_along_a_pipeline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a world of the same page in the place of a chart's."""
+    """A world of the same page takes the place of a chart's."""
     code, *_ = (block for block in PYTHON if block.page == "docs/how-to/charts.md")
     world, *_ = (block for block in TOML if block.page == code.page and "[[pipeline]]" in block.text)
     (tmp_path / "farm.toml").write_text(world.text)

@@ -117,7 +117,7 @@ def test_garbage_from_the_network_is_counted_and_harmless(slave: tuple[Program, 
 
 
 def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
-    """With controller = "external" any program that opens the port is the vehicle's computer."""
+    """Any program that opens the port is the vehicle's computer with controller = "external"."""
     device = tmp_path / "stm32"
     scenario, port = write_scenario(tmp_path, top='controller = "external"', link=f'port = "pty:{device}"')
     with Program(tmp_path, "slave", scenario) as slave:
@@ -141,7 +141,7 @@ def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
 
 
 def test_a_device_on_a_serial_port(tmp_path: Path) -> None:
-    """stm32 = "device" with pyserial; at the other end of the line the firmware's twin, then nothing."""
+    """The slave opens stm32 = "device" by pyserial; its other end is the firmware's twin, then nothing."""
     device = tmp_path / "ttyUSB0"
     top, link = 'stm32 = "device"', f'port = "{device}"'
     scenario, port = write_scenario(tmp_path, top=top, link=link)

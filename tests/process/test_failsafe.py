@@ -217,7 +217,7 @@ def test_the_stm32_is_reset(slave: Program, bench: Bench, master: Master) -> Non
 
 @by_the_clock
 def test_a_flood_of_garbage(slave: Program, bench: Bench, master: Master) -> None:
-    """A second of noise at 921 600 bit/s from a broken driver: counted, and the vehicle is still under command."""
+    """A broken driver sends a second of noise at 921 600 bit/s: it is counted, and the vehicle still obeys."""
     noise, end = random.Random(1), time.monotonic() + 1.0
     written = 0
     while time.monotonic() < end:

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    """The wheel made of what the container's image is made of, where no C can be compiled."""
+    """Build the wheel from what the container's image is made of, where no C can be compiled."""
     folder, source = tmp_path_factory.mktemp("wheel"), tmp_path_factory.mktemp("source")
     for line in (ROOT / "boards/container/Containerfile").read_text().splitlines():
         if line.startswith("COPY ") and "/src/" in line:

@@ -54,7 +54,7 @@ def fly(name: str, folder: Path) -> None:
 
 
 def test_the_path_is_flown_to_its_end_over_every_link(tmp_path: Path) -> None:
-    """Three at a time, as on as many boards: more than two processors carry would not keep real time."""
+    """The flights are three at a time: more than two processors carry would not keep real time."""
     ready = [name for name, flight in FLIGHTS.items() if not missing(*flight)]
 
     def fly_again(name: str) -> None:

@@ -37,7 +37,7 @@ def kill(program: Program, least: int) -> None:
 
 @pytest.fixture
 def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder for temporary files; after the next start nothing is in it."""
+    """Provide a folder for temporary files; after the next start nothing is in it."""
     folder = tmp_path / "scratch"
     folder.mkdir()
     for name in ("TMPDIR", "XDG_RUNTIME_DIR"):

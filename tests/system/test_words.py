@@ -67,7 +67,7 @@ def _words(name: str) -> set[str]:
 
 
 def test_names_are_free_of_the_old_words() -> None:
-    """Files, classes, functions, arguments, variables and attributes; of tests without the vague words."""
+    """The rule is for files, classes, functions, arguments, variables and attributes; tests may have vague words."""
     found = []
     for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests"):
         old = METAPHORS if room == "tests" else METAPHORS | VAGUE
@@ -82,7 +82,7 @@ def test_names_are_free_of_the_old_words() -> None:
 
 
 def test_docstrings_begin_with_a_statement() -> None:
-    """First lines in packages, tools and tests: "Return ...", "Error of ...", "True if ..."."""
+    """First lines in packages, tools and tests begin with "Return ...", "Error of ...", "True if ..."."""
     found = []
     for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests"):
         for where, nodes in _definitions(room).items():
@@ -95,10 +95,10 @@ def test_docstrings_begin_with_a_statement() -> None:
 
 
 def test_docstrings_of_tests_begin_with_their_subject() -> None:
-    """A test of tests/unit says "The speed is ...", not "At 1 m: ..." or "0.3 m/s, and then ..."."""
+    """A docstring says "The speed is ...", not "At 1 m: ..." or "0.3 m/s, and then ..."."""
     found = []
     for where, nodes in _definitions("tests").items():
-        for node in nodes if where.startswith("tests/unit/") else ():
+        for node in nodes:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name.startswith("test_"):
                 first = (ast.get_docstring(node) or "The").split()[0]
                 is_word = first[0].isalpha() or first[0] in "`'\""

@@ -269,7 +269,7 @@ def _of_the_flight(bench: Bench) -> list[int]:
 
 
 def commands(seconds: float) -> list[Row]:
-    """Commands to a slave whose STM32 is on UDP, each announced by a packet of its own; and what it used in all."""
+    """Command a slave whose STM32 is on UDP, each command announced by a packet; return what it used in all."""
     with socket.socket(type=socket.SOCK_DGRAM) as probe, socket.socket(type=socket.SOCK_DGRAM) as marker:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

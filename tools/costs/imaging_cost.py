@@ -125,7 +125,7 @@ HEAD = (
 
 
 def run(setting: Setting, seconds: float) -> Cost:
-    """One slave for so long."""
+    """Measure one slave for so long."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "cost.toml")
         Path(path).write_text(setting.scenario, encoding="utf-8")

@@ -168,7 +168,7 @@ def measure(
 
 
 def imu_cost(count: int = 500) -> tuple[float, float]:
-    """Medians in us of one Imu after the other, in bursts that the network's queue holds, and at 100 Hz."""
+    """Return medians (us) of one Imu after the other, in bursts that the network's queue takes, and at 100 Hz."""
     from hil.slave.sample_publisher import SamplePublisher
     from sim.sensors.samples import ImuSample
 

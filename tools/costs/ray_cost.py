@@ -61,7 +61,7 @@ Prepare = Callable[[Place, Rays], Cast]
 
 
 def fan(azimuths: int, width: float, elevations: int, low: float, high: float) -> "array[float]":
-    """Unit vectors in NED: `azimuths` over `width` rad about north, each at elevations (rad, down) `low` to `high`."""
+    """Return unit vectors in NED: `azimuths` over `width` rad about north, elevations (rad, down) `low` to `high`."""
     directions = array("d")
     for i in range(azimuths):
         for j in range(elevations):
@@ -103,7 +103,7 @@ def make_world() -> World:
 
 
 def balls(world: World) -> list[tuple[Place, float]]:
-    """Centres and radii of the spheres, which lie on the seabed."""
+    """Return centres and radii of the spheres, which lie on the seabed."""
     return [((*at, world.seabed(*at) - 0.5 * radius), radius) for at, radius in SPHERES]
 
 
@@ -116,7 +116,7 @@ def ours(world: World, engine: Engine) -> Prepare:
 
 
 def embree(world: World) -> Prepare | None:
-    """Embree; None where it is not installed."""
+    """Return Embree; None where it is not installed."""
     try:
         import numpy as np
         import trimesh
@@ -172,7 +172,7 @@ def thinned(rays: Rays) -> Rays:
 def race(
     casts: Sequence[Cast], rounds: int, repeat: int = 1, clock: Callable[[], float] = time.process_time
 ) -> list[float]:
-    """Microseconds by `clock` of each cast, `repeat` of them at a time, in turn: the best of the rounds."""
+    """Return microseconds by `clock` of each cast, `repeat` at a time, in turn: the best of the rounds."""
     best = [inf] * len(casts)
     for _ in range(rounds):
         for i, cast in enumerate(casts):

@@ -63,7 +63,7 @@ def fly(clients: list[VehicleClient], seconds: float) -> None:
 
 
 def gaps(folder: Path) -> tuple[int, int]:
-    """Messages recorded, and those missing between the first and the last of each topic."""
+    """Return the messages recorded, and those missing between the first and the last of each topic."""
     numbers: dict[str, list[int]] = defaultdict(list)
     for message in read_messages(str(folder)):
         numbers[message.topic if not message.topic.startswith("/clock") else ""].append(message.sequence)
@@ -76,7 +76,7 @@ def gaps(folder: Path) -> tuple[int, int]:
 
 
 def main() -> int:
-    """Measure; 1 when a budget is missed."""
+    """Measure; return 1 when a budget is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vehicles", type=int, default=10)
     parser.add_argument("--seconds", type=float, default=60.0)

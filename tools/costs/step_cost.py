@@ -92,16 +92,16 @@ class PlainNumpy:
         return np.concatenate([pose_dot, nu_dot])
 
     def rotation(self, quaternion: Any) -> Any:
-        """R = I + 2 w S(e) + 2 S(e)²."""
+        """Return R = I + 2 w S(e) + 2 S(e)²."""
         w, S = quaternion[0], self.skew(quaternion[1:])
         return self.np.eye(3) + 2.0 * w * S + 2.0 * S @ S
 
     def skew(self, a: Any) -> Any:
-        """S(a) b = a x b."""
+        """Return S(a), where S(a) b = a x b."""
         return self.np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
     def coriolis(self, nu: Any) -> Any:
-        """C(nu) from M (Fossen 2021, theorem 3.2)."""
+        """Return C(nu) from M (Fossen 2021, theorem 3.2)."""
         momentum = self.M @ nu
         S_linear, S_angular = self.skew(momentum[:3]), self.skew(momentum[3:])
         return self.np.block([[self.np.zeros((3, 3)), -S_linear], [-S_linear, -S_angular]])
@@ -113,7 +113,7 @@ class PlainNumpy:
         return np.concatenate([np.cross(self.lost * nu[3:], momentum), self.lost * np.cross(nu[:3], momentum)])
 
     def restoring(self, rotation: Any) -> Any:
-        """g: minus the force of weight and lift."""
+        """Return g: minus the force of weight and lift."""
         np = self.np
         f_g, f_b = (rotation.T @ np.array([0.0, 0.0, force]) for force in (self.W, -self.B))
         return -np.concatenate([f_g + f_b, np.cross(self.r_g, f_g) + np.cross(self.r_b, f_b)])

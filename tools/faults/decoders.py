@@ -46,7 +46,7 @@ class Outcome(NamedTuple):
 
     @property
     def line(self) -> str:
-        """For the terminal."""
+        """Return the result for the terminal."""
         return f"{'FAIL' if self.fault else 'ok  '} {self.name}: {self.inputs} inputs, {self.seconds:.1f} s " + (
             self.fault or self.remark
         )
@@ -100,7 +100,7 @@ def firmware(count: int, seed: int, compiler: list[str] | None = None) -> Outcom
 
 
 def sound_packets() -> Iterator[bytes]:
-    """Commands of all protocols on a serial line, armed and not, and other messages."""
+    """Return commands of all protocols on a serial line, armed and not, and other messages."""
     for kind in ("frame", "mavlink"):
         host = open_protocol(kind, "host", len(PULSES))
         for sequence in range(1, 20):
@@ -200,7 +200,7 @@ def feed(name: str, decode: Callable[[bytes], object], sound: bytes, count: int,
 
 
 def _input(rng: random.Random, sound: bytes) -> bytes:
-    """Noise, or the sound payload with bits flipped, cut, doubled, or numbers in it made huge."""
+    """Return noise, or the sound payload with bits flipped, cut, doubled, or numbers in it made huge."""
     if rng.random() < 0.3:
         return rng.randbytes(rng.randrange(LONGEST))
     data = bytearray(sound)

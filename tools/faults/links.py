@@ -21,12 +21,12 @@ class Link(NamedTuple):
 
     @property
     def frame_s(self) -> float:
-        """The longest that one command takes on the line, s: 200 bytes at 115,200 Bd, nothing on a network."""
+        """Return the longest that a command takes on the line, s: 200 bytes at 115,200 Bd, nothing on a network."""
         return 200 * 10 / 115_200 if self.wire == "pty" else 0.002
 
     @property
     def limit_s(self) -> float:
-        """Until the outputs must be neutral: deadman, watchdog, one frame, and one report that tells it."""
+        """Return the time (s) until the outputs must be neutral: deadman, watchdog, one frame, and one report of it."""
         return DEADMAN_S + WATCHDOG_S + self.frame_s + REPORT_S
 
 

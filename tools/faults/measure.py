@@ -74,7 +74,7 @@ class _Logs:
 
     @property
     def text(self) -> str:
-        """All of it."""
+        """Return all of it."""
         output = ""
         for path in sorted(self._folder.glob("slave-*.log")):
             output += path.read_bytes()[self._before.get(path, 0) :].decode(errors="replace")
@@ -82,7 +82,7 @@ class _Logs:
 
     @property
     def last_words(self) -> str:
-        """Its last line."""
+        """Return its last line."""
         return (self.text.strip().splitlines() or [""])[-1]
 
     def new(self) -> str:
@@ -95,7 +95,7 @@ class _Logs:
 
 
 def _files(rig: Rig) -> set[str]:
-    """Temporary files of the rig, but for logs."""
+    """Return temporary files of the rig, but for logs."""
     return {path.name for path in rig.folder.iterdir() if path.suffix != ".log"}
 
 
@@ -117,7 +117,7 @@ def _leaked(rig: Rig, descriptors: int, files: set[str]) -> str:
 
 
 def _strays(rig: Rig) -> list[int]:
-    """Processes that have a file of the rig in their command line and are none of it."""
+    """Return processes that have a file of the rig in their command line and are none of it."""
     ours = {process.pid for process in rig.processes.values()} | {rig.stm32.pid if rig.stm32 else 0, os.getpid()}
     pids = []
     for process in psutil.process_iter(["cmdline", "ppid"]):

@@ -42,7 +42,7 @@ class Pins:
 
     @property
     def state(self) -> State:
-        """The newest."""
+        """Return the newest state."""
         return self._seen[-1].state
 
     def await_state(self, state: State, seconds: float, poll: Callable[[], object] = lambda: None) -> float:

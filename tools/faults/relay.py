@@ -76,7 +76,7 @@ class Relay:
         self._cut = True
 
     def mend(self) -> None:
-        """New connections are accepted again."""
+        """Accept new connections again."""
         self._cut = False
 
     def _run(self) -> None:

@@ -198,7 +198,7 @@ class Rig:
         return self.pins.await_state(state, seconds)
 
     def pause(self, seconds: float) -> float:
-        """Wait; the instant (monotonic s) then."""
+        """Wait; return the instant (monotonic s) after it."""
         time.sleep(seconds)
         return time.monotonic()
 

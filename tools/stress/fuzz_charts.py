@@ -106,7 +106,7 @@ def _wait(pid: int, seconds: float) -> int:
 
 
 def mutated(data: bytes, chance: random.Random) -> bytes:
-    """`data` with one to eight changes."""
+    """Return `data` with one to eight changes."""
     changed = bytearray(data)
     for _ in range(chance.choice((1, 1, 2, 4, 8))):
         at, size = chance.randrange(len(changed)), chance.choice((1, 1, 2, 5, 24, 200))
@@ -178,7 +178,7 @@ def cells_of(folder: str) -> list[tuple[bytes, bytes]]:
 
 
 def main() -> int:
-    """Mutate, read, count; 1 if something is wrong."""
+    """Mutate, read, count; return 1 if something is wrong."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="N")

@@ -59,7 +59,7 @@ def come_back(clients: list[VehicleClient], seconds: float) -> list[VehicleClien
 
 
 def run(pauses: int, count: int, seed: int, repaired: bool) -> int:
-    """Pause so often; the number of clients that were stuck."""
+    """Pause so often; return the number of clients that were stuck."""
     chance, stuck, port = random.Random(seed), 0, free_ports(1)[0]
     with ExitStack() as stack:
         scenario = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "pause.toml"

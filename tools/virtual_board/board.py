@@ -64,7 +64,7 @@ class VirtualBoard:
         return ["env", *(f"{name}={value}" for name, value in environment.items()), self.python, *arguments]
 
     def require(self) -> None:
-        """Raises DeviceError if there is no board in the folder."""
+        """Raise DeviceError if there is no board in the folder."""
         if not all(map(os.path.exists, (os.path.join(self.root, PYTHON), self.site, self.python))):
             raise DeviceError(f"{self.folder}: no virtual board; python -m tools.virtual_board build")
 

@@ -41,7 +41,7 @@ def reported(client: VehicleClient, holds: Callable[[Any], bool]) -> Any:
 
 @pytest.mark.parametrize("stm32", ["python", "process"])
 def test_its_outputs_reach_the_stm32(tmp_path: Path, stm32: str) -> None:
-    """Also an STM32 that is another process; a silent autopilot stops the thrusters, and goes on as if nothing was."""
+    """An STM32 in another process gets them too; a silent autopilot stops the thrusters until it sends again."""
     with flown(tmp_path, stm32) as (slave, flyer, client):
         figures = reported(client, lambda found: found.pwm_us == AHEAD)
         assert figures.controller == "autopilot"

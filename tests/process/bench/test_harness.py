@@ -284,14 +284,14 @@ def test_a_machine_of_which_we_may_use_a_part_is_labelled() -> None:
 
 
 def test_the_environment_says_that_it_is_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Below qemu-user /proc is that of the host."""
+    """The files in /proc are those of the host below qemu-user."""
     monkeypatch.setenv("UUV_HIL_EMULATED", "qemu-aarch64")
     recorded.plant(tmp_path, "proc/sys/kernel/arch", "riscv64\n")
     assert describe(str(tmp_path))[1] == ("emulated: qemu-aarch64",)
 
 
 def test_a_32_bit_system_on_a_64_bit_kernel_is_not_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Raspberry Pi OS of 32 bits, before Linux 6.1."""
+    """Raspberry Pi OS of 32 bits is such a system, before Linux 6.1."""
     plant_first_process(tmp_path, 0x28)
     kernel = os.uname()
     monkeypatch.delenv("UUV_HIL_EMULATED", raising=False)

@@ -26,7 +26,7 @@ def loopback(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, 
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However late the machine lets an answer come, it is not lost."""
+    """Wait for answers so long that none is lost, however late the machine lets it come."""
     monkeypatch.setattr("hil.bench.loopback.LOST_NS", 60 * NS_PER_S)
 
 
@@ -93,7 +93,7 @@ def test_damage_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.usefixtures("patient")
 def test_the_wire_time_is_that_of_the_bits(capsys: pytest.CaptureFixture[str]) -> None:
-    """22 + 32 bytes of ten bits at 115200: 4.69 ms, and the paced link takes at least that."""
+    """The 22 + 32 bytes of ten bits take 4.69 ms at 115200 baud, and the paced link takes at least that."""
     plan = Plan("python", Link(faults=Faults(baud=115_200)), 6, 50.0, 1.0, True)
     assert wire_ms(plan) == pytest.approx(54 * 10 / 115.2, rel=1e-12)
     code, found = loopback(capsys, "--fault", "baud=115200", "--rate", "0")
@@ -105,7 +105,7 @@ def test_the_wire_time_is_that_of_the_bits(capsys: pytest.CaptureFixture[str]) -
 
 @pytest.fixture
 def jumper() -> Iterator[str]:
-    """A serial port whose TX is led to its RX."""
+    """Provide a serial port whose TX is led to its RX."""
     far, stop = PtyWire(), threading.Event()
 
     def echo() -> None:

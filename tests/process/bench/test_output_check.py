@@ -35,7 +35,7 @@ def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[tuple[str, "subprocess.Popen[str]"]]:
-    """`uuv-hil stm32` as a process of its own, on a pty; and the pty's path."""
+    """Provide the pty of `uuv-hil stm32`, which runs as a process of its own, and that process."""
     path = str(tmp_path / "stm32")
     command = [*module_command("hil.cli", "stm32", "--port", f"pty:{path}", "--channels", "4")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=package_environment())
@@ -94,7 +94,7 @@ def test_over_can_with_what_controllers_report(protocol: str, unit: str, capsys:
 
 
 def test_one_output_at_a_time_and_neutral_around(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The commands in their order: neutral, then each output alone, neutral between, disarmed at the end."""
+    """The commands are in this order: neutral, then each output alone, neutral between, disarmed at the end."""
     sent: list[ThrusterCommand] = []
     send = ThrusterDriver.send
 

@@ -83,7 +83,7 @@ def result(**changes: object) -> Result:
 
 
 def test_fidelity_by_hand() -> None:
-    """Two ways along a line, 0.3 m apart, the second slower and cut short."""
+    """The two paths follow a line 0.3 m apart; the second is slower and cut short."""
     times = [float(i) for i in range(11)]
     one = Track("a", times, [0.8 * t for t in times], [0.0] * 11, [0.8] * 11, [0.8] * 11)
     other = one._replace(north=[0.7 * t for t in times], east=[0.3] * 11)

@@ -38,7 +38,7 @@ def test_by_sound_in_slots_nothing_is_lost_and_the_target_is_surrounded() -> Non
 
 
 def test_a_neighbour_is_where_it_said_and_has_gone_on_since() -> None:
-    """Known a quarter to one and a quarter of a second late, yet where it takes itself to be now, but for a few cm."""
+    """A report is 0.25 to 1.25 s old, yet gives the neighbour's own present estimate but for a few cm."""
     simulated, _ = hunt({"hunting.noise": 0.0}, 12.0)
     planner, neighbour = simulated.planners[:2]
     output, report = planner._present("uuv2"), planner._reports["uuv2"].report

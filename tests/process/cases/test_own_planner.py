@@ -75,7 +75,7 @@ def test_mistakes_of_a_planner_are_reported(tmp_path: Path, scenario: Path, monk
 def test_a_planner_that_returns_no_command_ends_the_flight(
     answer: str, tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """nan flew on to the time limit, the others ended in a traceback of ours."""
+    """The flight used to go on with nan to the time limit, and the others ended in a traceback."""
     monkeypatch.syspath_prepend(str(tmp_path))
     text = (tmp_path / "straight.py").read_text()
     (tmp_path / "crooked.py").write_text(re.sub(r"return VelocityCommand\(.*\)", f"return {answer}", text))

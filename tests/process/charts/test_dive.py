@@ -24,7 +24,7 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def slope_with_a_wall() -> Grid:
-    """6 m deep in the south, 16 m in the north; a wall that rises out of the water along north = 100 m."""
+    """Return a bed 6 m deep in the south, 16 m in the north, with a wall out of the water along north = 100 m."""
     north = np.arange(-200.0, 201.0, 4.0)
     depths = np.repeat((11.0 + north / 40.0)[:, None], 101, axis=1).astype(np.float32)
     depths[np.abs(north - 100.0) < 3.0] = -2.0

@@ -24,7 +24,7 @@ OTTER = Path(__file__).parents[2] / "vectors" / "otter"
 
 @pytest.fixture
 def bay(tmp_path: Path) -> Path:
-    """The bay of the vectors with its wreck: a block of 2 x 1 x 1 m that the world doubles along its x."""
+    """Return the bay of the vectors with its wreck: a block of 2 x 1 x 1 m that the world doubles along its x."""
     folder = tmp_path / "gazebo"
     shutil.copytree(OTTER, folder)
     trimesh.creation.box((2.0, 1.0, 1.0)).export(str(folder / "wreck.stl"))
@@ -32,7 +32,7 @@ def bay(tmp_path: Path) -> Path:
 
 
 def test_a_world_is_where_it_was(bay: Path, tmp_path: Path) -> None:
-    """East, north, up of the file with the water at 2 m: north is y, east is x, depth is 2 - z."""
+    """The file has east, north, up with the water at 2 m: north is y, east is x, depth is 2 - z."""
     world, notes = import_world(str(bay), str(tmp_path / "bay.toml"))
     assert (world.name, world.depth, world.density, world.gravity) == ("bay", 10.0, 1010.0, 9.8)
     assert world.origin == (54.1, 12.1)
@@ -64,7 +64,7 @@ def _corners(world: World, number: int) -> np.ndarray:
 
 
 def test_a_turned_mesh_is_turned(tmp_path: Path) -> None:
-    """A plank of 4 m along x, turned to the north by its yaw and raised at its end by its pitch."""
+    """A plank of 4 m along x is turned to the north by its yaw and raised at its end by its pitch."""
     trimesh.creation.box((4.0, 0.1, 0.1)).export(str(tmp_path / "plank.stl"))
     (tmp_path / "w.sdf").write_text(
         '<sdf version="1.9"><world name="w"><model name="plank"><static>true</static>'
@@ -96,7 +96,7 @@ def test_meshes_of_every_format_are_measured(tmp_path: Path) -> None:
 
 
 def test_hostile_meshes_have_errors_of_their_own(tmp_path: Path) -> None:
-    """A damaged one, one that expands entities, one that is no mesh; the next is read all the same."""
+    """A mesh is damaged, expands entities, or is none; the next one is read all the same."""
     (tmp_path / "bad.stl").write_bytes(b"\0" * 200)
     (tmp_path / "bomb.dae").write_text('<!DOCTYPE c [<!ENTITY a "ha">]><COLLADA>&a;</COLLADA>')
     (tmp_path / "notes.txt").write_text("no mesh")
@@ -109,7 +109,7 @@ def test_hostile_meshes_have_errors_of_their_own(tmp_path: Path) -> None:
 
 
 def test_our_own_export_comes_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Depths to the rounding of 16 bits, and every pile and block."""
+    """Depths come back to the rounding of 16 bits, and so does every pile and block."""
     (tmp_path / "w.toml").write_text(
         'name = "w"\nsource = "test"\nextent = [0.0, 32.0, 0.0, 32.0]\ndepth = 12.0\norigin = [10.0, 20.0]\n'
         '[terrain]\nkind = "slope"\ndepth = 8.0\nslope = 0.1\nresolution = 1.0\n'

@@ -27,7 +27,7 @@ print("MB", (most() - before) / 1024.0)
 
 @pytest.fixture(scope="module")
 def large(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A world of 1 m, DEEP in the south, of which the rest is a hole in its file: 0 m."""
+    """Return a world of 1 m cells, DEEP in the south, the rest of it a hole in its file: 0 m."""
     folder = tmp_path_factory.mktemp("large")
     with open(folder / "w.f32", "wb") as file:
         for _ in range(SHOAL):

@@ -58,7 +58,7 @@ def test_of_two_rasters_the_one_of_greater_priority_is_believed(tmp_path: Path) 
 
 
 def test_soundings_may_be_believed_before_a_raster(tmp_path: Path) -> None:
-    """Then the raster fills in where they are farther away than they reach."""
+    """The raster then fills in where soundings are farther away than they reach."""
     coarse = raster(tmp_path / "coarse.tif", 20.0, 10.0, 10.08)
     survey = soundings(tmp_path / "survey.csv", 40.0, 10.02, 10.04)
     for priorities, both in (({}, 20.0), ({survey: 2}, 40.0), ({coarse: -1}, 40.0), ({survey: 1}, 20.0)):

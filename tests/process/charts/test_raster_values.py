@@ -91,7 +91,7 @@ def test_a_coordinate_system_that_is_not_of_the_earth_is_refused(tmp_path: Path)
 
 
 def test_a_common_mark_for_no_depth_that_nothing_names_is_refused(tmp_path: Path) -> None:
-    """-9999 lies within the depths of the earth: two of it to the last digit are no bed."""
+    """The value -9999 lies within the depths of the earth: two of it to the last digit are no bed."""
     holes = -DEPTHS
     holes[:10, :10] = -9999.0
     with pytest.raises(ConfigError, match=r"9999 m, which is no depth.*gdal_translate -a_nodata"):

@@ -20,7 +20,7 @@ from hil.common.errors import ConfigError
 
 
 def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:
-    """Latitudes and longitudes of places on the plane at 54 N 10 E, by PROJ."""
+    """Return latitudes and longitudes of places on the plane at 54 N 10 E, by PROJ."""
     warp = pytest.importorskip("rasterio.warp")
     longitude, latitude = warp.transform("+proj=ortho +lat_0=54 +lon_0=10 +ellps=WGS84", "EPSG:4326", east, north)
     return [np.array(latitude), np.array(longitude)]
@@ -61,7 +61,7 @@ def test_a_geotiff_of_ours_comes_back(tmp_path: Path) -> None:
 
 
 def test_of_rasters_and_soundings_each_has_its_place(tmp_path: Path) -> None:
-    """The first raster before the second, both before soundings, which are believed where neither has a pixel."""
+    """The first raster goes before the second, both before soundings, which count where neither has a pixel."""
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     for name, depth, west in (("a", 10.0, -100.0), ("b", 20.0, 0.0)):
         write_geotiff(
@@ -79,7 +79,7 @@ def test_of_rasters_and_soundings_each_has_its_place(tmp_path: Path) -> None:
 
 
 def test_a_large_raster_takes_no_longer_than_gdal_needs(tmp_path: Path) -> None:
-    """A million pixels in UTM, of which radial bases would take ten minutes: each node is their depth."""
+    """A raster has a million pixels in UTM; radial bases would take ten minutes: each node is their depth."""
     rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = tmp_path / "utm.tif"
     rows, columns = np.mgrid[:1000, :1000]
@@ -102,7 +102,7 @@ def test_a_large_raster_takes_no_longer_than_gdal_needs(tmp_path: Path) -> None:
 
 
 def test_heights_and_depths_are_not_guessed(tmp_path: Path) -> None:
-    """More land than water: by its name a height, else asked for; all of one sign is a seabed."""
+    """Values of both signs are heights by their name, or else asked for; values of one sign are a seabed."""
     rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = str(tmp_path / "topobathy.tif")
 
@@ -210,7 +210,7 @@ def test_s102_and_which_survey_is_the_newer(tmp_path: Path) -> None:
 
 
 def test_a_netcdf_like_gebco_s_and_rasters_that_are_none(tmp_path: Path) -> None:
-    """Degrees, heights in whole metres, two variables in one file."""
+    """The file has degrees, heights in whole metres, and two variables."""
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     h5py = pytest.importorskip("h5py", reason="writes the NetCDF for this test")
     path = tmp_path / "gebco.nc"

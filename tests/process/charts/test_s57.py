@@ -19,7 +19,7 @@ from tests.support.processes import ROOT
 
 
 def enclosed(cell: Cell, kind: str) -> float:
-    """Square degrees inside all areas of a class, holes subtracted: by the shoelace formula."""
+    """Return the square degrees inside all areas of a class, without their holes, by the shoelace formula."""
     total = 0.0
     for feature in cell.select(kind):
         twice = sum(float((e[:-1, 0] * e[1:, 1] - e[1:, 0] * e[:-1, 1]).sum()) for e in feature.lines)
@@ -158,7 +158,7 @@ def test_no_chart_at_all(tmp_path: Path) -> None:
 
 
 def test_a_chart_that_ends_too_early_is_refused(tmp_path: Path) -> None:
-    """Cut at any byte; what else can be wrong with one is below, at `test_mutated_cells_are_read_or_refused`."""
+    """The chart is cut at any byte; `test_mutated_cells_are_read_or_refused` has what else can be wrong with one."""
     whole = bay().data()
     path = tmp_path / "C.000"
     for size in np.random.default_rng(1).integers(24, len(whole), 3):
@@ -237,7 +237,7 @@ def test_areas_need_no_order(tmp_path: Path) -> None:
 
 
 def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
-    """15 inputs of `tools/stress/fuzz_charts.py`: no hang, no traceback, and no end but by one line."""
+    """The 15 inputs of `tools/stress/fuzz_charts.py` give no hang, no traceback, and at most one line of error."""
     command = [sys.executable, str(ROOT / "tools" / "stress" / "fuzz_charts.py"), "--count", "15", "--seed", "7"]
     done = subprocess.run([*command, "--keep", str(tmp_path)], capture_output=True, text=True, timeout=250)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -248,7 +248,7 @@ def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
 
 
 def test_a_geometry_that_is_none_is_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """GEOS refuses it with an error that is no RuntimeError: it was a traceback in the process that reads."""
+    """GEOS refuses it with an error that is no RuntimeError, which was a traceback in the process that reads."""
 
     def refuse(*_: object) -> None:
         raise shapely.errors.GEOSException("Points of LinearRing do not form a closed linestring")

@@ -22,7 +22,7 @@ from tests.support.charts.small_cell import EAST, NORTH, SHORE, SOUTH, WEST, bay
 
 
 def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:
-    """Latitudes and longitudes of places on the plane at 54 N 10 E, by PROJ."""
+    """Return latitudes and longitudes of places on the plane at 54 N 10 E, by PROJ."""
     warp = pytest.importorskip("rasterio.warp")
     longitude, latitude = warp.transform("+proj=ortho +lat_0=54 +lon_0=10 +ellps=WGS84", "EPSG:4326", east, north)
     return [np.array(latitude), np.array(longitude)]
@@ -77,7 +77,7 @@ def test_text_that_is_no_soundings(tmp_path: Path, text: str, output: str) -> No
 def test_a_small_file_that_unpacks_without_end(
     ending: str, pack: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Bounded by lines, by characters, and by the length of one line: whichever comes first."""
+    """Reading is bounded by lines, by characters, and by the length of one line."""
     monkeypatch.setattr(points, "MOST_LINES", 10_000)
     monkeypatch.setattr(points, "LARGEST", 1_000_000)
     path = tmp_path / f"s.xyz{ending}"
@@ -97,7 +97,7 @@ def test_a_small_file_that_unpacks_without_end(
 
 
 def test_the_whole_of_what_unpacks_without_end_is_never_in_memory(tmp_path: Path) -> None:
-    """4 MB that took all memory: 4 GB without the end of a line. And of 20 MB of comments nothing is kept."""
+    """The 4 MB hold 4 GB without the end of a line, which took all memory; of 20 MB of comments nothing is stored."""
     path = tmp_path / "s.xyz.gz"
     for text, words in ((b"0" * (1 << 22), "a line of more than 10000"), (b"#" * 9_999 + b"\n", "no soundings in it")):
         path.write_bytes(gzip.compress(text) * 1000 if len(text) > 10_000 else gzip.compress(text * 2_000))
@@ -139,7 +139,7 @@ def test_a_chart_as_a_survey(tmp_path: Path) -> None:
 
 
 def test_the_larger_scale_is_believed_where_charts_overlap(tmp_path: Path) -> None:
-    """A coarse chart that is 5 m too deep everywhere, and has a rock of its own inside the finer one."""
+    """The coarse chart is 5 m too deep everywhere, and has a rock of its own inside the finer one."""
     coarse = Encoder(scale=90_000)
     coarse.area(302, square(SOUTH, WEST - 0.016, NORTH, EAST), CATCOV=1)
     coarse.area(42, square(SOUTH, WEST - 0.016, NORTH, EAST), DRVAL1=0, DRVAL2=50)

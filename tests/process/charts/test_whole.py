@@ -64,7 +64,7 @@ def test_the_cache_is_pruned_and_may_be_missing_or_damaged(
 
 
 def test_a_part_has_the_same_nodes(tmp_path: Path) -> None:
-    """Also when only that part is built: all the chart's data shape it."""
+    """All the chart's data shape a part, also when only that part is built."""
     path = bay().write(tmp_path / "BAY.000")
     placed = whole_bed(path, 10.0).placed
     part = cut(placed, (-123.0, 88.0, -201.0, 64.0))
@@ -91,7 +91,7 @@ def test_a_dive_is_over_the_whole_charts_bed(tmp_path: Path) -> None:
 
 
 def test_a_chart_of_a_small_scale_with_soundings_in_one_corner(tmp_path: Path) -> None:
-    """Most of it has none; a dive finds a way all the same, and what is too fine is told with what would do."""
+    """Most of the chart has none; a dive finds a path, and a grid that is too fine is refused with one that will do."""
     cell = Encoder(scale=80_000)
     cell.area(302, square(54.0, 10.0, 54.2, 10.3), CATCOV=1)
     cell.area(42, square(54.0, 10.0, 54.2, 10.3), DRVAL1=5, DRVAL2=20)
@@ -116,7 +116,7 @@ def test_the_resolution_follows_from_the_data_until_there_are_too_many_nodes(tmp
 
 
 def test_a_coast_is_a_guide(tmp_path: Path) -> None:
-    """No contour, soundings far out: the bed comes up to the coast, and none of the water is exactly 0 m deep."""
+    """The bed comes up to the coast without contours or near soundings, and no water is exactly 0 m deep."""
     cell = Encoder(scale=10_000)
     cell.area(302, square(54.0, 10.0, 54.01, 10.016), CATCOV=1)
     cell.area(42, square(54.0, 10.0, 54.008, 10.016), DRVAL1=0, DRVAL2=25)

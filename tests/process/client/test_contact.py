@@ -119,7 +119,7 @@ def test_answers_to_pings_that_others_sent_in_its_name_change_nothing(ends: tupl
 
 @pytest.mark.parametrize("offset_s", [0, -3600, 3600])
 def test_an_instant_of_a_slave_that_started_before_the_clock_was_set(offset_s: int) -> None:
-    """A board without a real-time clock: its slave started, then its wall clock was set, then this master started."""
+    """The board has no real-time clock: its slave started, then its wall clock was set, then this master started."""
     clock, session = ClockOffset(), Mock(spec=Session, has_pairs=True, openings=1)
     contact = LivenessMonitor(session, "uuv1", clock, lambda: None, print, 1.0)
     contact.same_clock = True

@@ -56,7 +56,7 @@ def test_a_map_that_is_made_already_comes_to_a_late_client(endpoint: str, topics
 
 
 def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) -> None:
-    """Once in two seconds, and listened to only now."""
+    """The sensor sends once in two seconds, and is subscribed to only now."""
     with hil.connect(endpoint, wait=60.0) as fleet:
         vehicle = fleet["uuv1"]
         assert "leak" not in vehicle.client.latest
@@ -70,7 +70,7 @@ def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) 
 
 
 def test_a_mission_spares_the_network_what_its_planner_does_not_use(tmp_path: Path) -> None:
-    """Seen from outside: two runs of the same mission, one recorded by the master, which wants all."""
+    """The same mission is run twice and counted from outside; once the master records it, and so wants all."""
     rates, folders, demos = [], [tmp_path / "spared", tmp_path / "whole"], []
     for folder, wish in zip(folders, ("", '[recording]\nmaster = true\ncompression = "none"\n'), strict=True):
         folder.mkdir()

@@ -174,7 +174,7 @@ def test_a_sensor_that_is_not_there(vehicle: Vehicle) -> None:
 
 
 def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
-    """JPEG unless the scenario says otherwise; who asks for the other kind is told its name."""
+    """Pictures are JPEG unless the scenario says otherwise; an error names the kind that there is."""
     with (
         slave_with(tmp_path, "camera = { rate = 5, width = 64, height = 48 }") as endpoint,
         hil.connect(endpoint, wait=60.0) as fleet,
@@ -294,7 +294,7 @@ def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:
 
 
 def test_two_publishers_of_ros_steer_together(own_slave: tuple[Program, str], tmp_path: Path) -> None:
-    """One of depths and one of velocities, neither of which says who it is; a second one of depths is refused."""
+    """One publishes depths and one velocities, neither with a name; a second publisher of depths is refused."""
     _, endpoint = own_slave
     how = ("--rate", 20, "--connect", endpoint)
     depths = ("topic", "pub", "/uuv1/cmd_depth", "std_msgs/msg/Float64")

@@ -166,7 +166,7 @@ def test_one_that_cannot_be_opened_tries_again(attempts: int) -> None:
 
 
 def test_clients_end_while_it_is_opened_again() -> None:
-    """Opening one takes long where the router is gone."""
+    """A session takes long to open where the router is gone."""
     with open_master_session("tcp/127.0.0.1:9") as session:
         withdraw, opened, begun, go_on = session.declare_token("t/x"), session._open_library, Event(), Event()
 

@@ -327,7 +327,7 @@ def test_every_rule_for_udev_is_well_formed(root: Path, scenario: str) -> None:
 
 @pytest.mark.parametrize("text", [SERIAL, CAN])
 def test_systemd_agrees_where_it_is_installed(root: Path, scenario: str, text: str) -> None:
-    """Elsewhere the tests above are all there is: systemd is no dependency."""
+    """The tests above are all there is without systemd, which is no dependency."""
     Path(scenario).write_text(text)
     assert install(root, scenario, "--yes") == 0
     analyze = shutil.which("systemd-analyze")

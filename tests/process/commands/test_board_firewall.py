@@ -50,7 +50,7 @@ def test_what_others_do_not_reach_needs_no_firewall(root: Path, scenario: str, l
 
 @pytest.mark.skipif(not shutil.which("nft") or os.geteuid() != 0, reason="needs nftables, and root")
 def test_the_kernel_takes_the_rules(root: Path, scenario: str) -> None:
-    """Twice, as when they are loaded again; in a network of their own."""
+    """The rules are loaded twice, in a network of their own."""
     assert install(root, scenario, "--yes", "--listen", "tcp/0.0.0.0:7500") == 0
     path = root / FIREWALL[1:]
     script = f"nft -f {path} && nft -f {path} && nft list table inet uuv_hil && nft delete table inet uuv_hil"

@@ -22,7 +22,7 @@ HIT = RunEvent("collision", 9_300_000_000, 10_200_000_000, (6.4, 5.7, 2.0), "the
 
 @pytest.fixture
 def into_wall(tmp_path: Path) -> Path:
-    """A mission straight ahead into the pool's wall, by a planner that does not look at the map."""
+    """Return a mission straight ahead into the pool's wall, by a planner that ignores the map."""
     path, _ = write_scenario(tmp_path)
     (tmp_path / "blind.py").write_text(
         "from hil.autonomy.control.controller import VelocityCommand\n"
@@ -163,7 +163,7 @@ class Stream:
 
 @pytest.mark.parametrize(("terminal", "shown"), [(True, 100), (False, 2)])
 def test_long_work_shows_how_far_it_is(terminal: bool, shown: int) -> None:
-    """25 s of it: four times a second on a terminal, every ten seconds elsewhere."""
+    """The work takes 25 s: it is shown four times a second on a terminal, every ten seconds elsewhere."""
     now, stream = 0.0, Stream(terminal)
     line = ProgressLine(stream, lambda: now)  # type: ignore[arg-type]  # a stand-in
     for number in range(100):
@@ -195,7 +195,7 @@ def test_the_master_refuses_a_vehicle_that_obeys_nobody(top: str, words: str, tm
 
 
 def test_who_only_listens_is_no_software_of_the_vehicle(tmp_path: Path) -> None:
-    """A recorder hears cmd_vel too, and hid that nobody drives the thrusters."""
+    """A recorder subscribes to cmd_vel too, which used to hide that nobody drives the thrusters."""
     scenario, port = write_scenario(tmp_path, top='controller = "external"')
     endpoint = f"tcp/127.0.0.1:{port}"
     arguments = "master", scenario, "--connect", endpoint, "--output", tmp_path / "run"

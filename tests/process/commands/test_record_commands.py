@@ -43,7 +43,7 @@ SENSORS = {"imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_tr
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
-    """A short dive: the slave's own recording, that of `uuv-hil record`, and what the latter said."""
+    """Record a short dive: the slave's own recording, that of `uuv-hil record`, and the latter's output."""
     folder = tmp_path_factory.mktemp("dive")
     scenario, endpoint = recorded_slave(folder, "seed = 5")
     received = folder / "heard"

@@ -70,7 +70,7 @@ def test_slaves_behind_a_router(tmp_path: Path) -> None:
 
 @retried_when_busy("rates by the wall clock", attempts=5)
 def test_what_a_slave_sends_to_who_wants_all(slave: int, tmp_path: Path) -> None:
-    """IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20: about 184 a second."""
+    """The rates are IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20: about 184 a second."""
     with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1", part="observer") as client:
         assert wait_for(lambda: client.received["imu"] > 150)  # for longer than a second
         assert 150.0 < float(row(once(tmp_path, slave), "messages sent (1/s)")) < 220.0

@@ -20,7 +20,7 @@ NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 
 @pytest.fixture
 def hydra(tmp_path: Path) -> Path:
-    """The URDF of the vectors as an author would have it: two packages, a property, an argument, an include."""
+    """Return the URDF of the vectors as an author would have it: two packages, a property, an argument, an include."""
     body = HYDRA.read_text().split('<robot name="hydra">')[1]
     links, _, water = body.partition("<gazebo>")
     for name, folder in (("hydra_description", "anywhere"), ("hydra_water", "hydra_water")):
@@ -48,7 +48,7 @@ def test_it_is_the_vehicle_of_the_urdf(hydra: Path) -> None:
 
 @pytest.fixture
 def far() -> Iterator[Path]:
-    """A folder that is not around those of pytest."""
+    """Provide a folder that is not around those of pytest."""
     with TemporaryDirectory() as folder:
         yield Path(folder)
 
@@ -57,7 +57,7 @@ def far() -> Iterator[Path]:
 def test_packages_are_found_where_ros_has_them(
     place: str, hydra: Path, far: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """However deep near the file, and far from it by ROS's variables; a mesh of such a package too."""
+    """Packages are found at any depth near the file, and elsewhere by ROS's variables, as are their meshes."""
     package = hydra.parents[2] / "hydra_water"
     elsewhere = hydra.parents[2] if place == "near" else far
     inside = {"near": "src/vehicles/hydra/hydra_water", "AMENT_PREFIX_PATH": "share/AMENT_PREFIX_PATH_water"}

@@ -30,7 +30,7 @@ ENDLESS = "import time; from hil.common.lifeline import die_with_parent; die_wit
 
 @pytest.fixture
 def ended() -> Iterator[list[int]]:
-    """Processes that are ended in any case."""
+    """Provide a list of process numbers, and end those processes in any case."""
     pids: list[int] = []
     yield pids
     for pid in filter(is_running, pids):

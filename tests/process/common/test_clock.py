@@ -35,7 +35,7 @@ def test_a_long_stall_is_skipped_and_counted() -> None:
 
 
 def test_lateness_that_nobody_reads_takes_no_more_memory() -> None:
-    """An hour at 400 Hz, of which every fourth step is late by a period."""
+    """An hour at 400 Hz has every fourth step late by a period."""
     keeper, now, late = RateKeeper(1000, start_ns=0), 0, 0
     for number in range(400 * 60):
         now += 1000

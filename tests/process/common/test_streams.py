@@ -49,7 +49,7 @@ def test_an_output_that_takes_nothing(command: str, codes: set[int], words: str,
 
 
 def test_a_closed_descriptor_is_not_given_to_a_file(tmp_path: Path) -> None:
-    """Otherwise the output of children would go into the first file that is opened."""
+    """The output of children would otherwise go into the first file that is opened."""
     code = """
 import os, sys
 from hil.common import streams
@@ -78,7 +78,7 @@ def test_a_terminal_of_ascii_alone(environment: dict[str, str]) -> None:
 
 @pytest.mark.parametrize("name", ["/usr/bin/uuv-hil", "/usr/lib/python3/hil/__main__.py"])
 def test_ctrl_c_while_modules_load(name: str) -> None:
-    """The handler is there before the command's own module is loaded, which comes first."""
+    """The handler is set before the command's own module is loaded."""
     code = f"""
 import os, signal, sys
 sys.argv = [{name!r}]

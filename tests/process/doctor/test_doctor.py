@@ -157,7 +157,7 @@ def test_a_step_that_costs_more_than_its_share(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.fixture
 def topics() -> Iterator[None]:
-    """A scenario's own sensor is known as long as the test."""
+    """Forget a scenario's own sensors after the test."""
     before = dict(TOPICS)
     yield
     TOPICS.clear()

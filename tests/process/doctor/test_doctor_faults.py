@@ -26,7 +26,7 @@ TCP = "{:4d}: {}:{:04X} 00000000:0000 {} 00000000:00000000 00:00000000 00000000 
 
 
 def can0(root: Path, state: str = "ERROR-ACTIVE", bitrate: int = 500_000, flags: str = "0x40081") -> None:
-    """A CAN interface as iproute2 and the kernel describe it."""
+    """Plant a CAN interface as iproute2 and the kernel describe it."""
     data = {"state": state, "berr_counter": {"tx": 0, "rx": 0}, "restart_ms": 100, "bittiming": {"bitrate": bitrate}}
     reported = [{"ifname": "can0", "operstate": "UP", "linkinfo": {"info_kind": "can", "info_data": data}}]
     plant(root, "sys/class/net/can0/flags", f"{flags}\n")

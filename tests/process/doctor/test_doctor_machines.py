@@ -41,7 +41,7 @@ def test_the_login_prompt_of_jetsons(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_a_jetson_without_the_port(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], ports: tuple[str, ...], remedy: str
 ) -> None:
-    """With JetPack 5 the port has another name; to end the login prompt would not make one."""
+    """The port has another name with JetPack 5; ending the login prompt would not make one."""
     root = build("jetson_orin_nano_jetpack5", tmp_path / "root")
     for port in (*ports, "etc/systemd/system/multi-user.target.wants/nvgetty.service"):
         plant(root, port, "")
@@ -74,7 +74,7 @@ def test_an_adapter_that_is_not_there(board: Path, capsys: pytest.CaptureFixture
 
 
 def test_a_laptops_powersave_is_no_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """intel_pstate's powersave follows the load."""
+    """The governor powersave of intel_pstate follows the load."""
     root = build("laptop", tmp_path / "root")
     _, found = examine(root, capsys, SERIAL.replace('stm32 = "device"', ""))
     assert "governor" not in {row["topic"] for row in found}

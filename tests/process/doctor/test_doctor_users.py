@@ -55,7 +55,7 @@ def scenario(port: str = "pty:") -> Scenario:
 
 @pytest.fixture
 def other(monkeypatch: pytest.MonkeyPatch) -> User:
-    """Somebody else, for root."""
+    """Return another user, for root."""
     monkeypatch.setattr("os.getuid", lambda: 0)
     monkeypatch.setattr("os.geteuid", lambda: 0)
     return User("uuv", 4711, (4711,))
@@ -95,7 +95,7 @@ def test_an_installed_service_has_its_limits_of_its_unit(other: User, user: str,
 
 
 def test_an_installed_grant_counts_from_the_next_login(other: User) -> None:
-    """To install it once more would change nothing."""
+    """A second installation would change nothing."""
     files = {
         UNIT: "[Service]\nUser=uuv\nLimitRTPRIO=40\n",
         SHELLS: "# Written\nuuv - rtprio 40\nuuv - memlock unlimited\n",
@@ -131,7 +131,7 @@ def test_a_session_that_cannot_be_opened(other: User) -> None:
 
 @as_root
 def test_what_this_machine_grants_to_nobody(capsys: pytest.CaptureFixture[str]) -> None:
-    """A session of that user: root's capabilities are gone."""
+    """The session is that of nobody, without root's capabilities."""
     case = Case(Tree("/"), None, scenario(), doctor.find_user(Tree("/"), "nobody"))
     (found, *_) = doctor_board.realtime_limits(case)
     assert found.topic == "real time"
@@ -188,7 +188,7 @@ large:x:99999999999:7::
 
 
 def test_what_is_no_account(tmp_path: Path) -> None:
-    """Comments and broken lines, to whoever reads the file; blanks before a name are none of it."""
+    """Comments and broken lines are no accounts, whoever reads the file; blanks before a name are none of it."""
     plant(tmp_path, "etc/passwd", BROKEN)
     tree = Tree(str(tmp_path))
     assert accounts(tree, "/etc/passwd") == [Account("pi", 1000, "1000")]

@@ -53,7 +53,7 @@ def test_golden_bytes(core: str, vector: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("vector", GOLDEN["refused"], ids=lambda vector: vector["name"])
 def test_refused_bytes(core: str, vector: dict[str, Any]) -> None:
-    """Counted once and never obeyed; the command behind them is."""
+    """Refused bytes are counted once and never obeyed; the command behind them is."""
     data, command = bytes.fromhex(vector["hex"]), ThrusterCommand(7, True, (1600,))
     script = Script(1, 200_000, [Step(0, data + uuv_hil().encode(command))])
     (done,) = run_c(core, script)
@@ -62,7 +62,7 @@ def test_refused_bytes(core: str, vector: dict[str, Any]) -> None:
 
 
 def test_a_million_bytes_of_noise(core: str) -> None:
-    """Half of them at random, half made of beginnings; nothing moves, and all that is said is sound."""
+    """The bytes are half random, half made of beginnings; nothing moves, and every report is sound."""
     chance = random.Random(3)
     hints = [b"\xa5\x5a", b"\xa5", b"\xa5\x5a\xff\x07", b"\xa5\x5a\x10\x01", b"\xfd", b"\xfd\xff\0\0", b"\xfd\x21\0\0"]
     steps = []

@@ -39,7 +39,7 @@ def test_it_does_what_the_specification_does(core: str, seed: int) -> None:
 
 
 def test_our_host_commands_it(core: str) -> None:
-    """Arming, a command, its report, silence: by the host's end of hil/links."""
+    """The host's end of hil/links arms it, commands it, reads its report, and then is silent."""
     clock = Clock()
     host = open_protocol("mavlink", "host", 3, clock=clock)
     steps, received = [Step(0, host.tick(0))], []

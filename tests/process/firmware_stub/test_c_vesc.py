@@ -38,7 +38,7 @@ def run_python(script: Script) -> list[Done]:
 
 
 def meant(frame: CanFrame) -> tuple[int, int, int]:
-    """Identifier, current and duty of a STATUS; its ERPM follows from the duty."""
+    """Return identifier, current and duty of a STATUS; its ERPM follows from the duty."""
     erpm, current, duty = struct.unpack(">ihh", frame.data)
     assert abs(erpm - duty * 24.5) <= 24.5
     return frame.id, current, duty
@@ -57,7 +57,7 @@ def test_it_does_what_the_specification_does(core: str, seed: int) -> None:
 
 
 def test_on_the_emulated_chip() -> None:
-    """The shipped image: CAN controller, interrupts, mailboxes, timers."""
+    """The shipped image runs with its CAN controller, interrupts, mailboxes and timers."""
     pytest.importorskip("unicorn")
     from firmware_stub.unicorn_board import UnicornBoard, shipped_image
 

@@ -79,7 +79,7 @@ def test_parameters_are_written_if_one_is_named(
 
 @pytest.fixture
 def own_image(tmp_path: Path) -> Path:
-    """An image for the F405 that somebody made for a crystal of 12 MHz."""
+    """Return an image for the F405 that somebody made for a crystal of 12 MHz."""
     path = tmp_path / "mine.bin"
     path.write_bytes(b"another program")
     description = Path(load_image("f405").path).with_suffix(".toml").read_text()

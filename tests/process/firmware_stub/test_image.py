@@ -38,7 +38,7 @@ def test_it_is_of_the_present_sources(chip: str, recipe: dict[str, Any]) -> None
 
 
 def test_its_vectors_point_into_memory(chip: str, recipe: dict[str, Any]) -> None:
-    """The stack at the top of the RAM, and a handler in Thumb code of this image for each interrupt of the chip."""
+    """The stack begins at the top of the RAM, and each interrupt has a handler in Thumb code of this image."""
     header = (Path(build.HERE) / "src" / chip / "chip.h").read_text()
     (interrupts,) = re.findall(r"#define INTERRUPTS (\d+)u", header)
     count = 16 + int(interrupts)
@@ -72,7 +72,7 @@ def test_a_description_that_is_damaged_is_named(tmp_path: Path, monkeypatch: pyt
 
 
 def test_parameters_as_the_board_reads_them() -> None:
-    """Five little-endian words; see src/stm32/stm32.h."""
+    """The parameters are five little-endian words, see src/stm32/stm32.h."""
     assert parameters(8, 0.25).hex(" ", 4) == "55555650 08000000 fa000000 32000000 00c20100"
     for channels in (0, 9):
         with pytest.raises(DeviceError, match=f"drives 1 to 8 thrusters, not {channels}"):

@@ -37,7 +37,7 @@ def start(*options: object) -> subprocess.Popen[str]:
 
 
 def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a process that is about to end."""
+    """Return exit code, standard output and standard error of a process that is about to end."""
     out, err = process.communicate(timeout=PATIENCE_S)
     return process.returncode, out, err
 

@@ -72,7 +72,7 @@ class Foxglove:
 
 @pytest.fixture(scope="module")
 def vehicle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str]]:
-    """The address with its token, and the endpoint of the slave."""
+    """Provide the address with its token, and the endpoint of the slave."""
     folder = tmp_path_factory.mktemp("foxglove")
     path, port = write_scenario(folder)
     with (
@@ -92,7 +92,7 @@ def foxglove(vehicle: tuple[str, str]) -> Iterator[Foxglove]:
 
 
 def test_the_panel_of_teleoperation_drives_the_vehicle(foxglove: Foxglove) -> None:
-    """20 times a second, as the panel does; when it stops, the vehicle's deadman stops the thrusters."""
+    """The panel sends 20 times a second; when it stops, the vehicle's deadman stops the thrusters."""
     odometry = foxglove.subscribe("/uuv1/odom")
     channel = {"id": 5, "topic": "/uuv1/cmd_vel", "encoding": "cdr", "schemaName": "geometry_msgs/msg/Twist"}
     foxglove.socket.send(json.dumps({"op": "advertise", "channels": [channel]}))

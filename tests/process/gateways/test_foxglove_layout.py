@@ -36,7 +36,7 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Path]]:
-    """A slave with pictures and scans: its scenario, and a folder."""
+    """Provide a slave with pictures and scans: its scenario, and a folder."""
     folder = tmp_path_factory.mktemp("shown")
     scenario, _ = write_scenario(folder, top=SENSORS)
     with Program(folder, "slave", scenario) as slave:

@@ -87,7 +87,7 @@ def test_a_client_that_does_not_read_is_given_up(gateway: JsonGateway, fleet: Fl
 
 @pytest.mark.parametrize("size", [LONGEST_LINE, LONGEST_LINE + 1, 3 * LONGEST_LINE - 1, 3 * LONGEST_LINE])
 def test_a_line_that_is_too_long_is_answered_once(client: Client, size: int) -> None:
-    """`size` bytes and the newline; the next line is understood."""
+    """A line has `size` bytes and the newline; the next line is understood."""
     answer = client.send(b" " * (size - 2) + b"{}")
     assert (answer["ok"], answer["error"]) == (False, "a line of more than 65536 bytes; send several")
     assert client.call(id=1, do="vehicles")["id"] == 1
@@ -109,7 +109,7 @@ def test_what_nobody_foresaw_is_answered_too(client: Client, monkeypatch: pytest
 def test_a_vehicle_is_stopped_whatever_ended_the_connection(
     client: Client, fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also one that was told nothing but nonsense; and one that cannot be told to stop is told nothing more."""
+    """A vehicle stops also after nonsense alone; where it cannot be stopped, nothing more is sent to it."""
     stopped: list[Vehicle] = []
 
     def stop(vehicle: Vehicle) -> None:
@@ -127,7 +127,7 @@ def test_a_vehicle_is_stopped_whatever_ended_the_connection(
 
 
 def test_a_connection_is_watched(gateway: JsonGateway, client: Client) -> None:
-    """The kernel's part of it; tests/system/netns lets a machine vanish."""
+    """The kernel's part is tested here; tests/system/netns lets a machine vanish."""
     assert client.call(do="vehicles")["ok"]
     assert wait_for(lambda: bool(gateway._connections))
     (connection,) = gateway._connections

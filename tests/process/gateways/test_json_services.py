@@ -28,7 +28,7 @@ def distance(client: Client, north: float, east: float, depth: float) -> float:
 
 
 def test_a_pose_is_set_and_reset(client: Client, fleet: Fleet) -> None:
-    """The command before it is over, or the vehicle would go back."""
+    """The command before it ends, or the vehicle would go back."""
     assert client.call(do="go_to", north=7, east=7, depth=2)["ok"]
     answer = client.call(do="set_pose", north=7, east=3, depth=1.5, heading=1.0)
     assert answer == {"id": None, "ok": True, "message": "put at (7, 3, 1.5) m"}

@@ -45,7 +45,7 @@ def test_each_step_of_its_start_is_answered(station: Station) -> None:
 
 
 def test_parameters_also_come_one_by_one_for_all_components(station: Station) -> None:
-    """It asks component 0 where the file did not come, and then for each that it misses."""
+    """QGroundControl asks component 0 where the file did not come, then for each parameter that it misses."""
     station.send.param_request_list_send(1, 0)
     names: dict[int, str] = {}
 
@@ -73,7 +73,7 @@ def test_what_there_is_not_is_refused_at_once(station: Station, command: int, fi
 
 
 def test_its_joystick_with_extensions_of_mavlink(station: Station) -> None:
-    """MANUAL_CONTROL as it sends it to a submarine: all axes, and the extensions for roll and pitch."""
+    """MANUAL_CONTROL is as it sends it to a submarine: all axes, and the extensions for roll and pitch."""
     station.set_mode(Mode.MANUAL)
     assert station.command_to(1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0) == 0
 

@@ -52,7 +52,7 @@ class Bridge:
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address with its token, of a vehicle that is there."""
+    """Provide the address with its token, of a vehicle that is there."""
     with served_vehicle(tmp_path_factory.mktemp("rosbridge")) as address:
         yield address
 
@@ -65,7 +65,7 @@ def bridge(address: str) -> Iterator[Bridge]:
 
 @pytest.fixture
 def looker(address: str) -> Iterator[Bridge]:
-    """One without the token."""
+    """Provide a client without the token."""
     with connect(address.partition("?")[0]) as socket:
         yield Bridge(socket)
 

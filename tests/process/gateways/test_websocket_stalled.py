@@ -25,7 +25,7 @@ MOST_READ = 32 << 20  # bytes that a server reads of a client that reads nothing
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoxgloveServer]:
-    """Serves with room for one client, and waits half a second for those that do not read."""
+    """Provide a server with room for one client, which waits half a second for those that do not read."""
     monkeypatch.setattr(websocket_client, "MOST_BYTES", 10_000)
     monkeypatch.setattr(websocket_client, "STALLED_S", 0.5)
     monkeypatch.setattr(websocket_server, "MOST_CLIENTS", 1)

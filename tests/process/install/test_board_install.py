@@ -145,7 +145,7 @@ def test_rules_are_applied_at_once(root: Path, scenario: str, ran: list[str]) ->
 
 
 def test_power_saving_of_the_wlan(root: Path, scenario: str, ran: list[str]) -> None:
-    """Whatever the interface is called, after it got that name; and NetworkManager does not turn it on again."""
+    """The rule holds for any name of the interface, once it has it; NetworkManager does not turn it on again."""
     assert install(root, scenario, "--yes") == 0
     assert os.path.basename(RULES) > "99-com.rules" > "80-net-setup-link.rules"
     assert 'ENV{DEVTYPE}=="wlan", RUN+="/usr/sbin/iw dev $name set' in (root / RULES[1:]).read_text()
@@ -255,7 +255,7 @@ def service(path: Path, user: str = "nobody") -> Service:
 
 
 def test_a_scenario_where_the_service_has_other_files(scenario: str) -> None:
-    """This very machine: pytest's folders are in /tmp. With --dry-run nothing is written."""
+    """The machine is this very one: pytest's folders are in /tmp. Nothing is written with --dry-run."""
     path = Path("/var/tmp") / f"uuv-hil-{os.getpid()}.toml"
     path.write_text(SERIAL)
     try:
@@ -300,7 +300,7 @@ def test_a_python_that_its_user_cannot_execute(scenario: str, tmp_path: Path, mo
 
 
 def test_a_port_of_the_board_itself(tmp_path: Path) -> None:
-    """The board's, when the scenario names none: Raspberry Pis call it serial0."""
+    """The port is the board's when the scenario names none: Raspberry Pis call it serial0."""
     board = load_board("raspberry_pi_4b")
     assert board_install.drivers(Tree(str(tmp_path)), board.uart) == ("ttyS", "ttyAMA")
     assert board_install.drivers(Tree(str(tmp_path)), "") == ()

@@ -111,7 +111,7 @@ def test_files_for_folders(
 def test_a_full_disk_leaves_everything_as_it_was(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], size: int, path: str
 ) -> None:
-    """Full in the first file or in a later one: a disk is as good as full to who may write no longer files."""
+    """The disk is full in the first file or in a later one, or the user may write no longer files."""
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
     before = [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))]
     _, hard = limit = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -49,7 +49,7 @@ def test_every_microsecond_crosses_on_every_channel(command: str, channels: int)
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_what_is_no_pulse_stays_none(command: str) -> None:
-    """0 is the outputs' off, and must never come out as full astern."""
+    """A width of 0 means that the outputs are off, and must never come out as full astern."""
     board, host = Board(), host_end(command=command)
     board.take(host.encode(order(1)))
     (received,) = reports(host.feed(board.take(host.encode(order(2, (0, 799, 2201, 1600))))))[-1:]

@@ -177,7 +177,7 @@ def test_a_vehicle_that_came_back_at_once_has_been_away(
 def test_what_the_vehicle_says_and_what_is_seen_from_here_is_one_account(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock
 ) -> None:
-    """It capsizes (told by both), surfaces (seen here), and hits the bed (which only it knows)."""
+    """The vehicle capsizes (both report it), surfaces (seen here), and hits the bed (only the vehicle knows)."""
 
     def tumble() -> None:
         on = clock.now - 100 * NS_PER_S
@@ -226,7 +226,7 @@ def receiver() -> VehicleClient:
 
 
 def test_start_up_is_measured_by_the_first_sample_of_that_slave(clock: Clock) -> None:
-    """A slave was killed and another started while the master waited: it said -7.669 s, from the first one's sample."""
+    """A slave was replaced while the master waited: the start-up was -7.669 s, from the first one's sample."""
     client, exec_wall_ns = receiver(), {}
     for second, gid in ((0, b"a"), (8, b"b")):
         clock.now = (100 + second) * NS_PER_S

@@ -27,7 +27,7 @@ def security(keys: Path, master: str) -> Security:
 
 @pytest.fixture
 def first(keys: Path) -> Iterator[tuple[Session, str, str]]:
-    """The first planner, connected to its vehicle; where it listens and where the vehicle does."""
+    """Provide the first planner, connected to its vehicle; where it listens and where the vehicle does."""
     agent, vehicle = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     with (
         listen(vehicle, security=security(keys, PLANNERS[0])),

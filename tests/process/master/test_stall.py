@@ -58,7 +58,7 @@ def test_samples_come_again_when_the_library_does_not_read_a_link(tmp_path: Path
 
 
 def test_samples_come_again_without_a_client_too(tmp_path: Path) -> None:
-    """Commands that only listen, and who watches a hunt, have none."""
+    """Commands that only listen, and those that watch a hunt, have no client."""
     scenario, port = write_scenario(tmp_path)
     received, opened = list[str](), list[str]()
     with slow_session(port, opened) as session, Program(tmp_path, "slave", scenario):

@@ -117,7 +117,7 @@ def test_more_vehicles_than_a_figure_can_show() -> None:
 
 
 def test_plot_takes_little_memory_for_a_small_file(tmp_path: Path) -> None:
-    """70 kB that took 2.1 GB: a chunk of messages without content, each of which was an object."""
+    """The 70 kB hold a chunk of messages without content, each of which was an object: they took 2.1 GB."""
     count = 120 * MIB // len(EMPTY)
     packer = zstandard.ZstdCompressor().compressobj()
     packed = packer.compress(SCHEMA + CHANNEL)

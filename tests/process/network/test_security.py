@@ -25,7 +25,7 @@ MACHINES = ("uuv1", "laptop", "viewer", "outsider")
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folders of four machines of one authority, and one of another."""
+    """Provide folders of four machines of one authority, and one of another."""
     folder = tmp_path_factory.mktemp("keys")
     init(str(folder))
     for name in MACHINES:
@@ -41,7 +41,7 @@ def security(keys: Path, master: str = "laptop", may_listen: tuple[str, ...] = (
 
 @pytest.fixture
 def slave(keys: Path) -> Iterator[tuple[Session, str, list[str]]]:
-    """A slave, its endpoint, and whose commands came."""
+    """Provide a slave, its endpoint, and those whose commands came."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     received: list[str] = []
     with listen(endpoint, security=security(keys)) as session:
@@ -170,7 +170,7 @@ def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
 
 
 def test_a_certificate_that_they_do_not_know(slave: tuple[Session, str, list[str]], keys: Path, tmp_path: Path) -> None:
-    """We trust their authority, they do not know ours."""
+    """This side trusts their authority, and they do not know ours."""
     for name, source in (("ca.pem", "laptop"), ("cert.pem", "other/laptop"), ("key.pem", "other/laptop")):
         (tmp_path / name).write_bytes((keys / source / name).read_bytes())
     fault = why_not(slave[1], str(tmp_path))

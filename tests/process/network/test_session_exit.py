@@ -111,7 +111,7 @@ def test_a_slave_ends_although_the_library_does_not_close_its_session(tmp_path: 
 
 
 def test_sessions_that_published_leave_no_memory_behind() -> None:
-    """A publisher that is declared when its session is closed keeps the whole session, 30 kB, in the library."""
+    """The library keeps a whole session, 30 kB, where a publisher is declared when it is closed."""
     text = """
 from ctypes import CDLL
 import psutil

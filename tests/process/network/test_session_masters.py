@@ -144,7 +144,7 @@ def test_a_flood_of_pings_by_one_that_may_only_listen_hides_the_vehicle_from_nob
 
 
 def test_clocks_are_compared_all_the_time_and_by_both(slave: tuple[Program, str]) -> None:
-    """On one machine the truth is known: no offset, no drift."""
+    """The truth is known on one machine: no offset, no drift."""
     _, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)

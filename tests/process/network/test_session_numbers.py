@@ -38,7 +38,7 @@ def test_a_key_on_which_messages_come_often_goes_as_a_number(pattern: str, name:
         hears.subscribe("uuv1", pattern, receive, NUMBER)
 
         def arrives() -> bool:
-            """Say one thing, and wait for it: what finds others waiting to be sent is dropped, and is said again."""
+            """Publish until a message arrives: one that finds others still to be sent is dropped, and sent again."""
             payload = publisher.sequence.to_bytes(len(PAYLOAD), "big")
             came.clear()
             publisher.put(payload, 0)

@@ -161,7 +161,7 @@ def lingering(besides: Collection[str]) -> list[bool]:
 
 
 def test_no_link_lingers() -> None:
-    """Closing one whose bytes nobody acknowledges would block a thread that others need."""
+    """A link whose bytes nobody acknowledges would, when it is closed, block a thread that others need."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     before = sockets().values()
     with listen(endpoint) as slave:

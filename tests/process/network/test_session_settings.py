@@ -92,7 +92,7 @@ def test_a_slave_that_is_dialled_bounds_what_others_than_masters_ask() -> None:
 
 
 def test_who_tells_whom_of_others(tmp_path: Path) -> None:
-    """ROS 2 contexts find each other by it; under TLS, and by those that only look on, nobody is told of anybody."""
+    """ROS 2 contexts find each other by gossip; it is off under TLS and for clients that only listen."""
     here = ("tcp/10.0.0.1:7447",)
     reported = (
         "'gossip':{'enabled':true,'multihop':false,'target':{'router':['router','peer']},'autoconnect':{'router':[]}}"

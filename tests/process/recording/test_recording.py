@@ -228,7 +228,7 @@ def test_a_recording_brings_its_three_files_and_no_others(tmp_path: Path) -> Non
 
 
 def test_messages_of_others_are_read(tmp_path: Path) -> None:
-    """A bag by others' writer: no facts of ours, types that we do not know."""
+    """The bag is by another writer: it has none of our facts, and unknown types."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 

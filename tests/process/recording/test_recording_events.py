@@ -37,7 +37,7 @@ POSE = {
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recorded dive with every service that changes the vehicle, each while it moves."""
+    """Record a dive with every service that changes the vehicle, each while it moves."""
     folder = tmp_path_factory.mktemp("dive")
     scenario, port = write_scenario(folder, top="seed = 5")
     with scenario.open("a") as file:
@@ -110,7 +110,7 @@ def without(path: Path, folder: Path, number: int) -> Path:
 
 @pytest.mark.parametrize("number", [1, 2, 3, 5])
 def test_no_event_is_without_consequence(tmp_path: Path, dive: Path, number: int) -> None:
-    """Were it not done again, the repetition would go another way."""
+    """The repetition would take another course if an event were not applied again."""
     verdict = recording_check.check(str(without(dive, tmp_path / "less", number)))
     assert "/uuv1/" in verdict.difference
     assert verdict.compared > 20

@@ -154,7 +154,7 @@ def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, mon
 
 
 def test_a_recorder_that_comes_late_writes_messages_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a busy machine seconds may pass between its look at the clock and the one at the messages."""
+    """Seconds may pass on a busy machine between reading the clock and fetching the messages."""
     passed_ns: list[int] = []
     monkeypatch.setattr(recording_module, "now_ns", lambda: now_ns() + sum(passed_ns))
 

@@ -105,7 +105,7 @@ def test_one_topic_of_two_vehicles() -> None:
 
 
 def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
-    """It never reads one if its time limit for opening it ends while it tells a listener who is slow."""
+    """The library never reads a link whose time limit for opening ends while it calls a slow listener."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     opened: list[str] = []
 

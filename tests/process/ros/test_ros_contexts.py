@@ -63,7 +63,7 @@ def site(request: pytest.FixtureRequest) -> Iterator[Site]:
 
 
 def all_reported(vehicle: Vehicle, *contexts: Context) -> bool:
-    """Everybody says something; whether everybody has heard all of it."""
+    """Let every context publish, and return whether each has received all of it."""
     vehicle.say()
     for context in contexts:
         context.say(f"/chat_{context.name}")
@@ -106,7 +106,7 @@ def test_a_master_of_ours_is_at_home_there_too(site: Site) -> None:
 
 
 def test_rmw_zenohd_may_dial_the_vehicle_instead() -> None:
-    """Two machines are connected as ROS does it: a router each, whose contexts know nothing of the vehicle."""
+    """Two machines are connected in ROS's way: by a router each, whose contexts know nothing of the vehicle."""
     own, hub = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     vehicle = Vehicle(own)
     config = zenoh.Config.from_json5(router_settings(hub))

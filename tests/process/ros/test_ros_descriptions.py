@@ -112,7 +112,7 @@ def test_a_stamped_velocity_drives_the_vehicle(slave: tuple[Program, str]) -> No
 
 
 def test_a_stamped_velocity_on_the_plain_topic_is_malformed(slave: tuple[Program, str]) -> None:
-    """Its first numbers are a time: as velocities they would be nonsense."""
+    """The message's first numbers are a time, which would be nonsense as velocities."""
     topic = TOPICS["cmd_vel_stamped"]._replace(name="cmd_vel")
     with open_master_session(slave[1]) as session:
         health = Listener(session, TOPICS["diagnostics"])

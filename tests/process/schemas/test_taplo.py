@@ -22,7 +22,7 @@ PRESETS = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with all schemas in `schemas`."""
+    """Provide a folder with all schemas in `schemas`."""
     folder = tmp_path_factory.mktemp("taplo")
     assert main(["schema", "-o", str(folder / "schemas")]) == 0
     return folder

@@ -33,7 +33,7 @@ class Broken:
 
 @pytest.fixture(params=["python", "C"])
 def twin(request: pytest.FixtureRequest, binaries: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Both steps in turn."""
+    """Use each of the two steps in turn."""
     if request.param == "python":
         monkeypatch.setenv("UUV_HIL_NATIVE", "0")
         yield
@@ -248,7 +248,7 @@ def _toml(value: Any) -> str:
 
 
 def _full(diagonal: float, **entries: float) -> list[float]:
-    """36 numbers: `diagonal`, and entries such as e16, row 1 and column 6."""
+    """Return 36 numbers: `diagonal`, and entries such as e16, row 1 and column 6."""
     numbers = [diagonal if i % 7 == 0 else 0.0 for i in range(36)]
     for key, value in entries.items():
         numbers[6 * (int(key[1]) - 1) + int(key[2]) - 1] = value

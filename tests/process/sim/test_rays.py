@@ -54,7 +54,7 @@ def rays(*directions: Vector3) -> "array[float]":
 
 
 def around(count: int, seed: int = 1) -> list[Vector3]:
-    """Directions all around, and along the axes."""
+    """Return directions all around, and along the axes."""
     chance = random.Random(seed)
     axes = [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
     return [*axes, *(unit(*(chance.gauss(0.0, 1.0) for _ in range(3))) for _ in range(count))]
@@ -71,7 +71,7 @@ def test_flat_seabed(make: Make) -> None:
 
 
 def test_a_plane_gives_exact_ranges(make: Make) -> None:
-    """depth = 10 + n / 4, which 32-bit floats hold exactly; cells of 2 m; the grid's edge far away."""
+    """The depth is 10 + n / 4, which 32-bit floats hold exactly; cells have 2 m, and the grid's edge is far away."""
     world = by_rule(Slope(10.0, 0.25, resolution=2.0))
     directions = [d for d in around(400) if 0.25 * d[0] < d[2]]
     found = make(world).hits((1.3, -2.7, 5.0), rays(*directions), 12.0)
@@ -87,7 +87,7 @@ def test_a_plane_gives_exact_ranges(make: Make) -> None:
 
 
 def test_a_step_gives_exact_ranges(make: Make) -> None:
-    """From 10 m to 4 m deep between north = 4 and 5: the ray to the north at 7 m meets the ramp half way."""
+    """The bed rises from 10 m to 4 m between north = 4 and 5: the ray to the north at 7 m meets it half way."""
     world = by_rule(Step(10.0, 6.0, north=5.0))
     north, up_north, down = (1.0, 0.0, 0.0), unit(1.0, 0.0, -0.5), (0.0, 0.0, 1.0)
     found = make(world).hits((0.0, 0.0, 7.0), rays(north, up_north, down, (-1.0, 0.0, 0.0)), 30.0)
@@ -141,7 +141,7 @@ def test_a_single_cell_that_is_twisted(make: Make, seed: int) -> None:
 
 
 def test_the_edge_of_the_grid_is_a_step(make: Make) -> None:
-    """20 m deep in the grid, 8 m around it: from within the edge is a wall, from outside a drop."""
+    """The bed is 20 m deep in the grid, 8 m around it: from within the edge is a wall, from outside a drop."""
     grid = Grid(-10.0, -10.0, 1.0, 21, 21)
     scene = make(relief(Terrain(grid, array("f", [20.0] * 441), 8.0), 8.0))
     inside = scene.hits((0.0, 0.0, 12.0), rays((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)), 50.0)
@@ -286,7 +286,7 @@ def test_what_are_no_directions_is_refused(make: Make) -> None:
 
 
 def test_a_ring_of_a_pool(make: Make) -> None:
-    """360 beams in a square of 40 m x 50 m: each range follows from the walls alone."""
+    """A sonar of 360 beams is in a square of 40 m x 50 m: each range follows from the walls alone."""
     scene = make(World("pool", "test", EXTENT, 10.0, walls=True))
     angles = [radians(i + 0.5) for i in range(360)]
     found = scene.ranges((2.0, 3.0, 5.0), rays(*[(cos(a), sin(a), 0.0) for a in angles]), 100.0)

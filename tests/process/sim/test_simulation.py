@@ -24,7 +24,7 @@ IDLE = (1500,) * 6
 
 
 def fingerprint(seed: int, steps: int = 1200, integrator: str = "verlet") -> str:
-    """Every bit of every sample and of the end state of a ride with changing pulses, into an obstacle."""
+    """Return every bit of all samples and of the end state, with changing pulses and an obstacle."""
     simulation = Simulation(
         VEHICLE, FIELD._replace(current=(0.1, -0.05, 0.0)), seed=seed, position=(4.0, 5.0, 3.0), heading=0.7,
         integrator=integrator,  # type: ignore[arg-type]
@@ -65,7 +65,7 @@ def test_a_sensor_does_not_change_its_neighbours() -> None:
 
 
 def test_rates_do_not_drift() -> None:
-    """7 Hz does not divide 400 Hz: over 20 s there are 7 a second and each comes with the first step due."""
+    """A rate of 7 Hz does not divide 400 Hz: 20 s hold 7 samples a second, each with the first step due."""
     simulation = Simulation(VEHICLE, FIELD, fit(dvl=DvlModel(rate=7.0)), position=(0, 0, 3))
     counts: Counter[str] = Counter()
     for step in range(1, 8001):
@@ -80,7 +80,7 @@ def test_rates_do_not_drift() -> None:
 
 
 def test_it_goes_where_it_is_commanded() -> None:
-    """Forward at heading 90 deg is east; both verticals push down; the left bank turns it to starboard."""
+    """The vehicle goes east at heading 90 deg; both verticals push down; the left bank turns it to starboard."""
     simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.5707963)
     for _ in range(800):
         simulation.step((1600, 1600, 1600, 1600, 1500, 1500))
@@ -96,7 +96,7 @@ def test_it_goes_where_it_is_commanded() -> None:
 
 
 def test_rest_is_rest() -> None:
-    """Neutral, or outputs off: a trimmed vehicle hangs where it is for a minute."""
+    """A trimmed vehicle stays where it is for a minute, with neutral outputs or with outputs off."""
     for pulses in (IDLE, (0,) * 6):
         simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.0)
         start = simulation.truth()

@@ -71,7 +71,7 @@ def test_a_slave_that_was_stopped_reports_the_steps_it_skipped(tmp_path: Path) -
 
 
 def test_no_thread_of_ours_has_a_lower_class_of_scheduling_than_the_loop(tmp_path: Path) -> None:
-    """One that has the interpreter's lock when other programs take its processor would hold up the loop."""
+    """A thread with the interpreter's lock would hold up the loop when other programs take its processor."""
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario) as slave, open_master_session(f"tcp/127.0.0.1:{port}") as session:
         assert wait_for(session.others)
@@ -135,7 +135,7 @@ def test_a_real_machine_needs_no_label(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_a_silent_stm32_is_an_error() -> None:
-    """A port at which nobody is: what a wrong wire, baud or protocol looks like."""
+    """The port is open and nobody answers, as with a wrong wire, baud rate or protocol."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     changes = {"slave.realtime": False, "stm32": "device", "link.port": os.ttyname(theirs)}
@@ -169,7 +169,7 @@ def test_a_silent_stm32_is_an_error() -> None:
 
 
 def test_injected_faults_and_called_services_are_counted_in_the_diagnostics() -> None:
-    """Each of a quarter of the messages doubled, on the host's end of the link; and one service, called once."""
+    """A quarter of the messages is doubled on the host's end of the link, and one service is called once."""
     changes = {"slave.realtime": False, "link.faults.duplicate": 0.25}
     with Bench("paper_field", changes) as bench:
         slave = bench.start_slave()

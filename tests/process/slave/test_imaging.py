@@ -73,7 +73,7 @@ def test_pictures_arrive_as_they_were_taken(watched: VehicleClient) -> None:
 
 
 def test_down_is_down(watched: VehicleClient) -> None:
-    """Depth along the optical axis of the pool's floor, from the middle column at the lower edge."""
+    """The depth along the optical axis is the pool floor's, from the middle column at the lower edge."""
     picture, info = (watched.latest[f"camera/{name}"].value for name in ("depth/image_raw", "camera_info"))
     depth = np.frombuffer(picture.data, "<f4").reshape(HEIGHT, WIDTH)
     water = load_world("pool").depth - watched.latest["ground_truth"].value.position[2]
@@ -107,7 +107,7 @@ def test_points_are_those_of_the_depth_image(watched: VehicleClient) -> None:
 def test_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:
 
     def agree() -> bool:
-        """Both are taken 20 times a second, at the same instants, as long as no step was skipped in between."""
+        """Return whether both have the same instants, 20 a second, as long as no step was skipped in between."""
         truth = watched.latest["ground_truth"].value.time_ns
         stamps = [watched.latest[topic].value.time_ns for topic in PICTURES]
         assert all(abs(stamp - time.time_ns()) < 60_000_000_000 for stamp in stamps), "of the same clock"

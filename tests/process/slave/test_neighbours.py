@@ -116,7 +116,7 @@ def test_it_is_where_its_slave_says(onlooker: Onlooker) -> None:
     wanted = [focal * size / (2.0 - LENGTH / 2.0) for size in (BREADTH, TALL)]
 
     def sizes() -> list[int]:
-        """Its breadth and height in the picture of labels, which may come later than that of depths, pixels."""
+        """Return breadth and height (pixels) in the picture of labels, which may come later than that of depths."""
         labels = np.frombuffer(onlooker.client.latest["camera/labels"].value.data, "<i4").reshape(HEIGHT, WIDTH)
         on_it = labels == labels[HEIGHT // 2, WIDTH // 2]
         return [int(on_it.any(axis).sum()) for axis in (0, 1)]

@@ -91,7 +91,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
 
 @pytest.fixture
 def asker(flown: Flown) -> Asker:
-    """With a vehicle in which all is well."""
+    """Provide a client, with a vehicle in which all is well."""
     results = flown.asker.set(*[(name, "") for name in PARAMETERS])
     assert results == [{"successful": True, "reason": ""}] * len(PARAMETERS)
     return flown.asker
@@ -235,7 +235,7 @@ def test_what_the_service_says_is_read_too(asker: Asker) -> None:
 
 
 def test_they_are_reported_recorded_and_repeated_to_the_bit(flown: Flown, asker: Asker) -> None:
-    """The last that is done to this slave: all kinds while it is driven, then its recording is flown again."""
+    """All kinds are set while the slave is driven, then its recording is flown again; this test is its last."""
     kinds = (
         "kind = efficiency, efficiency = 0.3", "kind = stuck, pwm_us = 1700", "kind = delayed, delay = 50 ms",
         "kind = noisy, noise = 0.4", "kind = off", "kind = stuck", "",

@@ -192,7 +192,7 @@ def test_what_was_kept_does_not_come_after_what_was_sent(vehicle: Vehicle, endpo
 
 
 def test_all_is_sent_where_it_has_to_be(endpoint: str) -> None:
-    """For the slave's own recording."""
+    """The slave's own recording needs all samples."""
 
     class Recorded(SamplePublisher):
         sends_all = True

@@ -17,7 +17,7 @@ PAGE = (ROOT / "docs" / "reference" / "sensors.md").read_text()
 
 
 def test_the_page_is_up_to_date() -> None:
-    """Its texts and numbers are those of the sensors' source. If not: python -m tools.pages.sensor_gallery."""
+    """The page's texts and numbers are those of the sensors' source; if not: python -m tools.pages.sensor_gallery."""
     assert sensor_gallery.page(sensor_gallery.ENTRIES, "sensors") == PAGE
 
 

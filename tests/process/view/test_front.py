@@ -79,7 +79,7 @@ def test_a_connection_with_the_token_stays(served: Front) -> None:
 
 
 def test_a_browser_that_reads_nothing_is_cut(served: Front, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Closed in order, its connection would stay for as long as the kernel tries to send the rest."""
+    """A connection closed in order would stay for as long as the kernel tries to send the rest."""
     monkeypatch.setattr(front, "STALLED_S", 0.5)
     ended = select.poll()
     with socket.socket() as browser:

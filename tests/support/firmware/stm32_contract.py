@@ -101,7 +101,7 @@ class Stm32Contract:
         retry_when_busy(falls_silent, "it runs in another process or thread", attempts=10)
 
     def test_noise_moves_nothing(self, driver: ThrusterDriver) -> None:
-        """Between two commands; what it counts of it is the link's affair."""
+        """Noise comes between two commands; each link counts it in its own way."""
         assert driver.host is not None
         self.command(driver, True, (1612,) * 6)
         noise = bytes(range(256))

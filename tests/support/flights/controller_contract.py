@@ -51,7 +51,7 @@ class ControllerContract(ABC):
     @EACH
     @given(st.lists(inputs(ANY), min_size=1, max_size=4))
     def test_nothing_but_numbers_leaves_it_and_nothing_stays(self, calls: list[Any]) -> None:
-        """After whatever came in, an ordinary call has an ordinary answer."""
+        """An ordinary call has an ordinary answer after any input."""
         controller = self.make()
         for call in calls:
             assert self.is_within_limits(controller.update(*call))

@@ -136,7 +136,7 @@ def test_it_holds_its_position_under_water_without_gps(tmp_path: Path, positions
 
 
 def test_a_dvl_ahead_of_the_middle_does_not_take_a_turn_for_a_sway(tmp_path: Path) -> None:
-    """ArduSub knows its place: unknown, half a turn would move the estimate by twice the lever arm of 0.5 m."""
+    """ArduSub knows the DVL's place; else half a turn would move the estimate by twice the lever arm of 0.5 m."""
     dive = Dive(tmp_path, positions="dvl", sensors="[sensors.dvl]\nrate = 10\nposition = [0.5, 0, 0]")
     errors: list[tuple[float, float]] = []
     turned: list[float] = []

@@ -72,7 +72,7 @@ class Vehicle:
         yield self.settles()
 
     def hold(self, seconds: float, depths: list[float]) -> Mission:
-        """Note the depth ten times a second."""
+        """Record the depth ten times a second."""
         for _ in range(round(10 * seconds)):
             depths.append(self.depth)
             yield 0.1

@@ -87,7 +87,7 @@ class Dive:
         yield 15.0
 
     def watch(self, seconds: float, places: list[list[float]]) -> Mission:
-        """Note the position twenty times a second."""
+        """Record the position twenty times a second."""
         for _ in range(round(20 * seconds)):
             places.append(self.position)
             yield 0.05
@@ -182,7 +182,7 @@ def test_it_has_a_receiver(tmp_path: Path) -> None:
 
 
 def test_it_obeys_attitude_and_thrust_in_offboard(dive: Dive) -> None:
-    """PX4's underwater controllers take no position over MAVLink in OFFBOARD, but an attitude and a thrust."""
+    """PX4's underwater controllers take an attitude and a thrust over MAVLink in OFFBOARD, and no position."""
     began: list[float] = []
     heading = 0.0
 

@@ -19,7 +19,7 @@ needs_qemu = pytest.mark.skipif(not shutil.which(qemu.PROGRAM), reason=f"needs {
 @pytest.mark.qemu
 @needs_qemu
 def test_it_answers_in_the_protocol_of_the_link() -> None:
-    """Whatever the protocol: how long it takes is the machine's."""
+    """The answer comes in every protocol; how long it takes depends on the machine."""
     scenario = load_scenario("paper_field")
     mavlink = scenario._replace(link=scenario.link._replace(protocol="mavlink"))
     took = answer_ms(scenario), answer_ms(mavlink)

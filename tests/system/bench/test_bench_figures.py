@@ -144,7 +144,7 @@ def test_what_a_scenario_sends() -> None:
 def test_a_topic_is_not_dead_that_only_one_message_was_due_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """But it is where one was due in each of several runs."""
+    """The topic is dead, however, where one was due in each of several runs."""
     silent = Stream("diagnostics", 0.0, 1.0, nan, 0.0, nan, nan, 0.0)
     received = Listening([silent, silent._replace(topic="imu", nominal=100.0)], [])
     monkeypatch.setattr(bench_stream, "_listen", lambda *_: (received, ()))

@@ -66,7 +66,7 @@ def test_text_leaves_out_what_too_few_commands_cannot_tell() -> None:
 
 
 def test_the_time_on_the_line() -> None:
-    """115200 bit/s, ten bits a byte; the answer counts where it has to be heard."""
+    """The line has 115200 bit/s and ten bits a byte; the answer counts where it has to be received."""
     scenario = load_scenario("paper_field")
     paced = scenario._replace(link=scenario.link._replace(faults=Faults(baud=115_200)))
     assert wire_ms(scenario, on("/dev/pts/0")) == 0.0
@@ -89,7 +89,7 @@ def test_on_its_line_mavlink_is_the_packet_of_pulses_alone() -> None:
 def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
     protocol: Literal["vesc", "dronecan"], bits: int
 ) -> None:
-    """VESC: a frame of 4 bytes a thruster. DroneCAN: 6 x 14 bits and the checksum, with two tails in two frames."""
+    """VESC sends a frame of 4 bytes a thruster; DroneCAN 6 x 14 bits and the checksum, with two tails in two frames."""
     scenario = load_scenario("paper_field")
     link = scenario.link._replace(protocol=protocol, port="can:virtual:bits", faults=Faults(baud=500_000))
     paced = scenario._replace(link=link)
@@ -116,7 +116,7 @@ def test_a_slave_elsewhere_tells_its_line_itself() -> None:
 
 
 def test_what_could_not_be_had_is_said_and_not_made_up() -> None:
-    """No echo: no floor. Nothing answered by UDP: not 0."""
+    """A floor is missing without an echo, and where nothing was answered by UDP; it is not 0."""
     none = text({"case": some_result([0.7] * 20, udp=[], tcp=[])})
     assert none.splitlines()[2].split()[7:] == ["-", "-", "-", "-", "4.0"]
     assert "no floor" in none
@@ -148,7 +148,7 @@ def test_a_line_that_is_quicker_than_its_bits_is_said_unless_it_is_ours() -> Non
 
 
 def test_the_wire_has_its_bits_also_those_that_left_during_the_write() -> None:
-    """Here the write ends 50 us after the encoder began, and the pulses are there after 10 more."""
+    """The write ends 50 us after the encoder began, and the pulses are there after 10 more."""
     arrived = meter(0, same_clock=True)
     spans = [(sample.published_ns, sample.published_ns + 1000) for sample in arrived.samples]
     whole = delay_run._result(arrived, spans, [], None, 0.0)

@@ -127,7 +127,7 @@ class Commanded:
 
 
 def test_the_last_command_has_its_time_like_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Or the first step of the motion is in the slave's command_receiver before it is taken up."""
+    """The first step of the motion would otherwise replace it in the slave's command_receiver."""
     monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
     vehicle: Any = Commanded()
     delay_run._command(vehicle, None, Plan(rate=200.0, seconds=0.1), None, None)
@@ -135,7 +135,7 @@ def test_the_last_command_has_its_time_like_all_others(monkeypatch: pytest.Monke
 
 
 def test_what_comes_before_the_pulses_shows_no_motion() -> None:
-    """But how the motion before went on. A command that has no trace counts from when it was sent."""
+    """The motion before goes on until then. A command that has no trace counts from when it was sent."""
     received = meter(0, same_clock=True)
     sent = from_wall_ns(received.samples[-1].published_ns)
     applied = delay_run._applied_ns(received, sent - 1000)
@@ -149,7 +149,7 @@ def test_what_comes_before_the_pulses_shows_no_motion() -> None:
 
 @pytest.mark.parametrize("late_us", [0, 300, 480])
 def test_steps_begin_all_over_the_time_between_two_samples(monkeypatch: pytest.MonkeyPatch, late_us: int) -> None:
-    """However late each is: else the motion waits for its sample equally long in all of a run."""
+    """The motion would otherwise wait for its sample equally long in all of a run, however late each step is."""
     clock = [0]
 
     def wait_ns(deadline: int) -> None:
@@ -182,7 +182,7 @@ def test_a_slave_that_is_killed_is_no_result() -> None:
 
 
 def test_nor_is_one_elsewhere(tmp_path: Path) -> None:
-    """Without an echo there is no floor."""
+    """The floor is missing without an echo."""
     with Bench("paper_field") as bench:
         slave = bench.start_slave()
         command = [*program(), "bench", "delay", "--connect", bench.endpoint, "--steps", "2", "--seconds"]
@@ -241,7 +241,7 @@ def test_a_picture_that_fails_costs_no_figures(
 def test_repeated_runs_are_in_the_record_one_by_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In turn, so that a machine that slows down does so for all configurations."""
+    """The configurations take turns, so that a machine that slows down does so for all of them."""
     results = [some_result([value] * count) for value, count in ((0.1, 4), (0.2, 3), (0.3, 2), (0.4, 1))]
     monkeypatch.setattr(bench_delay, "_measure", failing_second(results))
     path = tmp_path / "a.json"
@@ -292,7 +292,7 @@ def record_of(**changes: Any) -> Record:
 
 
 def test_the_picture_says_what_it_is_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With one outlier far away, many configurations, and one without answers."""
+    """The picture has one outlier far away, many configurations, and one without answers."""
     seen = keep_figure(monkeypatch)
     far = some_result([0.7] * 99 + [150.0])
     many = {f"rate {number}": some_result([0.5 + number / 10] * 20) for number in range(12)}

@@ -145,7 +145,7 @@ def test_a_soak_whose_slave_hangs_can_be_ended(leave_every: float, victim: Victi
 @pytest.mark.parametrize("off_s", [-5, 5])
 @retried_when_busy("a slave, and who watches it, in processes of their own")
 def test_a_stream_measures_a_clock_that_was_set(off_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Between the start of the slave and ours: same boot, another time."""
+    """The clock is set between the start of the slave and ours: they share a boot and not a time."""
     monkeypatch.setattr(clock, "_WALL_OFFSET_NS", clock._WALL_OFFSET_NS + off_s * NS_PER_S)
     received = stream(1.0)
     imu = next(each for each in received.streams if each.topic == "imu")

@@ -102,7 +102,7 @@ def test_figures_are_labelled_as_emulated(board: VirtualBoard) -> None:
 
 
 def test_it_starts_its_own_python(board: VirtualBoard, tmp_path: Path) -> None:
-    """From within, by sys.executable, as slaves and benchmarks do; what lies in the present folder is not taken."""
+    """The board starts sys.executable, as slaves and benchmarks do; a module of the current folder is not used."""
     (tmp_path / "hil.py").write_text("raise ImportError")
     inner = "import hil, platform, sys; print(platform.machine(), hil.__file__, sys.executable)"
     code = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {inner!r}], check=True)"
@@ -126,7 +126,7 @@ def test_doctor_knows_where_it_is(board: VirtualBoard) -> None:
 
 
 def test_a_board_of_ones_own_is_described(board: VirtualBoard, tmp_path: Path) -> None:
-    """The steps of the tutorial that need a board's own processor, with its file."""
+    """The tutorial's steps that need a board's own processor are followed with its file."""
     described, *_ = blocks("toml", page=ROOT / "docs" / "tutorials" / "own_board.md")
     file = tmp_path / "orange_pi_5.toml"
     file.write_text(described.text)

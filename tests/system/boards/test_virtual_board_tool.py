@@ -88,7 +88,7 @@ def test_scripts_of_pip(tmp_path: Path, text: str, mended: str) -> None:
 
 @pytest.fixture
 def empty(tmp_path: Path) -> VirtualBoard:
-    """Folders of a board with next to nothing in them."""
+    """Provide folders of a board with next to nothing in them."""
     board = VirtualBoard(str(tmp_path / "a board"))
     for path in ("root/usr/bin", "root/usr/share/base-passwd", "modules/usr/lib/modules", "site"):
         os.makedirs(os.path.join(board.folder, path))
@@ -132,7 +132,7 @@ def test_the_booted_kernel_knows_that_it_is_emulated() -> None:
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root builds and boots a board")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_nothing_outlives_a_board_that_is_ended(empty: VirtualBoard, tmp_path: Path, number: int) -> None:
-    """With an emulator that has its process number to say, and then goes on for a minute."""
+    """The emulator reports its process number, and then goes on for a minute."""
     os.makedirs(os.path.join(empty.root, "boot"))
     (Path(empty.root) / "boot" / "vmlinuz").touch()
     Path(empty.python).touch()

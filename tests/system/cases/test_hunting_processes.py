@@ -33,7 +33,7 @@ def scenario(tmp_path: Path) -> Scenario:
 
 @pytest.fixture
 def crews(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Crew]]:
-    """The slaves and the agents that a flight starts; afterwards none of them is left."""
+    """Provide the slaves and the agents that a flight starts; afterwards none of them is left."""
     found: list[Crew] = []
 
     class Noted(Crew):

@@ -77,7 +77,7 @@ ERRORS = [
 
 @pytest.mark.parametrize(("name", "ours", "linear", "radial"), ERRORS)
 def test_soundings_that_were_held_out(name: str, ours: float, linear: float, radial: float) -> None:
-    """The grid is better than the others, as the page says; nowhere below a sounding, nor too deep on average."""
+    """The grid is better than the others, nowhere below a sounding, and not too deep on average."""
     survey, found = built(name)
     report = found.report
     assert report.rmse == pytest.approx(ours, rel=0.02)

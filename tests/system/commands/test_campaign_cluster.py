@@ -151,7 +151,7 @@ def test_names_are_those_of_the_folder_where_the_campaign_was_started(
 
 @pytest.mark.usefixtures("plain_imports")
 def test_the_next_campaign_on_the_same_workers_brings_its_own_content(tmp_path: Path) -> None:
-    """Under the same names: a module that was imported before is not taken for it."""
+    """A module of the same name that was imported before is not used in its place."""
     rows = []
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as worker:
         for number, speed in enumerate((0.3, 0.5, 0.3)):
@@ -243,7 +243,7 @@ def requires_marker(request: pytest.FixtureRequest) -> None:
 @pytest.mark.timeout(3 * START_S)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_two_workers_of_each_engine_give_the_rows_of_joblib(engine: str, tmp_path: Path) -> None:
-    """On a cluster of two that the command makes itself."""
+    """The command itself makes a cluster of two."""
     scenario = write_own(tmp_path / "user", "campaign_own_engine")
     rows = campaign(tmp_path, scenario, engine, NO_CLUSTER)
     assert len(rows) == 4

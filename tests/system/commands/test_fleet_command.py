@@ -92,7 +92,7 @@ def test_none_is_left_when_one_does_not_start(command: Command) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_start_that_is_interrupted_leaves_nothing(command: Command, number: int) -> None:
-    """After Ctrl-C at once, after SIGKILL by `down`: also of a member whose number was not reported yet."""
+    """No slave is left after Ctrl-C, or by `down` after SIGKILL, nor one whose number was not reported yet."""
     up = subprocess.Popen(
         [sys.executable, "-m", "hil", "fleet", "up", str(command.scenario)],
         env=command.environment,

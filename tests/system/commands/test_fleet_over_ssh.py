@@ -18,7 +18,7 @@ SSHD = shutil.which("sshd", path=f"{os.environ['PATH']}:/usr/sbin")
 
 @pytest.fixture
 def ssh(tmp_path: Path) -> Iterator[str]:
-    """The command that reaches it."""
+    """Return the command that reaches it."""
     if not SSHD or not shutil.which("ssh"):
         pytest.skip("no openssh-server")
     for name in ("host", "user"):

@@ -55,7 +55,7 @@ def test_all_programs_are_there() -> None:
 
 
 def test_how_it_begins(endpoint: str) -> None:
-    """The two lines that are no program yet: with one more they are."""
+    """The page's first two lines are no program yet; with one more they are."""
     assert run(f"{BEGINNING}print(fleet.wait_for('uuv1')[0].name)\nfleet.close()\n", endpoint) == ["uuv1"]
 
 

@@ -17,7 +17,7 @@ pytest.importorskip("material", reason="the documentation needs the extra docs")
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the built site."""
+    """Provide the folder of the built site."""
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
@@ -39,7 +39,7 @@ def test_no_page_loads_from_elsewhere(site: Path) -> None:
 
 
 def test_pages_that_are_opened_as_files_are_searched(site: Path) -> None:
-    """In a real browser, and without a word to another host."""
+    """A real browser finds them, and sends nothing to another host."""
     with open_page() as seen:
         seen.page.goto((site / "tutorials" / "first_flight.html").as_uri())
         seen.page.locator(".md-search__input").first.click(force=True)

@@ -28,7 +28,7 @@ FULL = (1900, 1100, 1600, 1400, 1500, 1501, 800, 2200)
 
 @pytest.fixture
 def cpu() -> Iterator[int]:
-    """The one processor for both ends."""
+    """Pin this process, and with it both ends, to one processor."""
     before = os.sched_getaffinity(0)
     cpu = max(before)
     os.sched_setaffinity(0, {cpu})

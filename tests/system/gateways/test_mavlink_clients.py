@@ -103,7 +103,7 @@ print("DONE")
 
 @pytest.fixture
 def places(tmp_path: Path) -> Iterator[tuple[int, int]]:
-    """The UDP and TCP port of a slave with a MAVLink vehicle."""
+    """Provide the UDP and TCP port of a slave with a MAVLink vehicle."""
     (tmp_path / "logs").mkdir()
     (tmp_path / "logs" / "run.mcap").write_bytes(bytes(5000))
     udp, tcp = free_port(), free_port()

@@ -31,7 +31,7 @@ Port = {udp}
 
 @pytest.fixture
 def stations(tmp_path: Path) -> Iterator[tuple[Ground, Ground]]:
-    """Two ground stations at the router, one by UDP and one by TCP."""
+    """Provide two ground stations at the router, one by UDP and one by TCP."""
     vehicle, udp, tcp = free_port(), free_port(), free_port()
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text() + LAYOUT.format(vehicle=vehicle, file=tmp_path / "parameters.toml"))

@@ -55,7 +55,7 @@ class Ros:
         )  # fmt: skip
 
     def run(self, *words: object, seconds: float = 120.0) -> str:
-        """Output of a program that ends well."""
+        """Return the output of a program that ends well."""
         program = self.start(*words)
         try:
             output, _ = program.communicate(timeout=seconds)
@@ -84,7 +84,7 @@ class Ros:
 
 @pytest.fixture(scope="module")
 def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ros]:
-    """A master of Debian, and a vehicle with a camera that is served to it, which may be commanded."""
+    """Provide a master of Debian, and a vehicle with a camera that is served to it, which may be commanded."""
     folder = tmp_path_factory.mktemp("ros1")
     path, slave_port = write_scenario(folder, top=CAMERA)
     port = free_port()

@@ -66,7 +66,7 @@ class Network:
         return f"10.77.0.{self._machines.index(machine) + 1}"
 
     def start(self, machine: str, *arguments: object, output: IO[str] | None = None) -> subprocess.Popen[str]:
-        """Python with `arguments` on a machine ("": outside all); ended with the network."""
+        """Start Python with `arguments` on a machine ("": outside all); it ends with the network."""
         inside = ["ip", "netns", "exec", self.space(machine)] if machine else []
         process = subprocess.Popen(
             [*inside, sys.executable, *map(str, arguments)],
@@ -80,7 +80,7 @@ class Network:
         return process
 
     def unplug(self, machine: str) -> None:
-        """Its packets go nowhere, and it is not told."""
+        """Let the machine's packets go nowhere, without its notice."""
         ip("-n", self.space("switch"), "link", "set", _port(machine), "nomaster")
 
     def plug(self, machine: str) -> None:
@@ -91,7 +91,7 @@ class Network:
         ip("-n", self.space("switch"), "link", "set", _port(machine), "up" if there else "down")
 
     def slow(self, machine: str, megabits: float, queue_ms: int = 50) -> None:
-        """From and to a machine no more than so many Mbit/s, with a queue of so many ms."""
+        """Limit a machine's traffic to so many Mbit/s each way, with a queue of so many ms."""
         shape = ["root", "tbf", "rate", f"{megabits}mbit", "burst", "16kb", "latency", f"{queue_ms}ms"]
         for space, device in ((self.space(machine), "eth0"), (self.space("switch"), _port(machine))):
             subprocess.run(["tc", "-n", space, "qdisc", "add", "dev", device, *shape], check=True, capture_output=True)

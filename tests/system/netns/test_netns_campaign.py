@@ -70,7 +70,7 @@ def test_dask(tmp_path: Path) -> None:
 
 
 def test_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a token, and no processor at the desk: all runs are on the others."""
+    """The cluster asks for a token, and all runs are on the other machines, as this one lends no processor."""
     monkeypatch.setenv("RAY_AUTH_MODE", "token")
     monkeypatch.setenv("RAY_AUTH_TOKEN", token_hex(32))
     scenario, _ = write_scenario(tmp_path)

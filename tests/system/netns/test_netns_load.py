@@ -21,7 +21,7 @@ ENDPOINT = "tcp/{}:7447"
 
 @retried_when_busy("figures of processes that have their turns")
 def test_pictures_do_not_delay_commands(tmp_path: Path) -> None:
-    """26 Mbit/s of pictures on 20 Mbit/s, both ways limited: at most a frame's time more than without them.
+    """The link is limited to 20 Mbit/s, pictures are 26: commands take at most a frame's time more than without.
 
     What the machine's other work costs is in both.
     """
@@ -35,7 +35,7 @@ def test_pictures_do_not_delay_commands(tmp_path: Path) -> None:
 
 
 def asked_and_answered(folder: Path, camera: tuple[str, ...]) -> dict[str, float]:
-    """Times of commands and their answers between two machines, ms."""
+    """Return the times (ms) of commands and their answers between two machines."""
     folder.mkdir(exist_ok=True)
     tool = "tools/costs/network_cost.py"
     with Network("slave", "master") as network, closing(Lines(folder / "asked.txt")) as requested:
@@ -51,7 +51,7 @@ def asked_and_answered(folder: Path, camera: tuple[str, ...]) -> dict[str, float
 
 @retried_when_busy("figures of processes that have their turns")
 def test_a_link_that_loses_and_wavers(tmp_path: Path) -> None:
-    """5 % of packets lost and 0 to 50 ms of delay each way: slower, but never late."""
+    """The link loses 5 % of packets and delays 0 to 50 ms each way: commands are slower, but never late."""
     text = SCENARIO.format(top="", port=7447, slave="", link="", allow="").replace("127.0.0.1", "0.0.0.0")
     scenario, ending = tmp_path / "scenario.toml", tmp_path / "end"
     scenario.write_text(text)

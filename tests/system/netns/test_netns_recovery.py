@@ -158,7 +158,7 @@ def suffer(name: str, folder: Path) -> Outcome:
 
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Outcome | BaseException]:
-    """All faults at once."""
+    """Let all faults happen at once."""
     folder = tmp_path_factory.mktemp("recovery")
     results: dict[str, Outcome | BaseException] = {}
 

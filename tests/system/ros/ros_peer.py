@@ -108,7 +108,7 @@ class Peer:
         return len(found.transforms) if found else 0
 
     def drive(self, seconds: float) -> float:
-        """Ahead with 0.4 m/s by cmd_vel for so long; the true speed then."""
+        """Command 0.4 m/s ahead by cmd_vel for so long, and return the true speed then."""
         publisher = self._sdk.ROS2Publisher("/uuv1/cmd_vel", "geometry_msgs/msg/Twist", router_port=self._port)
         types = self._sdk.ZenohSession.get_instance().store.types
         vector = types["geometry_msgs/msg/Vector3"]

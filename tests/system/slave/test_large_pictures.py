@@ -52,7 +52,7 @@ def studio(scenario: tuple[Path, int]) -> Studio:
 
 
 def test_a_picture_costs_a_few_times_what_numpy_takes_for_its_noise(studio: Studio) -> None:
-    """With rays, light, noise and JPEG; numpy's is the yardstick for the processor."""
+    """A picture has rays, light, noise and JPEG; numpy's noise is the yardstick for the processor."""
     random = np.random.default_rng(1)
     pictures, noises = [], []
     for _ in range(15):  # in turn, so that both have the same neighbours

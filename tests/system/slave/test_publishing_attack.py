@@ -50,7 +50,7 @@ def attack(endpoint: str) -> None:
 
 @retried_when_busy("lateness of a loop, while other processes want the processor too")
 def test_the_loop_goes_on_while_thousands_of_subscriptions_come_and_go(tmp_path: Path) -> None:
-    """Takes some seconds, as that many subscriptions do; the loop was late by up to a second."""
+    """The test takes some seconds, as that many subscriptions do; the loop was late by up to a second."""
     with socket.socket(type=socket.SOCK_DGRAM) as silent:
         silent.bind(("127.0.0.1", 0))
         # No pty: there the loop would also wait for threads of the kernel, which others keep from a processor.

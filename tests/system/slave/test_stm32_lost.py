@@ -218,7 +218,7 @@ def test_a_process_that_cannot_start_says_why(tmp_path: Path) -> None:
 
 
 def test_nobody_reads_what_a_process_says_so_it_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Or its pipe is full after half an hour, and it stands still."""
+    """A pipe that nobody reads is full after half an hour of output, and the process stands still."""
 
     def start(command: list[str], _environment: dict[str, str]) -> Child:
         raise DeviceError(" ".join(command))

@@ -26,7 +26,7 @@ def test_two_slaves_are_seen_through_two_routers(sessions: str, tmp_path: Path) 
 def test_a_run_that_breaks_is_a_row_and_leaves_nothing(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """One that takes longer than its limit. Slaves are known by the folder of their scenarios."""
+    """The run takes longer than its limit. Slaves are known by the folder of their scenarios."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert main(["--slaves", "3", "--routers", "2", "--limit", "3"]) == 0
     output = capsys.readouterr().out

@@ -31,7 +31,7 @@ REPORTS = pytest.StashKey[dict[str, list[Any]]]()
 
 @pytest.fixture
 def guest() -> None:
-    """For tests that need the other kernel."""
+    """Mark tests that need the other kernel."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -65,7 +65,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """In there: write it down."""
+    """Write a report down where the tests run in the guest."""
     if INSIDE in os.environ:
         with Path(os.environ[INSIDE]).open("a") as file:
             print(json.dumps(report._to_json()), file=file)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 def ip(words: str) -> None:
-    """`ip` of iproute2, which says what is wrong."""
+    """Run `ip` of iproute2, which reports errors."""
     _run(f"ip {words}")
 
 
@@ -25,7 +25,7 @@ def interface(name: str, kind: str) -> Iterator[None]:
 
 @contextmanager
 def shaped(device: str, how: str, namespace: str = "") -> Iterator[None]:
-    """Does to all that leaves by `device` what `tc qdisc` is told: "netem delay 20ms loss 5%", say."""
+    """Apply `tc qdisc` arguments such as "netem delay 20ms loss 5%" to all that leaves by `device`."""
     tc = f"ip netns exec {namespace} tc" if namespace else "tc"
     _run(f"{tc} qdisc add dev {device} root {how}")
     try:
@@ -36,7 +36,7 @@ def shaped(device: str, how: str, namespace: str = "") -> Iterator[None]:
 
 @contextmanager
 def namespace(name: str) -> Iterator[None]:
-    """Another computer, as far as the network goes."""
+    """Make a namespace, which is another computer to the network."""
     ip(f"netns add {name}")
     try:
         yield

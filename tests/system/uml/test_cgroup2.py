@@ -31,7 +31,7 @@ def do(command: str) -> None:
 
 @contextmanager
 def mounted() -> Iterator[None]:
-    """Control groups of version 2, where they belong."""
+    """Mount control groups of version 2 where they belong."""
     do(f"mount -t cgroup2 cgroup2 {ROOT}")
     try:
         yield
@@ -41,14 +41,14 @@ def mounted() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def cgroup2() -> Iterator[None]:
-    """For the tests of a module."""
+    """Mount control groups for the tests of a module."""
     with mounted():
         yield
 
 
 @pytest.fixture
 def swap() -> Iterator[None]:
-    """256 MiB to swap to."""
+    """Provide 256 MiB to swap to."""
     for module in uml.module_files(["zram"]):
         do(f"busybox insmod {module}")
     Path("/sys/block/zram0/disksize").write_text("256M")

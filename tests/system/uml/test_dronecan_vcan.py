@@ -64,7 +64,7 @@ def bench() -> Iterator[Bench]:
 
 
 def test_raw_commands_are_answered(bench: Bench) -> None:
-    """Printed with -rP: the time there and back."""
+    """The time there and back is printed with -rP."""
     bench.spin()
     bench.node.broadcast(uavcan.equipment.safety.ArmingStatus(status=255))
     bench.command([0] * 6)

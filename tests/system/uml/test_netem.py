@@ -64,7 +64,7 @@ class Bench(NamedTuple):
 
 @pytest.fixture(scope="module", autouse=True)
 def _cable() -> Iterator[None]:
-    """The vehicle is a namespace at the other end of a cable."""
+    """Join the vehicle's namespace by a cable."""
     with namespace("vehicle"), interface("shore", "veth peer name vehicle netns vehicle"):
         ip("address add 10.9.0.1/24 dev shore")
         ip("-n vehicle address add 10.9.0.2/24 dev vehicle")
@@ -148,7 +148,7 @@ def test_a_black_hole_downward(bench: Bench) -> None:
 
 @retried_when_busy(LATE)
 def test_a_stream_whose_peer_vanishes_ends_and_can_be_opened_again() -> None:
-    """TCP over a cable that is out: both ends give up in `PEER_TIMEOUT_S`, the STM32 has stopped long before."""
+    """TCP's cable is out: both ends give up in `PEER_TIMEOUT_S`; the STM32 has stopped long before."""
     with benched("tcp") as made:
         made.run(0.3)
         stm32 = made.end.stm32
@@ -175,7 +175,7 @@ def test_a_stream_whose_peer_vanishes_ends_and_can_be_opened_again() -> None:
 
 @retried_when_busy(LATE)
 def test_a_vehicle_over_a_poor_network_that_goes_away(tmp_path: Path) -> None:
-    """Slave and planner by zenoh: later, but whole. Gone for 3 s, the slave stops; then they meet again."""
+    """Slave and planner are late over zenoh, but whole. The slave stops after 3 s apart; then they meet again."""
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")

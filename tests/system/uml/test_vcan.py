@@ -31,7 +31,7 @@ ROUNDS = 500
 
 @pytest.fixture(scope="module", autouse=True)
 def _buses() -> Iterator[None]:
-    """A bus, and two cables: the queue of one takes 100 frames, of the other all that a socket may send."""
+    """Make a bus, and two cables: the queue of one takes 100 frames, of the other all that a socket may send."""
     with ExitStack() as stack:
         stack.enter_context(interface("vcan0", "vcan"))
         for name, how in (("short", SHORT_QUEUE), ("long", LONG_QUEUE)):
@@ -133,7 +133,7 @@ def test_an_interface_that_is_unplugged() -> None:
 
 
 def test_bus_off_ends_it_other_faults_do_not() -> None:
-    """The kernel's filter for error frames does as it is told."""
+    """The kernel's filter for error frames passes those that it was set to."""
     device, host = on_bus()
     error_warning, bus_off = ((ERROR | kind).to_bytes(4, sys.byteorder) + b"\x08" + bytes(11) for kind in (0x04, 0x40))
     device.write(error_warning + pack_frame(FRAME))
@@ -148,7 +148,7 @@ def test_bus_off_ends_it_other_faults_do_not() -> None:
 
 @retried_when_busy("medians of three loops, one after the other")
 def test_there_and_back_is_quicker_than_through_the_package() -> None:
-    """Printed with -rP: microseconds for a frame there and back, in one process."""
+    """The microseconds for a frame there and back, in one process, are printed with -rP."""
     ours, package = median_and_late(*on_bus()), median_and_late(*on_bus_by_package())
     bare = bare_package()
     for name, (median, late) in (("our wire", ours), ("our wire by python-can", package), ("python-can", bare)):

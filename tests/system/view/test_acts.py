@@ -20,7 +20,7 @@ def thrust(vehicle: Observed, thruster: str) -> float:
 
 
 def test_a_waypoint_is_set_dragged_and_flown(tmp_path: Path) -> None:
-    """Seen from above north is up: the waypoint is set north of the vehicle, and dragged east by its arrow."""
+    """The view is from above with north up: the waypoint is set north of the vehicle, and dragged east."""
     with viewed_slave(tmp_path) as (page, vehicle, _):
         page.wait_until_ready()
         page.wait_until_drawn()

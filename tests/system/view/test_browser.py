@@ -43,7 +43,7 @@ navigator.getGamepads = () => [null, window.pad];
 
 
 def test_a_gamepad_steers_while_its_switch_is_held(tmp_path: Path) -> None:
-    """The browser's own code reads a gamepad that stands in for one of a person: its left stick pushed forward."""
+    """The browser's own code reads a simulated gamepad whose left stick is pushed forward."""
     with viewed_slave(tmp_path, script=GAMEPAD) as (page, vehicle, _):
         page.wait_until_ready()
         page.page.wait_for_function("document.getElementById('pad').textContent.includes('Test Pad')")

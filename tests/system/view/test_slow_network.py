@@ -18,7 +18,7 @@ RATE_MBIT_S = 20.0
 
 
 def test_what_is_shown_does_not_fall_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three viewers of a seabed of 1,000 x 1,000: a sample that is shown at the end is as new as one at the start."""
+    """Three viewers see a seabed of 1,000 x 1,000: a sample shown at the end is as new as one at the start."""
     monkeypatch.setattr(view_cost, "SLOW_SETTLE_S", 8.0)  # the seabed has gone through by then
     measured = view_cost.measure(tmp_path, 3, 15.0, browser=False, rate=RATE_MBIT_S)
     third = len(measured.latency_ms) // 3

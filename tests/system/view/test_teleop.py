@@ -41,7 +41,7 @@ def test_keys_move_the_vehicle_and_it_stops_without_them(tmp_path: Path) -> None
 
 
 def test_a_gamepad_steers_and_an_unplugged_one_stops_the_vehicle(tmp_path: Path) -> None:
-    """SDL's own virtual gamepad: everything above its driver is what a real one goes through."""
+    """The gamepad is SDL's virtual one: everything above its driver is what a real one goes through."""
     scenario, port = write_scenario(tmp_path)
     keyboard, terminal = pty.openpty()
     os.mkfifo(tmp_path / "pad")

@@ -34,7 +34,7 @@ PUBLISHED = [
 def test_published_values(
     year: float, height: float, latitude: float, longitude: float, east: float, down: float, nanotesla: float
 ) -> None:
-    """Angles to the last digit, intensity to 0.001 nT."""
+    """The angles agree to the last digit, the intensity to 0.001 nT."""
     found = field_at(latitude, longitude, 1e3 * height, year)
     intensity, inclination, declination = found.angles
     assert intensity * 1e9 == pytest.approx(nanotesla, abs=1e-3)
@@ -43,7 +43,7 @@ def test_published_values(
 
 
 def test_it_follows_from_the_origin_where_no_field_is_given() -> None:
-    """For the middle of the model's years, so that a run can be repeated; what the file says wins."""
+    """The field is that of the middle of the model's years, so that runs repeat; a value in the file goes first."""
     field = field_at(*PLACE, altitude=40.0)
     assert (field.model, field.year) == ("WMM-2025", 2027.5)
     world = SEA._replace(origin=PLACE, origin_altitude=40.0)

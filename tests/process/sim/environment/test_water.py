@@ -52,7 +52,7 @@ def over_ground(simulation: Simulation) -> tuple[float, float, float]:
 
 
 def test_a_current_in_the_world_acts_without_being_switched_on() -> None:
-    """An idle vehicle is taken along, at the velocity of its own layer, and does not turn."""
+    """An idle vehicle drifts with the velocity of its own layer, and does not turn."""
     simulation = at_sea(Ocean(layers=Layers((0.0, 12.0), north=(0.6, 0.2), east=(0.0, -0.2))))
     run(simulation, 120.0)
     assert over_ground(simulation) == pytest.approx((0.4, -0.1, 0.0), abs=0.01)
@@ -60,7 +60,7 @@ def test_a_current_in_the_world_acts_without_being_switched_on() -> None:
 
 
 def test_one_row_of_layers_is_the_steady_current() -> None:
-    """The same to the last bit as `current`: it is but another way to say it."""
+    """The result is that of `current` to the last bit, as one layer means the same."""
     there = at_sea(Ocean(layers=Layers((5.0,), north=(0.3,), east=(-0.1,))))
     here = Simulation(VEHICLE, SEA._replace(current=(0.3, -0.1, 0.0)), QUIET, 1, position=(0, 0, 6.0), heading=0.7)
     run(there, 5.0)
@@ -80,7 +80,7 @@ def test_a_current_in_time_comes_and_goes() -> None:
 
 
 def test_a_vehicle_without_weight_or_drag_goes_with_the_water() -> None:
-    """Whatever its added mass: in a sea that is slow to change along the hull it moves as the water would.
+    """The vehicle moves as the water would, whatever its added mass, in waves that change little along the hull.
 
     Started with the water's velocity, it is for three waves where a bit of water is that was integrated by
     itself, and stays level.
@@ -117,7 +117,7 @@ def test_waves_move_a_vehicle_less_further_down() -> None:
 
 
 def test_the_push_of_the_waves() -> None:
-    """(M_A + rho V) a in body axes, by hand for a vehicle on its side."""
+    """The force is (M_A + rho V) a in body axes, by hand for a vehicle on its side."""
     body = VEHICLE._replace(added_mass=(5.0, 12.0, 20.0, 0.1, 0.1, 0.1), volume=0.012, neutrally_buoyant=False)
     body = body._replace(center_of_buoyancy=(0.0, 0.0, -0.02))
     world = SEA._replace(ocean=Ocean(waves=SWELL))
@@ -146,7 +146,7 @@ def test_pushed_mass_of_a_trimmed_vehicle() -> None:
 
 
 def test_the_sea_is_held() -> None:
-    """Computed at the stated rate, each time exactly the sea; in between off by a part of the wave that is told."""
+    """The waves are exact at the stated rate, and between two such instants off by the stated part of the wave."""
     waves = SWELL._replace(hold=0.05)
     held, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
     (wave,) = sea.components
@@ -208,7 +208,7 @@ def test_density_and_sound_speed() -> None:
 
 @pytest.mark.parametrize("first", [0.0, 3.0])
 def test_pressure_is_the_weight_of_the_water_above(first: float) -> None:
-    """Against the midpoint rule over each row and the sums by hand; exact, as density is linear in between."""
+    """The midpoint rule over each row and sums by hand agree exactly, as density is linear in between."""
     profile = Profile((first, 20.0, 100.0), PROFILE.density)
     column = WaterColumn(profile, G)
     for depth in (0.5, 3.0, 10.0, 20.0, 55.5, 100.0, 250.0):
@@ -219,7 +219,7 @@ def test_pressure_is_the_weight_of_the_water_above(first: float) -> None:
 
 
 def test_pressure_of_linear_stratification() -> None:
-    """rho0 + N² rho0 / g z: p = rho0 g z + N² rho0 z² / 2."""
+    """Density is rho0 + N² rho0 / g z, so that p = rho0 g z + N² rho0 z² / 2."""
     rho0, slope = 1025.0, 1e-4 * 1025.0 / G
     column = WaterColumn(Profile((0.0, 500.0), (rho0, rho0 + 500.0 * slope)), G)
     for depth in (1.0, 77.0, 500.0):

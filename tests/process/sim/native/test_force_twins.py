@@ -69,7 +69,7 @@ def twins(
 
 
 def bits(simulation: Simulation) -> bytes:
-    """Every bit of state, thrusts, forces and servos."""
+    """Return every bit of state, thrusts, forces and servos."""
     state, forces = simulation.state, simulation.forces()
     parts = [state.position, state.quaternion, state.nu, state.nu_dot, simulation.thrusts, *forces]
     equipment = simulation.equipment
@@ -104,7 +104,7 @@ WHOLE: list[tuple[str, str, Integrator]] = [
 
 @pytest.mark.parametrize(("name", "world", "integrator"), WHOLE)
 def test_whole_steps_are_equal(name: str, world: str, integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At some depth, half out of the water, and among waves; all of it in one call of C."""
+    """Steps are equal at depth, half out of the water, and among waves, each as one call of C."""
     both = twins(monkeypatch, WORLDS[world], load_vehicle(name)[0], integrator)
     assert both[1]._fused
     assert not both[0]._fused
@@ -159,7 +159,7 @@ def test_a_force_of_ones_own_keeps_all_in_python(integrator: Integrator, monkeyp
 
 
 def some_forces(chance: random.Random) -> list[Force]:
-    """Every kind, with numbers drawn."""
+    """Return a force of every kind, with random numbers."""
     place = (chance.uniform(-1, 1), chance.uniform(-0.3, 0.3), chance.uniform(-0.3, 0.3))
     lift = Lift(chance.uniform(0.01, 1.0), 0.5, stall_angle=chance.choice((0.0, 0.3, 1.5)), position=place)
     fins = FinSet([fin._replace(straightening=chance.random()) for fin in REMUS.fins], 1025.0, 0.01)
@@ -174,7 +174,7 @@ def some_forces(chance: random.Random) -> list[Force]:
 
 
 def test_every_force_is_equal_at_any_motion() -> None:
-    """One step from many states, with full damping matrices, and motions from none to absurd."""
+    """One step is made from many states, with full damping matrices, and motions from none to absurd."""
     chance = random.Random(5)
     for _ in range(400):
         full = tuple(chance.uniform(-1.0, 1.0) + (9.0 if i % 7 == 0 else 0.0) for i in range(36))

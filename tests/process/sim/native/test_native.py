@@ -86,7 +86,7 @@ class Flight(NamedTuple):
 
 
 def flight(seed: int, depth: float, steps: int = STEPS) -> Flight:
-    """Random attitude, speeds, currents, and wrenches that hold for a while; from `depth` m."""
+    """Return a flight from `depth` m: random attitude, speeds and currents, and wrenches that stay for a while."""
     chance = random.Random(seed)
 
     def numbers(count: int, size: float) -> tuple[float, ...]:

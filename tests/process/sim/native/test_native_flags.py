@@ -45,7 +45,7 @@ def compiles(compiler: str, header: str, folder: Path, *flags: str, method: str 
 def test_whatever_computes_doubles_as_doubles_is_accepted(
     header: str, method: str, sound: bool, tmp_path: Path
 ) -> None:
-    """Values of FLT_EVAL_METHOD by the standards: 16 is that of a processor with half-precision arithmetic."""
+    """The standards' values of FLT_EVAL_METHOD are accepted: 16 is that of half-precision arithmetic."""
     if not shutil.which("cc"):
         pytest.skip("no cc")
     assert compiles("cc", header, tmp_path, method=method) == sound
@@ -64,7 +64,7 @@ def test_whatever_computes_doubles_as_doubles_is_accepted(
 def test_flags_that_change_how_numbers_are_computed(
     header: str, compiler: str, processor: str, flag: str, sound: bool, tmp_path: Path
 ) -> None:
-    """Compiled, never run: this machine need not be able to."""
+    """The code is compiled, never run: this machine need not be able to."""
     if processor not in ("", os.uname().machine):
         pytest.skip(f"a flag for {processor}")
     empty = tmp_path / "empty.c"

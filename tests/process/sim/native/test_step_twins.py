@@ -67,7 +67,7 @@ def twins(
 
 
 def all_of(simulation: Simulation) -> bytes:
-    """Every bit of what can be asked of it: == would take -0.0 for 0.0."""
+    """Return every bit that can be asked for: == would take -0.0 for 0.0."""
     state, forces = simulation.state, simulation.forces()
     parts = (
         state.position,
@@ -115,7 +115,7 @@ class Ride:
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pushed against walls, piles, a block and the seabed, and put elsewhere now and then, also into something."""
+    """The vehicle is pushed against walls, piles, a block and the seabed, and put elsewhere, also into something."""
     ride = Ride(twins(monkeypatch, FIELD, integrator=integrator))
     assert ride.both[1]._fused
     for _ in range(40):
@@ -159,7 +159,7 @@ def test_steps_are_equal_over_relief(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_failure_in_the_middle_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At once or planned, and from pulses that were held before; what has failed before is asked for, too."""
+    """The failure is immediate or planned, with earlier pulses still held and other failures before it."""
     ride = Ride(twins(monkeypatch, FIELD))
     ride.go(333)
     wrench = ride.both[1].forces().thrusters

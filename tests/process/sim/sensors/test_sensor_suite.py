@@ -150,7 +150,7 @@ print(*sorted(name for name in sys.modules if name.startswith(("sim.", "hil.")))
 
 
 def test_sensors_that_are_not_carried_are_not_loaded() -> None:
-    """A second of the usual sensors, up to their messages: nothing of the others, nor of waves and currents."""
+    """A second of the usual sensors, up to their messages, loads nothing of the others, nor waves and currents."""
     done = subprocess.run(
         [sys.executable, "-c", LEAN], capture_output=True, text=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": "."}
     )

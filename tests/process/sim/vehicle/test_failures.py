@@ -39,7 +39,7 @@ def ride(thrusters: ThrusterSet, pulses: list[int], thruster: int = 1) -> list[f
 
 
 def test_off_from_its_time_on() -> None:
-    """0.1 s are 40 steps of 2.5 ms: the 41st is the first without."""
+    """The failure at 0.1 s is after 40 steps of 2.5 ms: the 41st is the first without thrust."""
     assert ride(failing({"thruster": "front_left", "kind": "off", "time": "100 ms"}), [1900] * 60) == pytest.approx(
         [FULL] * 40 + [0.0] * 20
     )
@@ -93,7 +93,7 @@ def test_the_lag_runs_on_below_a_failure() -> None:
 
 
 def test_at_run_time_the_vehicle_turns() -> None:
-    """Losing the front left thruster on the way: the bow goes to port. And the same failure later is the same."""
+    """The bow goes to port when the front left thruster is lost on the way; the same failure later does the same."""
     ends = []
     for planned in (True, False):
         failure = Failure("front_left", "off", time=0.5)

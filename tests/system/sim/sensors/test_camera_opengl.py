@@ -46,7 +46,7 @@ LENS_SHARE = 0.97  # the same with a lens that distorts, and of effects that loo
 
 @pytest.fixture(scope="module")
 def context() -> Any:
-    """OpenGL, if only in software; CI installs what it needs."""
+    """Provide OpenGL, if only in software; CI installs what it needs."""
     try:
         return opengl.open_context()
     except ConfigError as error:
@@ -54,7 +54,7 @@ def context() -> Any:
 
 
 def relief(holes: bool = False) -> World:
-    """Rough ground that ends a metre before the walls as a step, with piles and boxes; or with places unknown."""
+    """Return rough ground that ends a metre before the walls as a step, with objects, or with unknown places."""
     grid = covering(GROUND, 0.8)
     depths = Fractal(14.0, 2.0, 0.9, seed=3).depths(grid)
     if holes:
@@ -83,7 +83,7 @@ OTHER = (3.0, 0.5, 9.5)
 
 
 def pair(world: World) -> tuple[RayScene, opengl.PictureScene, State]:
-    """By rays and by OpenGL, with the water's surface, a ball, a mesh and another vehicle, whose state is given."""
+    """Return one camera by rays and one by OpenGL: water surface, ball, mesh, and a vehicle whose state is given."""
     other = State(OTHER, from_euler(0.4, -0.2, 1.0))
     scenes = RayScene(world), opengl.PictureScene(world, WIDTH, HEIGHT, FOCAL)
     for scene in scenes:
@@ -97,7 +97,7 @@ def pair(world: World) -> tuple[RayScene, opengl.PictureScene, State]:
 def agree(
     rays: RayScene, drawn: RayScene, place: Any, angles: tuple[float, float, float], share: float = SHARE
 ) -> set[int]:
-    """Asserts that both find the same, from a place (m) and by roll, pitch and yaw (deg); what is to be seen."""
+    """Assert that both find the same, from a place (m) and by roll, pitch and yaw (deg); return what is seen."""
     turned = matrix(from_euler(*map(radians, angles)))
     one, other = (scene.hits(place, PIXELS, REACH, turned) for scene in (rays, drawn))
     objects, found = np.asarray(one.objects), np.asarray(other.objects)
@@ -134,7 +134,7 @@ def test_it_draws_what_rays_meet(context: Any, place: Any, angles: Any, things: 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_from_wherever(context: Any, seed: int) -> None:
-    """Poses by chance, the edge of the grid and places without data included."""
+    """The poses are random, with the edge of the grid and places without data among them."""
     random = np.random.default_rng(seed)
     rays, drawn, other = pair(relief(holes=True)._replace(walls=False))
     for _ in range(6):
@@ -189,7 +189,7 @@ def shot(renderer: Any, world: World, **keys: Any) -> CameraSample:
 
 
 def test_the_pictures_are_the_same(context: Any) -> None:
-    """Colours to a level or two, depths, labels and points as by rays; noise too, which the seed says."""
+    """The colours agree to a level or two; depths, labels, points and the seed's noise are those by rays."""
     true = [shot(renderer, relief(), ground_truth=True, points=True) for renderer in ("rays", "opengl")]
     labels = [np.frombuffer(sample.labels or b"", np.int32) for sample in true]
     assert (labels[0] == labels[1]).mean() > SHARE
@@ -209,7 +209,7 @@ LENSES = [(-0.25, 0.06, 0.002, -0.001, 0.0), (0.15, 0.0, 0.0, 0.0, 0.0)]
 
 @pytest.mark.parametrize("lens", LENSES)
 def test_a_lens_distorts_as_with_rays(context: Any, lens: Any) -> None:
-    """Half a pixel at outlines apart, distances to 5 in 1000: the ray meets the plane of what is nearest."""
+    """Outlines agree to half a pixel, distances to 5 in 1000: the ray meets the plane of what is nearest."""
     keys = {"ground_truth": True, "distortion": lens}
     one, other = (shot(renderer, relief(), **keys) for renderer in ("rays", "opengl"))
     labels = [np.frombuffer(sample.labels or b"", np.int32) for sample in (one, other)]
@@ -268,7 +268,7 @@ def test_a_lens_that_sees_too_far_to_the_sides_is_refused(context: Any, monkeypa
 
 @pytest.fixture
 def unopened() -> Any:
-    """No context yet, before and after."""
+    """Forget the open context before and after the test."""
     opengl.open_context.cache_clear()
     yield
     opengl.open_context.cache_clear()
