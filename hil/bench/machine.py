@@ -32,7 +32,7 @@ def describe(root: str = "/") -> tuple[dict[str, Any], tuple[str, ...]]:
         "kernel": f"{kernel.sysname} {kernel.release}",
         "system": _system(tree),
         "governors": governors(tree),
-        "load": os.getloadavg()[0],
+        "load": psutil.getloadavg()[0],
         "python": platform.python_version(),
         "interpreter": sys.executable,
         "uuv-hil": __version__,

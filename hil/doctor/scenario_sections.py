@@ -13,7 +13,7 @@ from sim.vehicle.vehicle import Vehicle
 
 # Flights of paper_field, path_planning and task_scheduling are too deep with a margin of 0.02 m, not with this one.
 LEAST_DEPTH_MARGIN_M = 0.05
-# Of paper_six, bluerov2, bluerov2_heavy and bluerov2_li2020 three fail in paper_field at 1 Hz, at 0.5 m/s; none at 2 Hz.
+# Of paper_six, bluerov2, bluerov2_heavy, bluerov2_li2020 three fail paper_field at 1 Hz, none at 2 Hz (at 0.5 m/s).
 LEAST_ODOMETRY_HZ = 2.0
 HORIZONTAL = 1e-3  # share of a thruster's thrust along x or y from which on it pushes horizontally
 

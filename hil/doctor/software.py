@@ -258,7 +258,7 @@ def step_cost_s(scenario: Scenario) -> float:
     pwm_us = (PWM_NEUTRAL_US,) * len(vehicle.channels)
     for _ in range(WARM_UP):
         simulation.step(pwm_us)
-    start = time.process_time()
+    start = time.process_time()  # psutil has the same in steps of 10 ms
     for _ in range(STEPS):
         simulation.step(pwm_us)
     return (time.process_time() - start) / STEPS

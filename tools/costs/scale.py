@@ -211,14 +211,14 @@ def main(arguments: list[str]) -> int:
         of = options.slaves[0], options.routers[0], options.seconds, options.sessions, options.step
         print(measure(ExitStack(), Path(options.folder), *of), flush=True)
         os._exit(0)  # closes nothing: sessions whose router is gone take minutes
-    load = os.getloadavg()[0]
+    load = psutil.getloadavg()[0]
     print(f"{os.cpu_count()} processors, load before: {load:.1f}\n\n{HEADER}\n{_rule(HEADER)}", flush=True)
     broken = []
     for routers in options.routers:
         for slaves in options.slaves:
             began = time.monotonic()
             row = _run(slaves, routers, options)
-            took, load = time.monotonic() - began, os.getloadavg()[0]
+            took, load = time.monotonic() - began, psutil.getloadavg()[0]
             print(f"{slaves} slaves, {routers} routers: took {took:.0f} s, load {load:.1f}", file=sys.stderr)
             if row.count("|") == BROKEN.count("|"):
                 broken.append(row)

@@ -208,6 +208,7 @@ def main() -> int:
             if verdict not in ("read", "refused"):
                 shutil.copytree(folder, Path(options.keep) / str(number), dirs_exist_ok=True)
                 print(f"{number}: {verdict}, kept in {options.keep}/{number}", flush=True)
+    # psutil has no peak, nor anything of a process that has ended.
     most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     print(", ".join([f"{count} {verdict}" for verdict, count in sorted(verdicts.items())]), end="")
     print(f" of {options.count}; slowest {slowest:.2f} s, most memory {most:.0f} MiB")
