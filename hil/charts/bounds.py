@@ -167,7 +167,7 @@ def keep_shoals(grid: Grid, soundings: Array, shoalest: Array, low: Array, passe
 
     `shoalest`: the shoal limit of the area that each sounding is in. A shoal smaller than a cell has no node of its
     own: around its sounding that limit holds, not the one of the deeper area where the nodes are. Each pass
-    spreads a sounding's shortfall over the four nodes around it in proportion to their say there.
+    spreads a sounding's shortfall over the four nodes around it in proportion to their weight there.
     """
     depths, low = grid.depths.copy(), low.copy()
     scaled = (soundings[:, :2] - (grid.north_min, grid.east_min)) / grid.resolution

@@ -1,7 +1,7 @@
 """Obstructions, wrecks, rocks, piles, islets, structures, buildings, marks and what floats, of a chart.
 
 A chart gives most of them as points, without a size. The radii and draughts here are ours, on the large side of what
-such things measure. Where no depth is given, WATLEV tells how the water's level lies to them. Of shore constructions,
+such things measure. Where no depth is given, WATLEV gives the water's level relative to them. Of shore constructions,
 causeways and dams the parts with water on both sides stand in it: piers and moles; the others are the land's edge.
 Structures and what floats keep their outline, an area as a rectangle where that has about the same size.
 """
@@ -49,8 +49,8 @@ STANDS_UP = {
     "BUISGL",
     *(kind for kind in RADII if kind.startswith("BCN")),
     *STRUCTURES,
-}  # they come out of the water unless WATLEV says otherwise
-# Always under water (WATLEV 3) says nothing of how deep. The others (S-57 appendix A, attribute 187):
+}  # they come out of the water unless WATLEV states otherwise
+# Always under water (WATLEV 3) does not state how deep. The others (S-57 appendix A, attribute 187):
 # partly submerged at high water, always dry, covers and uncovers, awash.
 TOPS = {1.0: OUT_OF_WATER, 2.0: OUT_OF_WATER, 4.0: 0.0, 5.0: 0.0}
 FLOATING = 7.0

@@ -1,8 +1,8 @@
-"""A seabed gridded once, whole, and kept in the user's cache folder; what is flown over is cut from it.
+"""Grid a whole seabed once, store it in the user's cache folder, and cut from it the part that is flown over.
 
-So every part has the bed that the whole has, and the second dive over a chart waits for nothing. Kept are a world's
-file, its depths and the report, in a folder named after the files that went in, their times and sizes. The depths are
-mapped, not read.
+So every part has the bed that the whole has, and the second dive over a chart waits for nothing. The cache holds a
+world's file, its depths and the report, in a folder named by a hash of the input files, their times and sizes. The
+depths are mapped, not read.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ from hil.common.tables import cache_path
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World, load_world
 
-MOST_KEPT_BYTES = 1 << 30  # beyond it those go that were not used for longest
+MOST_CACHED_BYTES = 1 << 30  # beyond it those are removed that were not used for longest
 METHOD = 8  # to be counted up when the same files are gridded in another way
 
 
@@ -39,7 +39,7 @@ class Whole(NamedTuple):
     source: str
     origin: tuple[float, float] | None
     report: Report
-    was_kept: bool
+    is_cached: bool
 
 
 def whole_bed(
@@ -52,15 +52,15 @@ def whole_bed(
     MissingExtraError.
     """
     folder = os.path.join(os.path.dirname(cache_path(path)), "charts", _key(path, resolution, positive, crs))
-    kept = _load(folder)
-    if kept is not None:
-        return kept
+    cached = _load(folder)
+    if cached is not None:
+        return cached
     survey, extent = read_sources([path], None, resolution, positive=positive, crs=crs)
     built = build(survey, extent, resolution, progress)
     whole = Whole(built.placed, survey.source, survey.origin, built.report, False)
     with suppress(OSError, ConfigError):  # a full disk, or a folder we may not write: it is made again next time
         _store(whole, folder)
-        return (_load(folder) or whole)._replace(was_kept=False)
+        return (_load(folder) or whole)._replace(is_cached=False)
     return whole
 
 
@@ -91,7 +91,7 @@ def _key(path: str, *how: float | str | None) -> str:
     """Return a name for the file with what may lie beside it, as updates do, read in this way."""
     folder, stem = os.path.split(os.path.splitext(os.path.abspath(path))[0])
     stamps: list[tuple[str, int, int]] = []
-    with suppress(OSError), os.scandir(folder) as entries:  # what is missing is said by who reads it
+    with suppress(OSError), os.scandir(folder) as entries:  # the reader reports what is missing
         files = [entry for entry in entries if entry.is_file() and os.path.splitext(entry.name)[0] == stem]
         stamps = sorted((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
     text = json.dumps([METHOD, os.path.abspath(path), how, stamps])
@@ -99,7 +99,7 @@ def _key(path: str, *how: float | str | None) -> str:
 
 
 def _load(folder: str) -> Whole | None:
-    """Return what is kept there, None if nothing is that can be used."""
+    """Return what is cached in `folder`; None if there is nothing that can be used."""
     try:
         # Never trust what another user left there. On Windows it lies among the user's own files.
         if hasattr(os, "getuid") and os.stat(folder).st_uid != os.getuid():
@@ -115,7 +115,7 @@ def _load(folder: str) -> Whole | None:
 
 
 def _placed(world: World) -> Placed:
-    """Return what a kept world has. Raises ConfigError."""
+    """Return the parts of a cached world. Raises ConfigError."""
     bottom = None
     if world.bottom_map is not None:
         keys = world.bottom_map.keys
@@ -125,11 +125,11 @@ def _placed(world: World) -> Placed:
 
 
 def _store(whole: Whole, folder: str) -> None:
-    """Write it into a new folder, which takes its name when all is in it. Raises OSError, ConfigError."""
+    """Write `whole` into a new folder, which is renamed to `folder` when all is in it. Raises OSError, ConfigError."""
     charts = os.path.dirname(folder)
     os.makedirs(charts, mode=0o700, exist_ok=True)
     with ScratchFolder("chart", charts) as scratch:
-        write_world(scratch.file("chart.toml"), whole.placed, whole.source, whole.origin, ("Kept by uuv-hil.",))
+        write_world(scratch.file("chart.toml"), whole.placed, whole.source, whole.origin, ("Written by uuv-hil.",))
         write_file(scratch.file("report.json"), json.dumps(whole.report._asdict()).encode())
         with suppress(OSError):
             shutil.rmtree(folder)  # a damaged one
@@ -138,12 +138,12 @@ def _store(whole: Whole, folder: str) -> None:
 
 
 def _prune(charts: str, fresh: str) -> None:
-    """Remove those that were not used for longest, never the `fresh` one, until the rest fits. Raises OSError."""
+    """Remove the cached seabeds that were not used for longest, never `fresh`, until the rest fits. Raises OSError."""
     with os.scandir(charts) as entries:
         folders = sorted((e for e in entries if e.is_dir()), key=lambda entry: -entry.stat().st_mtime_ns)
     size = 0
     for entry in folders:
         with os.scandir(entry.path) as files:
             size += sum(file.stat().st_size for file in files)
-        if size > MOST_KEPT_BYTES and entry.path != fresh:
+        if size > MOST_CACHED_BYTES and entry.path != fresh:
             shutil.rmtree(entry.path, ignore_errors=True)

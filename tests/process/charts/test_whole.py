@@ -33,7 +33,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_it_is_gridded_once(tmp_path: Path, cache: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     first, second = whole_bed(path), whole_bed(path)
-    assert (first.was_kept, second.was_kept) == (False, True)
+    assert (first.is_cached, second.is_cached) == (False, True)
     assert first.placed.grid.resolution == pytest.approx(DRAWN * 10_000)
     assert second.report == first.report
     assert second.placed.cylinders == first.placed.cylinders
@@ -42,7 +42,7 @@ def test_it_is_gridded_once(tmp_path: Path, cache: Path) -> None:
     assert whole_bed(path, 20.0).placed.grid.resolution == 20.0
     assert len(os.listdir(cache)) == 2
     os.utime(path, (1.0, 1.0))
-    assert not whole_bed(path).was_kept, "the file has changed"
+    assert not whole_bed(path).is_cached, "the file has changed"
 
 
 def test_the_cache_is_pruned_and_may_be_missing_or_damaged(
@@ -52,12 +52,12 @@ def test_the_cache_is_pruned_and_may_be_missing_or_damaged(
     whole_bed(path, 20.0)
     (folder,) = cache.iterdir()
     (folder / "report.json").write_text("{")
-    assert not whole_bed(path, 20.0).was_kept
-    assert whole_bed(path, 20.0).was_kept
-    monkeypatch.setattr(module, "MOST_KEPT_BYTES", 1)
+    assert not whole_bed(path, 20.0).is_cached
+    assert whole_bed(path, 20.0).is_cached
+    monkeypatch.setattr(module, "MOST_CACHED_BYTES", 1)
     whole_bed(path, 25.0)
     assert len(os.listdir(cache)) == 1
-    assert whole_bed(path, 25.0).was_kept
+    assert whole_bed(path, 25.0).is_cached
     shutil.rmtree(cache)
     cache.write_text("in the way")
     assert whole_bed(path, 25.0).report.soundings > 40
