@@ -4,7 +4,7 @@ A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. The ou
 `commands/`, in a file named like the command with _ for its spaces. Its symbolic links are followed as the machine
 itself would: an absolute one starts at the folder, and .. does not leave it.
 
-psutil cannot serve here: `uuv-hil doctor --root` and the tests read recorded machines by the same code. Tried with 7.2.2:
+psutil cannot serve here: `uuv-hil doctor --root` and the tests read recorded machines by the same code. With 7.2.2:
 
 * It can be led to another /proc (PROCFS_PATH), but not to another /sys, /dev or /etc, and there it finds no process.
 * `virtual_memory` raises KeyError for a /proc/meminfo of which a part was recorded.
