@@ -1,4 +1,4 @@
-/* Shows the firmware's core (firmware_stub/src) to Python: hil.slave.native._firmware.Firmware. */
+/* Python extension around the firmware's core (firmware_stub/src): hil.slave.native._firmware.Firmware. */
 
 #include "../../../sim/native/numbers.h"
 
@@ -13,9 +13,9 @@ typedef struct {
     UuvHilFirmware firmware;
     UuvHilPlatform platform;
     uint64_t now_us;
-    uint16_t obeyed; /* the firmware's count of commands when its outputs last changed */
+    uint16_t obeyed; /* the firmware's count of command frames when a command last set its outputs */
     long long obeyed_ns;
-    PyObject *said; /* a list of what it writes, while it is serviced */
+    PyObject *written; /* list of the byte strings that the firmware writes; NULL outside of service() */
 } Firmware;
 
 static uint64_t now_us(void *context)
@@ -25,10 +25,10 @@ static uint64_t now_us(void *context)
 
 static void uart_write(void *context, const uint8_t *data, size_t size)
 {
-    PyObject *said = ((Firmware *)context)->said;
+    PyObject *written = ((Firmware *)context)->written;
     PyObject *report = PyBytes_FromStringAndSize((const char *)data, (Py_ssize_t)size);
-    if (said != NULL && report != NULL)
-        PyList_Append(said, report);
+    if (written != NULL && report != NULL)
+        PyList_Append(written, report);
     Py_XDECREF(report);
 }
 
@@ -84,12 +84,12 @@ static PyObject *firmware_service(PyObject *object, PyObject *const *arguments, 
     if (now_ns == -1 && PyErr_Occurred())
         return NULL;
     self->now_us = (uint64_t)now_ns / NS_PER_US;
-    PyObject *said = self->said = PyList_New(0);
+    PyObject *written = self->written = PyList_New(0);
     uuv_hil_service(&self->firmware, (const uint8_t *)data, (size_t)size);
-    self->said = NULL;
+    self->written = NULL;
     if (PyErr_Occurred())
-        Py_CLEAR(said);
-    return said;
+        Py_CLEAR(written);
+    return written;
 }
 
 static PyObject *firmware_stop(PyObject *self, PyObject *nothing)
@@ -123,15 +123,15 @@ static PyObject *firmware_obeyed_ns(PyObject *self, void *closure)
 
 static PyMethodDef firmware_methods[] = {
     {"service", (PyCFunction)(void (*)(void))firmware_service, METH_FASTCALL,
-     "service(data, now_ns): hear data, let time pass until then; what it writes."},
-    {"stop", firmware_stop, METH_NOARGS, "stop(): outputs to neutral, before the end."},
+     "service(data, now_ns): process received data, advance the time to now_ns; return the list of bytes written."},
+    {"stop", firmware_stop, METH_NOARGS, "stop(): set the outputs to neutral; call it before the end."},
     {NULL, NULL, 0, NULL},
 };
 
 static PyGetSetDef firmware_attributes[] = {
     {"pwm_us", firmware_pwm_us, NULL, "pulse widths in effect, us", NULL},
-    {"deadline_ns", firmware_deadline_ns, NULL, "when service has to be called even if nothing came", NULL},
-    {"obeyed_ns", firmware_obeyed_ns, NULL, "when (monotonic) the outputs last took a command; 0: never", NULL},
+    {"deadline_ns", firmware_deadline_ns, NULL, "time of the next call of service that is due without new data", NULL},
+    {"obeyed_ns", firmware_obeyed_ns, NULL, "time (monotonic) when a command last set the outputs; 0: never", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
