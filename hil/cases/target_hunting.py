@@ -176,7 +176,7 @@ def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch, viewer: Vi
 
 def _messages(counts: Mapping[str, int]) -> dict[str, float]:
     """Return what became of the messages between modems, by a name that a reader understands."""
-    shown = ("sent", "delivered", "collided", "deaf", "damaged", "unheard") if counts else ()
+    shown = ("sent", "delivered", "collided", "deaf", "damaged", "too_weak") if counts else ()
     return {f"modem: {fate.replace('_', ' ')}": counts.get(fate, 0) for fate in shown}
 
 

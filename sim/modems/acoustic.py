@@ -17,7 +17,7 @@ from sim.modems.sound import Path, ambient_noise, paths, power, transmission_los
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 
 NS = 1_000_000_000
-RECEIVED = "heard"  # so far
+RECEIVED = "received"  # so far
 _NEGLIGIBLE = 1e-3  # of the noise: what is weaker disturbs nobody
 
 
@@ -90,7 +90,7 @@ class _Arrival(NamedTuple):
 class AcousticChannel:
     """The water between modems, over a bottom at `depth` m. Calls must come in the order of time.
 
-    `counts`: sent, delivered, and why not: busy (the sender itself was still sending), too_long, unheard (too weak),
+    `counts`: sent, delivered, and why not: busy (the sender itself was still sending), too_long, too_weak,
     shadowed (no ray of sound leads there), deaf (the receiver was sending), collided (with another), damaged
     (bit errors).
 
@@ -181,10 +181,10 @@ class AcousticChannel:
             )  # fmt: skip
 
     def _begin(self, arrival: _Arrival) -> str:
-        """Return what becomes of a message when its first bit is there: HEARD, or why it is lost."""
+        """Return what becomes of a message when its first bit arrives: RECEIVED, or why it is lost."""
         receiver, fate = arrival.receiver, RECEIVED
         if 10.0 * log10(arrival.power / self._noise) < self._modem.detection:
-            fate = "unheard"
+            fate = "too_weak"
         elif any(begin <= arrival.begin_ns < end for begin, end in self._sending.get(receiver, ())):
             fate = "deaf"
         elif arrival.begin_ns < self._busy_until_ns.get(receiver, 0):

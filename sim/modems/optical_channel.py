@@ -30,8 +30,8 @@ class OpticalChannel:
     """The water between vehicles with four heads each: ahead, to starboard, astern, to port. Calls in order of time.
 
     A message goes out of all heads; the best pair of heads decides. `counts`: sent, delivered, and why not: busy (the
-    sender itself was still sending), unheard (no light to speak of), damaged. Not modelled:
-    two lights at once in one eye, which takes a slot of time each to avoid, and what `bit_error` leaves out.
+    sender itself was still sending), too_weak (no light), damaged. Not modelled: two lights at once in one eye, which
+    takes a slot of time each to avoid, and what `bit_error` leaves out.
     """
 
     def __init__(self, modem: OpticalModem, seed: int) -> None:
@@ -67,7 +67,7 @@ class OpticalChannel:
         )
         fate = "damaged"
         if errors > _UNSEEN:
-            fate = "unheard"
+            fate = "too_weak"
         elif packet_arrives(errors, len(packet.payload), self._random.random()):
             fate = "delivered"
             self._in_flight.append(packet._replace(snr=20.0 * log10(quality(errors))))

@@ -274,7 +274,7 @@ def commands(seconds: float) -> list[Row]:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
         probe.close()
-        marker.bind(("127.0.0.1", 0))  # to itself, which never reads: an unheard packet would cost an ICMP answer
+        marker.bind(("127.0.0.1", 0))  # to itself, which never reads: a lost packet would cost an ICMP answer
         marker.connect(marker.getsockname())
         marker.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)  # it is soon full, and drops
         changes = {"stm32": "device", "link.port": f"udp://127.0.0.1:{port}"}

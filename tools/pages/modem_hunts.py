@@ -22,7 +22,7 @@ HUNTS: dict[str, dict[str, Any]] = {
     "light, coast, slots of 50 ms": {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 0.4}},
     "light, harbour, slots of 50 ms": {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 2.2}, **NEAR},
 }
-FATES = ("delivered", "collided", "deaf", "damaged", "unheard")
+FATES = ("delivered", "collided", "deaf", "damaged", "too_weak")
 
 
 def main() -> int:

@@ -69,7 +69,7 @@ def test_by_light_as_far_as_it_reaches() -> None:
     harbour = {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 2.2}}
     simulated, _ = hunt(harbour, 5.0)
     assert simulated.channel
-    assert simulated.channel.counts["unheard"] > 50
+    assert simulated.channel.counts["too_weak"] > 50
     assert "uuv4" not in simulated.planners[0].neighbours
 
 

@@ -142,7 +142,7 @@ def test_too_far_is_not_received() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "a", b"x", {"a": (0.0, 0.0, 5.0), "b": (20_000.0, 0.0, 5.0)})
     assert run(channel, 30.0) == []
-    assert channel.counts["unheard"] == 1
+    assert channel.counts["too_weak"] == 1
 
 
 def test_packets_are_lost_as_often_as_the_formula_says() -> None:
@@ -199,7 +199,7 @@ def test_every_message_has_one_fate(calls: list[tuple[int, int, int]], bounces: 
         received += len(channel.receive(time_ns))
     received += len(channel.receive(time_ns + 100 * NS))
     counts = channel.counts
-    assert sum(counts[fate] for fate in ("delivered", "damaged", "collided", "deaf", "unheard")) == 3 * counts["sent"]
+    assert sum(counts[fate] for fate in ("delivered", "damaged", "collided", "deaf", "too_weak")) == 3 * counts["sent"]
     assert received == counts["delivered"]
     assert counts["sent"] + counts["busy"] + counts["too_long"] == len(calls)
     assert not channel._arrivals, "what is over is forgotten"
@@ -253,7 +253,7 @@ def seen(distance: float, heading: float = 0.0, count: int = 1) -> OpticalChanne
 
 def test_light_between_vehicles_goes_as_far_as_the_modem_reaches() -> None:
     assert seen(15.0).counts == {"sent": 1, "delivered": 1}
-    assert seen(200.0).counts == {"sent": 1, "unheard": 1}
+    assert seen(200.0).counts == {"sent": 1, "too_weak": 1}
     counts = seen(20.0, count=1000).counts  # where one packet in two is whole
     assert counts["delivered"] / 1000 == pytest.approx(0.5, abs=0.06)
     assert counts["delivered"] + counts["damaged"] == 1000

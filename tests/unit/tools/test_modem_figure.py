@@ -42,6 +42,6 @@ def test_they_have_help(
 def test_the_table_counts_those_who_could_have_received() -> None:
     outcome, counts = modem_hunts.hunt({"master.time_limit": 6.0})
     assert counts["delivered"] == 3 * counts["sent"] - 3 or counts["delivered"] == 3 * counts["sent"]
-    text = modem_hunts.row("mine", [outcome, outcome], Counter(sent=10, delivered=15, deaf=6, unheard=9))
+    text = modem_hunts.row("mine", [outcome, outcome], Counter(sent=10, delivered=15, deaf=6, too_weak=9))
     assert text.startswith("| mine | 0 of 2 | 6.")
     assert text.endswith("| 50.0 % | 0.0 % | 20.0 % | 0.0 % | 30.0 % |")
