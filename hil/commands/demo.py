@@ -92,14 +92,14 @@ def _dive(options: argparse.Namespace) -> int:
     """Make a world and a way, fly there, and report what was seen."""
     _require_extras()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the systems solved are small: its threads would only wait
-    from hil.charts.dive.dive import Wish, prepare_dive
+    from hil.charts.dive.dive import DiveOptions, prepare_dive
     from hil.charts.dive.watch import DiveWatch
 
-    endpoint = options.listen or Wish().listen
+    endpoint = options.listen or DiveOptions().listen
     require_free(endpoint)  # now: to find a place takes long
     folder = make_folder(options.output) if options.output else new_folder(options.world)
     print(f"looking for a place to dive in {options.world}", flush=True)
-    wish = Wish(
+    dive = DiveOptions(
         options.start,
         options.goal,
         options.depth,
@@ -110,7 +110,7 @@ def _dive(options: argparse.Namespace) -> int:
         options.crs,
     )
     try:
-        path, bed = prepare_dive(options.world, wish, folder, show_progress)
+        path, bed = prepare_dive(options.world, dive, folder, show_progress)
     finally:
         show_progress(1.0)
     if bed:

@@ -278,5 +278,5 @@ def area(text: str) -> tuple[float, float, float, float]:
             return south, west, north, east if west < east else east + 360.0
     except argparse.ArgumentTypeError:
         pass
-    wish = "SOUTH,WEST,NORTH,EAST in degrees, south to north growing, from west to east, across 180 too"
-    raise argparse.ArgumentTypeError(f"expected {wish}, found {shortened(text)}")
+    form = "SOUTH,WEST,NORTH,EAST in degrees, south to north growing, from west to east, across 180 too"
+    raise argparse.ArgumentTypeError(f"expected {form}, found {shortened(text)}")

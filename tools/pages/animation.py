@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from hil.charts.dive.dive import Wish, prepare_dive
+from hil.charts.dive.dive import DiveOptions, prepare_dive
 from hil.charts.dive.report import MARK, draw_camera, draw_seabed, draw_sonar
 from hil.charts.dive.watch import DiveWatch, Observation
 from hil.common.children import module_command, package_environment, start_child
@@ -40,7 +40,7 @@ MOST_BYTES = 3_000_000
 
 def fly(chart: str, folder: str) -> tuple[Scenario, list[Observation]]:
     """Fly one dive over `chart`; the scenario, and what was seen once a second. Raises HilError."""
-    path = prepare_dive(chart, Wish(), folder).path
+    path = prepare_dive(chart, DiveOptions(), folder).path
     scenario = load_scenario(path)
     with DiveWatch(scenario) as watch:
         demo = start_child(

@@ -20,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import Literal
 
-from hil.charts.dive.dive import Wish, prepare_dive
+from hil.charts.dive.dive import DiveOptions, prepare_dive
 from hil.common.ports import free_ports
 
 ROOT = Path(__file__).parents[2]
@@ -93,7 +93,7 @@ def fly_and_take(scenario: str, speed: float, scheme: Scheme, seconds: float, fi
     """Fly the scenario once with a view, and take one picture of it."""
     with tempfile.TemporaryDirectory() as folder:
         if scenario.endswith(".000"):
-            scenario = prepare_dive(scenario, Wish(), folder).path
+            scenario = prepare_dive(scenario, DiveOptions(), folder).path
         if file == PICTURES:
             scenario = os.path.join(folder, "harbour.toml")
             Path(scenario).write_text(HARBOUR, encoding="utf-8")

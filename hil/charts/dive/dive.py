@@ -70,7 +70,7 @@ time_limit = {limit:.0f}
 """
 
 
-class Wish(NamedTuple):
+class DiveOptions(NamedTuple):
     """Request of a dive: places (latitude and longitude in degrees), depth, length and a chart's `resolution` in m.
 
     `positive` and `crs` of soundings and rasters, as their readers take them.
@@ -97,60 +97,60 @@ class Prepared(NamedTuple):
     facts: Facts = ()
 
 
-def prepare_dive(world: str, wish: Wish, folder: str, progress: Progress = lambda share: None) -> Prepared:
+def prepare_dive(world: str, options: DiveOptions, folder: str, progress: Progress = lambda share: None) -> Prepared:
     """Write a scenario into `folder`.
 
     `world` is a chart (.000), any other file that `uuv-hil world build` takes, a world's .toml, or a world's name.
     Raises ConfigError, MissingExtraError, and MissionError when no way is found.
     """
-    if problem := wish.validate():
+    if problem := options.validate():
         raise ConfigError(problem)
     if world.endswith(".toml") or not os.path.splitext(world)[1]:
-        if wish.resolution:
+        if options.resolution:
             raise ConfigError("--resolution is for charts and soundings: a world has its grid already")
-        return Prepared(_over_world(world, wish, folder))
-    whole = whole_bed(world, wish.resolution, progress, wish.positive, wish.crs)
+        return Prepared(_over_world(world, options, folder))
+    whole = whole_bed(world, options.resolution, progress, options.positive, options.crs)
     name = os.path.splitext(os.path.basename(world))[0]
-    return Prepared(_over_chart(whole, name, wish, folder), facts(whole.placed.grid, whole.report))
+    return Prepared(_over_chart(whole, name, options, folder), facts(whole.placed.grid, whole.report))
 
 
-def _over_chart(whole: Whole, name: str, wish: Wish, folder: str) -> str:
+def _over_chart(whole: Whole, name: str, options: DiveOptions, folder: str) -> str:
     failure: MissionError | None = None
-    for site in _wished(whole.placed.grid, whole.origin, wish):
+    for site in _requested_sites(whole.placed.grid, whole.origin, options):
         path = os.path.join(folder, f"{name}_world.toml")
         write_world(path, cut(whole.placed, _around(site)), whole.source, whole.origin, ("A part, around a dive.",))
         try:
-            return _checked(_write_scenario(site, f"{name}_world.toml", name, wish, folder))
+            return _checked(_write_scenario(site, f"{name}_world.toml", name, options, folder))
         except MissionError as error:
             failure = error
     assert failure is not None  # there is at least one site
     raise failure
 
 
-def _over_world(world: str, wish: Wish, folder: str) -> str:
+def _over_world(world: str, options: DiveOptions, folder: str) -> str:
     known = load_world(world)
     name = known.name
     where = os.path.abspath(world) if world.endswith(".toml") else world
     failure: MissionError | None = None
-    for site in _wished(grid_of(known), known.origin, wish):
+    for site in _requested_sites(grid_of(known), known.origin, options):
         try:
-            return _checked(_write_scenario(site, where, name, wish, folder))
+            return _checked(_write_scenario(site, where, name, options, folder))
         except MissionError as error:
             failure = error
     assert failure is not None
     raise failure
 
 
-def _wished(grid: Grid, origin: tuple[float, float] | None, wish: Wish) -> Iterator[Site]:
+def _requested_sites(grid: Grid, origin: tuple[float, float] | None, options: DiveOptions) -> Iterator[Site]:
     """Return the requested way, or the best ones found."""
-    if wish.start is None or wish.goal is None:
-        yield from sites(grid, wish.length, wish.depth)
+    if options.start is None or options.goal is None:
+        yield from sites(grid, options.length, options.depth)
         return
     if origin is None:
         raise ConfigError("--start and --goal are places on the earth, which this world is not: it has no origin")
     plane = LocalPlane(*origin)
-    start, goal = (_local(plane, place) for place in (wish.start, wish.goal))
-    yield Site(start, goal, depth_between(grid, start, goal) if wish.depth is None else wish.depth)
+    start, goal = (_local(plane, place) for place in (options.start, options.goal))
+    yield Site(start, goal, depth_between(grid, start, goal) if options.depth is None else options.depth)
 
 
 def _local(plane: LocalPlane, place: Point) -> Point:
@@ -163,12 +163,12 @@ def _around(site: Site) -> Extent:
     return south - AROUND, north + AROUND, west - AROUND, east + AROUND
 
 
-def _write_scenario(site: Site, world: str, name: str, wish: Wish, folder: str) -> str:
+def _write_scenario(site: Site, world: str, name: str, options: DiveOptions, folder: str) -> str:
     (north, east), (to_north, to_east) = site.start, site.goal
     length = float(np.hypot(to_north - north, to_east - east))
     text = SCENARIO.format(
         name=name, description=f"A dive over the seabed of {name}", world=world, start=site.start, goal=site.goal,
-        depth=site.depth, heading=atan2(to_east - east, to_north - north), listen=wish.listen, speed=SPEED,
+        depth=site.depth, heading=atan2(to_east - east, to_north - north), listen=options.listen, speed=SPEED,
         limit=60.0 + 3.0 * length / SPEED,
     )  # fmt: skip
     path = os.path.join(folder, f"{name}.toml")

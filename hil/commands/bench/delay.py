@@ -221,10 +221,10 @@ def _changes(case: Case, options: Any) -> dict[str, Any]:
 
 
 @contextmanager
-def _keys(wish: str) -> Iterator[dict[str, Any]]:
-    """Provide the scenario's [security] section that was wished for, with certificates of its own."""
-    if wish != "on":
-        yield {} if not wish else {"security": None}
+def _keys(choice: str) -> Iterator[dict[str, Any]]:
+    """Provide the scenario's [security] section of this choice, with certificates of its own."""
+    if choice != "on":
+        yield {} if not choice else {"security": None}
         return
     from hil.commands.keys import add_machine, init
 

@@ -25,7 +25,7 @@ from hil.common.options import ENDPOINT, add_scenario, changes_of, new_parser
 from hil.scenario.config import load_single
 
 EXAMPLES = """\
-Loss is by sequence numbers, "missing" what the nominal rate leaves to be wished for: what was never sent is in it too.
+Loss is by sequence numbers, "missing" what is missing to the nominal rate: what was never sent is in it too.
 Age is from publish to receipt by the estimated offset of the two clocks (0 on one machine). Topics that a slave of the
 scenario should send and does not have a row of 0 Hz. A vehicle elsewhere is only listened to; without --connect one is
 started here.

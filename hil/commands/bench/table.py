@@ -214,7 +214,7 @@ def _check(columns: list[Column], record: Record, board: Board | None) -> int:
 
 
 def _board(options: Any) -> Board | None:
-    """Return the one wished for, else this machine's if it is to be checked; None: slaves elsewhere report theirs.
+    """Return the requested one, else this machine's if it is to be checked; None: slaves elsewhere report theirs.
 
     Raises ConfigError.
     """

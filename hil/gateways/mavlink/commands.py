@@ -76,10 +76,10 @@ class Commands:
             settled(DENIED)
 
     def _arm(self, request: CommandRequest, now: int, settled: Callable[[int], None]) -> None:
-        wish = request.params[0]
-        if wish == 1.0:
+        requested = request.params[0]
+        if requested == 1.0:
             self._core.arm(now, settled)
-        elif wish == 0.0:
+        elif requested == 0.0:
             self._core.disarm(everybody=request.params[1] == FORCE)
             settled(ACCEPTED)
         else:

@@ -15,7 +15,7 @@ from hil.common.errors import ConfigError, HilError
 from hil.common.text import json_text
 from hil.gateways.commanding import Commanding
 from hil.gateways.rosbridge import rosapi
-from hil.gateways.rosbridge.subscription import Subscription, read_wish
+from hil.gateways.rosbridge.subscription import Subscription, read_options
 from hil.gateways.rosbridge.values import arguments, from_json, to_cbor, to_json, whole_type
 from hil.gateways.websocket_client import SocketClient
 from hil.recording.mcap_file import Message
@@ -164,7 +164,7 @@ class Client(SocketClient):
                 raise ConfigError(f"no operation of rosbridge: {op[:60]!r}")
 
     async def _subscribe(self, message: dict[str, Any], ident: Any) -> None:
-        topic, wish = _name(message, "topic"), read_wish(message)
+        topic, options = _name(message, "topic"), read_options(message)
         wanted = whole_type(_name(message, "type")) if message.get("type") else ""
         if len(self._subscriptions) >= MOST_TOPICS:
             raise ConfigError(f"no more than {MOST_TOPICS} topics")
@@ -172,7 +172,7 @@ class Client(SocketClient):
         if wanted and kind and wanted != kind:
             raise ConfigError(f"{topic} has the type {kind}, not {wanted}")
         subscription = self._subscriptions.setdefault(topic, Subscription())
-        subscription.add("" if ident is None else str(ident)[:LONGEST_NAME], wish)
+        subscription.add("" if ident is None else str(ident)[:LONGEST_NAME], options)
         await asyncio.to_thread(self._commanding.subscribe, topic)
         last = self._latched(topic)
         if last:

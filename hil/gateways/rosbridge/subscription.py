@@ -10,7 +10,7 @@ COMPRESSIONS = ("none", "cbor", "cbor-raw")
 LONGEST_THROTTLE_MS, LONGEST_QUEUE = 3_600_000, 1000
 
 
-class Wish(NamedTuple):
+class SubscriptionOptions(NamedTuple):
     """Request of one `subscribe`: least time between messages, how many wait meanwhile, and the encoding."""
 
     throttle_ns: int
@@ -18,14 +18,14 @@ class Wish(NamedTuple):
     compression: str
 
 
-def read_wish(message: dict[str, Any]) -> Wish:
+def read_options(message: dict[str, Any]) -> SubscriptionOptions:
     """Return what a `subscribe` asks for. Raises ConfigError."""
     throttle = _number(message, "throttle_rate", LONGEST_THROTTLE_MS)
     queue = _number(message, "queue_length", LONGEST_QUEUE)
     compression = message.get("compression") or "none"
     if compression not in COMPRESSIONS:
         raise ConfigError(f"compression: {str(compression)[:20]!r} is none of {', '.join(COMPRESSIONS)}")
-    return Wish(round(throttle * NS_PER_MS), round(queue), compression)
+    return SubscriptionOptions(round(throttle * NS_PER_MS), round(queue), compression)
 
 
 def _number(message: dict[str, Any], key: str, most: int) -> float:
@@ -39,35 +39,35 @@ class Subscription:
     """A client's subscriptions to one topic, by their ids: a message is sent once, for the one that wants most."""
 
     def __init__(self) -> None:
-        self._wishes: dict[str, Wish] = {}
+        self._options: dict[str, SubscriptionOptions] = {}
         self._waiting: deque[Any] = deque(maxlen=1)
         self._next_ns = 0  # when the next may be sent
 
-    def add(self, ident: str, wish: Wish) -> None:
+    def add(self, ident: str, options: SubscriptionOptions) -> None:
         """Add one, or change it."""
-        self._wishes[ident] = wish
+        self._options[ident] = options
         self._waiting = deque(self._waiting, maxlen=max(1, self._longest))
 
     def remove(self, ident: str | None) -> bool:
         """Remove one, or all; return whether none is left."""
         if ident is None:
-            self._wishes.clear()
-        self._wishes.pop(ident or "", None)
-        return not self._wishes
+            self._options.clear()
+        self._options.pop(ident or "", None)
+        return not self._options
 
     @property
     def compression(self) -> str:
         """The encoding that was asked for last."""
-        return next(reversed(self._wishes.values())).compression
+        return next(reversed(self._options.values())).compression
 
     @property
     def _longest(self) -> int:
-        return max([wish.queue_length for wish in self._wishes.values()], default=0)
+        return max([options.queue_length for options in self._options.values()], default=0)
 
     def admit(self, item: Any, now: int) -> Any:
         """Return a message if it is to be sent now (ns); else it waits, if there is a queue, or is left out."""
         if now >= self._next_ns and not self._waiting:
-            self._next_ns = now + min([wish.throttle_ns for wish in self._wishes.values()])
+            self._next_ns = now + min([options.throttle_ns for options in self._options.values()])
             return item
         if self._longest:
             self._waiting.append(item)
@@ -82,5 +82,5 @@ class Subscription:
         """Return what waits longest, if it is due."""
         if not self._waiting or now < self._next_ns:
             return None
-        self._next_ns = now + min([wish.throttle_ns for wish in self._wishes.values()])
+        self._next_ns = now + min([options.throttle_ns for options in self._options.values()])
         return self._waiting.popleft()

@@ -91,7 +91,7 @@ class ActsPanel:
         self._buttons.append(button)
 
     def _fail(self, thruster: str, box: Any) -> None:
-        """Let a thruster fail by its box, or repair it; a box whose wish was refused goes back."""
+        """Let a thruster fail by its box, or repair it; a box whose request was refused goes back."""
         failing = bool(box.value)
         if failing == (thruster in self._failed):
             return

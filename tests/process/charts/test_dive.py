@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.charts.dive.dive import Wish, prepare_dive
+from hil.charts.dive.dive import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
 from hil.charts.site import LEAST_ALTITUDE, MOST_ALTITUDE, MOST_DEPTH, depth_between, sites
 from hil.commands import demo
@@ -69,7 +69,7 @@ def test_where_all_water_is_deeper_than_daylight_the_way_is_near_the_bed() -> No
 def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
     """Start and goal are where they were asked for on the earth."""
     chart = bay().write(tmp_path / "BAY.000")
-    path = prepare_dive(chart, Wish((54.0015, 10.002), (54.0015, 10.0025)), str(tmp_path)).path
+    path = prepare_dive(chart, DiveOptions((54.0015, 10.002), (54.0015, 10.0025)), str(tmp_path)).path
     scenario = load_scenario(path)
     assert {"laser", "camera", "forward_sonar", "altimeter"} <= set(scenario.sensors)
     assert scenario.start.north == pytest.approx((54.0015 - 54.005) * 111_260.0, abs=2.0)
@@ -82,10 +82,10 @@ def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
 
 
 def test_a_world_of_another_kind(tmp_path: Path) -> None:
-    path = prepare_dive("ridge", Wish(depth=6.0, length=20.0), str(tmp_path)).path
+    path = prepare_dive("ridge", DiveOptions(depth=6.0, length=20.0), str(tmp_path)).path
     assert load_scenario(path).master.depth == 6.0
     with pytest.raises(ConfigError, match="it has no origin"):
-        prepare_dive("ridge", Wish((1.0, 2.0), (1.0, 2.001)), str(tmp_path))
+        prepare_dive("ridge", DiveOptions((1.0, 2.0), (1.0, 2.001)), str(tmp_path))
 
 
 def test_what_cannot_be_meant(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hil.charts import whole as module
 from hil.charts.build import MOST_OWN_NODES, build, own_resolution
 from hil.charts.chart_survey import DRAWN, Box
-from hil.charts.dive.dive import Wish, prepare_dive
+from hil.charts.dive.dive import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
 from hil.charts.hazards import LEAST_HEIGHT, Placed
 from hil.charts.site import MOST_MIDDLES, sites
@@ -80,14 +80,14 @@ def test_a_part_has_the_same_nodes(tmp_path: Path) -> None:
 
 def test_a_dive_is_over_the_whole_charts_bed(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
-    path, facts = prepare_dive(path, Wish(length=10.0, resolution=10.0), str(tmp_path))
+    path, facts = prepare_dive(path, DiveOptions(length=10.0, resolution=10.0), str(tmp_path))
     flown = grid_of(load_world(load_scenario(path).world))
     known = whole_bed(str(tmp_path / "BAY.000"), 10.0).placed.grid
     nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(flown.north, flown.east, indexing="ij")])
     np.testing.assert_allclose(known.at(nodes), flown.depths.ravel(), atol=1e-5)
     assert "linear interpolation between the same soundings and contours" in dict(facts)["held out"]
     with pytest.raises(ConfigError, match="--resolution is for charts"):
-        prepare_dive("ridge", Wish(length=10.0, resolution=10.0), str(tmp_path))
+        prepare_dive("ridge", DiveOptions(length=10.0, resolution=10.0), str(tmp_path))
 
 
 def test_a_chart_of_a_small_scale_with_soundings_in_one_corner(tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_a_chart_of_a_small_scale_with_soundings_in_one_corner(tmp_path: Path) -
     cell.soundings([(54.01 + 0.003 * i, 10.01 + 0.004 * j, 6.0 + i + 0.5 * j) for i in range(5) for j in range(5)])
     path = cell.write(tmp_path / "COARSE.000")
     assert whole_bed(path).placed.grid.resolution == 40.0
-    assert load_scenario(prepare_dive(path, Wish(length=10.0), str(tmp_path)).path).master.depth >= 2.0
+    assert load_scenario(prepare_dive(path, DiveOptions(length=10.0), str(tmp_path)).path).master.depth >= 2.0
     with pytest.raises(ConfigError, match=r"take ([\d.]+) m or a coarser one") as caught:
         whole_bed(path, 1.0)
     fits = float(str(caught.value).partition("take ")[2].split()[0])

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hil.common.errors import ConfigError
 from hil.common.text import json_text
 from hil.gateways.rosbridge.rosapi import typedefs
-from hil.gateways.rosbridge.subscription import Subscription, Wish, read_wish
+from hil.gateways.rosbridge.subscription import Subscription, SubscriptionOptions, read_options
 from hil.gateways.rosbridge.values import arguments, from_json, to_cbor, to_json, whole_type
 from hil.ros import message as ros_message
 from hil.ros import types
@@ -139,7 +139,7 @@ MS = 1_000_000
 
 def test_a_throttle_without_a_queue_leaves_out() -> None:
     subscription = Subscription()
-    subscription.add("a", read_wish({"throttle_rate": 100}))
+    subscription.add("a", read_options({"throttle_rate": 100}))
     taken = [subscription.admit(number, number * 40 * MS) for number in range(6)]
     assert taken == [0, None, None, 3, None, None]
     assert subscription.due_ns is None
@@ -147,7 +147,7 @@ def test_a_throttle_without_a_queue_leaves_out() -> None:
 
 def test_a_queue_is_sent_at_the_throttles_pace_and_drops_its_oldest() -> None:
     subscription = Subscription()
-    subscription.add("a", Wish(100 * MS, 2, "none"))
+    subscription.add("a", SubscriptionOptions(100 * MS, 2, "none"))
     assert [subscription.admit(number, 0) for number in range(4)] == [0, None, None, None]
     assert subscription.due_ns == 100 * MS
     assert subscription.take_waiting(50 * MS) is None
@@ -157,8 +157,8 @@ def test_a_queue_is_sent_at_the_throttles_pace_and_drops_its_oldest() -> None:
 
 def test_of_two_subscriptions_the_faster_counts_until_it_goes() -> None:
     subscription = Subscription()
-    subscription.add("slow", Wish(1000 * MS, 0, "none"))
-    subscription.add("fast", Wish(0, 0, "cbor"))
+    subscription.add("slow", SubscriptionOptions(1000 * MS, 0, "none"))
+    subscription.add("fast", SubscriptionOptions(0, 0, "cbor"))
     assert subscription.compression == "cbor"
     assert [subscription.admit(number, number) for number in range(3)] == [0, 1, 2]
     assert not subscription.remove("fast")
@@ -171,8 +171,8 @@ def test_of_two_subscriptions_the_faster_counts_until_it_goes() -> None:
 @given(st.dictionaries(st.sampled_from(["throttle_rate", "queue_length", "compression"]), JSON))
 def test_noise_in_a_subscription_is_bounded_or_refused(message: dict[str, Any]) -> None:
     try:
-        wish = read_wish(message)
+        options = read_options(message)
     except ConfigError:
         return
-    assert 0 <= wish.throttle_ns <= 3600 * 10**9
-    assert 0 <= wish.queue_length <= 1000
+    assert 0 <= options.throttle_ns <= 3600 * 10**9
+    assert 0 <= options.queue_length <= 1000
