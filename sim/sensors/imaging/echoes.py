@@ -10,8 +10,8 @@ and the beam pattern b works on the way out and back (Urick 1983, Principles of 
 Nearer and farther edges of the patch follow from the plane through it, and its echo is spread between them: over a
 plane there is no gap between one ray and the next, however much the beam grazes it.
 Second echoes are in sim/sensors/imaging/multipath.py, the seabed's texture in bottom_echo.py, split rays in
-sim/rays/splitting.py. Echoes of the water are in reverberation.py. Not modelled: rays that bend, a mirror's
-glint, Doppler.
+sim/rays/splitting.py. Echoes of the water are in reverberation.py. The glint of smooth objects
+is in pinger.py. Not modelled: rays that bend, Doppler.
 """
 
 from collections.abc import Callable

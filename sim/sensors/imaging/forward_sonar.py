@@ -26,7 +26,8 @@ class ForwardSonarModel(NamedTuple):
     `sound_speed` m/s is what the device takes it for. `source_level` is in dB re 1 uPa at 1 m, `noise_level` in dB re
     1 uPa behind the beam former, in the band. `seabed_strength`, `object_strength` and `surface_strength` (the water's
     surface from below) are 10 lg mu in dB; `volume_strength` is that of what drifts in the water, in dB re 1/m: about
-    -80 where it is clear, -60 among bubbles or silt. With -200 a strength is none at all. `looks`: see
+    -80 where it is clear, -60 among bubbles or silt. With -200 a strength is none at all. `glint` dB is how much more
+    objects send back at a right angle, within some 6 deg of it, than by Lambert's rule; 0 for none. `looks`: see
     sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam receives
     those of its first side lobe; the others fall as those of a line array. With `multipath` sound comes by way of the
     surface and the seabed, which take `surface_loss` and `bottom_loss` dB of it. `ringing` m, 0 for none: how far the
@@ -63,6 +64,7 @@ class ForwardSonarModel(NamedTuple):
     seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
     object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
     surface_strength: Annotated[float, Range(-200.0, 10.0)] = -30.0
+    glint: Annotated[float, Range(0.0, 60.0)] = 0.0
     volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 1.0
     side_lobes: Annotated[float, Range(0.0, 100.0)] = 25.0

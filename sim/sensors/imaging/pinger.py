@@ -38,6 +38,7 @@ from sim.sensors.surface import submersion
 
 _STEEP = 0.3  # of a unit normal's z: what is steeper is a cliff of the grid
 _NONE = -200.0  # dB: of a strength
+_SLOPE = 0.1  # rms of the slopes of what is smooth, which is how wide its glint is
 
 
 class Strengths(Protocol):
@@ -54,6 +55,10 @@ class Strengths(Protocol):
     @property
     def surface_strength(self) -> float:
         """The water's surface from below."""
+
+    @property
+    def glint(self) -> float:
+        """How much stronger objects are at a right angle, in dB."""
 
 
 class Pinger:
@@ -72,6 +77,7 @@ class Pinger:
         self._rays = RayScene(scene.world)
         self.surface = surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
         self._object_strength = 10.0 ** (strengths.object_strength / 10.0)
+        self._glint = 10.0 ** (strengths.glint / 10.0) - 1.0
         self._strengths = np.full(surface + 2, self._object_strength)  # by object; NOTHING is the last one
         bottom = scene.world.bottom
         kind = PROPERTIES[bottom.kind].echo if bottom else 0.0
@@ -161,6 +167,8 @@ class Pinger:
         if shape:
             first, second = _between(first, second, ranges, np.where(echoing, rays.object, -1), shape)
         facing = self._smoothed(facing, rays, turn)
+        if self._glint:
+            strengths *= self._glints(facing, rays.object)
         energy = np.where(echoing, strengths * facing * rays.weights / ranges**2, 0.0)
         energy *= 10.0 ** (-0.2 * self.absorption * ranges)
         near, far = ranges, ranges
@@ -168,6 +176,17 @@ class Pinger:
             near, far = np.minimum(near, edge), np.maximum(far, edge)
         echoes = Echoes(np.where(echoing, ranges, np.inf), near, far, energy, rays.beam, rays.object)
         return motion.apply(echoes, rays.directions, self._aperture.receive) if motion else echoes, facing
+
+    def _glints(self, facing: Floats, objects: NDArray[np.int32]) -> Floats:
+        """Return how many times as strong as by Lambert's rule each ray's echo is, by its cosine of incidence.
+
+        A smooth thing's facets mirror the sound that meets them at a right angle; their slopes are normally
+        distributed. The seabed, the surface and second echoes have no glint.
+        """
+        smooth = (objects > SEABED) & (objects != self.surface)
+        squares = np.maximum(facing * facing, 1e-4)  # of the cosine; the tangent's follow
+        lobe: Floats = np.exp((1.0 - 1.0 / squares) / (2.0 * _SLOPE * _SLOPE))
+        return np.where(smooth, 1.0 + self._glint * lobe, 1.0)
 
     def _smoothed(self, facing: Floats, rays: Rays, turn: Floats) -> Floats:
         """Return the cosines of incidence without the facets of the seabed's grid."""

@@ -46,6 +46,7 @@ class SideScanModel(NamedTuple):
     seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
     object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
     surface_strength: Annotated[float, Range(-200.0, 10.0)] = -30.0
+    glint: Annotated[float, Range(0.0, 60.0)] = 0.0
     volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 2.0
     ringing: Annotated[float, Range(0.0, 10.0, "m")] = 0.5

@@ -1,6 +1,6 @@
 """Effects on the pings of all sonars that make pictures: ringing, own motion, and a scanning sonar's side lobes."""
 
-from math import atan2, cos, hypot, radians, sin, sqrt
+from math import atan2, cos, exp, hypot, radians, sin, sqrt, tan
 from typing import Any
 
 import numpy as np
@@ -135,6 +135,28 @@ def test_the_surface_mirrors_what_a_scanning_sonar_hears() -> None:
 def test_intensities_need_a_beam() -> None:
     assert HEAD.validate() is None
     assert "beam_width" in str(HEAD._replace(beam_width=0.0).validate())
+
+
+# --- glint
+
+
+@pytest.mark.parametrize("glint", [10.0, 25.0])
+def test_a_smooth_wall_flashes_at_a_right_angle(glint: float) -> None:
+    """By `glint` dB straight on, by exp(-tan² / 0.02) of it at 6 deg, by nothing at 40 deg; the seabed never does."""
+    model = FORWARD._replace(beams=1, sector=radians(0.2), beam_height=radians(0.2), rays=9)
+
+    def echo(degrees: float, model: ForwardSonarModel, world: World = DEEP) -> float:
+        turned = world._replace(box=(Box(20.0, 0.0, 0.02, 40.0, radians(degrees)),))
+        return float(picture(fitted(ForwardSonar, model, turned).sample(0, at_depth(10.0))).sum())
+
+    for degrees, lobe in ((0.0, 1.0), (6.0, exp(-(tan(radians(6.0)) ** 2) / 0.02)), (40.0, 0.0)):
+        ratio = echo(degrees, model._replace(glint=glint)) / echo(degrees, model)
+        assert ratio == pytest.approx(1.0 + (10.0 ** (0.1 * glint) - 1.0) * lobe, rel=0.01)
+    down = [
+        np.frombuffer(fitted(SideScan, SCAN._replace(glint=g), FLAT).sample(0, at_depth(10.0)).port, np.float32)
+        for g in (0.0, glint)
+    ]
+    assert (down[0] == down[1]).all()
 
 
 # --- motion within a ping
