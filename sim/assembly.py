@@ -66,7 +66,7 @@ def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = 
 
 
 def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet:
-    """Return thrusters with first-order lags and no battery, the quickest there are; else as `choose`."""
+    """Return thrusters with first-order lags and no battery: in C where it is compiled, or as `choose` does."""
     return (NativeThrusterSet if has_native() else ThrusterSet)(vehicle, dt, seed)
 
 
@@ -118,7 +118,7 @@ def make_fused_step(
 def make_imu(
     errors: ErrorBank, sample: "type[ImuSample]", position: Sequence[float], gravity: float
 ) -> "Callable[[int, State], ImuSample] | None":
-    """Return what samples in C as sim.sensors.imu.Imu does, along the vehicle's axes; None if `errors` are not in C.
+    """Return an IMU in C, which samples as sim.sensors.imu.Imu along the vehicle's axes; None if `errors` are not.
 
     The unit is at `position` (m, body axes), under `gravity` m/s².
     """
@@ -149,7 +149,7 @@ def make_impulses() -> "tuple[ApplyImpulses, Separate]":
 
 
 def make_caster(geometry: "Geometry") -> "Caster | None":
-    """Return what has a `cast` in C as sim.rays.single.cast is, without its first argument; None where there is no C.
+    """Return a caster in C: its `cast` is sim.rays.single.cast without the first argument; None without C.
 
     Raises ConfigError as `choose` does.
     """

@@ -42,7 +42,7 @@ def find_cause(dynamics: Dynamics, state: State, wrench: Sequence[float], curren
 
 
 def _odd(numbers: Iterable[float]) -> float | None:
-    """Return the first that is not finite."""
+    """Return the first value that is not finite."""
     return next((x for x in numbers if not isfinite(x)), None)
 
 

@@ -219,7 +219,7 @@ class Dynamics:
         return wrench
 
     def numbers(self) -> list[float]:
-        """Return all that `step` uses, in a row: what the C twin is made of."""
+        """Return all numbers that `step` uses, in a row, to make the C twin of them."""
         matrices = (self.mass, self.inverse_mass, self._linear, self._quadratic)
         flat = [x for matrix in matrices for row in matrix for x in row]
         moved = [x for row in self._moved_water for x in row]

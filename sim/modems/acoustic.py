@@ -151,7 +151,7 @@ class AcousticChannel:
     def _spread(
         self, begin_ns: int, end_ns: int, sender: str, receiver: str, payload: bytes, source: Vector3, place: Vector3
     ) -> None:
-        """Put down when and how loud each way of a message comes to one receiver."""
+        """Add an arrival with its time and power for each path of a message to one receiver."""
         modem, speed = self._modem, self._sound_speed(source, place)
         level = hypot(source[0] - place[0], source[1] - place[1])
         depth = max(self._depth, source[2], place[2])
@@ -219,7 +219,7 @@ class AcousticChannel:
         return Packet(arrival.sender, arrival.receiver, arrival.payload, arrival.sent_ns, arrival.end_ns, snr, distance)
 
     def _sound_speed(self, source: Vector3, place: Vector3) -> float:
-        """Return half way between the two, in m/s."""
+        """Return the speed of sound (m/s) half way between the two."""
         return self._column.sound_speed(0.5 * (source[2] + place[2])) if self._column else SOUND_SPEED
 
     def _remove_old(self, time_ns: int) -> None:

@@ -86,7 +86,7 @@ class NativeThrusterSet(ThrusterSet):
 
     @property
     def works(self) -> bool:
-        """False once there are failures, be they still to come."""
+        """False once failures are planned, also future ones."""
         return self._failures is None
 
     @property

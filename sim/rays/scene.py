@@ -148,7 +148,7 @@ class RayScene:
                 solids[place] = value
 
     def _lay(self, rows: "array[float]") -> None:
-        """Put other pieces of pipelines into the scene, whose last rows they are."""
+        """Replace the pieces of pipelines, which are the last rows of the scene."""
         first = ROW * (self._standing + len(self._added))
         if self._geometry is not None and len(self._geometry.solids) == first + len(rows):
             solids = memoryview(self._geometry.solids)  # whose memory the caster holds: its size stays

@@ -37,7 +37,7 @@ class AhrsModel(NamedTuple):
 
 
 class Ahrs:
-    """One unit, of which all that it measures is along its own axes.
+    """An AHRS. All that it measures is along its own axes.
 
     A complementary filter on the rotations (Mahony, Hamel and Pflimlin 2008, IEEE Trans. Automatic Control
     53:1203): the gyros turn the attitude, the accelerometer pulls it towards the plumb line and the magnetometer

@@ -46,7 +46,7 @@ class BatteryMonitor:
         self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> BatterySample:
-        """Return the measurement of now."""
+        """Return the present measurement."""
         battery = self._scene.battery
         assert battery is not None, "the vehicle has one"
         voltage, current = self._errors.measure((battery.voltage, battery.current))

@@ -78,7 +78,7 @@ class OwnKind:
 
 
 class _Fitted:
-    """One as the schedule asks it."""
+    """A user's sensor as the schedule calls it."""
 
     def __init__(self, made: OwnSensor) -> None:
         self._made = made

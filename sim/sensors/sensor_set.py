@@ -121,7 +121,7 @@ def fit(**models: Any) -> SensorSet:
 
 
 class Schedule:
-    """Lets every sensor of a sensors measure when it is due, and hands its samples out when they arrive.
+    """Calls each sensor when it is due, and returns its samples when they arrive.
 
     Instants are whole multiples of a sensor's period, so that nothing drifts; each falls on the first step of
     `dt_ns` at or after it. Raises ConfigError for a sensor that is faster than the steps.
@@ -165,7 +165,7 @@ class Schedule:
         self._in_flight.sort(key=_arrival)
 
     def _deliver(self, now_ns: int, arrived: list[tuple[str, Sample]]) -> int:
-        """Hand out what was under way until now; when the next sample arrives, in ns."""
+        """Deliver the samples that have arrived by now; return when the next one arrives (ns)."""
         while self._in_flight and self._in_flight[0][0] <= now_ns:
             _, _, topic, sample = self._in_flight.pop(0)
             arrived.append((topic, sample))
@@ -177,7 +177,7 @@ def _arrival(waiting: tuple[int, int, str, Sample]) -> tuple[int, int]:
 
 
 class Slot:
-    """One sensor, when it is due next, and what becomes of its samples."""
+    """One sensor, the time at which it is due next, and the delays and losses of its samples."""
 
     __slots__ = ("_drop_out", "_latency_ns", "_luck", "due_ns", "period_ns", "prompt", "sensor", "topic")
 

@@ -47,7 +47,7 @@ class Polar(NamedTuple):
         return self.coefficients(alpha, sin(alpha), cos(alpha))
 
     def coefficients(self, alpha: float, sine: float, cosine: float) -> tuple[float, float]:
-        """Return what `at` does, for an angle whose sine and cosine are known."""
+        """Return the coefficients as `at` does, from the angle's sine and cosine."""
         alpha = remainder(alpha, pi)
         held = max(-self.stall_angle, min(self.stall_angle, alpha))
         lift = self.lift_slope * held

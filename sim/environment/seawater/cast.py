@@ -84,7 +84,7 @@ def _read(path: str) -> Columns:
 
 
 def _thinned(columns: Columns) -> Columns:
-    """Return rows whose depths grow, the means of those in one of MOST_ROWS bins where there are more."""
+    """Return rows of growing depth; if there are more than MOST_ROWS, the means in so many bins."""
     along = columns.get("depth") or columns["pressure"]
     low, high = min(along), max(along)
     size = (high - low) / MOST_ROWS if len(along) > MOST_ROWS else 0.0

@@ -70,7 +70,7 @@ def _textured(shares: Floats, echoes: Echoes, bins: Bins, texture: Texture, stri
 
 
 def _row(bins: Bins) -> float:
-    """Return more than any range of a beam (m), so that all beams make one growing row."""
+    """Return an offset (m) beyond any range of a beam, with which all beams make one growing row."""
     return 4.0 * (bins.first + (bins.count + 2) * bins.step) + 1.0
 
 

@@ -94,7 +94,7 @@ class Pinger:
         self._beam = np.repeat(np.arange(beams), rays)
 
     def add(self, solid: Solid, state: State) -> None:
-        """Put a solid there that goes with a vehicle's `state`; it echoes as the objects do."""
+        """Add a solid that moves with a vehicle's `state`; it echoes as the objects do."""
         number = self._rays.add(solid, state)
         self._strengths = np.insert(self._strengths, number, self._object_strength)
 

@@ -113,7 +113,7 @@ class ScanningSonar:
         self._errors = None if model.ground_truth else RangeErrors(model.error, 1.0 / model.rate, random, self._limits)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Add to its intensities a solid that goes with a vehicle's `state`, its own axes the body's."""
+        """Add a solid, for its intensities, that moves with a vehicle's `state`; its axes are the body's."""
         if self._echoes:
             self._echoes.add(solid, state)
 
@@ -163,7 +163,7 @@ class Intensities:
         self._texture = make_texture(scene.world)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Add a solid that goes with a vehicle's `state`."""
+        """Add a solid that moves with a vehicle's `state`."""
         for pinger in self._pingers:
             pinger.add(solid, state)
 

@@ -92,7 +92,7 @@ class SideScan:
         self._scale = RangeScale(model, mounting, seed, self.topic, scene)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Add to its echoes a solid that goes with a vehicle's `state`, its own axes the body's."""
+        """Add a solid that moves with a vehicle's `state`; its axes are the body's."""
         self._pinger.add(solid, state)
 
     def sample(self, time_ns: int, state: State) -> SideScanSample:

@@ -66,7 +66,7 @@ class RangeScale:
         self._error = None if model.ground_truth else ErrorProcess(model.error, 1.0 / model.rate, random)
 
     def measure(self, state: State, *several: Echoes | None) -> list[Echoes]:
-        """Return those echoes that there are where the device takes them to be; time moves on by one period."""
+        """Return the echoes at the ranges that the device reports; time moves on by one period."""
         found = [echoes for echoes in several if echoes is not None]
         if self._error is None:
             return found

@@ -41,11 +41,11 @@ class Effects:
         return bool(self._lamps or self._caustics)
 
     def beams(self, rays: RayScene, place: Any, turned: Any, seen: Seen) -> list[Beam] | None:
-        """Return the lamps' light at what is seen; None if they are at the camera."""
+        """Return the lamps' light on the surfaces that are seen; None if they are at the camera."""
         return self._lamps.beams(rays, place, turned[:, 1], seen) if self._lamps else None
 
     def dapple(self, seen: Seen, time_ns: int) -> Floats | None:
-        """Return what waves make of the daylight at what is seen; None for nothing."""
+        """Return the factor of daylight by waves on the surfaces that are seen; None without waves."""
         return self._caustics.dapple(seen, time_ns) if self._caustics else None
 
     def water(self, radiance: Floats, ranges: Any, place: Any, turned: Any, water: Water) -> Floats:

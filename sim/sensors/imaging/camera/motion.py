@@ -77,7 +77,7 @@ class Motion:
         return shot
 
     def _places(self, right: Floats, down: Floats) -> NDArray[np.int64]:
-        """Return which pixel is so far from each, at the picture's edge the last."""
+        """Return the pixel at that offset from each; beyond the picture's edge the last one."""
         rows = np.clip(np.rint(self._rows + down), 0, self._height - 1).astype(np.int64)
         columns = np.clip(np.rint(self._columns + right), 0, self._width - 1).astype(np.int64)
         places: NDArray[np.int64] = rows * self._width + columns

@@ -183,7 +183,7 @@ class Caustics:
 
 
 def _smooth(tile: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return it without the grain of single rays: the sun's disc is half a degree wide."""
+    """Return the pattern without the grain of single rays: the sun's disc is half a degree wide."""
     for axis in (0, 1):
         tile = 0.25 * np.roll(tile, 1, axis) + 0.5 * tile + 0.25 * np.roll(tile, -1, axis)
     return tile

@@ -51,7 +51,7 @@ class Eye:
         self._shading = Shading(compiled, self._scenery, self._pixel, model.max_range) if compiled else None
 
     def add(self, solid: Solid, state: State) -> None:
-        """Put a solid there that goes with a vehicle's `state`."""
+        """Add a solid that moves with a vehicle's `state`."""
         self._scenery.add(self._rays.add(solid, state))
 
     def render(self, time_ns: int, state: State) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
@@ -107,7 +107,7 @@ class Eye:
 
 
 def _rays(model: CameraModel, focal: float, world: World, directions: NDArray[np.float64]) -> RayScene:
-    """Return whatever finds what the pixels look at. Raises what PictureScene does."""
+    """Return the scene that casts the pixels' rays. Raises the errors of PictureScene."""
     if model.renderer == "rays":
         return RayScene(world)
     from sim.rays.opengl import PictureScene

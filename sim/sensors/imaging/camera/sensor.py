@@ -42,7 +42,7 @@ class Camera:
         self._development = Development(model, self._eye.axial, seed, self.topic)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Add to its view a solid that goes with a vehicle's `state`, its own axes the body's."""
+        """Add a solid that moves with a vehicle's `state`; its axes are the body's."""
         self._eye.add(solid, state)
 
     def sample(self, time_ns: int, state: State) -> CameraSample:
