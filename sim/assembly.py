@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sim.native._rays import Caster
     from sim.rays.geometry import Geometry
     from sim.sensors.samples import ImuSample
-    from sim.tether import Flow, Tether, TetherKeys
+    from sim.tether import Carrier, Flow, Tether, TetherKeys
     from sim.vehicle.ballast import Release
     from sim.vehicle.collision_shape import HullShape
     from sim.vehicle.equipment import Equipment
@@ -200,11 +200,14 @@ def make_surface_forces(vehicle: Vehicle, world: World, wave_field: "WaveField |
     return surface_and_layers(vehicle, world, wave_field)
 
 
-def make_tether(keys: "TetherKeys", world: World, dt: float, flow: "Flow") -> "Tether":
-    """Return the tether that `keys` describe, stepped every `dt` s; `flow` is the water's velocity at a place."""
+def make_tether(keys: "TetherKeys", world: World, dt: float, carrier: "Carrier", flow: "Flow") -> "Tether":
+    """Return the tether that `keys` describe, stepped every `dt` s.
+
+    `carrier` gives state and inverse mass of the vehicle, `flow` the water's velocity at a place.
+    """
     from sim.tether import Tether
 
-    return Tether(keys, world, dt, flow)
+    return Tether(keys, world, dt, carrier, flow)
 
 
 def make_equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":

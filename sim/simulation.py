@@ -15,9 +15,10 @@ from sim.assembly import (
     make_tether,
     make_thrusters,
 )
-from sim.dynamics import Dynamics, Forces, Integrator
+from sim.dynamics import Dynamics, Forces, Integrator, State
 from sim.environment.collision import Contact
 from sim.environment.world import World
+from sim.matrices import Matrix
 from sim.native import NativeDynamics
 from sim.rotations import from_euler, rotate_inverse
 from sim.run_events import EventLog
@@ -85,7 +86,7 @@ class Simulation:
         self._integrator: Integrator = integrator
         self._water = make_moving_water(vehicle, world, seed)
         self.equipment = make_equipment(vehicle, world, self._dt, releases)
-        self.tether = None if tether is None else make_tether(tether, world, self._dt, self.flow_at)
+        self.tether = None if tether is None else make_tether(tether, world, self._dt, self._carrier, self.flow_at)
         self._own_forces = forces if self.tether is None else (*forces, self.tether)
         self._dynamics = self._build()
         self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
@@ -134,6 +135,10 @@ class Simulation:
     def flow_at(self, place: Sequence[float]) -> Sequence[float]:
         """Return the velocity of the water at a place (m, NED) now, NED in m/s."""
         return self._water.velocity(self.time_ns, place) if self._water else self.world.current
+
+    def _carrier(self) -> tuple[State, Matrix]:
+        """Return what a tether pulls at: the state, and the inverse of the mass matrix."""
+        return self.state, self._dynamics.inverse_mass
 
     @property
     def battery(self) -> "BatteryState | None":

@@ -8,26 +8,34 @@ attachment = [-0.2, 0.0, -0.1] # of the vehicle, body axes in m
 The line is `segments` straight springs with a mass at each joint (Buckham et al. 2004, Ocean Engineering 31). Springs
 pull, never push, and damp. On a joint act the weight in water (in air above the surface), the drag of half of both
 segments (across and along each, by the square of the speed through the water where it is), and the seabed, on which it
-lies. `begin` moves it on from step to step, the end at the vehicle where that was seen last, led by half a step. Where
-a step is too long for the springs it is divided, up to _MOST_PARTS times; beyond that the joints are given more inertia
-than they have, so that a stiff or short line is stable too: what it comes to rest at is the same.
+lies. `begin` solves the motion of line and vehicle through the step at once (sim/tether_step.py), the vehicle as the
+inertia that it has at the attachment; the pull that results holds for the step. So a short or stiff line is stable with
+steps of any length, and its vehicle comes to rest at the pull that balances the other forces.
 
-A winch at the anchor pays out and hauls in with `winch_speed`: all segments become longer or shorter. Cost: about
-10 us a segment and part on a desktop's core. Not modelled: bending, torsion, friction on the seabed along the line,
-vortex-induced vibration, waves at the line.
+What a step cannot resolve is lost: vibrations along the line of a period of some steps, and the rebound from a jerk.
+The vehicle's end yields by pull / inertia dt^2 more than it would (0.3 mm for 2 m/s^2 at 100 Hz). A spring is no
+stiffer than _STIFFEST times a joint's mass / dt^2: at 100 Hz, and with the default diameter and mass, the stiffness EA
+is at most 9e8 N/m^2 times a segment's length squared.
+
+A winch at the anchor pays out and hauls in with `winch_speed`: all segments become longer or shorter. Cost: about 14 us
+a segment on a desktop's core, twice that while the pull changes quickly. Not modelled: bending, torsion, friction on
+the seabed along the line, vortex-induced vibration, waves at the line.
 """
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from math import ceil, isfinite, pi, sqrt
+from math import isfinite, pi, sqrt
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
-from sim.rotations import Rotation
+from sim.matrices import Matrix, cross_matrix, inverse, product, transpose
+from sim.rotations import Rotation, matrix, rotate
+from sim.tether_step import Chain, Symmetric, step_chain
 
 if TYPE_CHECKING:
+    from sim.dynamics import State
     from sim.environment.world import World
     from sim.forces import Wrench
 
@@ -35,12 +43,13 @@ Place = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(-20.0, 20.0, "m/s")]
 MOST_LENGTH = 10_000.0  # m
 LEAST_LENGTH = 0.5  # m
-_MOST_PARTS = 8  # of a step
-_PACE = 0.5  # of a joint's 1 / omega: stable to where pace^2 + 4 damping pace is 1
+LEAST_SEGMENT = 0.025  # m
+_STIFFEST = 1e6  # stiffness of a spring times dt^2 over the mass of a joint: beyond it rounding and bends count
 _FINE = 200  # places along the arc in which it begins
 _DAMPING = 0.2  # of the critical one of a joint between two springs
 
 Flow = Callable[[Sequence[float]], Sequence[float]]
+Carrier = Callable[[], "tuple[State, Matrix]"]
 
 
 class TetherKeys(NamedTuple):
@@ -64,71 +73,89 @@ class TetherKeys(NamedTuple):
     winch_speed: Annotated[float, Range(0.0, 20.0, "m/s")] = 0.5
     segments: Annotated[int, Range(2, 100)] = 10
 
+    def validate(self) -> str | None:
+        """Return what is wrong between the keys, or None."""
+        if self.length < self.segments * LEAST_SEGMENT:
+            most = int(self.length / LEAST_SEGMENT)
+            return f"segments: {self.segments} of {self.length:g} m are too short to compute: use at most {most}"
+        return None
 
-def require_length(length: float) -> None:
-    """Raise ConfigError for a length (m) that cannot be."""
-    if not (isfinite(length) and LEAST_LENGTH <= length <= MOST_LENGTH):
-        raise ConfigError(f"tether: length {length:g} m is outside {LEAST_LENGTH:g} to {MOST_LENGTH:g} m")
+    def require_length(self, length: float) -> None:
+        """Raise ConfigError for a length (m) that the winch cannot pay out."""
+        least = max(LEAST_LENGTH, self.segments * LEAST_SEGMENT)
+        if not (isfinite(length) and least <= length <= MOST_LENGTH):
+            raise ConfigError(
+                f"tether: length {length:g} m of {self.segments} segments is outside {least:g} to {MOST_LENGTH:g} m"
+            )
 
 
 class Tether:
     """The force of a tether on a vehicle in `world`, as sim.forces.Force. `flow` gives the water's velocity (NED, m/s).
 
     `tension` is the pull at the vehicle in N, `anchor_tension` that at the anchor, `length` what is paid out now, in m,
-    `nodes` the places of the joints from anchor to vehicle (NED, m). `dt` is the time of a step in s.
+    `nodes` the places of the joints from anchor to vehicle (NED, m). `dt` is the time of a step in s. `carrier` gives
+    the state of the vehicle, and the inverse of its mass matrix; of zeros, the end does not yield.
     """
 
-    def __init__(self, keys: TetherKeys, world: "World", dt: float, flow: Flow | None = None) -> None:
+    def __init__(self, keys: TetherKeys, world: "World", dt: float, carrier: Carrier, flow: Flow | None = None) -> None:
         self.keys = keys
         self.length = self._wanted = keys.length
         self.tension = self.anchor_tension = 0.0
         self.nodes: list[list[float]] = []
         self._speeds: list[list[float]] = []
-        self._world, self._dt = world, dt
+        self._pulls: list[float] = []  # of the springs
+        self._world, self._dt, self._carrier = world, dt, carrier
+        self._inverse_mass: Matrix | None = None
+        self._inertia: Matrix | None = None  # at the attachment, body axes
         self._flow: Flow = flow or (lambda _: world.current)
         self._area = 0.25 * pi * keys.diameter**2
         self._force: Sequence[float] = (0.0, 0.0, 0.0)
         self._time_ns = -1
-        self._seen: list[Sequence[float]] = []  # the last two places of the attachment
-        self._waits = True  # for the place in this step
 
     def set_length(self, length: float) -> None:
         """Pay out or haul in to `length` m, at the winch's speed. Raises ConfigError for a length that cannot be."""
-        require_length(length)
+        self.keys.require_length(length)
         self._wanted = length
 
     def restart(self) -> None:
         """Hang the line again in the next step: the vehicle was put elsewhere, and did not move there."""
-        self.nodes, self._seen, self._force = [], [], (0.0, 0.0, 0.0)
+        self.nodes = []
 
     def begin(self, time_ns: int) -> None:
-        """Move the line on to the beginning of a step."""
+        """Move the line on through the step that begins, with the vehicle's end as its inertia lets it move."""
         if time_ns <= self._time_ns:
             return
-        if self._seen and self._time_ns >= 0:
-            self._advance(time_ns * 1e-9)
-        self._time_ns, self._waits = time_ns, True
+        self._time_ns = time_ns
+        end = self._end()
+        if not self.nodes:
+            self._hang(end.place)
+        self._advance(end)
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> "Wrench":
         """Return the pull at the vehicle: see sim.forces.Force."""
         xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
         x, y, z = self.keys.attachment
-        if self._waits:
-            north, east, down = position
-            place = (
-                north + xx * x + xy * y + xz * z,
-                east + yx * x + yy * y + yz * z,
-                down + zx * x + zy * y + zz * z,
-            )
-            self._seen = [*self._seen[-1:], place]
-            self._waits = False
-            if not self.nodes:
-                self._hang(place)
         north, east, down = self._force
         u = xx * north + yx * east + zx * down
         v = xy * north + yy * east + zy * down
         w = xz * north + yz * east + zz * down
         return u, v, w, y * w - z * v, z * u - x * w, x * v - y * u
+
+    def _end(self) -> "_End":
+        state, inverse_mass = self._carrier()
+        if inverse_mass is not self._inverse_mass:
+            self._inverse_mass, self._inertia = inverse_mass, _inertia_at(self.keys.attachment, inverse_mass)
+        lever = rotate(state.quaternion, self.keys.attachment)
+        place = [a + b for a, b in zip(state.position, lever, strict=True)]
+        u, v, w, p, q, r = state.nu
+        x, y, z = self.keys.attachment
+        velocity = rotate(state.quaternion, (u + q * z - r * y, v + r * x - p * z, w + p * y - q * x))
+        if self._inertia is None:
+            return _End(place, velocity, None)
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(state.quaternion)
+        turn = [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]
+        (a, b, c), (_, d, e), (_, _, f) = product(product(turn, self._inertia), transpose(turn))
+        return _End(place, velocity, (a, b, c, d, e, f))
 
     def _hang(self, end: Sequence[float]) -> None:
         """Put the line between anchor and vehicle in an arc of its length, or straight where it is too short."""
@@ -146,44 +173,36 @@ class Tether:
             share = (way - lengths[at]) / (lengths[at + 1] - lengths[at] or 1.0)
             self.nodes.append([a + share * (b - a) for a, b in zip(arc[at], arc[at + 1], strict=True)])
         self._speeds = [[0.0, 0.0, 0.0] for _ in range(count + 1)]
+        self._pulls = [0.0] * count
 
     def _anchor(self, time: float) -> list[float]:
         return [a + time * v for a, v in zip(self.keys.anchor, self.keys.anchor_velocity, strict=True)]
 
-    def _advance(self, time: float) -> None:
+    def _advance(self, end: "_End") -> None:
+        """Move the line on by a step, and find its mean pull on the vehicle in it."""
         keys, dt = self.keys, self._dt
         change = min(abs(self._wanted - self.length), keys.winch_speed * dt)
         self.length += change if self._wanted > self.length else -change
         rest = self.length / keys.segments
-        spring = keys.stiffness / rest
         mass = (keys.mass + self._world.density * self._area) * rest  # with the water that goes along
-        parts = min(_MOST_PARTS, ceil(dt * sqrt(spring / mass) / _PACE))
-        part = dt / parts
-        mass = max(mass, spring * (part / _PACE) ** 2)
-        last, older = self._seen[-1], self._seen[0]
-        velocity = [(a - b) / dt for a, b in zip(last, older, strict=True)]
-        end = [a + 0.5 * dt * v for a, v in zip(last, velocity, strict=True)]
-        start = self._anchor(time)
-        from_start, from_end = self.nodes[0], self.nodes[-1]
-        self._speeds[0], self._speeds[-1] = list(keys.anchor_velocity), velocity
-        total, held = [0.0, 0.0, 0.0], 0.0
-        for k in range(1, parts + 1):
-            share = k / parts
-            self.nodes[0] = [a + share * (b - a) for a, b in zip(from_start, start, strict=True)]
-            self.nodes[-1] = [a + share * (b - a) for a, b in zip(from_end, end, strict=True)]
-            forces = self._forces(rest, spring, mass)
-            total = [a + b for a, b in zip(total, forces[-1], strict=True)]
-            held += sqrt(sum([x * x for x in forces[0]]))
-            self._move(forces, mass, part)
-        self._force = [x / parts for x in total]
-        self.tension = sqrt(sum([x * x for x in self._force]))
-        self.anchor_tension = held / parts
-
-    def _forces(self, rest: float, spring: float, mass: float) -> list[list[float]]:
-        """Return the force on each joint (N, NED)."""
-        keys, density = self.keys, self._world.density
-        forces = [[0.0, 0.0, 0.0] for _ in self.nodes]
+        spring = min(keys.stiffness / rest, _STIFFEST * mass / dt**2)
+        self.nodes[0], self.nodes[-1] = self._anchor(self._time_ns * 1e-9), list(end.place)
+        self._speeds[0], self._speeds[-1] = list(keys.anchor_velocity), list(end.velocity)
+        loads, drags = self._loads(rest)
         damping = 2.0 * _DAMPING * sqrt(spring * mass)
+        chain = Chain(self.nodes, self._speeds, loads, drags, mass, end.inertia, rest, spring, damping, self._pulls)
+        self._speeds, self._pulls, force = step_chain(chain, dt)
+        self._force = [a + b for a, b in zip(force, loads[-1], strict=True)]
+        self.tension = sqrt(sum([x * x for x in self._force]))
+        way = [b - a for a, b in zip(self.nodes[0], self.nodes[1], strict=True)]
+        share = self._pulls[0] / (sqrt(sum([x * x for x in way])) or 1.0)
+        self.anchor_tension = sqrt(sum([(share * x + load) ** 2 for x, load in zip(way, loads[0], strict=True)]))
+        self._move(dt)
+
+    def _loads(self, rest: float) -> tuple[list[list[float]], list[float]]:
+        """Return weight and drag on each joint (N, NED), and how much drag a speed takes there (N s/m)."""
+        keys, density = self.keys, self._world.density
+        loads, drags = [[0.0, 0.0, 0.0] for _ in self.nodes], [0.0 for _ in self.nodes]
         across, along = 0.5 * density * keys.drag * keys.diameter, 0.5 * density * keys.drag_along * pi * keys.diameter
         wet, dry = 0.5 * rest * (keys.mass - density * self._area), 0.5 * rest * keys.mass
         gravity = self._world.gravity
@@ -193,43 +212,49 @@ class Tether:
             x, y, z = bx - ax, by - ay, bz - az
             size = sqrt(x * x + y * y + z * z) or 1e-9
             x, y, z = x / size, y / size, z / size
-            stretch = size - rest
-            pull = 0.0
-            if stretch > 0.0:
-                pull = spring * stretch + damping * (x * (bu - au) + y * (bv - av) + z * (bw - aw))
-                pull = max(pull, 0.0)
-            weight = gravity * (wet if az + bz > 0.0 else dry)
-            fx = fy = 0.0
-            fz = weight
+            fx = fy = resistance = 0.0
+            fz = gravity * (wet if az + bz > 0.0 else dry)
             if az + bz > 0.0:
                 north, east, down = self._flow((0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)))
                 u, v, w = north - 0.5 * (au + bu), east - 0.5 * (av + bv), down - 0.5 * (aw + bw)
                 slide = u * x + v * y + w * z
                 u, v, w = u - slide * x, v - slide * y, w - slide * z
-                push = 0.5 * size * across * sqrt(u * u + v * v + w * w)
+                resistance = 0.5 * size * across * sqrt(u * u + v * v + w * w)
                 rub = 0.5 * size * along * abs(slide) * slide
-                fx, fy, fz = push * u + rub * x, push * v + rub * y, fz + push * w + rub * z
-            one, other = forces[i], forces[i + 1]
-            one[0] += fx + pull * x
-            one[1] += fy + pull * y
-            one[2] += fz + pull * z
-            other[0] += fx - pull * x
-            other[1] += fy - pull * y
-            other[2] += fz - pull * z
-        return forces
+                fx, fy, fz = resistance * u + rub * x, resistance * v + rub * y, fz + resistance * w + rub * z
+            for k in (i, i + 1):
+                load = loads[k]
+                load[0], load[1], load[2] = load[0] + fx, load[1] + fy, load[2] + fz
+                drags[k] += resistance
+        return loads, drags
 
-    def _move(self, forces: Sequence[Sequence[float]], mass: float, part: float) -> None:
-        """Move the joints between the ends on by `part` s; they lie on the seabed, and float on the surface."""
+    def _move(self, dt: float) -> None:
+        """Move all on by `dt` s; joints between the ends lie on the seabed, and float on the surface."""
         floats = self.keys.mass < self._world.density * self._area
-        for i in range(1, len(self.nodes) - 1):
-            speed = [v + part * f / mass for v, f in zip(self._speeds[i], forces[i], strict=True)]
-            node = [a + part * v for a, v in zip(self.nodes[i], speed, strict=True)]
-            bed = self._world.seabed(node[0], node[1])
-            if node[2] > bed:
-                node[2], speed = bed, [0.0, 0.0, min(0.0, speed[2])]
-            elif floats and node[2] < 0.0:
-                node[2], speed[2] = 0.0, max(0.0, speed[2])
-            self.nodes[i], self._speeds[i] = node, speed
+        for i, speed in enumerate(self._speeds):
+            node = [a + dt * v for a, v in zip(self.nodes[i], speed, strict=True)]
+            if 0 < i < self.keys.segments:
+                bed = self._world.seabed(node[0], node[1])
+                if node[2] > bed:
+                    node[2], speed[:] = bed, [0.0, 0.0, min(0.0, speed[2])]
+                elif floats and node[2] < 0.0:
+                    node[2], speed[2] = 0.0, max(0.0, speed[2])
+            self.nodes[i] = node
+
+
+class _End(NamedTuple):
+    """Where the vehicle holds the line (m), how fast that moves (m/s), and its inertia there (kg), NED."""
+
+    place: Sequence[float]
+    velocity: Sequence[float]
+    inertia: Symmetric | None
+
+
+def _inertia_at(lever: Sequence[float], inverse_mass: Matrix) -> Matrix | None:
+    """Return what a force at `lever` (m) of the body has to move (kg, 3x3, body axes); None if nothing moves."""
+    arms = [[float(i == j) for j in range(3)] + [-x for x in row] for i, row in enumerate(cross_matrix(lever))]
+    mobility = product(product(arms, inverse_mass), transpose(arms))
+    return inverse(mobility) if any(map(any, mobility)) else None
 
 
 def _arc(start: Sequence[float], end: Sequence[float], sag: float) -> list[list[float]]:

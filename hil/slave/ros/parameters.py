@@ -146,9 +146,7 @@ class _TetherState:
     def read(self, name: str, value: Message) -> float:
         if name == TENSION:
             raise ConfigError(f"{name}: it is measured")
-        from sim.tether import require_length  # most vehicles have no tether
-
-        require_length(value["double_value"])
+        self._tether.keys.require_length(value["double_value"])
         return float(value["double_value"])
 
     def apply(self, name: str, change: float) -> str:

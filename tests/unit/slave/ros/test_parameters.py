@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from hil.slave.ros.parameters import Parameters
+from sim.tether import TetherKeys
 
 DOUBLE, STRING = 3, 4
 
@@ -11,7 +12,7 @@ DOUBLE, STRING = 3, 4
 class FakeTether:
     """A tether of which only length and pull are there."""
 
-    length, tension = 20.0, 3.5
+    length, tension, keys = 20.0, 3.5, TetherKeys(20.0)
 
     def set_length(self, length: float) -> None:
         self.length = length

@@ -1,0 +1,184 @@
+"""One implicit step of a chain of masses and springs, the line of sim/tether.py.
+
+A step of dt s looks for the speeds v at its end (backward Euler; Baraff & Witkin 1998, "Large steps in cloth
+simulation"). A spring from joint a to joint b, along the unit vector t, pulls then with
+
+    stiffness (stretch + dt t.w) + damping t.w  along t,  and  pull / size (1 - t t') dt w  across it,  w = v_b - v_a
+
+The first keeps a stiff spring stable, the second a taut string. Both are linear in v, so each joint depends on its two
+neighbours alone: a block-tridiagonal system, solved from the anchor on. Springs do not push: those that would are left
+out, and the rest is solved again. A spring that becomes taut within the step stops what stretches it.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from hil.common.vectors import Vector3
+
+_ROUNDS = 12  # of leaving springs out and taking them in, at most
+_ENOUGH = 0.1  # of the greatest pull: how much all may change in the last round
+
+# A symmetric 3x3 matrix: xx, xy, xz, yy, yz, zz.
+Symmetric = tuple[float, float, float, float, float, float]
+
+
+class Chain(NamedTuple):
+    """What a step begins with, in N, kg, m, s and NED. Joint 0 is the anchor, whose speed holds through the step.
+
+    `loads` are the forces on the joints besides the springs, and `drags` by how much these fall with the speed (N s/m).
+    `mass` is that of a joint between the ends, `inertia` that of the last one; None if its speed holds, too. `pulls`
+    are those of the last step.
+    """
+
+    places: Sequence[Sequence[float]]
+    speeds: Sequence[Sequence[float]]
+    loads: Sequence[Sequence[float]]
+    drags: Sequence[float]
+    mass: float
+    inertia: Symmetric | None
+    rest: float
+    stiffness: float
+    damping: float
+    pulls: Sequence[float]
+
+
+class _Spring(NamedTuple):
+    """Pull at the end of the step: `offset` + `slope` times the speed at which it grows; `unit` from a to b."""
+
+    unit: Vector3
+    size: float
+    stretch: float
+    offset: float
+    slope: float
+
+
+def step_chain(chain: Chain, dt: float) -> tuple[list[list[float]], list[float], list[float]]:
+    """Return the speeds after `dt` s, the pull of each spring, and that of the last one on the last joint (NED)."""
+    springs = [_spring(a, b, chain, dt) for a, b in zip(chain.places, chain.places[1:], strict=False)]
+    speeds = [list(speed) for speed in chain.speeds]
+    pulls = [last or now for last, now in zip(chain.pulls, _pulls(springs, speeds, dt), strict=True)]
+    terms: list[tuple[float, float] | None] = []
+    for _ in range(_ROUNDS):
+        terms = [(dt * pull / s.size * dt, dt * s.slope) if pull > 0.0 else None
+                 for s, pull in zip(springs, pulls, strict=True)]  # fmt: skip
+        speeds = _solve(chain, springs, terms, dt)
+        last, pulls = pulls, _pulls(springs, speeds, dt)
+        same = all((a > 0.0) == (b > 0.0) for a, b in zip(last, pulls, strict=True))
+        apart = max(abs(a - b) for a, b in zip(last, pulls, strict=True))
+        if same and apart <= _ENOUGH * max(pulls):
+            break
+    if terms[-1] is None:
+        return speeds, pulls, [0.0, 0.0, 0.0]
+    (across, along), last_spring = terms[-1], springs[-1]
+    back = [(a - b) / dt for a, b in zip(speeds[-2], speeds[-1], strict=True)]
+    force = [-last_spring.offset * x for x in last_spring.unit]
+    return speeds, pulls, _coupled(force, last_spring.unit, across, along - across, back)
+
+
+def _spring(a: Sequence[float], b: Sequence[float], chain: Chain, dt: float) -> _Spring:
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    size = (x * x + y * y + z * z) ** 0.5 or 1e-9
+    stretch = size - chain.rest
+    slope = chain.stiffness * dt + chain.damping
+    return _Spring((x / size, y / size, z / size), size, stretch, chain.stiffness * stretch, slope)
+
+
+def _pulls(springs: Sequence[_Spring], speeds: Sequence[Sequence[float]], dt: float) -> list[float]:
+    """Return the pull of each spring at these speeds, 0 for one that is slack at the end of the step."""
+    pulls = []
+    for spring, (au, av, aw), (bu, bv, bw) in zip(springs, speeds, speeds[1:], strict=False):
+        x, y, z = spring.unit
+        growth = x * (bu - au) + y * (bv - av) + z * (bw - aw)
+        taut = spring.stretch + dt * growth > 0.0
+        pulls.append(max(0.0, spring.offset + spring.slope * growth) if taut else 0.0)
+    return pulls
+
+
+def _solve(
+    chain: Chain, springs: Sequence[_Spring], terms: Sequence[tuple[float, float] | None], dt: float
+) -> list[list[float]]:
+    """Return the speeds at which all is balanced; `terms` are impulses a speed, across and along each taut spring."""
+    count = len(springs)
+    speeds = [list(speed) for speed in chain.speeds]
+    mass, last = chain.mass, chain.inertia
+    weights: list[Symmetric] = [(mass, 0.0, 0.0, mass, 0.0, mass)] * count
+    if last is not None:
+        weights.append(last)
+    inverses: list[Symmetric] = []
+    sides: list[list[float]] = []
+    for i in range(1, len(weights)):
+        xx, xy, xz, yy, yz, zz = weights[i]
+        u, v, w = speeds[i]
+        drag = dt * chain.drags[i]
+        fx, fy, fz = chain.loads[i]
+        xx, yy, zz = xx + drag, yy + drag, zz + drag
+        right = [
+            xx * u + xy * v + xz * w + dt * fx,
+            xy * u + yy * v + yz * w + dt * fy,
+            xz * u + yz * v + zz * w + dt * fz,
+        ]
+        for side, k in ((-1.0, i - 1), (1.0, i)):
+            term = terms[k] if k < count else None
+            if term is None:
+                continue
+            (x, y, z), (across, along) = springs[k].unit, term
+            more = along - across
+            xx, xy, xz = xx + across + more * x * x, xy + more * x * y, xz + more * x * z
+            yy, yz, zz = yy + across + more * y * y, yz + more * y * z, zz + across + more * z * z
+            pull = side * dt * springs[k].offset
+            right = [right[0] + pull * x, right[1] + pull * y, right[2] + pull * z]
+        block: Symmetric = (xx, xy, xz, yy, yz, zz)
+        before: Sequence[float] = speeds[0]
+        term = terms[i - 1]
+        if term is not None:  # what the joint before it takes away
+            unit, (across, along) = springs[i - 1].unit, term
+            if i > 1:
+                before = _times(inverses[-1], sides[-1])
+                block = _reduced(block, inverses[-1], unit, across, along - across)
+            right = _coupled(right, unit, across, along - across, before)
+        inverses.append(_inverse(*block))
+        sides.append(right)
+    for i in range(len(weights) - 1, 0, -1):
+        right = sides[i - 1]
+        term = terms[i] if i < count else None
+        if term is not None:
+            across, along = term
+            right = _coupled(right, springs[i].unit, across, along - across, speeds[i + 1])
+        speeds[i] = list(_times(inverses[i - 1], right))
+    return speeds
+
+
+def _reduced(block: Symmetric, p: Symmetric, t: Sequence[float], across: float, more: float) -> Symmetric:
+    """Return block - e p e, with the coupling e = across + more t t'."""
+    q = _times(p, t)
+    square, both = across * across, across * more
+    own = more * more * (q[0] * t[0] + q[1] * t[1] + q[2] * t[2])
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    xx, xy, xz, yy, yz, zz = [
+        a - square * b - both * (q[i] * t[j] + q[j] * t[i]) - own * t[i] * t[j]
+        for a, b, (i, j) in zip(block, p, pairs, strict=True)
+    ]
+    return xx, xy, xz, yy, yz, zz
+
+
+def _coupled(
+    right: Sequence[float], unit: Sequence[float], across: float, more: float, speed: Sequence[float]
+) -> list[float]:
+    """Return `right` plus what a spring passes on of its other joint's speed."""
+    along = more * (unit[0] * speed[0] + unit[1] * speed[1] + unit[2] * speed[2])
+    return [a + across * b + along * c for a, b, c in zip(right, speed, unit, strict=True)]
+
+
+def _times(a: Symmetric, x: Sequence[float]) -> tuple[float, float, float]:
+    xx, xy, xz, yy, yz, zz = a
+    u, v, w = x
+    return xx * u + xy * v + xz * w, xy * u + yy * v + yz * w, xz * u + yz * v + zz * w
+
+
+def _inverse(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> Symmetric:
+    a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    scale = 1.0 / (xx * a + xy * b + xz * c)
+    return (
+        a * scale, b * scale, c * scale, (xx * zz - xz * xz) * scale, (xy * xz - xx * yz) * scale,
+        (xx * yy - xy * xy) * scale,
+    )  # fmt: skip
