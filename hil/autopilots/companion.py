@@ -1,7 +1,7 @@
 """Positions for ArduSub as a companion computer on the vehicle gives them: MAVLink messages on a port of its own.
 
     odometry   ODOMETRY of the navigation solution: position, attitude, velocity
-    dvl        VISION_POSITION_DELTA of the DVL's velocities, from which ArduSub counts its position on; none without
+    dvl        VISION_POSITION_DELTA of the DVL's velocities, by which ArduSub continues its position; none without
                bottom lock
     gps        GPS_INPUT of the GPS receiver; no fix under water
 

@@ -10,7 +10,7 @@ import time
 from hil.common.clock import now_ns
 
 SET_NS = 500_000  # a larger change of the offset means that the clock was set; NTP slews both clocks alike
-_KEPT = 64  # epochs that are stored; no sample is delayed for longer than these
+_STORED = 64  # epochs that are stored; no sample is delayed for longer than these
 
 
 def wall_offset_ns() -> int:
@@ -47,7 +47,7 @@ class Stamps:
     def begin(self, time_ns: int, epoch_ns: int) -> None:
         """Use another epoch for samples measured after this simulation time."""
         if time_ns > self._since_ns:  # else nothing was measured in the present epoch
-            self._older = ((self._since_ns, self.epoch_ns), *self._older)[:_KEPT]
+            self._older = ((self._since_ns, self.epoch_ns), *self._older)[:_STORED]
         self.epoch_ns, self._since_ns = epoch_ns, time_ns
 
     def monotonic_ns(self, time_ns: int) -> int:

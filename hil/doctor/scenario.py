@@ -29,7 +29,7 @@ KEYS = {"the goal ": "master: goal: ", "the start ": "start: ", "no path ": "mas
 
 
 def check_scenario(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Yield what a flight of a loaded scenario would run into; nothing if all is well.
+    """Yield the problems that a flight of a loaded scenario would meet; nothing if there are none.
 
     Raises ConfigError when the vehicle's or the world's file is wrong.
     """

@@ -17,7 +17,7 @@ NO_HASH = "TypeHashNotSupported"  # sent by Humble instead of the hash of a type
 _chosen: tuple[int, Distro] = (FROM_ENVIRONMENT, "jazzy")
 
 
-def speak(domain: int = FROM_ENVIRONMENT, distro: Distro = "jazzy") -> None:
+def select(domain: int = FROM_ENVIRONMENT, distro: Distro = "jazzy") -> None:
     """Set domain and release for this process. Raises ConfigError if the environment has an invalid domain."""
     global _chosen  # noqa: PLW0603 - one for the process, see above
     _chosen = domain if domain >= 0 else _from_environment(), distro
@@ -26,7 +26,7 @@ def speak(domain: int = FROM_ENVIRONMENT, distro: Distro = "jazzy") -> None:
 def domain() -> int:
     """Return the domain; the environment is read once."""
     if _chosen[0] < 0:
-        speak(*_chosen)
+        select(*_chosen)
     return _chosen[0]
 
 

@@ -146,7 +146,7 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None, given: str =
         if not key:
             raise
         raise ConfigError(f"{given} {key}: {_without(key, str(error).removeprefix(f'{path}: '))}") from None
-    dialect.speak(scenario.ros.domain, scenario.ros.distro)
+    dialect.select(scenario.ros.domain, scenario.ros.distro)
     return scenario
 
 

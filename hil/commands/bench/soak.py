@@ -1,4 +1,4 @@
-"""`uuv-hil bench soak`: run for hours: whether memory grows, time drifts, and a master always gets back."""
+"""`uuv-hil bench soak`: run for hours; check that no memory grows, no time drifts and masters always reconnect."""
 
 from math import isnan, nan
 from typing import Any

@@ -60,7 +60,7 @@ def main() -> int:
     try:
         with StopSignals() as stop_fd:
             scenario, node = pickle.loads(_read_exactly(int.from_bytes(_read_exactly(4), "little")))
-            dialect.speak(scenario.ros.domain, scenario.ros.distro)
+            dialect.select(scenario.ros.domain, scenario.ros.distro)
             _serve(scenario, node, answers, stop_fd)
     except HilError as error:
         print(error, file=sys.stderr)

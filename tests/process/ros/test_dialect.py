@@ -25,10 +25,10 @@ CAMERA = '[sensors.camera]\nrate = "2 Hz"\nwidth = 64\nheight = 48\n[ros]\nimage
 @pytest.fixture(autouse=True)
 def spoken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
-    dialect.speak()
+    dialect.select()
     yield
     monkeypatch.undo()
-    dialect.speak()
+    dialect.select()
 
 
 def nodes_and_topics(session: Session) -> tuple[list[str], set[str], list[tuple[str, int]]]:
@@ -77,19 +77,19 @@ def test_keys_and_tokens_are_of_the_domain_and_the_release() -> None:
     entity = graph.Entity("MP", "/uuv1", "ab", 0, 1, "/uuv1/imu", IMU.type, TYPE_HASHES[IMU.type])
     at_home = graph.token(entity)
     assert at_home.startswith("@ros2_lv/0/")
-    dialect.speak(5, "humble")
+    dialect.select(5, "humble")
     assert key_of(IMU, "uuv1") == "5/uuv1/imu/sensor_msgs::msg::dds_::Imu_/TypeHashNotSupported"
     assert graph.token(entity).startswith("@ros2_lv/5/")
     assert graph.read_token(graph.token(entity)) == entity
     assert graph.read_token(at_home) is None, "of another domain"
-    dialect.speak(5, "rolling")
+    dialect.select(5, "rolling")
     assert key_of(IMU, "uuv1") == f"5/uuv1/imu/sensor_msgs::msg::dds_::Imu_/{TYPE_HASHES[IMU.type]}"
 
 
 def test_humble_s_range_has_no_variance() -> None:
     sample, depth = DvlSample(1, (0.0, 0.0, 0.0), 12.5, True), RangeSample(1, 3.5, (0.5, 10.0))
     new = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
-    dialect.speak(0, "humble")
+    dialect.select(0, "humble")
     old = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
     assert [data[:-4] for data in new] == list(old)
     assert [ros_dvl.decode_range(data) for data in (new[0], old[0])] == [(1, 12.5)] * 2
