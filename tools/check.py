@@ -118,7 +118,7 @@ def summary(outcomes: Mapping[str, Outcome]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the parts asked for; return 1 if any failed."""
+    """Run the requested parts; return 1 if any failed."""
     parser = argparse.ArgumentParser(prog="tools.check", description="Run parts of the check, by default all.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
     parser.add_argument("--jobs", type=int, help="tests that run at a time, by default two or three on each processor")

@@ -106,7 +106,7 @@ def definitions_of_rosbags(package: str) -> dict[str, str]:
 
 
 def services_here(package: str) -> dict[str, str]:
-    """Return the definitions of a package's services, which are kept, by name."""
+    """Return the definitions of a package's services by name."""
     return {name: text for name, (_, text) in types._package(package).items() if "/srv/" in name}
 
 

@@ -92,7 +92,7 @@ class Bench:
 
 
 class Master:
-    """A planner that sends a command 20 times a second until told to stop."""
+    """A planner that sends a command 20 times a second until it is stopped."""
 
     def __init__(self, client: VehicleClient) -> None:
         self.client = client

@@ -59,7 +59,7 @@ def test_the_path_is_flown_to_its_end_over_every_link(tmp_path: Path) -> None:
 
     def fly_again(name: str) -> None:
         attempts = count()
-        reason = "a machine that stalls for a second loses the link, which is told and fails the flight"
+        reason = "a machine that stalls for a second loses the link, which is reported and fails the flight"
         retry_when_busy(lambda: fly(name, tmp_path / f"{name.replace(' ', '_')}-{next(attempts)}"), reason)
 
     with ThreadPoolExecutor(3) as pool:

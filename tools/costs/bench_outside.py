@@ -4,8 +4,8 @@
 
 Others are: the kernel's process connector (when the slave's process was made), a packet socket on the loopback (when
 the first sample that the master listens to, a command, a thruster frame and its answer passed), a socket in systemd's
-place (when the slave said that it is ready), the scheduler's account of each thread, `ps`, /proc/PID/smaps_rollup and
-/usr/bin/time. Two runs: a mission with a master process, as `bench table` makes it;
+place (when the slave reported that it is ready), the scheduler's account of each thread, `ps`,
+/proc/PID/smaps_rollup and /usr/bin/time. Two runs: a mission with a master process, as `bench table` makes it;
 then commands of this process to a slave whose STM32 is on UDP, so that its frames pass the loopback too. Exit code 1
 when a figure is off by more than 5 %.
 """
@@ -332,7 +332,7 @@ def main() -> int:
         capture()
         return 0
     if os.geteuid():
-        sys.exit("needs root: packets and executions are only told to root")
+        sys.exit("needs root: nobody else sees packets and executions")
     rows = [*mission(options.seconds), *commands(options.seconds)]
     table = [["figure", "ours", "outside", "unit", "off", "measured by"]]
     table += [[r.name, f"{r.ours:.4g}", f"{r.theirs:.4g}", r.unit, f"{r.off:+.1%}", r.witness] for r in rows]

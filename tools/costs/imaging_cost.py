@@ -7,7 +7,7 @@ The first: the same slave in turn without and with a camera (320 x 240 with dept
 beams), each ten times a second, while a master of the same machine commands it and takes every picture. The loop's
 lateness at 99.9 % may be at most 1.5 times that without, by the medians of the rounds; exit code 1 when it is more.
 
-With `--large` a camera of 640 x 480 (JPEG) is asked for 15 pictures a second, beside a forward-looking and a side-scan
+With `--large` a camera of 640 x 480 (JPEG) has to make 15 pictures a second, beside a forward-looking and a side-scan
 sonar as they are by default, and one master takes all of them. The loop's lateness without stands beside it. Exit code
 1 when fewer than 14.5 pictures a second arrive, by the median of the rounds.
 
@@ -150,7 +150,7 @@ def _fly(topics: Sequence[str], seconds: float) -> Cost:
             _command(client)
         last, figures = _count(client, topics), client.diagnostics()
         if not figures:
-            sys.exit("the slave has told no figures: this machine has too much else to do")
+            sys.exit("the slave has reported no figures: this machine has too much else to do")
         p50, p99, p999 = [or_nan(figures[f"lateness_{name}_us"]) for name in ("p50", "p99", "p999")]
         delay, took = quantiles(client.delays.totals_ns()), last.time_s - first.time_s
         rates = tuple((now - then) / took for now, then in zip(last.messages, first.messages, strict=True))

@@ -1,7 +1,8 @@
 """Measure how many slaves this machine and its routers carry: `python -m tools.costs.scale` prints a table.
 
-N slaves run on this machine and dial a router; a client behind the same router, or behind a second one joined with it,
-listens to the state of each for some seconds. Rates and ages depend on what else the machine does; memory does not.
+N slaves run on this machine and connect to a router; a client behind the same router, or behind a second one joined
+with it, listens to the state of each for some seconds. Rates and ages depend on what else the machine does; memory does
+not.
 
 "lost" is the share of the samples, from a vehicle's first to its last by their stamps, that did not arrive: those that
 the network dropped, and those that a late slave skipped. "age" is the time from publish to receipt.
@@ -184,7 +185,7 @@ def _wait_for(condition: Callable[[], bool]) -> bool:
 
 
 def _joined(ends: list[str], end: str) -> list[str]:
-    """Return the options with which a router dials the first."""
+    """Return the options with which a router connects to the first."""
     return ["--connect", ends[0]] if end != ends[0] else []
 
 

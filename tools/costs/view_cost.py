@@ -172,7 +172,7 @@ def viewed(scenario: str) -> Iterator[tuple[int, str, str]]:
 
 
 def fly(client: VehicleClient, seconds: float) -> tuple[list[float], list[float]]:
-    """Command in a circle; what the slave said of its loop's lateness each second, median and 99 % (us)."""
+    """Command a circle; return the loop's lateness that the slave reported each second, median and 99 % (us)."""
     middles, worst = [], []
     end, look = time.monotonic() + seconds, 0.0
     while (now := time.monotonic()) < end:

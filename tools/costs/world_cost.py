@@ -138,11 +138,11 @@ def measure(part: str, small: str, world: str) -> str:
     own, mapped = _memory_mb()
     with Peak() as peak:
         began = time.perf_counter()
-        kept = RUNS[part](world)
+        result = RUNS[part](world)
         took = time.perf_counter() - began
     own_then, mapped_then = _memory_mb()
     figures = own_then - own, peak.most_mb - own, mapped_then - mapped
-    del kept
+    del result
     return f"{part:16}{took:8.3f}" + "".join(f"{max(0.0, figure):8.1f}" for figure in figures)
 
 

@@ -20,7 +20,7 @@ from tools.faults.rows import Row
 
 
 def main(arguments: list[str]) -> int:
-    """Run what is asked for; the exit code."""
+    """Run what was requested; return the exit code."""
     if arguments[:1] == ["decoders"]:
         return decoders.main(arguments[1:])
     options = _parser().parse_args(arguments)

@@ -14,7 +14,7 @@ CHANNELS = 6
 
 
 def main(path: str) -> None:
-    """Serve until told to stop."""
+    """Serve until stopped."""
     die_with_parent()
     end = UnicornEnd(UnicornBoard(shipped_image(), CHANNELS, seconds_ns(WATCHDOG_S)), PtyWire(path))
     wire, serviced_ns = end.wire, now_ns()

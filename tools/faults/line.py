@@ -2,8 +2,8 @@
 
     slave -- near wire -- Line -- far wire -- STM32
 
-The far wire never fails, so that the STM32 is heard whatever the slave's end suffers. On a CAN bus there is no near
-wire: slave, STM32 and we are on one bus, and only noise can be made.
+The far wire never fails, so that the STM32's reports arrive whatever the slave's end suffers. On a CAN bus there is no
+near wire: slave, STM32 and we are on one bus, and only noise can be made.
 """
 
 import os

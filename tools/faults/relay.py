@@ -24,7 +24,7 @@ class Relay:
 
     `hold` lets nothing pass and loses nothing: what the sender's kernel took is delivered on `release`, as TCP does
     after a black-out. `cut` ends all connections and refuses new ones until `mend`. `rate` is how many bytes a second
-    pass from the target over the links `slow`: the second one, which is not that of commands, unless said otherwise.
+    pass from the target over the links `slow`: the second one, which is not that of commands, unless given otherwise.
     It holds back little, as a bottleneck that is near. `passed` counts the bytes, of both directions. `blocked`: what
     comes from the target, or goes to it, is thrown away. `delay_s`: what comes waits so long.
     """

@@ -59,7 +59,7 @@ class Rig:
         self.link = link
         self.folder = folder
         self.pins = Pins()
-        self.ahead_until_s = 0.0  # when the planner was told to command ahead no more
+        self.ahead_until_s = 0.0  # when the planner stopped commanding ahead
         self.foreign = 0  # commands executed of those that are not to be obeyed
         self.environments: dict[str, dict[str, str]] = {}
         self.has_disk = False  # a small one, where the slave records

@@ -101,7 +101,7 @@ def head(seeds: int, hil: int) -> str:
 
 
 def judge(results: list[Result]) -> list[str]:
-    """Return what falls short of what is asked."""
+    """Return what falls short of the requirements."""
     problems = []
     for name in dict.fromkeys(result.case for result in results):
         own = [result for result in results if result.case == name]

@@ -49,7 +49,7 @@ def hunt(changes: dict[str, Any]) -> tuple[HuntOutcome, Counter[str]]:
 
 
 def row(name: str, outcomes: list[HuntOutcome], counts: Counter[str]) -> str:
-    """Return a row of the table: shares are those of the three that could have heard each message."""
+    """Return a row of the table: shares are those of the three that could have received each message."""
     could = 3 * counts["sent"]
     shares = " | ".join(f"{100.0 * counts[fate] / could:.1f} %" for fate in FATES)
     won = sum(outcome.success for outcome in outcomes)

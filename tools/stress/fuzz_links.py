@@ -45,7 +45,7 @@ class Result(NamedTuple):
 
 
 def main() -> int:
-    """Fuzz each end of each protocol asked for; return the exit code."""
+    """Fuzz each end of each requested protocol; return the exit code."""
     options = _parser().parse_args()
     settings = dict(pair.split("=", 1) for pair in options.set)
     any_fault = False

@@ -26,7 +26,7 @@ def missing(programs: Mapping[str, str]) -> str:
 
 
 def do(*command: str, environment: Mapping[str, str] | None = None) -> None:
-    """Run a command to its end. Raises DeviceError, with the last line it said, when it fails."""
+    """Run a command to its end. Raises DeviceError, with the last line of its output, when it fails."""
     more = {**os.environ, **(environment or {})}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=more)
     if done.returncode:

@@ -178,7 +178,7 @@ def test_a_taken_port_is_named(tmp_path: Path) -> None:
 
 
 def test_real_time_answers_at_once_with_the_newest_state(tmp_path: Path) -> None:
-    """The simulation goes by the clock without lockstep: its time does not depend on how often it is asked."""
+    """The simulation goes by the clock without lockstep: its time does not depend on how often it gets outputs."""
     with bench(tmp_path, autopilot="lockstep = false") as b:
         peer = ArdupilotPeer(b.port)
         b.steps(1000)

@@ -187,7 +187,7 @@ def test_a_taken_port_is_named(tmp_path: Path) -> None:
 
 
 class Board:
-    """A board on a pty: sends its heartbeat, or noise, as told."""
+    """A board on a pty: sends its heartbeat, or given noise."""
 
     def __init__(self) -> None:
         self.end, self._other = pty.openpty()

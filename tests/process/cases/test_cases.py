@@ -1,4 +1,4 @@
-"""The cases of one vehicle: flown in simulated time and, short, with a slave; what they measure and how it is told."""
+"""The cases of one vehicle: in simulated time and, short, with a slave; what they measure and how it is reported."""
 
 import csv
 import json
@@ -31,7 +31,7 @@ def check(result: Result, at_work: float = 0.0) -> None:
     assert not result.collided
     assert result.least_clearance > RADIUS
     assert 1.0 <= result.ratio < 1.1
-    assert 0.6 < result.path_length / (result.duration - at_work) < 0.85  # m/s, of 0.8 asked for
+    assert 0.6 < result.path_length / (result.duration - at_work) < 0.85  # m/s, of 0.8 commanded
     assert 10.0 < result.energy / result.duration < 300.0  # W
     assert result.cross_track_rms < result.cross_track_max < 1.5
     assert 0.0 < result.planner_cpu < 0.1

@@ -67,7 +67,7 @@ def test_where_all_water_is_deeper_than_daylight_the_way_is_near_the_bed() -> No
 
 
 def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
-    """Start and goal are where they were asked for on the earth."""
+    """Start and goal are at the requested places on the earth."""
     chart = bay().write(tmp_path / "BAY.000")
     path = prepare_dive(chart, DiveOptions((54.0015, 10.002), (54.0015, 10.0025)), str(tmp_path)).path
     scenario = load_scenario(path)

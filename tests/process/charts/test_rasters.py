@@ -102,7 +102,7 @@ def test_a_large_raster_takes_no_longer_than_gdal_needs(tmp_path: Path) -> None:
 
 
 def test_heights_and_depths_are_not_guessed(tmp_path: Path) -> None:
-    """Values of both signs are heights by their name, or else asked for; values of one sign are a seabed."""
+    """Values of both signs are heights by their name, or need an option; values of one sign are a seabed."""
     rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = str(tmp_path / "topobathy.tif")
 

@@ -39,7 +39,7 @@ def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_
         with Program(tmp_path, "slave", tmp_path / "short.toml") as again:
             assert fleet.wait_for("uuv1", seconds=60) == [vehicle]
             assert wait_for(lambda: vehicle.imu.age < 0.5)
-            assert reported.wait(60).done, "what it was told is still to be done"
+            assert reported.wait(60).done, "the action is still to be done"
             assert again.process.poll() is None
 
 

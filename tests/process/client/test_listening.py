@@ -64,7 +64,7 @@ def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) 
         began = time.monotonic()
         leak = vehicle.leak
         assert not leak
-        assert leak.age > time.monotonic() - began, "it was measured before it was asked for"
+        assert leak.age > time.monotonic() - began, "it was measured before it was subscribed to"
         assert wait_for(lambda: vehicle.imu.age < 0.3), "and what is fast is new"
         assert "pressure" not in vehicle.client.latest
 

@@ -71,14 +71,14 @@ COMMAND = [
 ]
 
 
-# Each command is asked for its help. Prints those that only Linux has.
+# Runs each command with --help. Prints those that only Linux has.
 HELP = """
 import contextlib, io
 sys.platform = "win32"
 from hil.cli import COMMANDS, main
 for name in COMMANDS:
-    said, wrong = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(wrong):
+    output, wrong = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(wrong):
         try:
             code = main([name, "--help"])
         except SystemExit as end:
@@ -87,7 +87,7 @@ for name in COMMANDS:
         assert "runs on Linux" in wrong.getvalue(), (name, wrong.getvalue())
         print(name)
     else:
-        assert code == 0 and "usage:" in said.getvalue(), (name, code, wrong.getvalue())
+        assert code == 0 and "usage:" in output.getvalue(), (name, code, wrong.getvalue())
 """
 
 

@@ -201,7 +201,7 @@ def test_nobody_there() -> None:
             _ = fleet.vehicles
         with pytest.raises(NetworkError, match=r"'uuv1'.*nothing listens"):
             fleet["uuv1"]
-    assert time.monotonic() - began < 30, "it waits for as long as it was told to, not for ever"
+    assert time.monotonic() - began < 30, "it waits for as long as was requested, not for ever"
     with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
         hil.connect("127.0.0.1:a port")
     with pytest.raises(NetworkError, match="to whom"):
@@ -237,7 +237,7 @@ def test_through_a_router(tmp_path: Path) -> None:
 
 
 def test_a_router_is_distinguished_from_a_slave(tmp_path: Path) -> None:
-    """A client that dials a router learns how to ask for a vehicle; a slave without its router, what to start."""
+    """A client that connects to a router learns how to ask for a vehicle; a slave without its router, what to start."""
     port = free_port()
     scenario, _ = write_scenario(tmp_path)
     options = ("--connect", f"tcp/127.0.0.1:{port}", "--output", tmp_path / "run", "--wait", 1)

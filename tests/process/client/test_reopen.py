@@ -73,7 +73,7 @@ def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_aga
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stall, "LEASES", 1)
-    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is told after 1.75 s instead of 5 s
+    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s instead of 5 s
     scenario, port = write_scenario(tmp_path)
     reports: list[str] = []
     with (

@@ -102,5 +102,5 @@ def test_a_client_that_does_not_read_loses_old_messages_and_holds_up_nobody(serv
             server.show([picture])
             while not isinstance(other.recv(60), bytes):
                 pass
-        # Now it reads, and is told.
+        # Now it reads, and gets the reason.
         assert "dropped" in messages(slow, "status")[-1]["message"]

@@ -46,7 +46,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
     """Record a short dive: the slave's own recording, that of `uuv-hil record`, and the latter's output."""
     folder = tmp_path_factory.mktemp("dive")
     scenario, endpoint = recorded_slave(folder, "seed = 5")
-    received = folder / "heard"
+    received = folder / "received"
     with Program(folder, "record", "--scenario", scenario, "-o", received) as record:
         record.expect("recording tcp")
         with Program(folder, "slave", scenario) as slave:
@@ -85,7 +85,7 @@ def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str
 
 def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
-    received = tmp_path / "heard"
+    received = tmp_path / "received"
     sent: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
 
     class Client(VehicleClient):
@@ -225,7 +225,7 @@ def test_played_to_the_network_it_is_the_vehicle(tmp_path: Path, dive: tuple[Pat
 
 def test_it_is_played_whole_to_who_is_slow(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "heard") as record:
+    with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "received") as record:
         with listen(endpoint) as session:
             assert wait_for(session.watch_keys("0/uuv1/trace/**"))
             player = Player(session)
@@ -238,7 +238,7 @@ def test_it_is_played_whole_to_who_is_slow(tmp_path: Path) -> None:
 
             def are_all_there() -> bool:
                 with suppress(HilError, OSError):  # of a recording that is under way
-                    return sum(1 for _ in read_messages(str(tmp_path / "heard"))) == 1000
+                    return sum(1 for _ in read_messages(str(tmp_path / "received"))) == 1000
                 return False
 
             assert wait_for(are_all_there)

@@ -23,14 +23,14 @@ from tests.support.processes import ROOT, Program, free_port, run_here, wait_for
 
 def test_a_kill_of_the_command_leaves_a_bag(tmp_path: Path) -> None:
     scenario, endpoint = recorded_slave(tmp_path)
-    with Program(tmp_path, "record", "--scenario", scenario, "-o", tmp_path / "heard") as record:
+    with Program(tmp_path, "record", "--scenario", scenario, "-o", tmp_path / "received") as record:
         record.expect("recording")
         with Program(tmp_path, "slave", scenario) as slave:
             command_for(endpoint, 1.8)
             for program in (record, slave):
                 program.process.kill()
                 program.wait()
-    for path in (tmp_path / "heard", own_recording(tmp_path / "recordings")):
+    for path in (tmp_path / "received", own_recording(tmp_path / "recordings")):
         numbers = [message.sequence for message in read_messages(str(path)) if message.topic == "/uuv1/imu"]
         assert numbers == list(range(numbers[0], numbers[-1] + 1))
         assert len(numbers) > 70
@@ -85,7 +85,7 @@ def test_the_command_lines(
 ) -> None:
     monkeypatch.chdir(ROOT)
     if arguments == ["record", "--connect", "7447"]:
-        arguments = [*arguments, "-o", str(tmp_path / "heard")]
+        arguments = [*arguments, "-o", str(tmp_path / "received")]
     found, output = run_here(*arguments)
     assert found == code, output
     assert word in output
@@ -94,7 +94,7 @@ def test_the_command_lines(
 def test_a_recorder_that_refuses_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "there.mcap").write_text("")
     with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
-        for _ in range(4):  # who had dialled already aborted in one case of two
+        for _ in range(4):  # a client that had connected already aborted in one case of two
             with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path) as record:
                 assert record.wait() == 2, record.output
             (line,) = record.output.strip().splitlines()
@@ -114,7 +114,7 @@ def test_a_recording_of_nobody_is_an_error(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(tap, "PATIENCE_NS", NS_PER_S // 10)
     monkeypatch.setattr(tap, "save_processor", lambda: None)  # what this process starts later would inherit it
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    code, output = run_here("record", "--connect", endpoint, "-o", str(tmp_path / "heard"), "--seconds", "1")
+    code, output = run_here("record", "--connect", endpoint, "-o", str(tmp_path / "received"), "--seconds", "1")
     assert code == 4, output
     assert f"still nobody at {endpoint}; waiting" in output
     assert f"nothing was recorded: nobody answered at {endpoint}" in output
@@ -123,7 +123,7 @@ def test_a_recording_of_nobody_is_an_error(tmp_path: Path, monkeypatch: pytest.M
 
 def test_a_recording_of_nothing_is_an_error(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    what = ["--connect", endpoint, "-o", tmp_path / "heard", "--seconds", "2"]
+    what = ["--connect", endpoint, "-o", tmp_path / "received", "--seconds", "2"]
     with listen(endpoint), Program(tmp_path, "record", *what) as record:
         assert record.wait() == 4, record.output
     assert f"who answers at {endpoint} sent no sample" in record.output

@@ -203,7 +203,7 @@ for child in started: print(child.pid)
 """
     with parent_of(code) as parent:
         assert parent.stdout is not None
-        children = [int(parent.stdout.readline()) for _ in range(5)][:4]  # the last is told twice
+        children = [int(parent.stdout.readline()) for _ in range(5)][:4]  # the last is printed twice
         ended += [parent.pid, *children]
         assert wait_for(lambda: all(command_of(child) == "sleep" for child in children), PATIENCE_S)
         parent.kill()

@@ -94,7 +94,7 @@ def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, module: str)
 @pytest.mark.parametrize(("package", "topic"), [("sim.native", "step"), ("hil.slave.native", "firmware")])
 def test_a_binary_of_other_sources(monkeypatch: pytest.MonkeyPatch, package: str, topic: str) -> None:
     usual = native._source_bytes
-    monkeypatch.setattr(native, "_source_bytes", lambda asked: " 1" if asked == package else usual(asked))
+    monkeypatch.setattr(native, "_source_bytes", lambda name: " 1" if name == package else usual(name))
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
     (found,) = [found for found in doctor_software.step(here()) if found.level != "ok"]
     assert found.topic == topic

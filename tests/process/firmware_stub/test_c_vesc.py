@@ -49,7 +49,7 @@ def test_it_does_what_the_specification_does(core: str, seed: int) -> None:
     script = vesc_script(seed, 400)
     for step, c, python in zip(script.steps, run_c(core, script), run_python(script), strict=True):
         assert c.pwm_us == python.pwm_us, step
-        if c.sent:  # nothing was heard yet: it still reports by the frame
+        if c.sent:  # nothing was received yet: it still reports by the frame
             continue
         reported, wanted = list(map(meant, c.can)), list(map(meant, python.can))
         assert [row[:2] for row in reported] == [row[:2] for row in wanted], step
@@ -77,5 +77,5 @@ def test_on_the_emulated_chip() -> None:
     assert received[-1].timed_out
     assert received[-1].watchdog_trips == 1
     assert board.resets == 0
-    assert uuv_hil().feed(board.transmitted()) != [], "before it heard VESC it reported by the frame"
+    assert uuv_hil().feed(board.transmitted()) != [], "before VESC came it reported by the frame"
     assert {frame.id >> 8 for frame in unpack_frames(output)} <= {STATUS}

@@ -95,7 +95,7 @@ def test_made_again_it_is_the_same_to_the_bit(chip: str, recipe: dict[str, Any],
 @pytest.mark.arm
 @pytest.mark.skipif(not shutil.which(build.ARM), reason=f"needs {build.ARM}")
 def test_for_another_crystal(tmp_path: Path) -> None:
-    """Its description belongs to it, and the F103's PLL is not asked for what it cannot give."""
+    """Its description belongs to it, and the F103's PLL is not set to what it cannot give."""
     image = build.make_image(str(tmp_path), "f411", 25)
     described = describe_image(image.binary)
     assert described.sha256 == build.fingerprint([image.binary]) != load_image("f411").sha256

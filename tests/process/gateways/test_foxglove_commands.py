@@ -35,9 +35,9 @@ class Foxglove:
         """Take one message in; always True."""
         message = self.socket.recv(60)
         if isinstance(message, bytes):
-            kept = self.data if message[0] == 1 else self.responses
+            store = self.data if message[0] == 1 else self.responses
             number = int.from_bytes(message[1:5] if message[0] == 1 else message[5:9], "little")
-            kept[number] = message[13:] if message[0] == 1 else message[16:]
+            store[number] = message[13:] if message[0] == 1 else message[16:]
             return True
         text = json.loads(message)
         self.texts.append(text)

@@ -49,7 +49,7 @@ def test_samples_come_by_themselves(client: Client) -> None:
         message = client.read()
         assert message["vehicle"] == "uuv1"
         times[message["sensor"]].append(message["sample"]["time_ns"])
-    assert (times["imu"][-1] - times["imu"][0]) / 19 > 0.85 * 50e6, "no faster than asked"
+    assert (times["imu"][-1] - times["imu"][0]) / 19 > 0.85 * 50e6, "no faster than requested"
     assert 3 <= len(times["odom"]) <= 7
     client.call(do="unsubscribe", sensor="imu")
     client.samples.clear()

@@ -1,4 +1,4 @@
-"""A real slave's MAVLink vehicle, asked for all that QGroundControl does not go on without when it connects."""
+"""A real slave's MAVLink vehicle answers all that QGroundControl requires when it connects."""
 
 from collections.abc import Iterator
 

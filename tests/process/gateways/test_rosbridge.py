@@ -25,7 +25,7 @@ PATIENCE_S = 60
 
 
 class Bridge:
-    """One client; what comes is kept in order."""
+    """One client, which stores what comes in order."""
 
     def __init__(self, socket: Connection) -> None:
         self.socket = socket

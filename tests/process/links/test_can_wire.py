@@ -273,7 +273,7 @@ class TestPythonCan:
 
 
 class Canned(Wire):
-    """A line that says what it was given, a part a read, and takes all it is told."""
+    """A line that reads as it was given, a part at a time, and takes all that is written."""
 
     def __init__(self, parts: list[bytes]) -> None:
         self.name = "canned"

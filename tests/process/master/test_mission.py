@@ -53,7 +53,7 @@ class Contact:
 
 
 class Vehicle:
-    """A client's interface as a mission uses it: a vehicle that goes where it is told to, at once."""
+    """A client's interface as a mission uses it: a vehicle that is at once where it is commanded to go."""
 
     node, endpoint = "uuv1", "tcp/nowhere:1"
 
@@ -238,7 +238,7 @@ def test_start_up_is_measured_by_the_first_sample_of_that_slave(clock: Clock) ->
                 stamp = ros.pack_attachment(number, to_wall_ns(clock.now), gid * 16)
                 client._deliver(topic, ros.encode_odometry(sample), stamp)
     assert client.first_sample_ns(exec_wall_ns[b"b"]) == exec_wall_ns[b"b"] + NS_PER_S // 10
-    assert client.first_sample_ns(exec_wall_ns[b"b"] + NS_PER_S) is None, "a third one has said nothing yet"
+    assert client.first_sample_ns(exec_wall_ns[b"b"] + NS_PER_S) is None, "a third one has sent nothing yet"
 
 
 def test_others_are_told_the_path_at_once_and_then_once_a_second(

@@ -91,7 +91,7 @@ def test_who_looks_for_any_vehicle_connects_again_too(tmp_path: Path, monkeypatc
 
 
 def test_a_vehicle_that_ends_behind_a_router_disturbs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is told after 1.75 s instead of 4 s
+    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s instead of 4 s
     router = f"tcp/127.0.0.1:{free_port()}"
     scenarios = []
     for name in ("uuv1", "uuv2"):

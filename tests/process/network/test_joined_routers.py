@@ -14,7 +14,7 @@ def test_a_slave_behind_another_router_is_driven(tmp_path: Path) -> None:
     plain.write_text(f'{plain.read_text()}\n[network]\nmode = "routed"\nrouter = "{far}"\n')
     network = Network(mode="routed", router=near)
     with (
-        # The one that dials is there first: it goes on until the other is there.
+        # The one that connects is there first: it tries until the other is there.
         Program(tmp_path, "router", "--listen", near, "--connect", far) as dialling,
         VehicleClient(_served(dialling, near), "uuv1", network=network) as client,
     ):

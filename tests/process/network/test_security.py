@@ -1,4 +1,4 @@
-"""Mutual TLS and access control: who is let in, who may command, and what the refused are told."""
+"""Mutual TLS and access control: who is let in, who may command, and what the refused get to know."""
 
 from collections.abc import Iterator
 from itertools import cycle

@@ -31,7 +31,7 @@ may_listen = ["viewer"]
 
 
 class Site(NamedTuple):
-    """A router and a slave that dials it, and how masters see them."""
+    """A router and a slave that connects to it, and how masters see them."""
 
     folder: Path
     endpoint: str
@@ -84,7 +84,7 @@ def test_who_may_command_drives_through_the_router(site: Site) -> None:
 def test_who_may_listen_only_listens(site: Site) -> None:
     with site.client("keys/viewer") as viewer:
         assert viewer.wait_for_vehicle(60)
-        assert wait_for(lambda: viewer.received["diagnostics"] > 2), "what the laptop said last is counted by then"
+        assert wait_for(lambda: viewer.received["diagnostics"] > 2), "the laptop's last message is counted by then"
         before = viewer.diagnostics().commands_received
         for _ in range(60):
             viewer.command(VelocityCommand(surge=0.4))

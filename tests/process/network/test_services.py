@@ -29,7 +29,7 @@ SET_BOOL = "std_srvs/srv/SetBool"
 
 
 class Serving:
-    """A server whose loop is a thread; `requested` is what it was asked."""
+    """A server whose loop is a thread; `requested` are the calls that it got."""
 
     def __init__(self, session: Session) -> None:
         self.requested: list[Mapping[str, Any]] = []
@@ -112,7 +112,7 @@ def test_noise_is_counted_and_ends_without_an_answer(
     serving, master = both
     began = time.monotonic()
     assert list(master.query(key_of("/uuv1/arm"), 60.0, payload, attachment)) == []
-    assert time.monotonic() - began < 30.0, "whoever asks is told at once that there is no answer"
+    assert time.monotonic() - began < 30.0, "the caller learns at once that there is no answer"
     assert serving.server.malformed == 1
     assert serving.requested == []
     assert call(master, "/uuv1/arm", SET_BOOL, {"data": True})["success"] is True

@@ -101,7 +101,7 @@ def test_who_tells_whom_of_others(tmp_path: Path) -> None:
     for role in roles:
         text = settings(role, here, (), Network(), None)
         assert (reported in text) == (role in ("slave", "router")), role
-        assert "'autoconnect':{'peer':[],'router':[]}" in text, "found by multicast, nobody is dialled either"
+        assert "'autoconnect':{'peer':[],'router':[]}" in text, "multicast connects no session by itself"
     init(str(tmp_path / "keys"))
     for name in ("uuv1", "hub"):
         add_machine(str(tmp_path / "keys"), name, [])

@@ -94,7 +94,7 @@ def test_each_event_is_in_the_recording(dive: Path) -> None:
 
 def without(path: Path, folder: Path, number: int) -> Path:
     """Return the recording without one of its events, the others numbered on."""
-    about, kept = read_about(str(path)), 0
+    about, count = read_about(str(path)), 0
     with Recorder(str(folder), Recording(keep_free=0.0), about.facts, about.attachments) as recorder:
         seen = 0
         for message in read_messages(str(path)):
@@ -102,8 +102,8 @@ def without(path: Path, folder: Path, number: int) -> Path:
                 seen += 1
                 if seen == number:
                     continue
-                kept += 1
-                message = message._replace(sequence=kept)
+                count += 1
+                message = message._replace(sequence=count)
             recorder.put(message)
     return folder
 

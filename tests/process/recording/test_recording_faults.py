@@ -99,16 +99,16 @@ from hil.scenario.records import Recording
 from hil.recording.recorder import Recorder
 from tests.support.network.small_recording import imu
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-told = []
-recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"}, report=told.append)
+reports = []
+recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"}, report=reports.append)
 number = 0
-while not told and number < 30_000:
+while not reports and number < 30_000:
     number += 1
     recorder.put(imu(number, noise=True))
     time.sleep(0.0002)
 recorder.put(imu(0))
 recorder.close()
-print(told == [recorder.failure], recorder.lost, recorder.failure)
+print(reports == [recorder.failure], recorder.lost, recorder.failure)
 """
 
 

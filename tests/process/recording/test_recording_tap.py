@@ -1,4 +1,4 @@
-"""A tap: everything that is said and told, in order, with its time; losses counted; endpoints that come and go."""
+"""A tap: all samples and commands in order, with their time; losses counted; endpoints that come and go."""
 
 import threading
 import time
@@ -138,7 +138,7 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
 
 def test_a_session_over_which_nothing_comes_any_more_is_opened_again_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stall, "LEASES", 1)
-    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is told after 1.75 s, the next after 3.5 s
+    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s, the next after 3.5 s
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         publisher = slave.publisher("uuv1", TOPICS["imu"])
@@ -232,7 +232,7 @@ def test_its_threads_end_with_it() -> None:
         assert len(set(threading.enumerate()) - before) == 3
     assert not set(threading.enumerate()) - before
     tap = Tap([f"tcp/127.0.0.1:{free_port()}"])
-    assert not set(threading.enumerate()) - before, "it dials when it is entered"
+    assert not set(threading.enumerate()) - before, "it connects when it is entered"
     tap.close()
 
 

@@ -63,7 +63,7 @@ def test_no_domain_in_the_environment_is_reported(text: str, tmp_path: Path, mon
     scenario = scenario_with(tmp_path, "")
     with pytest.raises(ConfigError, match=r"ROS_DOMAIN_ID: .* 0 to 232"):
         load_scenario(scenario)
-    assert load_scenario(scenario_with(tmp_path, "[ros]\ndomain = 3\n")).ros.domain == 3, "which is not asked then"
+    assert load_scenario(scenario_with(tmp_path, "[ros]\ndomain = 3\n")).ros.domain == 3, "whatever the environment has"
 
 
 @pytest.mark.parametrize("text", ["domain = 233", "domain = 1.5", 'distro = "foxy"'])

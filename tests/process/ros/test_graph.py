@@ -71,10 +71,10 @@ def read_by_the_rules(key: str) -> dict[str, Any]:
             found[name] = found[name].replace("%", "/")
     if "qos" in found:
         reliability, durability, history, deadline, lifespan, liveliness = found["qos"].split(":")
-        kept, depth = history.split(",")
+        policy, depth = history.split(",")
         found["reliability"] = {"": "reliable", "1": "reliable", "2": "best effort"}[reliability]
         found["durability"] = {"": "volatile", "1": "transient local", "2": "volatile"}[durability]
-        found["history"] = {"": "keep last", "1": "keep last", "2": "keep all"}[kept]
+        found["history"] = {"": "keep last", "1": "keep last", "2": "keep all"}[policy]
         found["depth"] = int(depth or 42)
         assert [deadline, lifespan, liveliness] == [",", ",", ",,"]
     return found

@@ -1,4 +1,4 @@
-"""Samples on their way through a session: each on its topic, stamped, and nothing declared that is not said."""
+"""Samples published by a session: each on its topic, stamped, and nothing declared that is not published."""
 
 import math
 import time

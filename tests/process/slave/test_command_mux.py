@@ -105,7 +105,7 @@ def test_silence_ends_every_kind(bench: Bench) -> None:
 
 
 def test_after_an_open_loop_the_controller_begins_again(bench: Bench) -> None:
-    """Integrals from before do not push for what is not asked any more."""
+    """Integrals from before do not act on a command that has ended."""
     bench.fly(3.0, cmd_vel=twist(surge=0.6))
     bench.fly(6.0, cmd_wrench=encode_wrench(0, (0.0,) * 6))
     truth = bench.fly(0.5, cmd_vel=twist())

@@ -27,7 +27,7 @@ LAST, FIRST = (1 << 63) - 1, -(1 << 63)
 
 
 class Slave(NamedTuple):
-    """A vehicle's network session without a slave loop, and a second session that has dialled it."""
+    """A vehicle's network session without a slave loop, and a second session that is connected to it."""
 
     endpoint: str
     command_receiver: CommandReceiver

@@ -145,9 +145,7 @@ def test_a_silent_stm32_is_an_error() -> None:
             with bench.client() as client:
                 await_vehicle(client, slave)
                 assert wait_for(watch.statuses)
-                assert wait_for(lambda: [status.level for status in watch.statuses()] == [1]), (
-                    "nothing was asked of it yet"
-                )
+                assert wait_for(lambda: [status.level for status in watch.statuses()] == [1]), "it got no command yet"
 
                 def reported() -> bool:
                     client.command(VelocityCommand(surge=0.3))

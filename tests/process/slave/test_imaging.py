@@ -233,8 +233,8 @@ def test_why_it_ended_is_reported_and_it_is_started_less_and_less_often(tmp_path
 
 def test_recordings(tmp_path: Path) -> None:
     """A recorder has the pictures; the slave's own has not, and is repeated to the bit."""
-    kept = tmp_path / "recording"
-    program, endpoint = start(tmp_path, f'{SENSORS}\n[recording]\nslave = true\nfolder = "{kept}"\n')
+    folder = tmp_path / "recording"
+    program, endpoint = start(tmp_path, f'{SENSORS}\n[recording]\nslave = true\nfolder = "{folder}"\n')
     with program:
         program.expect("ready")
         with VehicleClient(endpoint, "uuv1", part="observer") as onlooker:
@@ -245,7 +245,7 @@ def test_recordings(tmp_path: Path) -> None:
         assert program.stop(signal.SIGINT) == 0
     topics = {message.topic for message in read_messages(str(tmp_path / "bag"))}
     assert {f"/uuv1/{topic}" for topic in PICTURES} <= topics
-    (recording,) = kept.iterdir()
+    (recording,) = folder.iterdir()
     assert not any("camera" in message.topic for message in read_messages(str(recording)))
     with Program(tmp_path, "replay", recording, "--check") as check:
         assert check.wait() == 0, check.output

@@ -1,4 +1,4 @@
-"""The session of the imaging process: heard through that of the slave, by those who may."""
+"""The session of the imaging process: its messages go through that of the slave, to those who may receive them."""
 
 import time
 from collections.abc import Iterator

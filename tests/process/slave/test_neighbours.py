@@ -174,7 +174,7 @@ def test_between_two_words_it_goes_on_and_then_it_is_gone(scenario: Scenario) ->
     assert list(received.states) == ["two"], "not itself"
     state = received.states["two"]
     received.place(NS_PER_S)
-    assert state.position[2] > 1e5, "not heard yet"
+    assert state.position[2] > 1e5, "no state received yet"
     received.receive_from("two", SAMPLE, NS_PER_S)
     received.place(NS_PER_S + NS_PER_S // 2)
     assert state.position == pytest.approx([1.0, 2.2, 3.05])  # its bow is in the east

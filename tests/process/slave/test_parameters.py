@@ -1,4 +1,4 @@
-"""The failures of thrusters as parameters, of a slave as a user runs it: what is asked, set, refused and repeated."""
+"""The failures of thrusters as parameters, of a slave as a user runs it: what is read, set, refused and repeated."""
 
 import signal
 import time

@@ -36,7 +36,7 @@ class Publisher:
         return self.sequence
 
     def keep(self, payload: bytes, wall_ns: int) -> None:
-        self.session.kept.append(self.topic.name)
+        self.session.stored.append(self.topic.name)
 
 
 class Session:
@@ -47,7 +47,7 @@ class Session:
     def __init__(self) -> None:
         self.free, self.publishing = threading.Event(), threading.Event()
         self.sent: list[tuple[str, bytes, int]] = []
-        self.kept: list[str] = []
+        self.stored: list[str] = []
         self.threads: set[int] = set()
 
     def publisher(self, _node: str, topic: Topic) -> Publisher:

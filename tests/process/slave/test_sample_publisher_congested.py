@@ -49,4 +49,4 @@ def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
     carried_s = len(LASER) / BYTES_PER_S
     assert statistics.median(spent_s) < 0.2 * carried_s, "who waits for the network waits until it is carried"
     assert sample_publisher.sent - before == 330, "those that were left out are missing in the numbers"
-    assert last == {"imu": IMU}, "what is large is not kept for who comes late"
+    assert last == {"imu": IMU}, "a large message is not stored for those who come late"

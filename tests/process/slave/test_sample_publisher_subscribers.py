@@ -69,7 +69,7 @@ class Vehicle:
 
 
 class Received(defaultdict[str, list[int]]):
-    """The sequence numbers heard, by topic."""
+    """The sequence numbers received, by topic."""
 
     def __init__(self, session: Session, *topics: str) -> None:
         super().__init__(list)
@@ -177,7 +177,7 @@ def test_a_late_joiner_gets_the_newest_though_it_was_never_sent(vehicle: Vehicle
         assert decoded.time_ns == vehicle.steps
         assert stamp is not None
         assert before <= stamp.time_ns <= after, "it is as old as it is"
-        assert ask("pressure") == {"pressure"}, "only what was asked for"
+        assert ask("pressure") == {"pressure"}, "only what was queried"
     assert vehicle.sample_publisher.sent == sent
 
 

@@ -1,4 +1,4 @@
-"""A test that fails by chance is told and passes; one that fails twice, and whatever else pytest says, fails."""
+"""A test that fails by chance is reported and passes; one that fails twice, and whatever else pytest says, fails."""
 
 from pathlib import Path
 

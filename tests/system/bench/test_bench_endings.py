@@ -1,4 +1,4 @@
-"""Ctrl-C in the middle of a benchmark: what is there is kept and says what it lacks, and nothing stays behind."""
+"""Ctrl-C in the middle of a benchmark: results so far are saved and labelled as incomplete, and no process is left."""
 
 import os
 import pty

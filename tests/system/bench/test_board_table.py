@@ -108,15 +108,15 @@ def test_a_column_knows_the_labels_of_its_record() -> None:
 def test_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, long: bool) -> None:
     """All that is written lies inside its frame, each axis has numbers, also where a figure has no place on it."""
     plt = pyplot()
-    kept: list[Any] = []
-    monkeypatch.setattr(plt, "close", kept.append)
+    closed: list[Any] = []
+    monkeypatch.setattr(plt, "close", closed.append)
     path = tmp_path / "table.png"
     without = {name: figure for name, figure in GOOD.items() if name != "startup"}
     wrong = Column("tcp/192.168.3.116:7447", without | {"delay_p50": Figure([-4.361], "ms")})
     mine = LIMITED._replace(title="yesterday-on-a-board-far-away " * 3) if long else LIMITED
     board_table.draw([*board_table.paper(), wrong, *([mine] if long else [])], str(path))
     assert path.read_bytes().startswith(b"\x89PNG")
-    (figure,) = kept
+    (figure,) = closed
     figure.draw_without_rendering()  # saved, it had other dots an inch
     frame = figure.bbox
     for panel in figure.axes:
@@ -187,7 +187,7 @@ def test_runs_before_one_that_fails_are_kept(
         return flown()
 
     monkeypatch.setattr(bench_table, "fly", fly)
-    path = tmp_path / "kept.json"
+    path = tmp_path / "record.json"
     slaves = ["--connect", "tcp/127.0.0.1:1", "--connect", "tcp/127.0.0.1:2"]
     assert main(["bench", "table", *slaves, "--output", str(path)]) == NetworkError.exit_code
     output = capsys.readouterr().out

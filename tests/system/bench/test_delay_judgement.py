@@ -78,7 +78,7 @@ def test_the_time_on_the_line() -> None:
 
 
 def test_on_its_line_mavlink_is_the_packet_of_pulses_alone() -> None:
-    """The host asks for arming beside it until the device has said that it is: SERVO_OUTPUT_RAW has 28 bytes here."""
+    """The host also requests arming until the device reports it: SERVO_OUTPUT_RAW has 28 bytes here."""
     scenario = load_scenario("paper_field")
     link = scenario.link._replace(protocol="mavlink", faults=Faults(baud=115_200))
     assert wire_ms(scenario._replace(link=link), reported()) == pytest.approx(28 * 10 / 115.2)

@@ -213,7 +213,7 @@ def test_what_is_there_is_kept_when_the_rest_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20, motion=[])]))
-    path = tmp_path / "kept.json"
+    path = tmp_path / "record.json"
     assert main(["bench", "delay", "--load", "0,1,2", "--output", str(path)]) == 4
     output = capsys.readouterr()
     assert "load 0" in output.out
@@ -232,7 +232,7 @@ def test_a_picture_that_fails_costs_no_figures(
 
     monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20)]))
     monkeypatch.setattr(delay_report, "draw", full)
-    path = tmp_path / "kept.json"
+    path = tmp_path / "record.json"
     assert main(["bench", "delay", "--output", str(path), "--plot", str(tmp_path / "a.png")]) == 2
     assert "disk full" in capsys.readouterr().err
     assert json.loads(path.read_text())["figures"]

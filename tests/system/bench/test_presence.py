@@ -118,7 +118,7 @@ def soak(victim: Victim, number: int, seconds: float, leave_every: float, stop_a
 def test_a_soak_finds_a_slave_that_hangs(victim: Victim) -> None:
     began = time.monotonic()
     found = soak(victim, signal.SIGSTOP, 5.0, 60.0)
-    assert time.monotonic() - began < 5.0 + 5.0, "who hangs is not asked to end"
+    assert time.monotonic() - began < 5.0 + 5.0, "a hung slave is not requested to end"
     ((at_s, seconds, reason),) = found.silences
     assert 0.5 < at_s < 4.0
     assert at_s + seconds == pytest.approx(5.0, abs=1.0)

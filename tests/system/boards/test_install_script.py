@@ -24,7 +24,7 @@ pytestmark = [
     pytest.mark.skipif(bool(missing(TO_BOOT)), reason=missing(TO_BOOT)),
 ]
 
-# The board has no way to a package index: wheels lie in a folder, which is all that pip is told otherwise.
+# The board has no way to a package index: wheels lie in a folder, which is the only other option of pip's.
 JOB = r"""
 set -e
 mount -t tmpfs -o size=600M tmpfs /opt/venvs

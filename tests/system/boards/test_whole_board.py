@@ -86,7 +86,7 @@ echo "restarts so far: $before"
 kill -STOP $(systemctl show -P MainPID uuv-hil)
 until test $(systemctl show -P NRestarts uuv-hil) -gt $before && systemctl -q is-active uuv-hil; do sleep 1; done
 echo "watchdog: $(journalctl -u uuv-hil | grep -o 'Watchdog timeout' | head -1)"
-# Its own lines: on a busy machine the STM32 is slow to answer, and that is told behind it.
+# Its own lines: on a busy machine the STM32 is slow to answer, and that is reported behind it.
 until journalctl _PID=$(systemctl show -P MainPID uuv-hil) | grep -q 'commands arrive'; do sleep 1; done
 echo flown
 systemctl stop uuv-hil

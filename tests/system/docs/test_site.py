@@ -47,4 +47,4 @@ def test_pages_that_are_opened_as_files_are_searched(site: Path) -> None:
         seen.page.locator(".md-search-result__item").first.wait_for(state="attached")
         found = seen.page.locator(".md-search-result__item h1, .md-search-result__item h2").all_inner_texts()
         assert "Diagnostics" in found
-        assert seen.hosts <= {""}, "nothing is asked of another host"
+        assert seen.hosts <= {""}, "no other host gets a request"

@@ -1,4 +1,4 @@
-"""The shipped images on QEMU: what its timers hold is read by QEMU, not told by the firmware."""
+"""The shipped images on QEMU: what its timers hold is read by QEMU, not reported by the firmware."""
 
 import os
 import shutil

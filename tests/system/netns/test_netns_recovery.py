@@ -165,7 +165,7 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Outcome | Ba
     def try_fault(name: str) -> None:
         try:
             results[name] = suffer(name, folder)
-        except BaseException as error:  # noqa: BLE001 - told by the test it belongs to
+        except BaseException as error:  # noqa: BLE001 - raised by the test it belongs to
             results[name] = error
 
     threads = [threading.Thread(target=try_fault, args=[name]) for name in FAULTS]

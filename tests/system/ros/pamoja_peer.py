@@ -34,7 +34,7 @@ def main() -> None:
     def key(topic: str, kind: str) -> str:
         return str(ros2.entity_key(0, topic, kind, hashes[kind]))
 
-    kept = session.declare_subscriber(key("/uuv1/pressure", PRESSURE), keep)
+    subscription = session.declare_subscriber(key("/uuv1/pressure", PRESSURE), keep)
     node = f"@ros2_lv/0/{session.info.zid()}/0"
     tokens = [session.liveliness().declare_token(f"{node}/0/NN/%/%/pamoja")]
     mangled, dds = ros2.percent_mangle("/uuv1/cmd_vel"), ros2.dds_type_name(TWIST)
@@ -53,9 +53,9 @@ def main() -> None:
     reader = ros2.CdrReader(newest)
     stamp = reader.read_i32(), reader.read_u32()
     print(json.dumps({
-        "heard": len(samples), "key": command, "stamp": stamp, "attachment": len(attachment), "sent": sequence,
+        "received": len(samples), "key": command, "stamp": stamp, "attachment": len(attachment), "sent": sequence,
         "digest": bytes(ros2.type_hash_digest(hashes[TWIST])).hex(), "twist": bytes(payload).hex(),
-        "kept": bool(kept and tokens),
+        "declared": bool(subscription and tokens),
     }), flush=True)  # fmt: skip
     os._exit(0)  # its callbacks would keep the interpreter
 

@@ -153,7 +153,7 @@ def main() -> None:
     peer.wait(set(RECEIVED), 60.0)
     imu, pressure = peer.newest["/uuv1/imu"], peer.newest["/uuv1/pressure"]
     found = peer.graph() | {
-        "heard": peer.counts,
+        "received": peer.counts,
         "acceleration": imu.linear_acceleration.z,
         "frames": [imu.header.frame_id, *[t.child_frame_id for t in peer.newest["/tf"].transforms]],
         "pascal": pressure.fluid_pressure,

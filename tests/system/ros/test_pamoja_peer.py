@@ -43,7 +43,7 @@ def test_it_reads_and_drives_the_vehicle(tmp_path: Path, release: Release) -> No
             assert wait_for(lambda: "ground_truth" in client.latest and client.latest["ground_truth"].value.nu[0] > 0.3)
             output = peer.communicate(timeout=120)[0]
     found = json.loads(output.splitlines()[-1])
-    assert found["heard"] > 10
+    assert found["received"] > 10
     assert found["attachment"] == 33
     assert abs(found["stamp"][0] - time.time()) < 300
     assert bytes.fromhex(found["twist"]) == ros.encode_twist((0.4, 0, 0), (0, 0, 0))

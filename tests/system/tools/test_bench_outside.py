@@ -9,7 +9,7 @@ from tools.costs import bench_outside
 SECONDS = 2.0
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="packets and executions are only told to root")
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root sees packets and executions")
 def test_what_others_measure_is_what_we_measure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.bench.table.run.BARE_S", 0.2)
     rows = [*bench_outside.mission(SECONDS), *bench_outside.commands(SECONDS)]

@@ -25,7 +25,7 @@ PULSES = [1100, 1499, 1500, 1501, 1777, 1900]
 
 
 class Bench(NamedTuple):
-    """A node of theirs, our STM32, and the esc.Status that the node has heard since it was cleared, by index."""
+    """A node of theirs, our STM32, and the esc.Status that the node has received since it was cleared, by index."""
 
     node: Any
     end: Stm32End
@@ -53,7 +53,7 @@ def bench() -> Iterator[Bench]:
         operational = uavcan.protocol.NodeStatus().MODE_OPERATIONAL
         node = dronecan.node.Node(driver, node_id=99, mode=operational, catch_handler_exceptions=False)
         link = ThrusterLink(open_socketcan("vcan0"), open_dronecan("device", len(RAW)))
-        # Reports answer commands alone, so that what is heard belongs to what was said.
+        # Reports answer commands alone, so that each report belongs to a command.
         made = Bench(node, Stm32End(Stm32(len(RAW), telemetry_period_ns=10**10), link), {})
         node.add_handler(
             uavcan.equipment.esc.Status, lambda event: made.status.update({event.message.esc_index: event.message})

@@ -34,7 +34,7 @@ PERIOD_S = 0.01  # between commands
 
 
 class Bench(NamedTuple):
-    """Both ends of a thruster link, on two computers that a cable joins, and the reports that the host has heard."""
+    """Both ends of a thruster link, on two computers that a cable joins, and the reports that the host has received."""
 
     host: ThrusterLink
     end: Stm32End
@@ -116,7 +116,7 @@ def test_delay_loss_and_overtaking(bench: Bench) -> None:
     assert 0 < lost < 0.15 * len(sent)
     assert 0 < stm32.refused < 0.4 * len(sent)
     assert stm32.watchdog_trips == 0
-    assert bench.received[-1][1].errors == stm32.refused, "the host is told how many were refused"
+    assert bench.received[-1][1].errors == stm32.refused, "the host learns how many were refused"
     shown = [report.sequence for _, report in bench.received]
     first_shown = {number: at for (at, _), number in reversed(list(zip(bench.received, shown, strict=True)))}
     took = [first_shown[number] - at for number, at in sent.items() if number in first_shown]
@@ -127,7 +127,7 @@ def test_delay_loss_and_overtaking(bench: Bench) -> None:
 
 @on_a_bench
 def test_a_black_hole_downward(bench: Bench) -> None:
-    """Commands vanish, reports still come: the host is told that the STM32 has stopped, once."""
+    """Commands vanish, reports still come: the host reports once that the STM32 has stopped."""
     stm32 = bench.end.stm32
     arrived = bench.run(0.2)
     with shaped("shore", AWAY):

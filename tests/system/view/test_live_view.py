@@ -81,12 +81,12 @@ def test_the_scene_is_closed_to_all_but_the_view(tmp_path: Path) -> None:
         scene.server.gui.add_button("act")
         assert isinstance(scene.server._websock_server._broadcast_buffer.message_event, ThreadSafeEvent)
 
-        async def dial(client: aiohttp.ClientSession) -> tuple[int, int]:
+        async def connect(client: aiohttp.ClientSession) -> tuple[int, int]:
             direct = await scene_bytes(client, f"http://127.0.0.1:{scene.port}/")
             async with aiohttp.ClientSession(headers={"X-Uuv-Hil-Secret": scene.secret}) as knowing:
                 return direct, await scene_bytes(knowing, f"http://127.0.0.1:{scene.port}/")
 
-        direct, knowing = with_session(dial)
+        direct, knowing = with_session(connect)
         assert direct == 0
         assert knowing > 0
 

@@ -371,7 +371,7 @@ def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: P
 
 @pytest.mark.parametrize("wish", ["", "0"])
 def test_wheel(wish: str, tmp_path: Path) -> None:
-    """One wheel serves all Pythons from 3.10 on this platform with a compiler; else, or if asked for, it is pure."""
+    """One wheel serves all Pythons from 3.10 on this platform with a compiler; else, or on request, it is pure."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=os.environ | {"UUV_HIL_NATIVE": wish})
     assert done.returncode == 0, done.stderr

@@ -161,7 +161,7 @@ def test_what_moves_and_what_comes_later(context: Any) -> None:
     other.position = [2.0, -1.0, 10.2]
     other.quaternion = list(from_euler(1.0, 0.5, 0.2))
     assert 11 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
-    other.position = [0.0, 0.0, 1e6]  # a neighbour that is not heard
+    other.position = [0.0, 0.0, 1e6]  # a neighbour that has sent nothing
     assert 11 not in agree(rays, drawn, here, (0.0, 0.0, 0.0))
     for scene in (rays, drawn):
         scene.add(box((2.0, 0.0, 10.0), (0.3, 0.4, 0.5), matrix(from_euler(0.2, 0.5, 0.8))))
