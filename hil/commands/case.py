@@ -7,6 +7,7 @@ from hil.cases.case import CASES, find_case
 from hil.cases.flights import fly_all
 from hil.cases.report import Flights, write_report
 from hil.commands.view.flights import FlightViewer
+from hil.common.columns import paragraph
 from hil.common.errors import MissingExtraError
 from hil.common.options import JOBS, MOST_SEEDS, SEEDS, add_output, add_view, new_parser, whole
 from hil.common.stop import every_end_like_ctrl_c
@@ -66,5 +67,5 @@ def _report(flights: Flights, folder: str) -> int:
         write_report(os.path.join(folder, "report.md"), flights, folder)
     except MissingExtraError as error:
         print(f"no report: {error}")
-    print(f"results in {folder}/: {', '.join(sorted(n for n in os.listdir(folder) if '.' in n))}")
+    print(paragraph(f"results in {folder}/: {', '.join(sorted(n for n in os.listdir(folder) if '.' in n))}"))
     return 0 if all(result.success for result in results) else 6

@@ -4,11 +4,13 @@ import argparse
 import json
 import os
 import re
+import sys
 from collections.abc import Callable, Iterator
 
 from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
+from hil.common.columns import paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import add_board, add_json, add_listen, add_scenario, changes_of, new_parser
 from hil.doctor import board as doctor_board
@@ -35,6 +37,7 @@ MACHINE: tuple[Check, ...] = (
     doctor_links.holders, doctor_links.line_rate, doctor_links.can_bus, doctor_board.governor, doctor_board.throttled,
     doctor_board.realtime_limits, doctor_board.clock, doctor_network.network_ports, doctor_network.wlan,
 )  # fmt: skip
+INDENT = " " * 22  # of a finding's text, behind level and topic
 
 
 def main(arguments: list[str]) -> int:
@@ -49,7 +52,8 @@ def main(arguments: list[str]) -> int:
     for finding in findings(case):
         reported.append(finding)
         if not options.json:
-            print(line(finding), flush=True)
+            text = line(finding)  # one line where a program may read it
+            print(paragraph(text, INDENT) if sys.stdout.isatty() else text, flush=True)
     if options.json:
         print(json.dumps([finding._asdict() for finding in reported]))
     return int(any(finding.level == "problem" for finding in reported))

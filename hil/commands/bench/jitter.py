@@ -20,7 +20,7 @@ from hil.commands.bench.options import (
     show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
-from hil.common.columns import aligned
+from hil.common.columns import aligned, paragraph
 from hil.common.options import List, Number, add_scenario, changes_of, new_parser
 
 EXAMPLES = f"""\
@@ -72,8 +72,9 @@ def main(arguments: list[str]) -> int:
     print("\n".join(_table(by_rate)))
     if options.repeat > 1:
         print(f"medians of {failures.most(options.repeat)} runs")
-    print(f"pinned to processor {','.join(map(str, limits.cpus))}; behind: cycles that the schedule lacks at the end")
-    print(NOTE)
+    pinned = f"pinned to processor {','.join(map(str, limits.cpus))}"
+    print(paragraph(f"{pinned}; behind: cycles that the schedule lacks at the end"))
+    print(paragraph(NOTE))
     options_used = {key: getattr(options, key) for key in ("scenario", "set", "seconds", "repeat")}
     figures = {
         name: figure for rate, runs in by_rate.items() for name, figure in _figures(f"{rate:g} Hz", runs).items()

@@ -16,7 +16,7 @@ from hil.commands.bench.options import (
     show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
-from hil.common.columns import aligned
+from hil.common.columns import aligned, paragraph
 from hil.common.options import Number, add_scenario, changes_of, new_parser
 
 EXAMPLES = """\
@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
     print(_text(by_kind))
     print(f"medians of {failures.most(options.repeat)} starts each, (range of the middle half); ms")
     for line in how:
-        print(line)
+        print(paragraph(line))
     figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in by_kind.items() for row, v in rows.items()}
     settings = {key: getattr(options, key) for key in ("scenario", "set", "repeat", "drop_caches")}
     save_record(new_record("startup", settings, figures, (*labels, *failures.labels), {"cold": how}), options)

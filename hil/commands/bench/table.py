@@ -24,6 +24,7 @@ from hil.commands.bench.options import (
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.clock import boot_id
+from hil.common.columns import paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import (
     ENDPOINT,
@@ -75,7 +76,7 @@ def main(arguments: list[str]) -> int:
     ours = board_table.columns_of(record)
     columns = [*board_table.paper(), *earlier, *(_named(column) for column in ours)]
     print(board_table.text(columns))
-    print(PAPER_NOTE)
+    print(paragraph(PAPER_NOTE))
     for line in filter(None, (_ratios(_named(column), record) for column in ours)):
         print(line)
     print(f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s; (range of the middle half)")

@@ -111,11 +111,13 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
         "surge to yaw, about the origin\n" + _columns(_coefficient_rows(vehicle)),
         f"thrusters: {len(names)} (m, FRD)\n" + _columns(_thruster_rows(vehicle)),
         *equipment,
-        f"wrench of 1 N of each thruster (N, N m), rank {rank} of 6; "
-        + (f"cannot be driven alone: {', '.join(idle)}" if idle else "every axis can be driven")
+        paragraph(f"wrench of 1 N of each thruster (N, N m), rank {rank} of 6")
+        + "\n"
+        + paragraph(f"cannot be driven alone: {', '.join(idle)}" if idle else "every axis can be driven")
         + "\n"
         + _columns([("", *names), *_number_rows(list("XYZKMN"), matrix)]),
-        "one axis at a time, thrusters within their limits (roll and pitch: against damping alone)\n"
+        paragraph("one axis at a time, thrusters within their limits (roll and pitch: against damping alone)")
+        + "\n"
         + _columns(_reach_rows(reaches)),
     ]
     return "\n\n".join(parts)
