@@ -205,11 +205,11 @@ def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
     if not land.any():
         return depths
     distance, nearest = distance_transform_edt(~water, sampling=resolution, return_indices=True)
-    before = depths[tuple(nearest)]
-    shore = np.minimum(before, -LAND_RISE)
+    shore = np.minimum(depths[tuple(nearest)], -LAND_RISE)
     slope = np.maximum(shore - LAND_SLOPE * distance, np.minimum(shore, -LAND_TOP))
     raised = np.where(land, slope, depths).astype(np.float32)
     # Not where land ends with its chart: there is no shore.
     edge = (bounds.shore < BANK) & (land | water) & (distance < (BANK + 1.0) * resolution)
-    raised[edge] = banked(before[edge], slope[edge], np.where(land[edge], 1.0, -1.0) * bounds.shore[edge])
+    before = depths[tuple(part[edge] for part in nearest)]
+    raised[edge] = banked(before, slope[edge], np.where(land[edge], 1.0, -1.0) * bounds.shore[edge])
     return raised
