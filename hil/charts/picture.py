@@ -57,7 +57,7 @@ def draw(
         colours, scale = _shaded(grid, plt)
         _draw_pixels(axes, grid, colours)
         _draw_marks(axes, grid, marks)
-        _draw_obstacles(axes, cylinders, boxes)
+        draw_obstacles(axes, cylinders, boxes)
         _draw_scale_bar(axes, grid)
         bar = figure.colorbar(scale, ax=axes, label="depth (m)", shrink=0.8, pad=0.01)
         bar.ax.invert_yaxis()
@@ -209,7 +209,7 @@ def _draw_soundings(axes: Any, soundings: Array) -> None:
         axes.annotate(text, (east, north), fontsize=5.5, color=INK, ha="center", va="center", clip_on=True, zorder=4)
 
 
-def _draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...]) -> None:
+def draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...]) -> None:
     """Draw obstacles in true size, each with a cross that stays visible."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle, Rectangle

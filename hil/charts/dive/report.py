@@ -11,9 +11,9 @@ import numpy as np
 from hil.charts.describe import Facts
 from hil.charts.dive.watch import Observation
 from hil.charts.grid import grid_of, write_file
-from hil.charts.picture import LAND, hillshade
+from hil.charts.picture import LAND, draw_obstacles, hillshade
 from hil.common.errors import MissionError
-from hil.common.palette import GRID, OBSTACLE, TRACK
+from hil.common.palette import GRID, TRACK
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.plots.run_picture import draw_goal, draw_start
 from hil.ros.diagnostics import Diagnostics, shown
@@ -104,8 +104,6 @@ def _map(
     axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="track (true)")
     draw_start(axes, scenario)
     draw_goal(axes, scenario)
-    for pile in world.cylinder:
-        axes.add_patch(plt.Circle((pile.east, pile.north), pile.radius, color=OBSTACLE))
     for number, observation in enumerate(chosen, 1):
         _number(axes, observation.truth.position[1], observation.truth.position[0], number)
     axes.set(xlabel="east (m)", ylabel="north (m)", title=scenario.description)
@@ -115,7 +113,10 @@ def _map(
 
 
 def draw_seabed(axes: Any, world: World, track: Any) -> tuple[Any, Any]:
-    """Draw the seabed around a track (rows of m north, m east), lit and with contours; return image and contours."""
+    """Draw the seabed around a track (rows of m north, m east), lit and with contours, and what stands in it.
+
+    Return image and contours.
+    """
     grid = grid_of(world)
     south, north, west, east = grid.extent
     low, high = track.min(axis=0) - AROUND, track.max(axis=0) + AROUND
@@ -129,6 +130,7 @@ def draw_seabed(axes: Any, world: World, track: Any) -> tuple[Any, Any]:
         alpha=0.35, interpolation="bilinear", vmin=0.0, vmax=1.0,
     )  # fmt: skip
     lines = axes.contour(grid.east, grid.north, grid.depths, 14, colors="#1f2937", linewidths=0.5, alpha=0.7)
+    draw_obstacles(axes, world.cylinder, world.box)
     axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), aspect="equal", facecolor=LAND)
     return image, lines
 
