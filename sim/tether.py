@@ -190,7 +190,11 @@ class Tether:
         self._speeds[0], self._speeds[-1] = list(keys.anchor_velocity), list(end.velocity)
         loads, drags = self._loads(rest)
         damping = 2.0 * _DAMPING * sqrt(spring * mass)
-        chain = Chain(self.nodes, self._speeds, loads, drags, mass, end.inertia, rest, spring, damping, self._pulls)
+        last = keys.segments
+        lying = [0 < i < last and z >= self._world.seabed(x, y) for i, (x, y, z) in enumerate(self.nodes)]
+        chain = Chain(
+            self.nodes, self._speeds, loads, drags, mass, end.inertia, rest, spring, damping, self._pulls, lying
+        )  # fmt: skip
         self._speeds, self._pulls, force = step_chain(chain, dt)
         self._force = [a + b for a, b in zip(force, loads[-1], strict=True)]
         self.tension = sqrt(sum([x * x for x in self._force]))

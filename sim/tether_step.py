@@ -16,6 +16,7 @@ from typing import NamedTuple
 from hil.common.vectors import Vector3
 
 _ROUNDS = 12  # of leaving springs out and taking them in, at most
+_GROUND = 1e8  # masses of a joint that the ground has
 _ENOUGH = 0.1  # of the greatest pull: how much all may change in the last round
 
 # A symmetric 3x3 matrix: xx, xy, xz, yy, yz, zz.
@@ -27,7 +28,7 @@ class Chain(NamedTuple):
 
     `loads` are the forces on the joints besides the springs, and `drags` by how much these fall with the speed (N s/m).
     `mass` is that of a joint between the ends, `inertia` that of the last one; None if its speed holds, too. `pulls`
-    are those of the last step.
+    are those of the last step. The ground bears the joints that are `lying` while they press on it.
     """
 
     places: Sequence[Sequence[float]]
@@ -40,6 +41,7 @@ class Chain(NamedTuple):
     stiffness: float
     damping: float
     pulls: Sequence[float]
+    lying: Sequence[bool]
 
 
 class _Spring(NamedTuple):
@@ -58,12 +60,15 @@ def step_chain(chain: Chain, dt: float) -> tuple[list[list[float]], list[float],
     speeds = [list(speed) for speed in chain.speeds]
     pulls = [last or now for last, now in zip(chain.pulls, _pulls(springs, speeds, dt), strict=True)]
     terms: list[tuple[float, float] | None] = []
+    borne = list(chain.lying)
     for _ in range(_ROUNDS):
         terms = [(dt * pull / s.size * dt, dt * s.slope) if pull > 0.0 else None
                  for s, pull in zip(springs, pulls, strict=True)]  # fmt: skip
-        speeds = _solve(chain, springs, terms, dt)
+        speeds = _solve(chain, springs, terms, borne, dt)
         last, pulls = pulls, _pulls(springs, speeds, dt)
-        same = all((a > 0.0) == (b > 0.0) for a, b in zip(last, pulls, strict=True))
+        pressed = [lies and speed[2] >= 0.0 for lies, speed in zip(borne, speeds, strict=True)]
+        same = pressed == borne and all((a > 0.0) == (b > 0.0) for a, b in zip(last, pulls, strict=True))
+        borne = pressed
         apart = max(abs(a - b) for a, b in zip(last, pulls, strict=True))
         if same and apart <= _ENOUGH * max(pulls):
             break
@@ -95,7 +100,11 @@ def _pulls(springs: Sequence[_Spring], speeds: Sequence[Sequence[float]], dt: fl
 
 
 def _solve(
-    chain: Chain, springs: Sequence[_Spring], terms: Sequence[tuple[float, float] | None], dt: float
+    chain: Chain,
+    springs: Sequence[_Spring],
+    terms: Sequence[tuple[float, float] | None],
+    borne: Sequence[bool],
+    dt: float,
 ) -> list[list[float]]:
     """Return the speeds at which all is balanced; `terms` are impulses a speed, across and along each taut spring."""
     count = len(springs)
@@ -127,7 +136,7 @@ def _solve(
             yy, yz, zz = yy + across + more * y * y, yz + more * y * z, zz + across + more * z * z
             pull = side * dt * springs[k].offset
             right = [right[0] + pull * x, right[1] + pull * y, right[2] + pull * z]
-        block: Symmetric = (xx, xy, xz, yy, yz, zz)
+        block: Symmetric = (xx, xy, xz, yy, yz, zz + _GROUND * mass if borne[i] else zz)
         before: Sequence[float] = speeds[0]
         term = terms[i - 1]
         if term is not None:  # what the joint before it takes away

@@ -129,6 +129,21 @@ def test_a_vehicle_on_a_short_or_stiff_line_comes_to_rest(
     )
 
 
+@pytest.mark.parametrize("stiffness", [2e4, 1e7])
+def test_a_line_on_the_seabed_pulls_steadily(stiffness: float) -> None:
+    """Half of it lies; the rest hangs from the end as a catenary that begins level: pull = H + weight x height."""
+    world = WORLD._replace(depth=30.0)
+    tether, pulls = held(KEYS._replace(stiffness=stiffness, anchor=(0.0, 0.0, 30.0)), world, (40.0, 0.0, 10.0)), []
+    for step in range(3000):
+        tether.begin(step * SLOW_NS)
+        pulls.append(tether.tension)
+    hanging = sum(node[2] < 30.0 for node in tether.nodes)
+    assert 3 <= hanging <= 6
+    assert max(pulls[-500:]) - min(pulls[-500:]) < 0.03 * pulls[-1]
+    level = hypot(*tether._force[:2])
+    assert pulls[-1] == pytest.approx(level + WEIGHT * 20.0, rel=0.05)
+
+
 def test_segments_that_are_too_short_are_refused() -> None:
     assert TetherKeys(1.0, segments=50).validate() == "segments: 50 of 1 m are too short to compute: use at most 40"
     assert TetherKeys(1.0, segments=40).validate() is None
