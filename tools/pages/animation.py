@@ -1,10 +1,12 @@
 """Draw the animation of the README: one dive over the seabed of a chart, as the vehicle's sensors give it.
 
-    python -m tools.pages.animation CHART.000 [--output docs/dive.gif]
+    python -m tools.pages.animation CHART.000 [--start LAT,LON --goal LAT,LON --depth M] [--output docs/dive.gif]
 
 A slave and a master fly the dive in real time as `uuv-hil demo --world` does, which takes two minutes. Every frame
 shows the map with the true track so far, and what came over the network at that time: the camera's picture and the
-forward-looking sonar's. Needs what `pip install -e '.[dev]'` brings, and a chart such as NOAA's US5AK5SI.
+forward-looking sonar's. Needs what `pip install -e '.[dev]'` brings, and a chart such as NOAA's US5AK5SI, where
+--start 59.603657,-151.420325 --goal 59.603284,-151.4199 --depth 3.2 goes between floats, near enough to the bed for the
+camera.
 """
 
 import argparse
@@ -23,6 +25,7 @@ from hil.charts.dive.report import MARK, draw_camera, draw_seabed, draw_sonar
 from hil.charts.dive.watch import DiveWatch, Observation
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import MissionError
+from hil.common.options import place
 from hil.common.palette import TRACK
 from hil.plots.plotting import pyplot
 from hil.scenario.config import Scenario, load_scenario
@@ -38,9 +41,9 @@ COLOURS = 96
 MOST_BYTES = 3_000_000
 
 
-def fly(chart: str, folder: str) -> tuple[Scenario, list[Observation]]:
+def fly(chart: str, wanted: DiveOptions, folder: str) -> tuple[Scenario, list[Observation]]:
     """Fly one dive over `chart`; the scenario, and what was seen once a second. Raises HilError."""
-    path = prepare_dive(chart, DiveOptions(), folder).path
+    path = prepare_dive(chart, wanted, folder).path
     scenario = load_scenario(path)
     with DiveWatch(scenario) as watch:
         demo = start_child(
@@ -91,10 +94,15 @@ def main() -> int:
     """Fly, draw, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("chart", metavar="CHART.000")
+    parser.add_argument(
+        "--start", type=place, metavar="LAT,LON", help="degrees, with --goal [as `demo --world` has it]"
+    )
+    parser.add_argument("--goal", type=place, metavar="LAT,LON")
+    parser.add_argument("--depth", type=float, metavar="M")
     parser.add_argument("--output", type=Path, default=OUTPUT, metavar="FILE", help="[%(default)s]")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        scenario, observations = fly(options.chart, folder)
+        scenario, observations = fly(options.chart, DiveOptions(options.start, options.goal, options.depth), folder)
         world, plt = load_world(scenario.world), pyplot()
         chosen = np.linspace(0, len(observations) - 1, min(FRAMES, len(observations)), dtype=int)
         save([frame(plt, world, observations, int(number)) for number in chosen], options.output)
