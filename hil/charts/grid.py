@@ -160,6 +160,7 @@ def replaced(*paths: str) -> Iterator[list[str]]:
     Makes their folders. Raises ConfigError for an OSError.
     """
     fresh = {f"{path}.{os.getpid()}": path for path in paths}
+    path = paths[0]
     try:
         for path in paths:
             os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
@@ -169,7 +170,7 @@ def replaced(*paths: str) -> Iterator[list[str]]:
         for name, path in fresh.items():
             os.replace(name, path)
     except OSError as error:
-        path = fresh.get(str(error.filename), paths[0])
+        path = fresh.get(str(error.filename), path)
         raise ConfigError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
         for left in filter(os.path.exists, fresh):
