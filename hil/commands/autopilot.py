@@ -33,7 +33,9 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     scenario = load_single(options.scenario, changes_of(options))
     if scenario.controller not in AUTOPILOTS:
-        raise ConfigError(f"{scenario.path}: controller is {scenario.controller!r}, no autopilot: see `ardusub`")
+        raise ConfigError(
+            f"{scenario.path}: controller is {scenario.controller!r}, no autopilot: see `uuv-hil scenario show ardusub`"
+        )
     vehicle, _ = load_vehicle(scenario.vehicle)
     if options.what == "motors":
         return _motors(scenario, vehicle)

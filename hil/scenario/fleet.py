@@ -11,7 +11,9 @@ def member_number(scenario: Scenario, which: str) -> int:
     """Return the index of the member `which`, given by its node or its number from 1. Raises ConfigError."""
     nodes = [member.node for member in scenario.member]
     if not nodes:
-        raise ConfigError(f"{scenario.path}: is of one vehicle, not of a fleet: it has no [[member]]")
+        raise ConfigError(
+            f"{scenario.path}: is of one vehicle, not of a fleet: add a [[member]] for each, as target_hunting has"
+        )
     if which.isdigit() and 0 < int(which) <= len(nodes):
         return int(which) - 1
     if which in nodes:
