@@ -12,7 +12,7 @@ def member_number(scenario: Scenario, which: str) -> int:
     nodes = [member.node for member in scenario.member]
     if not nodes:
         raise ConfigError(
-            f"{scenario.path}: is of one vehicle, not of a fleet: add a [[member]] for each, as target_hunting has"
+            f"{scenario.path}: is of one vehicle, not of a fleet: it has no [[member]]; target_hunting has"
         )
     if which.isdigit() and 0 < int(which) <= len(nodes):
         return int(which) - 1
