@@ -101,7 +101,7 @@ class ForwardSonar:
 
         from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.bottom_echo import make_texture
-        from sim.sensors.imaging.echoes import Bins, Mirrors, array_pattern, bins_of, pattern
+        from sim.sensors.imaging.echoes import Bins, Mirrors, array_pattern, bins_of, independent_cells, pattern
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
@@ -126,7 +126,8 @@ class ForwardSonar:
         self._received = received.astype(np.float32)[of]
         solid_angle = float(aperture.weights[0].sum() * (2.0 * lobe.sum() - lobe[0]))
         ranges = model.min_range + (np.arange(count) + 0.5) * model.range_step
-        self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic)
+        cells = independent_cells(model.beams, spacing, model.beam_width)
+        self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic, cells)
         self._scale = RangeScale(model, mounting, seed, self.topic, scene)
 
     def add(self, solid: "Solid", state: State) -> None:

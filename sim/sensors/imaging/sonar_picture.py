@@ -84,9 +84,10 @@ class Picture:
     """
 
     def __init__(
-        self, model: _Levels, ranges: Floats, absorption: float, solid_angle: float, seed: int, topic: str
-    ) -> None:
-        self._model = model
+        self, model: _Levels, ranges: Floats, absorption: float, solid_angle: float, seed: int, topic: str,
+        cells: Floats | None = None,
+    ) -> None:  # fmt: skip
+        self._model, self._cells = model, cells
         self._noise = np.float32(10.0 ** (0.1 * (model.noise_level - model.source_level)))
         ringing = (model.noise_level - model.source_level) / max(model.ringing, 1e-3) * ranges
         self._ringing = (10.0 ** (0.1 * ringing)).astype(np.float32)[:, None] if model.ringing else np.float32(0.0)
@@ -102,7 +103,8 @@ class Picture:
         """Return the picture, a row a bin."""
         if self._model.ground_truth:
             return np.ascontiguousarray(mean, np.float32).tobytes()
-        intensities = speckled(mean.astype(np.float32) + self._noise, self._model.looks, self._random) + self._ringing
+        received = mean.astype(np.float32) + self._noise
+        intensities = speckled(received, self._model.looks, self._random, self._cells) + self._ringing
         grey = 255.0 * (intensities * self._scale) ** np.float32(0.5 * self._model.contrast)
         made: bytes = np.minimum(grey, 255.0).astype(np.uint8).tobytes()
         return made
