@@ -217,8 +217,9 @@ class VehicleState:
         silence = self.client.contact.silence_s if not self.present else 0.0
         if silence > patience_s:
             raise NetworkError(
-                f"{self.name} at {self.client.endpoint} is gone for {silence:.1f} s: its slave has ended, or the "
-                f'network between is down; it is found again by itself, fleet.wait_for("{self.name}") waits for it'
+                f"{self.name} at {self.client.endpoint} has not answered for {silence:.1f} s: its slave has ended, or "
+                "the network between is down; the client reconnects by itself, "
+                f'fleet.wait_for("{self.name}") waits for it'
             )
 
     def _no_sensor(self, topic: str, waited: float) -> str:

@@ -14,8 +14,8 @@ from hil.scenario.modem import modem_of
 
 EXAMPLES = """\
 The agents of a fleet whose scenario has a [modem] report by sound or light instead of the network. This process
-simulates the water: it receives the true positions of all vehicles, and delivers each message to those it reaches. It
-dials all slaves and agents, on whatever machines they are. Ctrl-C ends it.
+simulates the modem channel: it receives the true positions of all vehicles, and delivers each message to the vehicles
+that it reaches. It connects to all slaves and agents, on whatever machines they are. Ctrl-C ends it.
 
 examples:
   uuv-hil slave target_hunting_acoustic --member uuv1 &      and so on, one a vehicle
@@ -43,9 +43,9 @@ def main(arguments: list[str]) -> int:
         StopSignals() as stop_fd,
         open_master_session(*([scenario.network.router] if routed else ends), network=scenario.network) as session,
     ):
-        water = ModemNetwork(session, scenario)
+        network = ModemNetwork(session, scenario)
         print(f"{modem.kind} modems of {len(scenario.member)} vehicles, slots of {modem.slot:g} s", flush=True)
         while not select.select((stop_fd,), (), (), REPORT_PERIOD_S)[0]:
-            print(f"{(now_ns() - began) / NS_PER_S:7.1f} s  {summary(water.counts)}", flush=True)
-        print(summary(water.counts), flush=True)
+            print(f"{(now_ns() - began) / NS_PER_S:7.1f} s  {summary(network.counts)}", flush=True)
+        print(summary(network.counts), flush=True)
     return 0

@@ -132,7 +132,7 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
         waited = (now_ns() - began) / NS_PER_S
         if not is_reported and waited > min(ASK_AFTER_S, seconds):
             is_reported = True
-            progress.print_line(f"no word from {client.node} yet: {_why_silent(client, scenario)}")
+            progress.print_line(f"no sample from {client.node} yet: {_why_silent(client, scenario)}")
         if waited > seconds:
             raise NetworkError(
                 f"no vehicle {client.node!r} answered at {client.endpoint} within {seconds:g} s "

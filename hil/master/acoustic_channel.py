@@ -19,7 +19,7 @@ from sim.modems.optical_channel import Pose
 
 TICK_S = 0.005  # period of the delivery of messages
 QUEUE = 16
-REACH_M = 1e4  # upper bound of the range in each message of a measured distance
+MAX_RANGE_M = 1e4  # upper bound of the range in each message of a measured distance
 
 
 class ModemNetwork:
@@ -37,13 +37,13 @@ class ModemNetwork:
         nodes = [member.node for member in scenario.member]
         self._received = {node: session.publisher(node, TOPICS["modem_rx"]) for node in nodes}
         self._measured = {node: session.publisher(node, TOPICS["modem_range"]) for node in nodes}
-        graph = Node(session, "water")
+        graph = Node(session, "channel")
         for node in nodes:
             self._attend(session, node)
             for topic in ("modem_rx", "modem_range"):
                 graph.publishes(TOPICS[topic], node)
             graph.subscribes(TOPICS["modem_tx"], node)
-        session.every(TICK_S, self._deliver, "water")
+        session.every(TICK_S, self._deliver, "channel")
 
     @property
     def counts(self) -> Counter[str]:
@@ -79,7 +79,7 @@ class ModemNetwork:
         self._received[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
         if packet.distance == packet.distance:  # nan: an optical modem measures no distance
             self.ranges[packet.receiver, packet.sender] = packet.distance
-            self._measured[packet.receiver].put(encode_range(now, packet.sender, packet.distance, REACH_M), now)
+            self._measured[packet.receiver].put(encode_range(now, packet.sender, packet.distance, MAX_RANGE_M), now)
 
 
 def summary(counts: Counter[str]) -> str:

@@ -191,12 +191,12 @@ class _Agent:
         Raises NetworkError after GIVE_UP_AFTER_S.
         """
         if age_s > GIVE_UP_AFTER_S:
-            raise NetworkError(f"{self._client.node} at {self._client.endpoint} is gone for {age_s:.0f} s")
+            raise NetworkError(f"{self._client.node} at {self._client.endpoint} has not answered for {age_s:.0f} s")
         if age_s > LOST_AFTER_S and not self._is_silent:
-            self._report(f"no word from the vehicle for {age_s:.1f} s, waiting for it")
+            self._report(f"no odometry from the vehicle for {age_s:.1f} s, waiting for it")
         self._is_silent = age_s > LOST_AFTER_S
         if self._is_silent:
             now = now_ns() - self._began
-            what = f"no word from {self._client.node}"
+            what = f"no odometry from {self._client.node}"
             self._monitor.log.hold("link_lost", max(now - seconds_ns(age_s), 0), now, self._place, what)
         return self._is_silent

@@ -104,7 +104,9 @@ class HuntPlanner(Planner):
         heading = heading_of(odometry.orientation)
         command = self._hunter.command(position, heading, reports, 0.0 if self._awaited else dt)
         self.progress = self.clock / self._duration
-        self.status = f"waiting for {', '.join(sorted(self._awaited))}" if self._awaited else f"hears {len(near)}"
+        self.status = f"{len(near)} neighbours in contact"
+        if self._awaited:
+            self.status = f"waiting for {', '.join(sorted(self._awaited))}"
         return command._replace(depth=self._depth)
 
     def report(self) -> bytes:

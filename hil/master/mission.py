@@ -95,11 +95,11 @@ class Mission:
         truth = self._client.latest.get("ground_truth", odometry)  # a real vehicle sends no truth
         if odometry.age_s > GIVE_UP_AFTER_S:
             raise NetworkError(
-                f"{self._client.node} at {self._client.endpoint} is gone for {odometry.age_s:.0f} s; "
-                "look at the slave and at the network between"
+                f"{self._client.node} at {self._client.endpoint} has not answered for {odometry.age_s:.0f} s; "
+                "check the slave and the network between"
             )
         if odometry.age_s > LOST_AFTER_S:
-            self._progress.print_limited(f"no word from the vehicle for {odometry.age_s:.1f} s, waiting for it")
+            self._progress.print_limited(f"no odometry from the vehicle for {odometry.age_s:.1f} s, waiting for it")
             return ""
         command = self._flight.command(elapsed, self._samples(), truth.value)
         self._client.command(command)
@@ -134,7 +134,7 @@ class Mission:
         losses = self._client.contact.losses
         if age > LOST_AFTER_S or losses != self._losses:  # lost now, or lost and restored since the last call
             self._losses = losses
-            self._flight.lose_link(min(self._odometry_s, elapsed), elapsed, f"no word from {self._client.node}")
+            self._flight.lose_link(min(self._odometry_s, elapsed), elapsed, f"no odometry from {self._client.node}")
         else:
             self._odometry_s = max(elapsed - age, 0.0)
 

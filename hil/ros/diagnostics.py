@@ -174,7 +174,7 @@ class Diagnostics:
     ram_mib = _number("MiB", 0, "memory of the machine")
     python = _text("version of Python")
     bytecode_compiled = _flag("whether the slave's Python was compiled before it was started")
-    realtime = _text("what was settled about real time: scheduling, locked memory, garbage collector, idle processors")
+    realtime = _text("real-time settings in effect: scheduling, locked memory, garbage collector, idle processors")
     # The start
     exec_wall_ns = _integer("ns since 1970", "when the slave was executed, by the wall clock it started with")
     startup_python_ms = _number("ms", 1, "from exec until the interpreter ran our first line")
@@ -237,7 +237,7 @@ class Diagnostics:
     link_held_baud = _integer("bit/s", "speed that [link.faults] holds the link to, 0 if it does not")
     link_port = _text("address of the link")
     link_wire = _text('what carries its bytes: "pty" (a pseudo terminal), "uart", "rs485", "tcp", "udp" or "can"')
-    link_losses = _counter("times that the link went away")
+    link_losses = _counter("times that the link was lost")
     link_bytes_in = _counter("bytes off the link", "byte")
     link_bytes_out = _counter("bytes onto the link", "byte")
     link_messages_in = _counter("messages decoded")

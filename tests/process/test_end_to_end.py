@@ -193,10 +193,10 @@ def test_the_master_survives_a_slave_that_comes_back(tmp_path: Path) -> None:
             time.sleep(1)
             slave.process.kill()
             slave.wait()
-        master.expect("no word from the vehicle")
+        master.expect("no odometry from the vehicle")
         with Program(tmp_path, "slave", scenario):
             assert master.wait() == 6, master.output
-    assert "goal reached, but link lost: no word from uuv1" in master.output, "the goal is not all there is to say"
+    assert "goal reached, but link lost: no odometry from uuv1" in master.output, "the goal is not all there is to say"
     record = json.loads((folder / "table.json").read_text())
     lost = [event["duration_s"] for event in record["outcome"]["events"] if event["kind"] == "link_lost"]
     assert max(lost) > 0.5, "and on a busy machine there may be more"

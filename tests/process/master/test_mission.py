@@ -156,11 +156,11 @@ def test_a_silence_is_an_event_with_its_beginning_and_its_length(
     clock.at_each = fall_silent
     outcome = fly()
     (event,) = outcome.events
-    assert (event.kind, event.what) == ("link_lost", "no word from uuv1")
+    assert (event.kind, event.what) == ("link_lost", "no odometry from uuv1")
     assert event.start_ns == pytest.approx(5 * NS_PER_S, abs=0.1 * NS_PER_S)
     assert event.duration_ns == pytest.approx(3 * NS_PER_S, abs=0.2 * NS_PER_S)
     assert outcome.reason == "time limit"
-    assert outcome.verdict == "time limit, but link lost: no word from uuv1"
+    assert outcome.verdict == "time limit, but link lost: no odometry from uuv1"
 
 
 def test_a_vehicle_that_came_back_at_once_has_been_away(
