@@ -1,8 +1,7 @@
-"""Web server of the live view: its page, a proxy to the scene's server, and the stick of the person who steers.
+"""Web server of the live view: its page, a proxy to the scene's server, and the websocket of the stick.
 
-The scene is served by viser, which has no passwords. It listens on this machine only, on a port of its own, and
-takes no client but this server, which sends it a secret that nobody else has. This server lets nobody in without the
-token, and no page of another origin.
+viser serves the scene and has no authentication. It listens on this machine only, on a separate port, and accepts only
+this server as a client, which sends it a secret. This server requires a token and refuses pages of other origins.
 """
 
 import asyncio
@@ -19,24 +18,24 @@ from hil.common.server_thread import STALLED_S, ServerThread, cut_when_stalled, 
 
 COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
-MOST_STICK_BYTES = 4096  # of one message of the stick
+MOST_STICK_BYTES = 4096  # in one message of the stick
 MOST_CLIENTS = 32
-MOST_CONNECTIONS = 256  # at once: a browser has some for the page, the stick and the scene
-TOKEN_WITHIN_S = 10.0  # a connection on which nobody has shown the token by then is closed
-HEARTBEAT_S = 10.0  # after which a browser is asked whether it is there; it is closed after half as much again
-LARGEST_MESSAGE = 256 << 20  # of the scene, towards the browser
+MOST_CONNECTIONS = 256  # open at once; a browser needs several, for the page, the stick and the scene
+TOKEN_WITHIN_S = 10.0  # a connection that has not sent the token by then is closed
+HEARTBEAT_S = 10.0  # period of websocket pings; a connection without a pong is closed after half of it
+LARGEST_MESSAGE = 256 << 20  # bytes from the scene to the browser
 
 StickMessage = Mapping[str, Any]
-# Takes a message of the stick of a client (its number), None when the client is closed; the answer is shown there.
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+# Called with a client's number and its stick message, or None when the client has closed; returns what it then shows.
 OnStick = Callable[[int, StickMessage | None], Mapping[str, Any]]
 
 
 class Front(ServerThread):
-    """Serves at `host`:`port` (0: any free one) in a thread of its own. Use as a context.
+    """Serves at `host`:`port` (0: any free one) in a separate thread. Use as a context.
 
-    `scene_port` is where viser listens, `secret` what viser requires, `token` what a browser must send. Raises
-    NetworkError when the port is taken.
+    viser listens on `scene_port` and requires `secret`; a browser must send `token`. Raises NetworkError if the port is
+    in use.
     """
 
     def __init__(
@@ -72,7 +71,7 @@ class Front(ServerThread):
         return int(self._listener.sockets[0].getsockname()[1])
 
     def _accept(self) -> asyncio.BaseProtocol:
-        """Return what serves a new connection: aiohttp's own, unless too many are open."""
+        """Return the protocol for a new connection: aiohttp's, or one that closes it if too many are open."""
         assert self._runner
         server = self._runner.server
         assert server
@@ -96,7 +95,7 @@ class Front(ServerThread):
 
     @web.middleware
     async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Refuse who has no token, and pages of other origins."""
+        """Refuse requests without the token, and those from pages of other origins."""
         origin = request.headers.get("Origin")
         if origin and origin.partition("://")[2] != request.host:
             raise web.HTTPForbidden(text="this page is not of the live view\n")
@@ -130,13 +129,13 @@ class Front(ServerThread):
         return web.Response(text=text, content_type="text/html", headers={"Cache-Control": "no-store"})
 
     async def _stick(self, request: web.Request) -> web.WebSocketResponse:
-        """Exchange messages with the page: stick and buttons in, possible actions and shown values out."""
+        """Exchange messages with the page: receive stick and buttons, send the allowed actions and the shown values."""
         socket = web.WebSocketResponse(max_msg_size=MOST_STICK_BYTES, heartbeat=HEARTBEAT_S)
         await socket.prepare(request)
         if self._clients >= MOST_CLIENTS:
             await socket.close(message=f"{MOST_CLIENTS} browsers are there already".encode())
             return socket
-        if request.transport is None:  # it went meanwhile
+        if request.transport is None:  # the client has disconnected meanwhile
             return socket
         self._clients += 1
         number = id(socket)
@@ -169,7 +168,7 @@ class Front(ServerThread):
         protocols = [word.strip() for word in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if word]
         outside = web.WebSocketResponse(protocols=protocols, max_msg_size=1 << 20, heartbeat=HEARTBEAT_S)
         await outside.prepare(request)
-        if request.transport is None:  # it went meanwhile
+        if request.transport is None:  # the client has disconnected meanwhile
             return outside
         async with client.ws_connect(url, protocols=protocols, max_msg_size=LARGEST_MESSAGE) as inside:
             with cut_when_stalled(outside, request.transport):
@@ -194,7 +193,7 @@ async def _pump(source: Any, sink: Any) -> None:
 
 
 async def _first_done(*work: Any) -> None:
-    """Wait until one of them is done, and end the others. Raises what the first raises."""
+    """Wait until one of the awaitables is done, and cancel the others. Raises what the first one raises."""
     tasks = [asyncio.ensure_future(each) for each in work]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -1,4 +1,4 @@
-"""The live view: a scene and panels of some vehicles in the browser, brought up to date about 20 times a second."""
+"""The live view: a scene and panels of some vehicles in the browser, updated about 20 times a second."""
 
 from collections.abc import Mapping, Sequence
 from math import dist
@@ -12,7 +12,7 @@ from hil.common.errors import HilError
 from hil.ros.topics import first_of
 from hil.view.front import Front
 from hil.view.panels import instruments, pictures
-from hil.view.panels.acts import ActsPanel
+from hil.view.panels.actions import ActionsPanel
 from hil.view.panels.panels import Panels
 from hil.view.panels.playback import PlaybackPanel
 from hil.view.panels.recording import RecordingPanel
@@ -28,10 +28,10 @@ from sim.environment.world import World
 from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle as VehicleFile
 
-PERIOD_S = 0.05  # of the scene
+PERIOD_S = 0.05  # between two updates of the scene
 PANEL_EVERY = 4  # frames
-TRACK_EVERY = 10
-MOVED = 1e-3  # m, from which on a camera follows
+TRACK_EVERY = 10  # frames
+MOVED = 1e-3  # m; a camera does not follow a smaller movement
 TOP_HEIGHT = 20.0  # m
 JPEG, RAW, SONAR, SIDE_SCAN = (
     "camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image",
@@ -39,7 +39,7 @@ JPEG, RAW, SONAR, SIDE_SCAN = (
 
 
 class Shown(NamedTuple):
-    """Data of a run from its scenario; None and empty without one."""
+    """Data of a run from its scenario; without a scenario the fields are None or empty."""
 
     world: World | None = None
     vehicles: Mapping[str, VehicleFile] = {}
@@ -70,8 +70,8 @@ class LiveView:
             server.scene.add_grid("/grid", 100.0, 100.0)
         self._fleet = FleetScene(server, shown.hunt, self._world) if shown.hunt and self._world else None
         thrusters = [thruster.name for vehicle in list(shown.vehicles.values())[:1] for thruster in vehicle.thrusters]
-        self._acts = ActsPanel(server, self._panels.acts, self._vehicle, self._panels.add_log_line, thrusters)
-        self._recording = RecordingPanel(server, self._panels.acts, source.recorder, self._panels.add_log_line)
+        self._actions = ActionsPanel(server, self._panels.actions, self._vehicle, self._panels.add_log_line, thrusters)
+        self._recording = RecordingPanel(server, self._panels.actions, source.recorder, self._panels.add_log_line)
         self._playback = PlaybackPanel(server, source.playback) if source.playback else None
         self._drawn: dict[str, VehicleScene] = {}
         self._plans: dict[str, Any] = {}
@@ -99,7 +99,7 @@ class LiveView:
         return self._scene.viewers
 
     def update(self) -> None:
-        """Draw the newest samples of all vehicles; without a browser, twice a second, for the tracks."""
+        """Draw the newest samples of all vehicles. Without a browser it draws only twice a second, for the tracks."""
         names = self._source.names
         self._panels.choose_from(names)
         for line in self._source.log_lines():
@@ -145,7 +145,7 @@ class LiveView:
             self._draw_pictures(name, drawn.sensors, latest)
 
     def _draw_plan(self, name: str, plan: Any) -> None:
-        """Draw the path that the planner of a vehicle has published, in place of the one known at the start."""
+        """Draw the path that a vehicle's planner has published. It replaces the path from the scenario."""
         if self._world and plan and plan != self._plans.get(name):
             self._plans[name] = plan
             alone = len(self._shown.vehicles) <= 1
@@ -181,7 +181,7 @@ class LiveView:
             self._panels.show_instruments(instruments.draw(now))
         self._panels.show_health(figures)
         self._panels.show_delays(*self._source.delays_ms(name))
-        self._acts.show_reason(_unavailable_reason(self._source.vehicle(name), self._source.is_present(name)))
+        self._actions.show_reason(_unavailable_reason(self._source.vehicle(name), self._source.is_present(name)))
         if self._playback:
             self._playback.update()
 
@@ -190,7 +190,7 @@ class LiveView:
             self._place_camera(client)
 
     def _place_camera(self, client: Any) -> None:
-        """Place a browser's camera as chosen."""
+        """Move a browser's camera to the chosen vehicle, above it or beside it as chosen in the panel."""
         place = self._drawn[self._name].place if self._name in self._drawn else (0.0, 0.0, 0.0)
         if self._panels.camera.value == "top":
             client.camera.position = (place[0], place[1] - 0.01, place[2] + TOP_HEIGHT)
@@ -200,7 +200,7 @@ class LiveView:
         self._last_place = tuple(place)
 
     def _follow(self) -> None:
-        """Have the cameras follow the chosen vehicle, wherever persons have turned them to."""
+        """Move all cameras along with the chosen vehicle, and keep the direction to which a person has turned them."""
         if self._name not in self._drawn:
             return
         place = tuple(self._drawn[self._name].place)
@@ -212,7 +212,7 @@ class LiveView:
                 follow(client.camera, place)
 
     def _on_stick(self, person: int, message: Mapping[str, Any] | None) -> Mapping[str, Any]:
-        """Handle a message of a browser's stick; return what its bar shows."""
+        """Handle a message of a browser's stick; return what the bar of its page shows."""
         names = self._source.names
         if message is None:
             for steering in self._steering.values():
@@ -238,7 +238,7 @@ class LiveView:
         }  # fmt: skip
 
     def _act(self, vehicle: Vehicle, message: Mapping[str, Any]) -> str:
-        """Do what a button of the bar asks for; return the error, or ""."""
+        """Do what the pressed buttons of the bar request; return the error, or ""."""
         wanted = message.get("acts")
         for name in wanted if isinstance(wanted, list) else ():
             try:
@@ -253,9 +253,9 @@ class LiveView:
 
 
 def _unavailable_reason(vehicle: Vehicle | None, present: bool) -> str:
-    """Return why a vehicle would not obey now, and the remedy; "" if it would as far as is known."""
+    """Return why a vehicle does not accept commands now, and the remedy; "" if no reason is known."""
     if vehicle is None:
         return "this view only observes"
     if not present:
-        return f"{vehicle.name} is not there"
+        return f"{vehicle.name} is not connected"
     return vehicle.client.unavailable_reason()

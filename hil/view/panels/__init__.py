@@ -1,1 +1,1 @@
-"""The panels beside the scene: instruments, pictures, links, acts, time."""
+"""The panels beside the scene: instruments, pictures, links, actions, time."""

@@ -1,4 +1,4 @@
-"""Instruments of one vehicle as SVG: artificial horizon, compass, depth and speed, pulse widths and thrust a motor."""
+"""Instruments of one vehicle as SVG: artificial horizon, compass, depth, speed, pulse width and thrust per motor."""
 
 from collections.abc import Sequence
 from html import escape
@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 from hil.view.scene import colours
 
 WIDTH, SCROLLBAR = 320, 8
-PWM_RANGE = 400.0  # us from the middle that a bar reaches
+PWM_RANGE = 400.0  # us from neutral to the end of a bar
 BAR_X, BAR_WIDTH = 130, 80
 LONGEST_NAME = 20  # letters beside a bar
 STYLE = "font-family:system-ui,sans-serif;font-size:12px;fill:currentColor"
 
 
 class Reading(NamedTuple):
-    """Values of the instruments; SI units and radians, nan if not known."""
+    """Values of the instruments in SI units and radians; nan if not known. `position` is NED."""
 
     roll: float
     pitch: float
@@ -119,7 +119,7 @@ def _motors(now: Reading) -> str:
 
 
 def _metres(value: float) -> str:
-    """Return the form of a coordinate that fits its cell."""
+    """Return the format string of a coordinate, so that the text fits its cell."""
     return "{:.2f} m" if abs(value) < 1000.0 else "{:.0f} m"
 
 

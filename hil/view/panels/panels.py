@@ -1,4 +1,4 @@
-"""The panels beside the scene: instruments, pictures, the thruster link, acts, the log."""
+"""The panels beside the scene: instruments, pictures, the thruster link, actions, the log."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from hil.ros.diagnostics import Diagnostics, shown
 from hil.view.scene import colours
 
 LOG_LINES = 12
-BINS = 40  # of the histogram of delays
+BINS = 40  # in the histogram of delays
 STYLE = "font-family:system-ui,sans-serif;font-size:12px;line-height:1.45"
 
 
@@ -40,12 +40,12 @@ class Panels:
             self._histogram_folder = gui.add_folder("command delay")
             self._hops = gui.add_html(_text("no command was answered yet"))
             self._health = gui.add_html("")
-        self.acts = tabs.add_tab("Acts")
+        self.actions = tabs.add_tab("Actions")
         with tabs.add_tab("Log"):
             self._log = gui.add_html("")
 
     def choose_from(self, names: list[str]) -> None:
-        """Offer these vehicles."""
+        """Offer these vehicles in the list."""
         if names and tuple(names) != tuple(self.vehicle.options):
             self.vehicle.options = tuple(names)
 
@@ -64,7 +64,7 @@ class Panels:
             handle.image = picture
 
     def show_delays(self, delays_ms: list[float], hops: dict[str, float]) -> None:
-        """Show how long the newest commands took, and the median of each hop."""
+        """Show the delays of the newest commands as a histogram, and the median (ms) of each hop."""
         if not delays_ms:
             return
         ordered = sorted(delays_ms)
@@ -95,7 +95,7 @@ class Panels:
         )
 
     def show_health(self, figures: Diagnostics) -> None:
-        """Show the figures of health of the slave."""
+        """Show the slave's diagnostics."""
         if figures:
             self._health.content = _table(health_rows(figures), "the slave, once a second")
 
@@ -106,12 +106,12 @@ class Panels:
 
 
 def _set_theme(gui: Any, dark: bool) -> None:
-    """Set the theme of all browsers of this view; without viser's button that shares a page over the internet."""
+    """Set the theme in all browsers, and hide viser's button that shares the page over the internet."""
     gui.configure_theme(show_share_button=False, show_logo=False, control_width="large", dark_mode=dark)
 
 
 def health_rows(figures: Diagnostics) -> list[tuple[str, str]]:
-    """Return the figures of health that a person looks at, as names and texts."""
+    """Return the diagnostics that the panel shows, as pairs of name and text."""
     return [
         ("armed", "-" if figures.armed is None else "yes" if figures.armed else "no"),
         ("controller", shown(figures.controller)),

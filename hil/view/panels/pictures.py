@@ -13,14 +13,14 @@ from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
 from sim.sensors.mounting import Mounting
 
 FAN_SIZE = SIZE
-WATERFALL = 240  # pings of a side scan that are shown
-_FEWEST_ROWS, _MOST_ROWS = 0.05, 40.0  # a ping: slower it stands, faster there were some lost
-MOST_ECHOES = 4000  # points of a fan in the scene
+WATERFALL = 240  # shown pings of a side scan
+_FEWEST_ROWS, _MOST_ROWS = 0.05, 40.0  # per ping; fewer: the vehicle stands still; more: pings were lost
+MOST_ECHOES = 4000  # points of a sonar fan in the scene
 BACKGROUND = np.array([12, 18, 28], np.uint8)
 
 
 def camera_picture(picture: Any) -> Any:
-    """Return an Image or CompressedImage as RGB; None for what is no picture."""
+    """Return an Image or CompressedImage as RGB; None if it cannot be decoded."""
     from PIL import Image, UnidentifiedImageError
 
     try:
@@ -32,7 +32,7 @@ def camera_picture(picture: Any) -> Any:
 
 
 def fan_picture(sample: SonarImageSample) -> Any:
-    """Return a forward-looking sonar's picture as the fan it is, ahead upwards, port on the left."""
+    """Return a forward-looking sonar's picture as a fan, with ahead at the top and port on the left."""
     places, inside = fan_places(sample.beams, sample.bins, sample.first_range, sample.range_step, FAN_SIZE)
     picture = np.full((*inside.shape, 3), BACKGROUND)
     picture[inside] = _copper(strengths(sample).ravel().take(places[inside]))
@@ -40,10 +40,10 @@ def fan_picture(sample: SonarImageSample) -> Any:
 
 
 def fan_points(sample: SonarImageSample, altitude: float, mounting: Mounting = Mounting()) -> tuple[Any, Any]:
-    """Return places (FRD of the vehicle, m) on a level bed `altitude` m below, and the strength of the echo from each.
+    """Return the points of the echoes (n x 3, FRD of the vehicle, m), and their strengths (n).
 
-    A picture does not show how far up or down an echo came from. Those from nearer than the bed are put into the
-    plane of the sonar's fan.
+    A sonar picture has no vertical angle, so echoes are placed on a level seabed `altitude` m below the vehicle. Those
+    with a range shorter than to the seabed are placed in the plane of the sonar's fan.
     """
     echoes = strengths(sample)
     step = max(1, round((echoes.size / MOST_ECHOES) ** 0.5))
@@ -63,20 +63,20 @@ def fan_points(sample: SonarImageSample, altitude: float, mounting: Mounting = M
 
 
 class Waterfall:
-    """The pings of a side-scan sonar, the newest on top, port on the left.
+    """The pings of a side-scan sonar, the newest at the top, port on the left.
 
-    A row is so much of the track as a column is of the range, so that things keep their shape: between pings it is
-    interpolated. Where the vehicle was comes with each ping; without that a ping is a row.
+    A row covers the same length of the track as a column covers of the range, so that objects keep their shape. Rows
+    between pings are interpolated. Each ping comes with the vehicle's position; without it a ping is one row.
     """
 
     def __init__(self) -> None:
         self._pings: list[Any] = []
-        self._ways: list[float] = []  # rows from the ping before
+        self._ways: list[float] = []  # rows from the previous ping
         self._time_ns = 0
         self._position: Sequence[float] | None = None
 
     def add(self, sample: SideScanSample, position: Sequence[float] | None = None) -> bool:
-        """Add a ping, sent at a `position` (NED, m); False for one that is there already."""
+        """Add a ping, sent at a `position` (NED, m). Return False if it was added already."""
         if sample.time_ns == self._time_ns:
             return False
         self._time_ns = sample.time_ns
@@ -93,7 +93,7 @@ class Waterfall:
         return True
 
     def picture(self) -> Any:
-        """Return what there is as a picture of always the same height."""
+        """Return the pings as a picture (WATERFALL x width x 3); rows without pings have the background colour."""
         pings = np.array(self._pings)
         at = np.append(0.0, np.cumsum(self._ways[:-1]))
         count = min(WATERFALL, int(at[-1] + 1e-6) + 1)
@@ -108,6 +108,6 @@ class Waterfall:
 
 
 def _copper(values: Any) -> Any:
-    """Return the colours of sonar displays: from black by copper to white."""
+    """Return the colours of `values` (0 to 1) on sonar displays: from black over copper to white."""
     red, green, blue = np.clip(values * 1.6, 0, 1), np.clip(values * 1.05, 0, 1), np.clip(values * 1.3 - 0.35, 0, 1)
     return (np.stack([red, green, blue], axis=-1) * 255.0).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Controls of simulated or recorded time: pause, step, speed, and a slider where the end is known."""
+"""Controls of simulated or recorded time: pause, step, speed, and a slider if the end is known."""
 
 from math import ceil
 from typing import Any
@@ -13,7 +13,7 @@ class PlaybackPanel:
 
     def __init__(self, server: Any, playback: PacedTime) -> None:
         self._playback = playback
-        self._moving = False  # the slider, by us
+        self._moving = False  # True while `update`, not a person, moves the slider
         gui = server.gui
         with gui.add_folder("time"):
             self._pause = gui.add_button("pause")
@@ -29,7 +29,7 @@ class PlaybackPanel:
             self._slider.on_update(lambda _: self._seek())
 
     def update(self) -> None:
-        """Show where time is."""
+        """Show the present time of the playback."""
         now = self._playback.time
         self._clock.value = f"{now:.1f}"
         self._pause.label = "go on" if self._playback.paused else "pause"

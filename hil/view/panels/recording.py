@@ -1,4 +1,4 @@
-"""The button that starts and ends a recording."""
+"""The button that starts and stops a recording."""
 
 import threading
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class CanRecord(Protocol):
 
 
 class RecordingPanel:
-    """The button, disabled with the reason where nothing `can_record`. `report` is called with the outcome."""
+    """The button. Without `can_record` it is disabled and shows why. `report` is called with the outcome."""
 
     def __init__(
         self, server: Any, container: Any, can_record: CanRecord | None, report: Callable[[str], None]
@@ -50,7 +50,7 @@ class RecordingPanel:
             self._button.label = label
 
     def _toggle(self) -> None:
-        """Start or end the recording, in a separate thread, because both may wait for the network."""
+        """Start or stop the recording. It runs in a separate thread, because both may wait for the network."""
         assert self._recorder
         try:
             text = self._recorder.stop() if self._recorder.state else self._recorder.start()

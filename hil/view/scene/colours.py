@@ -1,4 +1,4 @@
-"""The colours of the scene; those that every picture has are the palette's."""
+"""The colours of the scene. Those that other pictures have too are from `hil.common.palette`."""
 
 from collections.abc import Sequence
 
@@ -33,11 +33,11 @@ FLEET_LEGEND = (("in range of each other", LINK), ("place in the formation", PLA
 
 
 def bytes_of(colour: Sequence[float]) -> RGB:
-    """Return a colour given in shares of 1."""
+    """Return a colour whose parts are from 0 to 1 as bytes."""
     red, green, blue = (round(255.0 * share) for share in colour)
     return red, green, blue
 
 
 def css(colour: RGB) -> str:
-    """Return a colour as CSS writes it."""
+    """Return a colour in CSS notation."""
     return "#{:02x}{:02x}{:02x}".format(*colour)

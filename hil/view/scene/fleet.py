@@ -1,4 +1,4 @@
-"""A fleet in the scene: who is in range of whom, and the places of the formation that they are to keep."""
+"""A fleet in the scene: which vehicles are in range of each other, and their target positions in the formation."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -11,12 +11,12 @@ from hil.view.scene import colours
 from hil.view.scene.frames import to_scene
 from hil.view.scene.world import WorldScene
 
-PATH_POINTS = 60  # of the way of a place
+PATH_POINTS = 60  # points in the path of a target position
 PLACE_SIZE = 0.25  # m
 
 
 class Hunt(NamedTuple):
-    """A hunt that is shown: its members in order, their plan, and how far their reports reach (m)."""
+    """A hunt that is shown: its members in order, their plan, the range of their reports (m), and the depth (m)."""
 
     nodes: tuple[str, ...]
     plan: HuntPlan
@@ -25,7 +25,7 @@ class Hunt(NamedTuple):
 
 
 class FleetScene:
-    """Links and places of a hunt. `server` is a viser.ViserServer."""
+    """Links and target positions of a hunt. `server` is a viser.ViserServer."""
 
     def __init__(self, server: Any, hunt: Hunt, world: WorldScene) -> None:
         self._scene, self._hunt = server.scene, hunt
@@ -39,9 +39,10 @@ class FleetScene:
             world.draw_path(way, hunt.depth, f"path/{node}")
 
     def draw(self, latest: Mapping[str, Mapping[str, Any]], places: Mapping[str, Any]) -> None:
-        """Draw them by the newest samples of each vehicle, and where in the scene it is.
+        """Draw links and target positions, from the newest samples of each vehicle and its `places` in the scene (m).
 
-        A vehicle has a link with each within reach. The place of one is by its own reading of the plan's clock.
+        Two vehicles are linked if they are within range. A target position is for the plan's clock that the vehicle
+        itself reports.
         """
         pairs = [
             (places[a], places[b])

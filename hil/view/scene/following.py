@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-CAMERA_OFFSET = (-1.8, -3.0, 1.8)  # m, from the vehicle to a camera that follows
+CAMERA_OFFSET = (-1.8, -3.0, 1.8)  # m, from the vehicle to a camera that follows it
 LEAST_DISTANCE = 1e-3  # m
 
 
 def follow(camera: Any, place: Sequence[float]) -> None:
-    """Have the camera look at a vehicle's place, from the side and the distance that a person has turned it to.
+    """Point the camera at a vehicle's `place`, and keep the direction and distance that a person has chosen.
 
-    A slow browser reports its camera late. So the last report does not show where the camera is now, but its place
-    and the point that it looks at belong together.
+    A slow browser reports its camera late. The reported position may be old, but its offset from the reported point
+    that the camera looks at is still valid.
     """
     offset = np.asarray(camera.position) - np.asarray(camera.look_at)
     if np.linalg.norm(offset) < LEAST_DISTANCE:

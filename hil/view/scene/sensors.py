@@ -1,4 +1,4 @@
-"""Measurements of a vehicle's sensors in the scene, each drawn from where the scenario mounts the sensor."""
+"""Measurements of a vehicle's sensors in the scene, each drawn at the sensor's mounting from the scenario."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,24 +11,24 @@ from hil.view.scene.frames import body_attitude, to_body
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import SensorSet
 
-FIELD_OF_VIEW = 1.4  # rad, of a camera that no scenario describes
+FIELD_OF_VIEW = 1.4  # rad, of a camera that is not in the scenario
 FRUSTUM = 0.6  # m
-LOOKS_AHEAD = (0.5, -0.5, 0.5, -0.5)  # a frustum looks along its z axis, x to the right
+LOOKS_AHEAD = (0.5, -0.5, 0.5, -0.5)  # quaternion of a frustum that points forward; it looks along z, with x right
 
 
 class SensorScene:
-    """The sensors of the vehicle whose frame in the scene is `root`; those not in `sensors` sit in its origin."""
+    """The sensors of the vehicle whose frame in the scene is `root`. Those not in `sensors` are at its origin."""
 
     def __init__(self, scene: Any, root: str, sensors: SensorSet) -> None:
         self._scene, self._root, self._sensors = scene, root, sensors
         self._seats: dict[str, str] = {}
 
     def mounting(self, sensor: str) -> Mounting:
-        """Return place and attitude of a sensor in the vehicle."""
+        """Return position and attitude of a sensor in the vehicle."""
         return self._sensors[sensor].mounting if sensor in self._sensors else Mounting()
 
     def draw_scans(self, latest: Mapping[str, Any]) -> None:
-        """Show the points of laser and profiler."""
+        """Show the points of laser scanners and profilers."""
         for topic, scan in latest.items():
             colour, points = SCANS.get(first_of(topic), (None, None))
             if points is not None and len(places := points(scan)):
@@ -48,13 +48,13 @@ class SensorScene:
         )  # fmt: skip
 
     def draw_sonar(self, points: Any, strengths: Any, sensor: str = "forward_sonar") -> None:
-        """Show the fan of a forward sonar: places along the vehicle's FRD (m), and strengths from 0 to 1."""
+        """Show the fan of a forward sonar: points in the vehicle's FRD (m), and their strengths from 0 to 1."""
         shade = np.clip(strengths, 0.0, 1.0)[:, None]
         tint = (np.array(colours.SONAR) * shade).astype(np.uint8)
         self._scene.add_point_cloud(f"{self._root}/sonar/{sensor}", to_body(points), tint, point_size=0.08)
 
     def _seat(self, sensor: str) -> str:
-        """Return the name of a frame along the axes of a sensor, which goes with the vehicle."""
+        """Return the name of the sensor's frame in the scene, which moves with the vehicle; make it if needed."""
         if sensor not in self._seats:
             seat, name = self.mounting(sensor), f"{self._root}/{sensor}"
             self._scene.add_frame(
@@ -65,12 +65,12 @@ class SensorScene:
 
 
 def _laser_points(scan: Any) -> Any:
-    """Return places (FRD, m) where the beams of a level fan end; angles count to port in ROS, to starboard here."""
+    """Return the end points (FRD of the sensor, m) of the beams of a horizontal fan; angles are to starboard."""
     return _fan(scan, lambda r, a: (r * np.cos(a), r * np.sin(a), np.zeros_like(r)))
 
 
 def _profiler_points(scan: Any) -> Any:
-    """Return places (FRD, m) where the beams of a fan across the vehicle end; 0 is straight down."""
+    """Return the end points (FRD of the sensor, m) of the beams of a fan across the vehicle; 0 is straight down."""
     return _fan(scan, lambda r, a: (np.zeros_like(r), r * np.sin(a), r * np.cos(a)))
 
 

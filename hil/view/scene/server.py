@@ -1,4 +1,4 @@
-"""viser, which draws the scene in the browser, closed to all but the live view's own web server."""
+"""The viser server, which draws the scene in the browser. Only the live view's own web server may connect to it."""
 
 import secrets
 import threading
@@ -15,8 +15,8 @@ from hil.view.scene.wakeup import ThreadSafeEvent
 class SceneServer:
     """A viser server on a free port of this machine. Use as a context; `server` is the viser.ViserServer.
 
-    Clients that do not send `secret` in the header of their websocket are disconnected before anything of them is read.
-    Raises MissingExtraError.
+    A client that does not send `secret` in the header of its websocket request is disconnected before any of its
+    messages is read. Raises MissingExtraError.
     """
 
     def __init__(self) -> None:
@@ -29,10 +29,10 @@ class SceneServer:
         self.port = free_ports(1)[0]
         self._viewers: set[int] = set()
         self._turn = threading.Lock()
-        with redirect_stdout(StringIO()):  # its address is of no use to anybody
+        with redirect_stdout(StringIO()):  # viser prints its address, which nobody can use
             self.server = viser.ViserServer("127.0.0.1", self.port, label="uuv-hil view", verbose=False)
         self.port = self.server.get_port()
-        # viser has no interface for it: its websocket server keeps the connections, with the request of each.
+        # viser has no public interface to read the headers of a request; its websocket server has the connections.
         websockets: Any = self.server._websock_server
 
         async def check(client: Any) -> None:
@@ -50,7 +50,7 @@ class SceneServer:
                 self._viewers.discard(client.client_id)
 
         _make_thread_safe(websockets._broadcast_buffer)
-        websockets.unregister_handler(_messages.ShareUrlRequest)  # a tunnel to a server of others
+        websockets.unregister_handler(_messages.ShareUrlRequest)  # it would open a tunnel to a foreign server
         websockets.on_client_connect(check)
         websockets.on_client_disconnect(leave)
 
@@ -69,5 +69,5 @@ class SceneServer:
 
 
 def _make_thread_safe(buffer: Any) -> None:
-    """Let other threads add messages to a buffer of viser for which nobody waits yet."""
+    """Let other threads add messages to a buffer of viser. Call it before anything waits for the buffer."""
     buffer.message_event = ThreadSafeEvent(buffer.event_loop)

@@ -14,19 +14,19 @@ from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
 TRACK_STEP = 0.1  # m between two points of a track
-MOST_POINTS = 4000  # of a track; then every second one goes
+MOST_POINTS = 4000  # in a track; beyond it every second point is removed
 THRUST_SCALE = 0.02  # m of an arrow per N
 AXES = 0.6  # m
 
 
 def draw_line(scene: Any, name: str, line: Any, colour: colours.RGB) -> None:
-    """Draw a line through places of the scene, in place of one of the same name."""
+    """Draw a line through points of the scene (n x 3). It replaces a line of the same name."""
     segments = np.stack([line[:-1], line[1:]], axis=1)
     scene.add_line_segments(name, segments, colour, thickness=2.5, thickness_units="screen")
 
 
 class Track:
-    """A line where something has been, thinned out as it grows."""
+    """A line along past positions, thinned out as it grows."""
 
     def __init__(self, scene: Any, name: str, colour: colours.RGB) -> None:
         self._scene, self._name, self._colour = scene, name, colour
@@ -34,7 +34,7 @@ class Track:
         self._drawn = 0
 
     def add(self, place: Any) -> None:
-        """Add a place of the scene, unless it is as good as the last."""
+        """Add a point of the scene, unless it is within TRACK_STEP of the last."""
         if not self._points or np.linalg.norm(place - self._points[-1]) >= TRACK_STEP:
             self._points.append(place)
         if len(self._points) > MOST_POINTS:
@@ -42,7 +42,7 @@ class Track:
             self._drawn = 0
 
     def draw(self) -> None:
-        """Show what was added."""
+        """Draw the line if points were added."""
         if len(self._points) < 2 or len(self._points) == self._drawn:
             return
         self._drawn = len(self._points)
@@ -50,9 +50,9 @@ class Track:
 
 
 class VehicleScene:
-    """A vehicle that is drawn by its file: box or mesh, thrusters, axes. `server` is a viser.ViserServer.
+    """A vehicle drawn from its file: box or mesh, thrusters, axes. `server` is a viser.ViserServer.
 
-    Without `vehicle` it is a box of a metre. `sensors` draws what it sees with those of `carried`.
+    Without `vehicle` it is a box 1 m long. `sensors` draws the measurements of the `carried` sensors.
     """
 
     def __init__(self, server: Any, name: str, vehicle: Vehicle | None, carried: SensorSet) -> None:
@@ -70,7 +70,7 @@ class VehicleScene:
         self._navigation = Track(self._scene, f"/tracks/{name}/navigation", colours.NAVIGATION)
 
     def move(self, latest: Mapping[str, Any]) -> None:
-        """Place the vehicle where the newest samples have it; by the truth where that is known."""
+        """Move the vehicle to the pose of the newest samples: the ground truth, or else the odometry."""
         state = latest.get("ground_truth") or latest.get("odom")
         if state is None:
             return
@@ -86,7 +86,7 @@ class VehicleScene:
             self._draw_thrusts(joints.efforts)
 
     def draw_tracks(self) -> None:
-        """Show where it has been."""
+        """Draw the tracks of ground truth and navigation."""
         self._track.draw()
         self._navigation.draw()
 
@@ -109,7 +109,7 @@ class VehicleScene:
         vehicle = self._vehicle
         if vehicle is None or len(thrusts) < len(vehicle.thrusters):
             return
-        thrusts = thrusts[: len(vehicle.thrusters)]  # behind them are fins
+        thrusts = thrusts[: len(vehicle.thrusters)]  # the fins come after the thrusters
         starts = to_body([thruster.position for thruster in vehicle.thrusters])
         along = to_body([thruster.unit_direction for thruster in vehicle.thrusters])
         segments = arrows(starts, along * np.array(thrusts)[:, None] * THRUST_SCALE).astype(np.float32)
@@ -122,7 +122,7 @@ class VehicleScene:
 
 
 def _mesh(mesh: Any) -> Any:
-    """Return the triangles of a mesh's file as a trimesh.Trimesh (m, axes of the scene); None without such a file."""
+    """Return a mesh file as a trimesh.Trimesh (m, axes of the vehicle in the scene); None if there is no such file."""
     import os
 
     from sim.rotations import from_euler, matrix

@@ -13,17 +13,17 @@ from sim.environment.things.pipelines import Pipeline
 from sim.environment.things.zones import Zone
 from sim.environment.world import World
 
-MOST_NODES = 400  # a side of the seabed that is drawn: 320,000 triangles, which a browser without a GPU still turns
+MOST_NODES = 400  # per side of the drawn seabed: 320,000 triangles, which a browser can still rotate without a GPU
 CONTOURS = 10
-CURRENT_ARROWS = 6  # a side
+CURRENT_ARROWS = 6  # per side
 STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # m between contours
 SHALLOW, DEEP = np.array([214.0, 200.0, 160.0]), np.array([24.0, 60.0, 110.0])  # colours: sand to deep blue
 SURFACE_OPACITY = 0.06
-OPACITY = 0.35  # of obstacles and nets
+OPACITY = 0.35  # for obstacles and nets
 
 
 class WorldScene:
-    """Scene of all that does not move: seabed, obstacles. `server` is a viser.ViserServer."""
+    """Scene of all objects that do not move, such as seabed and obstacles. `server` is a viser.ViserServer."""
 
     def __init__(self, server: Any, world: World) -> None:
         self._scene = server.scene
@@ -52,11 +52,11 @@ class WorldScene:
             self._draw_current()
 
     def seabed(self, north: float, east: float) -> float:
-        """Return the depth of the seabed at a place (m)."""
+        """Return the depth of the seabed (m) at a position (NED, m)."""
         return self.world.seabed(north, east)
 
     def draw_path(self, path: Sequence[Sequence[float]], depth: float, name: str = "path") -> None:
-        """Draw a planned path: places (m, NED), or on the level at `depth`. It replaces one of the same name."""
+        """Draw a planned path: points (NED, m); those without a depth are at `depth`. It replaces one of that name."""
         points = [(point[0], point[1], point[2] if len(point) > 2 else depth) for point in path]
         if len(points) > 1:
             lines = to_scene(points)
@@ -64,7 +64,7 @@ class WorldScene:
             self._scene.add_line_segments(f"/{name}", segments, colours.PATH, thickness=3.0, thickness_units="screen")
 
     def draw_goal(self, north: float, east: float, depth: float) -> None:
-        """Draw where the mission is to go."""
+        """Draw the goal of the mission (NED, m)."""
         place = to_scene([(north, east, depth)])[0]
         self._scene.add_icosphere("/goal", 0.35, colours.GOAL, position=place)
         self._scene.add_label("/goal/name", "goal", position=(0.0, 0.0, 0.6))
@@ -109,7 +109,7 @@ class WorldScene:
 
     def _draw_obstacle(self, number: int, obstacle: Cylinder | Box) -> None:
         bottom = self.world.foot(obstacle, obstacle.north, obstacle.east)
-        top = max(obstacle.top, -0.5)  # what stands out of the water is cut, or it would hide the vehicles
+        top = max(obstacle.top, -0.5)  # cut off above the water, where it would hide the vehicles
         height, middle = max(bottom - top, 0.1), (obstacle.north, obstacle.east, 0.5 * (bottom + top))
         name, place = f"/obstacles/{number}", to_scene([middle])[0]
         if isinstance(obstacle, Cylinder):
@@ -169,7 +169,7 @@ def _length(vectors: Any) -> Any:
 
 
 def triangles(norths: Any, easts: Any, depths: Any) -> tuple[Any, Any]:
-    """Return the nodes of the seabed (n x 3, NED, m) and its known triangles (m x 3 numbers of nodes)."""
+    """Return the nodes of the seabed (n x 3, NED, m), and the triangles without unknown depths (m x 3 node indices)."""
     rows, columns = depths.shape
     places = np.stack(np.broadcast_arrays(norths[:, None], easts[None, :], depths), axis=2).reshape(-1, 3)
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -180,13 +180,13 @@ def triangles(norths: Any, easts: Any, depths: Any) -> tuple[Any, Any]:
 
 
 def nodes(world: World, most: int = MOST_NODES) -> tuple[Any, Any, Any]:
-    """Return norths, easts and depths (rows x columns) of the seabed, thinned out to `most` nodes a side."""
+    """Return norths, easts and depths (rows x columns, m) of the seabed, thinned out to `most` nodes per side."""
     if world.terrain is None:
         south, north, west, east = world.extent
         return np.array([south, north]), np.array([west, east]), np.full((2, 2), world.depth)
     grid = world.terrain.grid
     stride = max(1, ceil(max(grid.rows, grid.columns) / most))
-    mapped = np.asarray(world.terrain.depths).reshape(grid.rows, grid.columns)  # of a file, whose pages it may be
+    mapped = np.asarray(world.terrain.depths).reshape(grid.rows, grid.columns)  # may be mapped from a file
     depths = mapped[::stride, ::stride].astype(float)
     norths = grid.north_min + grid.resolution * np.arange(0, grid.rows, stride)
     easts = grid.east_min + grid.resolution * np.arange(0, grid.columns, stride)

@@ -19,18 +19,18 @@ from hil.view.sources.plans import Plans
 from hil.view.sources.recording import ViewRecorder
 
 PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
-DISCOVERED_EVERY_NS = 2_000_000_000  # between two searches of the graph for other pictures
+DISCOVERED_EVERY_NS = 2_000_000_000  # between two searches for further topics with pictures
 PLACES = ("ground_truth", "odom")
 NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
 LOG_LINES = 200
-CONNECT_S = 5.0  # that a vehicle is waited for
+CONNECT_S = 5.0  # longest wait for a vehicle
 
 
 class LiveSource:
-    """The vehicles at some endpoints. Use as a context. Pictures come over a session of their own, while wanted.
+    """The vehicles at some endpoints. Use as a context. Pictures come over a separate session, while they are shown.
 
-    With `observe` no vehicle is ever commanded; `keys` is this machine's folder of certificates; recordings are made
-    as the `scenario` says. Raises NetworkError.
+    With `observe` no vehicle is commanded. `keys` is this machine's folder of certificates. Recordings use the settings
+    of `scenario`. Raises NetworkError.
     """
 
     playback = None
@@ -75,11 +75,11 @@ class LiveSource:
             self._places.close()
 
     def fileno(self) -> int:
-        """Return a descriptor that becomes readable when a vehicle's place has come."""
+        """Return a file descriptor that becomes readable when a vehicle's position was received."""
         return self._places.fileno()
 
     def clear(self) -> None:
-        """Wait for the next place."""
+        """Make the file descriptor unreadable until the next position is received."""
         self._places.clear()
 
     def _on_sample(self, topic: str) -> None:
@@ -90,7 +90,7 @@ class LiveSource:
 
     @property
     def names(self) -> list[str]:
-        """Names of the vehicles that are there or have been."""
+        """Names of the vehicles that are or were present, sorted."""
         for name in self._fleet.names:
             if name not in self._known:
                 self._add(name)
@@ -114,18 +114,18 @@ class LiveSource:
         return plan | {topic: each.value for topic, each in stamped.items()}
 
     def diagnostics(self, name: str) -> Diagnostics:
-        """Return the figures of health."""
+        """Return the newest diagnostics."""
         return self._known[name].diagnostics
 
     def vehicle(self, name: str) -> Vehicle | None:
-        """Return what commands the vehicle; None for one that only observes."""
+        """Return the handle that commands the vehicle; None if this source only observes."""
         return None if self._observe else self._known[name]
 
     def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
-        """Return the delays of the newest commands of all masters.
+        """Return the delays (ms) of the newest commands of all masters, and the median (ms) of each hop.
 
-        Their first hop is between the clocks of the master and of the slave; where these are of two machines, the
-        offset is that which the slave measured.
+        The first hop starts by the master's clock and ends by the slave's. It is corrected by the clock offset that the
+        slave has measured.
         """
         meter: DelayMeter = self._known[name].client.delays
         samples = meter.samples[-NEWEST:]
@@ -138,7 +138,7 @@ class LiveSource:
         return [(sample.total_ns + offset_ns) / 1e6 for sample in samples], medians
 
     def show_pictures(self, wanted: bool) -> None:
-        """Open or close the session of the pictures."""
+        """Open or close the session for pictures."""
         with self._turn:
             pictures, self._pictures = self._pictures, None
             if wanted:
@@ -169,7 +169,7 @@ class LiveSource:
     def _add(self, name: str) -> None:
         try:
             vehicle = self._fleet.wait_for(name, seconds=0.0)[0]
-        except NetworkError:  # it is there, but has sent nothing yet: read at the next update
+        except NetworkError:  # it is present, but has sent nothing yet; the next update tries again
             return
         vehicle.client.watch(ALL)
         vehicle.notify(self._on_sample)
@@ -178,4 +178,4 @@ class LiveSource:
     def _report_presence(self, name: str, present: bool) -> None:
         if self._present.get(name) != present:
             self._present[name] = present
-            self._log.append(f"{name} is {'here' if present else 'gone; waiting for it'}")
+            self._log.append(f"{name} is {'connected' if present else 'lost; waiting for it'}")

@@ -1,4 +1,4 @@
-"""Time that can be paused, stepped and sped up: of a recording, or of a simulation."""
+"""Time of a recording or simulation, which can be paused, stepped and sped up."""
 
 from collections.abc import Callable
 
@@ -26,7 +26,7 @@ class PacedTime:
 
     @property
     def paused(self) -> bool:
-        """True while time stands still."""
+        """True while the time is paused."""
         return self._paused
 
     @paused.setter
@@ -36,7 +36,7 @@ class PacedTime:
 
     @property
     def speed(self) -> float:
-        """Times as fast as real time."""
+        """Speed as a multiple of real time."""
         return self._speed
 
     @speed.setter
@@ -45,10 +45,10 @@ class PacedTime:
         self._speed = speed
 
     def step(self) -> None:
-        """Advance by a frame; time then stands still."""
+        """Advance by STEP_S, and pause."""
         self.seek(self.time + STEP_S)
         self._paused = True
 
     def seek(self, time: float) -> None:
-        """Continue from that instant."""
+        """Continue from `time` (s)."""
         self._base, self._since_ns = max(0.0, min(time, self.duration or NO_END)), self._clock()

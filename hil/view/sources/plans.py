@@ -1,6 +1,6 @@
-"""The paths that the planners of others publish.
+"""Receive the paths that other masters' planners publish.
 
-A slave passes these on to clients alone, not to other masters, so each endpoint has a client's session for them.
+A slave forwards these paths only to clients, not to other masters. So there is a client session for each endpoint.
 """
 
 import threading
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from hil.network.session import Session
 
 RETRY_S = 0.5
-PATIENCE_S = 3600.0  # of one attempt; then there is another
+PATIENCE_S = 3600.0  # longest duration of one attempt to connect; another follows
 QUEUE = 4
 
 
 class Plans:
-    """The newest plan of each vehicle at `endpoints`, who need not be there yet. Use as a context."""
+    """The newest plan of each vehicle at `endpoints`, which need not be reachable yet. Use as a context."""
 
     def __init__(self, endpoints: Sequence[str], network: Network, security: Security | None) -> None:
         self.latest: dict[str, Any] = {}
@@ -57,7 +57,7 @@ class Plans:
         session.close()
 
     def _pause(self) -> None:
-        """Wait between two attempts. Raises NetworkError at the end."""
+        """Wait between two attempts. Raises NetworkError when this is closed."""
         if self._closing.wait(RETRY_S):
             raise NetworkError("the view ends")
 

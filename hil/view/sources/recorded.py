@@ -11,7 +11,7 @@ from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.view.sources.paced_time import PacedTime
 
-LARGEST = 2 << 30  # bytes of messages that are held at once
+LARGEST = 2 << 30  # bytes of messages in memory
 
 
 class _Column:
@@ -28,7 +28,7 @@ class _Column:
         self._payloads.append(payload)
 
     def at(self, topic: str, time_ns: int) -> Any:
-        """Return the newest message at that time, decoded; None if there is none or it is malformed."""
+        """Return the newest message at that time, decoded; None without one, or if it is malformed."""
         index = bisect_right(self.times, time_ns) - 1
         if index < 0:
             return None
@@ -66,34 +66,34 @@ class RecordedSource:
         return sorted(self._columns)
 
     def is_present(self, name: str) -> bool:
-        """Return True if the vehicle's first sample is not later than the shown time."""
+        """Return True if the vehicle has sent a sample by the shown time."""
         return any(column.times[0] <= self._now_ns for column in self._columns[name].values())
 
     def latest(self, name: str) -> Mapping[str, Any]:
-        """Return the newest sample of each topic at this instant."""
+        """Return the newest sample of each topic at the shown time."""
         now_ns = self._now_ns
         values = {topic: column.at(topic, now_ns) for topic, column in self._columns[name].items()}
         return {topic: value for topic, value in values.items() if value is not None}
 
     def diagnostics(self, name: str) -> Diagnostics:
-        """Return the figures of health at this instant."""
+        """Return the diagnostics at the shown time."""
         column = self._columns[name].get("diagnostics")
         value = column.at("diagnostics", self._now_ns) if column else None
         return Diagnostics(value[0][3] if value else {})
 
     def vehicle(self, _name: str) -> None:
-        """Return None: nobody commands a recording."""
+        """Return None, as a recording cannot be commanded."""
         return
 
     def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
-        """Return nothing: delays in recordings are drawn by `uuv-hil plot`."""
+        """Return no delays; `uuv-hil plot` draws those of a recording."""
         return [], {}
 
     def show_pictures(self, wanted: bool) -> None:
-        """Do nothing: pictures of a recording are always there."""
+        """Do nothing, as the pictures of a recording are always read."""
 
     def log_lines(self) -> list[str]:
-        """Return no lines: a recording has no log."""
+        """Return no lines, as a recording has no log."""
         return []
 
     @property

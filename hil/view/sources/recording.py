@@ -1,4 +1,4 @@
-"""Record what the vehicles at some endpoints publish, as long as a person at the live view wants it."""
+"""Record what the vehicles at some endpoints publish, between the presses of the live view's recording button."""
 
 import threading
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from hil.scenario.records import Recording
 
 
 class ViewRecorder:
-    """Records into a new folder of this machine at each start. With a `scenario` its limits and folder hold."""
+    """Records into a new folder of this machine at each start. Limits and folder are those of `scenario`, if given."""
 
     def __init__(
         self, endpoints: Sequence[str], network: Network, security: Security | None, scenario: Scenario | None
@@ -31,7 +31,7 @@ class ViewRecorder:
         return running[1].failure or f"{running[1].written} messages into {running[1].folder}"
 
     def start(self) -> str:
-        """Start recording and return its folder. Without effect while it runs.
+        """Start recording, and return a text with its folder. It has no effect while a recording runs.
 
         Raises ConfigError, MissingExtraError, NetworkError.
         """
@@ -41,7 +41,7 @@ class ViewRecorder:
             return f"recording into {self._running[1].folder}"
 
     def stop(self) -> str:
-        """Stop recording; return how much there is, and its folder. Without effect when none runs."""
+        """Stop recording; return a text with the number of messages and the folder. It has no effect if none runs."""
         with self._turn:
             if self._running is None:
                 return "no recording runs"

@@ -1,4 +1,4 @@
-"""Samples of a simulation in this process, for the live view; its time can be paused, stepped and sped up."""
+"""Samples of a simulation in this process, for the live view. Its time can be paused, stepped and sped up."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
@@ -13,7 +13,7 @@ from hil.view.sources.paced_time import PacedTime
 from sim.simulation import Simulation
 
 IMAGES = ("forward_sonar", "side_scan")
-WAIT_S = 0.005  # that a step waits at a time for its instant
+WAIT_S = 0.005  # one wait of a step for its time
 UPDATE_NS = NS_PER_S // 20
 
 
@@ -26,7 +26,7 @@ class SimulatedVehicle(Protocol):
 
 
 class SimulatedSource:
-    """The vehicles of a simulation, by name; all have the same time."""
+    """The vehicles of a simulation by name, all with the same simulation time."""
 
     recorder = None
 
@@ -36,15 +36,15 @@ class SimulatedSource:
 
     @property
     def names(self) -> list[str]:
-        """Names of its vehicles."""
+        """Names of the vehicles, sorted."""
         return sorted(self._vehicles)
 
     def is_present(self, _name: str) -> bool:
-        """Return true: a simulated vehicle is always present."""
+        """Return True, as a simulated vehicle is always present."""
         return True
 
     def latest(self, name: str) -> Mapping[str, Any]:
-        """Return the newest sample of each sensor, the truth, and the thrusts."""
+        """Return the newest sample of each sensor, the ground truth, and the thrusts (N)."""
         vehicle = self._vehicles[name]
         simulation = vehicle.simulation
         newest: dict[str, Any] = {"ground_truth": simulation.truth()}
@@ -57,7 +57,7 @@ class SimulatedSource:
                 newest[f"{topic}/image"] = sample
             else:
                 newest[topic] = sample
-                if topic == "dvl":  # what the slave publishes of it as a topic of its own
+                if topic == "dvl":  # a slave publishes the altitude as a separate topic
                     newest["altitude"] = altitude_of(sample)
         if simulation.tether:
             newest["tether"] = tuple(simulation.tether.nodes)
@@ -66,29 +66,32 @@ class SimulatedSource:
         return newest
 
     def diagnostics(self, name: str) -> Diagnostics:
-        """Return the pulse widths: a simulation without a slave has no other figures of health."""
+        """Return pulse widths and contacts; a simulation without a slave has no other diagnostics."""
         figures, vehicle = Diagnostics(), self._vehicles[name]
         figures.pwm_us = tuple(vehicle.pwm_us)
         figures.contacts = vehicle.simulation.contacts
         return figures
 
     def vehicle(self, _name: str) -> None:
-        """Return nothing: the scenario's planner commands the vehicle."""
+        """Return None, as the scenario's planner commands the vehicle."""
         return
 
     def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
-        """Return no delays: there is no network and no link."""
+        """Return no delays, as there is no network and no link."""
         return [], {}
 
     def show_pictures(self, wanted: bool) -> None:
-        """Do nothing: the scenario decides which cameras and sonars are simulated."""
+        """Do nothing, as the scenario decides which cameras and sonars are simulated."""
 
     def log_lines(self) -> list[str]:
-        """Return nothing: what happens is in the run's outcome."""
+        """Return no lines; the run's outcome has its events."""
         return []
 
     def pace(self, update: Callable[[], None], wait: Callable[[float], None]) -> Callable[[Any], None]:
-        """Return what holds each step of a flight until its instant, and calls `update` 20 times a second meanwhile."""
+        """Return a function that delays each step of a flight until its time.
+
+        While it waits it calls `update` 20 times a second.
+        """
         due_ns = 0
 
         def step(vehicle: Any) -> None:

@@ -15,33 +15,33 @@ class Source(Protocol):
 
     @property
     def playback(self) -> "PacedTime | None":
-        """Return the time that can be paused and sped up; None of vehicles that live in real time."""
+        """Return the time that can be paused and sped up; None for vehicles in real time."""
 
     @property
     def recorder(self) -> "ViewRecorder | None":
-        """Return what records the vehicles when a person asks for it; None where there is nothing to record."""
+        """Return the recorder of the vehicles; None if this source cannot be recorded."""
 
     @property
     def names(self) -> list[str]:
-        """Names of the vehicles there are, sorted; those that are lost included."""
+        """Names of all vehicles, sorted, including those that are lost."""
 
     def is_present(self, name: str) -> bool:
-        """Return True if samples of that vehicle come."""
+        """Return True if the vehicle is sending samples."""
 
     def latest(self, name: str) -> Mapping[str, Any]:
         """Return the newest message of each topic, as its decoder in hil.ros returns it: NED, FRD, SI units."""
 
     def diagnostics(self, name: str) -> "Diagnostics":
-        """Return the figures of health; empty before the first."""
+        """Return the newest diagnostics; empty before the first."""
 
     def vehicle(self, name: str) -> "Vehicle | None":
-        """Return what commands that vehicle; None where nobody may."""
+        """Return the handle that commands that vehicle; None if it cannot be commanded."""
 
     def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
         """Return the delays (ms) of the newest commands, and the median (ms) of each hop; empty if not known."""
 
     def show_pictures(self, wanted: bool) -> None:
-        """Receive pictures of cameras and sonars from now on, or not any more."""
+        """Begin to receive pictures of cameras and sonars, or stop it."""
 
     def log_lines(self) -> list[str]:
         """Return what happened since the last call, a line each."""

@@ -1,1 +1,1 @@
-"""Steering by hand: sticks, keys and gamepads, and what else a person lets a vehicle do."""
+"""Teleoperation: sticks, keys and gamepads, and the commands that they give."""

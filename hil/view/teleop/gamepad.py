@@ -5,10 +5,10 @@ from typing import Any
 
 from hil.common.errors import DeviceError, MissingExtraError
 
-DEAD = 0.12  # of an axis about its middle
-FULL = 32_767  # of an axis of a gamepad whose layout SDL has
-# Of one that it does not know: left stick, and right stick behind the left trigger if there are triggers among the
-# axes, as Linux orders them; a trigger rests at -1.
+DEAD = 0.12  # dead band of an axis, -1 to 1
+FULL = 32_767  # full scale of an axis of a gamepad whose layout SDL knows
+# Axes of a gamepad whose layout SDL does not know, in Linux' order: left x, left y, right x, right y. With triggers,
+# the left trigger comes between the sticks; a trigger at rest reads -1.
 PLAIN_AXES, PLAIN_AXES_WITH_TRIGGERS = (0, 1, 2, 3), (0, 1, 3, 4)
 PLAIN_SHOULDERS = (4, 5)
 UNPLUGGED = "the gamepad is unplugged: plug it in again"
@@ -17,12 +17,12 @@ UNPLUGGED = "the gamepad is unplugged: plug it in again"
 class Gamepad:
     """The first gamepad. Raises MissingExtraError, and DeviceError where none is plugged in.
 
-    The shoulder buttons are the dead man's switch. `problem` is why it gives nothing, "" while it does: one that is
-    pulled out counts as let go, and works again once it is plugged in.
+    The shoulder buttons are the dead man's switch. `problem` is why the gamepad cannot be read, or "". An unplugged
+    gamepad counts as released, and works again after it is plugged in.
     """
 
     def __init__(self) -> None:
-        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # it has no window
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # this program has no window
         os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         try:
@@ -40,7 +40,7 @@ class Gamepad:
         self._open(0)
 
     def message(self) -> dict[str, Any]:
-        """Return the stick as it is held now."""
+        """Return the present state of the gamepad, as a message for `hil.view.teleop.stick.Stick`."""
         pygame = self._pygame
         for event in pygame.event.get():
             if event.type == pygame.JOYDEVICEREMOVED and event.instance_id == self._number:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-HELD_NS = 650_000_000  # after a key: keyboards wait up to 0.6 s before they repeat, and then come 10 times a second
+HELD_NS = 650_000_000  # a key counts as held so long; keyboards repeat a held key after up to 0.6 s
 AXES = {
     "w": ("surge", 1.0), "s": ("surge", -1.0), "d": ("yaw", 1.0), "a": ("yaw", -1.0),
     "e": ("sway", 1.0), "q": ("sway", -1.0), "f": ("heave", 1.0), "r": ("heave", -1.0),
@@ -13,14 +13,14 @@ HELP = (
 
 
 class Keys:
-    """The keys that are held, as a message of a stick (hil.view.teleop.stick.Stick)."""
+    """The keys that are held, as a message for hil.view.teleop.stick.Stick."""
 
     def __init__(self) -> None:
         self._until_ns: dict[str, int] = {}
         self.effort = False
 
     def press(self, key: str, now_ns: int) -> None:
-        """Take up a key: one of an axis, " " to stop all axes, "m" for the other mode. Other keys do nothing."""
+        """Handle a key: one of an axis, " " to stop all axes, "m" to switch the mode. Other keys have no effect."""
         if key in AXES:
             opposite = next((other for other in AXES if AXES[other] == (AXES[key][0], -AXES[key][1])), "")
             self._until_ns.pop(opposite, None)
@@ -32,7 +32,7 @@ class Keys:
             self._until_ns.clear()
 
     def message(self, now_ns: int) -> dict[str, Any]:
-        """Return the stick as it is held now."""
+        """Return the present state of the keys, as a message for the stick."""
         held = [key for key, until in self._until_ns.items() if now_ns <= until]
         return {
             "held": bool(held),

@@ -1,4 +1,4 @@
-"""Let persons at sticks steer vehicles through the Python interface: 20 commands a second, one person a vehicle."""
+"""Steer vehicles by sticks through the Python interface, with 20 commands a second. One person steers a vehicle."""
 
 import threading
 from collections.abc import Callable
@@ -9,16 +9,16 @@ from hil.common.errors import HilError
 from hil.view.teleop.stick import Stick, StickCommand
 
 PERIOD_S = 0.05
-HOLD_WITHIN = 0.02  # of the full stick: below it depth and heading are held, where that is wanted
+HOLD_WITHIN = 0.02  # of full deflection; below it depth and heading are held, if the stick requests it
 
 Report = Callable[[str], None]
 
 
 class Steering:
-    """One vehicle that persons at sticks may steer. Use as a context.
+    """One vehicle that several persons may steer by their sticks. Use as a context.
 
-    Who holds the dead man's switch first steers; the others get the reason. A vehicle that another master commands
-    is not taken from it. `report` gets a line when something changes.
+    The first person who holds the dead man's switch steers; the others are told why they do not. A vehicle that another
+    master commands is not taken over. `report` is called with a line of text at each change.
     """
 
     def __init__(self, vehicle: Vehicle, report: Report) -> None:
@@ -42,7 +42,10 @@ class Steering:
         self._thread.join()
 
     def update(self, person: int, message: dict[str, object] | None) -> str:
-        """Take a message of one person's stick, None when the person has left; return why it does not steer, or ""."""
+        """Handle a message of one person's stick, or None when the person has left.
+
+        Return why this person does not steer, or "".
+        """
         with self._turn:
             if message is None:
                 self._sticks.pop(person, None)
@@ -60,7 +63,7 @@ class Steering:
         self._let_go()
 
     def _choose(self) -> StickCommand | None:
-        """Return the command of who steers; the first who holds the switch does when nobody did."""
+        """Return the command of the person who steers. If nobody steers, the first who holds the switch begins to."""
         with self._turn:
             now = now_ns()
             wanted = {person: stick.command(now) for person, stick in self._sticks.items()}
@@ -87,7 +90,7 @@ class Steering:
             self.error = str(error)
 
     def _held_values(self, command: StickCommand) -> tuple[float | None, float | None]:
-        """Return depth and heading to hold: those the vehicle had when the stick came back to the middle."""
+        """Return depth and heading to hold: those at the time when the stick returned to the middle."""
         state = self._vehicle.state
         if not command.hold_depth or abs(command.heave) > HOLD_WITHIN:
             self._depth = None

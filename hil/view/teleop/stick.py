@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any, Literal, NamedTuple
 
-SILENT_AFTER_NS = 300_000_000  # a stick that sends nothing for so long is let go; it sends 20 times a second
+SILENT_AFTER_NS = 300_000_000  # a stick without a message for so long counts as released; it sends 20 a second
 AXES = ("surge", "sway", "heave", "yaw")
 Mode = Literal["velocity", "effort"]
 
@@ -20,7 +20,7 @@ class Limits(NamedTuple):
 
 
 class StickCommand(NamedTuple):
-    """Along FRD: velocities (m/s, rad/s), or forces (N) and a moment (N m) about the vertical axis."""
+    """A command in FRD: velocities (m/s, rad/s), or forces (N) and a moment (N m) about the vertical axis."""
 
     mode: Mode
     surge: float
@@ -42,7 +42,7 @@ class Stick:
         self.malformed = 0
 
     def update(self, message: Mapping[str, Any], now_ns: int) -> None:
-        """Take over a message of the stick; `axes` are numbers from -1 to 1. A malformed one lets the stick go."""
+        """Handle a message of the stick; `axes` are numbers from -1 to 1. A malformed message releases the stick."""
         self._received_ns = now_ns
         axes = message.get("axes")
         given = [axes.get(name, 0.0) for name in AXES] if isinstance(axes, Mapping) else []

@@ -1,4 +1,4 @@
-"""The panel of acts: hold depth and heading, go to places, waypoints, failures, reset, pose, recording, playback."""
+"""The panel of actions: hold depth and heading, go to a position, fly waypoints, fail thrusters, reset, set a pose."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -12,14 +12,15 @@ from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import HilError, NetworkError
 from hil.view.scene.frames import from_scene, to_scene
 
-HANDLE_PIXELS = 60.0  # of the arrows that drag a waypoint, however far the camera is; they show through the water
+HANDLE_PIXELS = 60.0  # size of the arrows that drag a waypoint, at any distance of the camera
 PLACE = "click: nothing", "click: go there", "click: add a waypoint"
 
 
-class ActsPanel:
-    """Buttons for one chosen vehicle. `chosen` returns it, None where nobody may command; `report` gets the outcome.
+class ActionsPanel:
+    """Buttons for one chosen vehicle. `chosen` returns it, or None if this view only observes.
 
-    `server` is a viser.ViserServer, `container` where the panel goes, `thrusters` are names of the vehicle's thrusters.
+    `report` is called with the outcome. `server` is a viser.ViserServer, `container` the tab that holds the panel,
+    `thrusters` are the names of the vehicle's thrusters.
     """
 
     def __init__(
@@ -33,7 +34,7 @@ class ActsPanel:
         self._server, self._chosen, self._report = server, chosen, report
         self._waypoints: list[Any] = []
         self._buttons: list[Any] = []
-        self._failed: set[str] = set()  # thrusters that were let fail from here
+        self._failed: set[str] = set()  # thrusters that this panel has made fail
         with container:
             self._reason = server.gui.add_markdown("")
             self._add_hold()
@@ -42,7 +43,7 @@ class ActsPanel:
         server.scene.on_click()(self._on_click)
 
     def show_reason(self, reason: str) -> None:
-        """Disable the buttons while there is a reason why the vehicle would not obey."""
+        """Show why the vehicle does not accept commands, and disable the buttons; "" enables them."""
         if self._reason.content != reason:
             self._reason.content = reason
             for button in self._buttons:
@@ -91,7 +92,7 @@ class ActsPanel:
         self._buttons.append(button)
 
     def _fail(self, thruster: str, box: Any) -> None:
-        """Let a thruster fail by its box, or repair it; a box whose request was refused goes back."""
+        """Fail or repair a thruster as its check box says; reset the box if the request is refused."""
         failing = bool(box.value)
         if failing == (thruster in self._failed):
             return
@@ -106,7 +107,7 @@ class ActsPanel:
         self._do(f"failure of {thruster}", act, go_back)
 
     def _do(self, label: str, act: Callable[[Vehicle], object], on_refusal: Callable[[], None] = lambda: None) -> None:
-        """Run the action in a thread: it may wait for the vehicle's answer."""
+        """Run the action in a thread, because it may wait for the vehicle's answer."""
 
         def run() -> None:
             vehicle = self._chosen()

@@ -25,7 +25,7 @@ def test_a_waypoint_is_set_dragged_and_flown(tmp_path: Path) -> None:
         page.wait_until_ready()
         page.wait_until_drawn()
         start = vehicle.ground_truth.position
-        page.open_tab("Acts")
+        page.open_tab("Actions")
         page.choose("follow", "top")
         page.choose("click: nothing", "click: add a waypoint")
         page.page.wait_for_timeout(1500)
@@ -64,7 +64,7 @@ def test_failures_depth_and_pose(tmp_path: Path) -> None:
     with viewed_slave(tmp_path) as (page, vehicle, slave):
         vehicle.client.watch("joint_states")
         page.wait_until_ready()
-        page.open_tab("Acts")
+        page.open_tab("Actions")
         page.write("depth (m)", 3.0)
         page.click("hold depth")
         assert page.wait_until(lambda: abs(vehicle.ground_truth.position[2] - 3.0) < 0.1), "hold depth"
@@ -91,7 +91,7 @@ def test_failures_depth_and_pose(tmp_path: Path) -> None:
 
 def test_who_only_looks_finds_all_buttons_grey(tmp_path: Path) -> None:
     with viewed_slave(tmp_path, "--observe") as (page, vehicle, _):
-        page.open_tab("Acts")
+        page.open_tab("Actions")
         button = page.frame.get_by_role("button", name="hold depth", exact=True)
         assert page.wait_until(button.is_disabled), "hold depth is not grey"
         box = page.frame.get_by_text("front_right has failed", exact=True).locator("xpath=following::input").first
