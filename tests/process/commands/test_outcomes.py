@@ -49,14 +49,15 @@ def test_sim_says_it_and_returns_6(into_wall: Path, tmp_path: Path) -> None:
     assert "expected: collision with the north wall" in sim.output
 
 
-@pytest.mark.parametrize("words", [("sim", "--fast"), ("demo", "--output", "out")])
+@pytest.mark.parametrize("words", [("sim", "--fast"), ("demo", "--output", "FOLDER")])
 def test_an_error_in_a_planner_of_ones_own_is_shown_from_there_on(
     words: tuple[str, ...], into_wall: Path, tmp_path: Path
 ) -> None:
     planner = tmp_path / "blind.py"
     planner.write_text(planner.read_text().replace("return Done('there')", "return open('no/such/file')"))
     where = {"PYTHONPATH": str(tmp_path)}
-    with Program(tmp_path, words[0], into_wall, *words[1:], environment=where) as program:
+    command, *others = [word.replace("FOLDER", str(tmp_path / "out")) for word in words]
+    with Program(tmp_path, command, into_wall, *others, environment=where) as program:
         assert program.wait() == 6, program.output
     _, shown, lines = program.output.partition("an error in blind.py, a file of yours:\nTraceback")
     assert shown
