@@ -247,7 +247,7 @@ class Tether:
 
 
 class _End(NamedTuple):
-    """Where the vehicle holds the line (m), how fast that moves (m/s), and its inertia there (kg), NED."""
+    """The vehicle's end of the line: place (m), velocity (m/s), and the inertia there (kg), NED."""
 
     place: Sequence[float]
     velocity: Sequence[float]

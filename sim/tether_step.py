@@ -24,7 +24,7 @@ Symmetric = tuple[float, float, float, float, float, float]
 
 
 class Chain(NamedTuple):
-    """What a step begins with, in N, kg, m, s and NED. Joint 0 is the anchor, whose speed holds through the step.
+    """The state a step begins with, in N, kg, m, s and NED. Joint 0 is the anchor, whose speed holds through the step.
 
     `loads` are the forces on the joints besides the springs, and `drags` by how much these fall with the speed (N s/m).
     `mass` is that of a joint between the ends, `inertia` that of the last one; None if its speed holds, too. `pulls`

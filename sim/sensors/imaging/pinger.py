@@ -58,7 +58,7 @@ class Strengths(Protocol):
 
     @property
     def glint(self) -> float:
-        """How much stronger objects are at a right angle, in dB."""
+        """The gain of objects at a right angle, in dB."""
 
 
 class Pinger:

@@ -142,7 +142,7 @@ def test_intensities_need_a_beam() -> None:
 
 @pytest.mark.parametrize("glint", [10.0, 25.0])
 def test_a_smooth_wall_flashes_at_a_right_angle(glint: float) -> None:
-    """By `glint` dB straight on, by exp(-tan² / 0.02) of it at 6 deg, by nothing at 40 deg; the seabed never does."""
+    """The gain is `glint` dB straight on, exp(-tan² / 0.02) of it at 6 deg, 0 at 40 deg, and 0 for the seabed."""
     model = FORWARD._replace(beams=1, sector=radians(0.2), beam_height=radians(0.2), rays=9)
 
     def echo(degrees: float, model: ForwardSonarModel, world: World = DEEP) -> float:
