@@ -106,7 +106,7 @@ def test_speckle_is_rayleighs() -> None:
 
 @pytest.mark.parametrize("looks", [1.0, 3.0])
 def test_beams_that_overlap_have_their_speckle_in_common(looks: float) -> None:
-    """As much as one pattern is in the other: sinc² of their distance in first nulls; each beam is as ever."""
+    """The correlation is the overlap of the patterns, sinc² of their distance in nulls; each beam is as ever."""
     spacing, width = radians(0.25), radians(1.0)
     cells = independent_cells(200, spacing, width)
     assert cells is not None
