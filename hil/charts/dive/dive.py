@@ -51,6 +51,7 @@ position = [0.25, 0.0, -0.1]
 position = [0.25, 0.0, 0.05]
 orientation = ["0 deg", "-35 deg", "0 deg"]
 rate = 4.0
+water = "IB" # of a clear ocean, so that the bed is seen; of coasts "1C" to "9C"
 
 [sensors.forward_sonar]
 position = [0.25, 0.0, 0.0]
