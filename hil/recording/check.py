@@ -1,8 +1,8 @@
 """Simulate a slave's recording again and compare the vehicle's states bit by bit.
 
-A fresh simulation of the recorded scenario gets the recorded pulses, each from its step on, and what was done to the
-vehicle by hand is done again. What its sensors measure is made into messages as the slave did, and held against the
-recorded ones byte by byte, in their order. Controller and thruster link are not run again: their part is in the pulses.
+A fresh simulation of the recorded scenario gets the recorded pulses, each from its step on. What persons did to the
+vehicle is repeated. The sensors' samples are encoded as the slave did, and compared with the recorded messages byte by
+byte, in order. Controller and thruster link are not run again, because the pulses contain their result.
 """
 
 from collections import deque
@@ -20,8 +20,8 @@ from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation
 from sim.sensors.spread import spreads
 
-LONGEST_SILENCE_S = 20.0  # of simulated time: then the sensors will measure no more
-# What a slave receives, or publishes without a request.
+LONGEST_SILENCE_S = 20.0  # simulated time without a sample, after which none is expected
+# Topics that a slave receives, and those that it publishes which are no samples.
 COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
 NOT_SAMPLES = {
     *COMMANDS, *DESCRIPTIONS, "trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "tether", "/clock",
@@ -30,7 +30,7 @@ NOT_SAMPLES = {
 
 
 class Verdict(NamedTuple):
-    """`compared` messages of `steps` steps were the same; `difference` is what was not, "" if nothing."""
+    """Result: `compared` messages of `steps` steps were equal; `difference` describes the first unequal one, or ""."""
 
     compared: int
     steps: int
@@ -40,7 +40,7 @@ class Verdict(NamedTuple):
 def check(path: str, own_classes: bool = False) -> Verdict:
     """Repeat the run of the recording at `path`; `own_classes`: see `read_run`.
 
-    Raises ConfigError if it is none that can be repeated.
+    Raises ConfigError if the recording cannot be repeated.
     """
     about = read_about(path)
     if "epoch_ns" not in about.facts:
@@ -49,7 +49,7 @@ def check(path: str, own_classes: bool = False) -> Verdict:
 
 
 class _Repetition:
-    """The second run, as far as it has come."""
+    """State of the repeated run."""
 
     def __init__(self, about: About, path: str, own_classes: bool) -> None:
         run = require_run(about, path, own_classes)
@@ -75,7 +75,7 @@ class _Repetition:
         self._numbers: dict[str, int] = {}
 
     def run(self, messages: Iterator[Message]) -> Verdict:
-        """Compare the messages with the simulation's, up to the first that differs."""
+        """Compare the recorded messages with the simulation's, up to the first difference."""
         compared = 0
         for message in messages:
             if message.topic == self._pulses_topic:
@@ -136,14 +136,14 @@ class _Repetition:
             self._step()
 
     def _next(self, message: Message) -> tuple[str, bytes]:
-        """Return the next repeated sample of a topic that the slave recorded."""
+        """Return topic and payload of the simulation's next sample on a recorded topic; empty without one."""
         limit = self._steps + round(LONGEST_SILENCE_S * 1e9) // self._step_ns
         while not self._repeated and self._steps < limit:
             self._step()
         return self._repeated.popleft() if self._repeated else ("", b"")
 
     def _step(self) -> None:
-        sample: Any  # the slave's sample_publisher has no closer type either
+        sample: Any  # as in the slave's sample_publisher
         for topic, sample in self._simulation.step(self._pulses):
             stamped = sample._replace(time_ns=self._stamps.stamp(sample.time_ns))
             for name, payload in ros.encoder(topic)(stamped, self._prefix, *self._variances.get(topic, ())):

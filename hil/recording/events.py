@@ -1,7 +1,6 @@
-"""Record what a person did to a vehicle (placed it, failed a thruster), so that a check can repeat it.
+"""Record what a person did to a vehicle (set its pose, failed a thruster), so that a check can repeat it.
 
-Each is a message of the topic "events", text for people and tools alike, with the number of the step before which it
-was done:
+Each event is a message of the topic "events", in JSON, with the number of the step before which it happened:
 
     {"step": 812, "place": [[4.0, 4.0, 2.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]}
     {"step": 905, "fail": [{"thruster": "bow", "kind": "off", ...}]}
@@ -24,7 +23,7 @@ EVENTS = Topic("events", "std_msgs/msg/String", 0, "data")
 
 
 def encode_place(step: int, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> bytes:
-    """Encode that the vehicle was placed there (NED in m, body to world, FRD in m/s and rad/s)."""
+    """Encode a new state: position (NED, m), attitude (body to world), velocity `nu` (FRD, m/s and rad/s)."""
     return _encode({"step": step, "place": [list(position), list(quaternion), list(nu)]})
 
 
@@ -34,7 +33,7 @@ def encode_failures(step: int, failures: Iterable[Failure]) -> bytes:
 
 
 def decode_event(data: bytes) -> dict[str, Any]:
-    """Return what `encode_...` took; empty if it is malformed."""
+    """Return an encoded event as a dict; empty if it is malformed."""
     message = ros_message.decode(EVENTS.type, data)
     try:
         event = json.loads(message["data"]) if message else {}
@@ -44,7 +43,7 @@ def decode_event(data: bytes) -> dict[str, Any]:
 
 
 def repeat(event: dict[str, Any], simulation: Simulation) -> None:
-    """Apply an event again, as `hil.slave.loop.Loop` did. Raises ConfigError for what no slave of ours has written."""
+    """Apply an event to the simulation, as `hil.slave.loop.Loop` did. Raises ConfigError for an invalid event."""
     try:
         if "place" in event:
             position, quaternion, nu = event["place"]

@@ -12,7 +12,7 @@ NAME = "metadata.yaml"
 
 
 def write_index(folder: str, files: Sequence[FileSummary]) -> None:
-    """Write the index of `files`, in the order of their recording, in place of the one there was. Raises OSError."""
+    """Write the index of `files`, in the order of their recording; it replaces an older index. Raises OSError."""
     path = os.path.join(folder, NAME)
     fresh = f"{path}.new"
     with open(fresh, "w", encoding="utf-8") as file:
@@ -44,7 +44,7 @@ def _text(files: Sequence[FileSummary]) -> str:
 
 
 def _span(indent: str, files: Iterable[FileSummary]) -> list[str]:
-    """Return when the first message came, and how long it was until the last."""
+    """Return the lines with the time of the first message, and the duration until the last."""
     filled = [summary for summary in files if summary.topics]
     first = min((summary.first_ns for summary in filled), default=0)
     last = max((summary.last_ns for summary in filled), default=0)

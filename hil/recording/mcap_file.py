@@ -1,9 +1,8 @@
 """Write an MCAP file that is valid after every flush, also when power is lost.
 
-An MCAP file ends with an index of where everything is, so a file whose writer was killed has no end and most
-readers refuse it. Here each flush also writes the shortest end there is, "no index, 50 bytes", in the same system
-call; the next flush overwrites it, and only `close` writes the index. Schemas are "ros2msg" and messages "cdr", as
-rosbag2's own recorder has them.
+An MCAP file ends with an index, so a file whose writer was killed has no end, and most readers refuse it. Here each
+flush also writes the shortest valid end, "no index" in 50 bytes, in the same system call. The next flush overwrites
+it, and only `close` writes the index. Schemas are "ros2msg" and messages "cdr", as in recordings of rosbag2.
 """
 
 import os
@@ -14,20 +13,20 @@ from hil.common.errors import ConfigError
 from hil.recording.mcap_writer import SHORTEST_END, McapWriter
 from hil.ros.topics import TOPICS, Qos, Topic
 
-# Only in recordings: the number of a step, and the pulses (us, one a channel) from that step on.
+# Only in recordings: the number of a step, and the pulses (us, one per channel) from that step on.
 PULSES = Topic("pulses", "std_msgs/msg/Int64MultiArray", 0, "data")
-# From which step on stamps count simulation time from which instant (ns since 1970).
+# Only in recordings: the number of a step, and the epoch (ns since 1970) of stamps from that step on.
 EPOCHS = Topic("epochs", "std_msgs/msg/Int64MultiArray", 0, "data")
 
-BINARY: int = getattr(os, "O_BINARY", 0)  # Windows' files would be texts
-_to_disk = getattr(os, "fdatasync", os.fsync)  # Linux'
+BINARY: int = getattr(os, "O_BINARY", 0)  # without it Windows opens files in text mode
+_to_disk = getattr(os, "fdatasync", os.fsync)  # fdatasync is faster, and only on Linux
 
 
 class Message(NamedTuple):
-    """One message on a topic ("/uuv1/imu"): `data` in CDR, its number from its publisher, and two wall instants (ns).
+    """One message on a topic ("/uuv1/imu"): `data` in CDR, its publisher's sequence number, and two wall times (ns).
 
-    `published_ns` is when it was sent, by the sender's clock, which may be anywhere; `logged_ns` when it came to the
-    recorder.
+    `published_ns` is when it was sent, by the sender's clock, which may be wrong. `logged_ns` is when the recorder
+    received it.
     """
 
     topic: str
@@ -47,7 +46,7 @@ class TopicCount(NamedTuple):
 
 
 class FileSummary(NamedTuple):
-    """Summary of a file: the instants of its first and last message (ns since 1970; 0 and 0: none)."""
+    """Summary of a file: path, size in bytes, times of the first and last message (ns since 1970; 0: none), topics."""
 
     path: str
     size: int
@@ -73,12 +72,12 @@ class RecordingFile:
 
     @property
     def size(self) -> int:
-        """Bytes so far, without the chunk in the making."""
+        """Number of bytes so far, without the unfinished chunk."""
         return self._stream.total
 
     @property
     def topics(self) -> int:
-        """Topics with their message counts so far."""
+        """Number of topics so far."""
         return len(self._writer.channels)
 
     def write(self, message: Message) -> None:
@@ -95,13 +94,13 @@ class RecordingFile:
         self._writer.add_channel(topic, kind, schema, {}, encoding)
 
     def flush(self) -> None:
-        """Put all that was written on disk, and wait until it is there. Raises OSError; the file stays whole."""
+        """Write all messages to disk, and wait until they are there. Raises OSError; the file stays valid."""
         self._writer.end_chunk()
         self._stream.commit(SHORTEST_END)
         self._stream.sync()
 
     def close(self) -> FileSummary:
-        """Write the index and close. Raises OSError; the file is closed, and whole up to the last flush."""
+        """Write the index and close. If it raises OSError, the file is closed, and valid up to the last flush."""
         try:
             self._writer.finish()
             self._stream.commit(b"")
@@ -115,14 +114,14 @@ class RecordingFile:
         self._stream.close()
 
     def summary(self) -> FileSummary:
-        """Return what the file holds so far."""
+        """Return the summary of the file so far."""
         writer = self._writer
         topics = tuple([TopicCount(each.topic, each.type, each.count) for each in writer.channels.values()])
         return FileSummary(self.path, self._stream.size, writer.first_ns, writer.last_ns, topics)
 
 
 def schema_of(kind: str) -> tuple[str, bytes]:
-    """Return encoding and text of a type's definition; none for a type of others that we do not know."""
+    """Return encoding and text of a type's definition; both are empty for an unknown type."""
     from hil.ros import types
 
     try:
@@ -134,7 +133,7 @@ def schema_of(kind: str) -> tuple[str, bytes]:
 def qos_profile(topic: str) -> str:
     """Return the QoS with which rosbag2 offers `topic` in playback, by the numbers of rmw/types.h.
 
-    Topics that are not ours have the default.
+    An unknown topic has the default QoS.
     """
     known = TOPICS.get(topic.rpartition("/")[2]) or TOPICS.get(topic)
     qos = known.qos if known else Qos()
@@ -147,13 +146,13 @@ def qos_profile(topic: str) -> str:
 
 
 class _Stream:
-    """Buffer of what the library writes, until `commit` writes it at once, with an end behind it."""
+    """Buffer of the bytes that the library writes. `commit` writes them at once, followed by an end."""
 
     def __init__(self, path: str) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY, 0o644)
         self._pending = bytearray()
-        self.size = 0  # of what is on disk, without the end
-        self.total = 0  # with what is pending
+        self.size = 0  # bytes on disk, without the end
+        self.total = 0  # bytes on disk and in the buffer
 
     def write(self, data: bytes) -> None:
         self._pending += data
@@ -163,7 +162,7 @@ class _Stream:
         return self.total
 
     def commit(self, end: bytes) -> None:
-        """Write what is pending and `end`. Raises OSError: then what was there before is whole again."""
+        """Write the buffer and `end`. If it raises OSError, the file is as before this call."""
         try:
             _write_all(self._descriptor, bytes(self._pending) + end, self.size)
         except OSError:
@@ -182,7 +181,7 @@ class _Stream:
 
 
 def _write_all(descriptor: int, data: bytes, at: int) -> None:
-    """Write all bytes, usually by one system call; a disk that fills up takes a part, then raises."""
+    """Write all bytes, usually by one system call. On a full disk a part is written before it raises OSError."""
     view = memoryview(data)
     while view:
         os.lseek(descriptor, at, os.SEEK_SET)  # Windows has no pwrite

@@ -1,7 +1,7 @@
 """Write MCAP (https://mcap.dev/spec) in a third of the time that its library takes.
 
-Chunks of messages, the only part that is written thousands of times a second, are packed here; every other record is
-written by the library.
+This module packs the messages into chunks, which is done thousands of times a second. The library writes every other
+record.
 """
 
 from collections.abc import Iterable
@@ -11,17 +11,17 @@ from zlib import crc32
 
 from hil.common.errors import MissingExtraError
 
-CHUNK = 65536  # bytes before compression; the last is ended early by every flush
+CHUNK = 65536  # bytes before compression; a flush ends the current chunk early
 MAGIC = b"\x89MCAP0\r\n"
 SHORTEST_END = pack("<BQI", 0x0F, 4, 0) + pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC  # no index
 
 _MESSAGE = Struct("<BQHIQQ")  # 5, length, channel, sequence, log time, publish time
-_MESSAGE_FIELDS = 22  # bytes of it that count into the length
+_MESSAGE_FIELDS = 22  # bytes of these fields that the length includes
 _INDEX = Struct("<BQHI")  # 7, length, channel, bytes of the entries, which are log time and offset in the chunk
 
 
 class Output(Protocol):
-    """Output of the writer."""
+    """The file or buffer that the writer writes to."""
 
     def write(self, data: bytes) -> None:
         """Append bytes."""
@@ -31,7 +31,7 @@ class Output(Protocol):
 
 
 class Channel:
-    """One topic: its number, how many messages are in the file, and log time and offset of those in the making."""
+    """One topic: its number, its count of messages in the file, and log time and offset of those in the open chunk."""
 
     __slots__ = ("count", "entries", "number", "topic", "type")
 
@@ -60,7 +60,7 @@ class McapWriter:
         self._compression = "" if compression == "none" else compression
         self._compress = _compressor(compression)
         self._chunk = bytearray()
-        self._chunk_channels: list[Channel] = []  # of its messages
+        self._chunk_channels: list[Channel] = []  # the channels with messages in the chunk
         self._chunk_indexes: list[Any] = []
         self._other_indexes: list[Any] = []
         self._schemas: dict[str, Any] = {}
@@ -71,7 +71,7 @@ class McapWriter:
         self._write(self._records.Header(profile="ros2", library=library))
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Write facts by name. Before the first message."""
+        """Write `values` as a metadata record. Call it before the first message."""
         at = self._output.tell()
         length = self._write(self._records.Metadata(name=name, metadata=values))
         self._other_indexes.append(self._records.MetadataIndex(offset=at, length=length, name=name))
@@ -89,7 +89,7 @@ class McapWriter:
     def add_channel(
         self, topic: str, kind: str, schema: tuple[str, bytes], about: dict[str, str], encoding: str = "cdr"
     ) -> Channel:
-        """Return a new topic of messages in that encoding; `schema` is encoding and text of the type's definition."""
+        """Add and return a topic whose messages have `encoding`; `schema` is encoding and text of its definition."""
         records = self._records
         if kind not in self._schemas:
             language, data = schema
@@ -117,7 +117,7 @@ class McapWriter:
             self.end_chunk()
 
     def end_chunk(self) -> None:
-        """Put the chunk in the making into the file, if there is a message in it."""
+        """Write the open chunk to the file, if there is a message in it."""
         if not self._chunk_channels:
             return
         data = bytes(self._chunk)
@@ -175,9 +175,9 @@ class McapWriter:
         self._output.write(MAGIC)
 
     def _write_message_indexes(self, at: int) -> tuple[dict[int, int], int]:
-        """Return where in the chunk the messages of each channel are, written `at` this place of the file.
+        """Write the message indexes of the chunk `at` this offset of the file.
 
-        By channel the place of its index in the file, and the length of them all.
+        Return the offset in the file of each channel's index, and the length of all indexes in bytes.
         """
         offsets = {}
         indexes = bytearray()
@@ -226,7 +226,7 @@ def require_library() -> None:
 
 
 def _compressor(name: str) -> Any:
-    """Return the function for that compression; both libraries come with mcap."""
+    """Return the function for that compression; both libraries are dependencies of mcap."""
     if name == "zstd":
         import zstandard
 

@@ -1,4 +1,4 @@
-"""Play a recording to the network as if its vehicles were there."""
+"""Play a recording to the network, as if its vehicles were present."""
 
 import select
 from collections.abc import Callable, Iterable
@@ -14,9 +14,9 @@ from hil.ros.topics import TOPICS, Topic
 
 
 def pace(messages: Iterable[Message], speed: float, stop_fd: int, use: Callable[[Message], None]) -> float:
-    """Call `use` for each message at its time, `speed` times as fast as it was (0: at once); s of it that were played.
+    """Call `use` for each message at its time, `speed` times as fast as recorded (0: without waiting).
 
-    Ends early when `stop_fd` becomes readable.
+    Return the played duration in s of the recording. It ends early when `stop_fd` becomes readable.
     """
     first_ns = newest_ns = 0
     began = now_ns()
@@ -31,9 +31,9 @@ def pace(messages: Iterable[Message], speed: float, stop_fd: int, use: Callable[
 
 
 class Player:
-    """Publishes recorded messages with `session`, on their topics, as they are. Their stamps stay those of then.
+    """Publishes recorded messages with `session`, on their topics, unchanged. They keep their recorded stamps.
 
-    `sent` counts them; `unknown` are types of others that are not among ours, and left out.
+    `sent` counts the published messages. `unknown` has the unknown message types, which are left out.
     """
 
     def __init__(self, session: Session) -> None:
@@ -54,7 +54,7 @@ class Player:
             self.sent += 1
 
     def _declare(self, name: str, kind: str) -> Publisher | None:
-        """Return a publisher like the one that the message came from; None for an unknown type."""
+        """Return a publisher with the topic and QoS of the recorded one; None for an unknown type."""
         try:
             types.type_hash(kind)
         except ConfigError:
@@ -65,4 +65,4 @@ class Player:
             self._nodes.add(node)
             declare_presence(self._session, node, "slave")
         like = TOPICS.get(last) or TOPICS.get(name) or Topic(last, kind, 0, "data")
-        return self._session.publisher(node, like._replace(name=name, type=kind), wait=True)  # all of it, if later
+        return self._session.publisher(node, like._replace(name=name, type=kind), wait=True)  # complete, even if late

@@ -1,4 +1,4 @@
-"""Read recordings: ours, any other MCAP file of ROS 2 messages, and the intact part of a broken one."""
+"""Read recordings of uuv-hil, other MCAP files with ROS 2 messages, and the intact part of a damaged file."""
 
 import os
 import sys
@@ -13,23 +13,23 @@ from hil.recording.mcap_file import Message
 from hil.recording.mcap_writer import require_library
 from hil.recording.records import read_records
 
-MOST_ATTACHMENTS = 64  # ours has three; each is a file of a scenario
+MOST_ATTACHMENTS = 64  # a recording of uuv-hil has three: scenario, vehicle, world
 
 
 class About(NamedTuple):
-    """Head of a recording: `facts` of the run, and files by their names. Empty: not ours."""
+    """Head of a recording: `facts` of the run, and attached files by name. Both are empty for other software's."""
 
     facts: dict[str, str]
     attachments: dict[str, str]
 
 
 def recording_files(path: str) -> list[str]:
-    """Return the files of a recording in the order they were written: `path` is one, or a folder.
+    """Return the files of a recording in the order they were written; `path` is a file or a folder.
 
     Raises ConfigError.
     """
     if not os.path.isdir(path):
-        check_file(path, sys.maxsize)  # of any size: a chunk at a time is read
+        check_file(path, sys.maxsize)  # any size, as it is read in chunks
         return [path]
     names = [name for name in os.listdir(path) if name.endswith(".mcap")]
     if not names:
@@ -44,7 +44,7 @@ def read_messages(path: str) -> Iterator[Message]:
 
 
 def read_about(path: str) -> About:
-    """Return what the recording has about its run. Raises ConfigError, MissingExtraError."""
+    """Return the facts and files of the recorded run. Raises ConfigError, MissingExtraError."""
     require_library()
     from mcap.records import Attachment, Chunk, Metadata
 
@@ -58,13 +58,13 @@ def read_about(path: str) -> About:
                     f"{path}: more than {MOST_ATTACHMENTS} files are attached, or one of more than {LARGEST >> 20} MiB"
                 )
             about.attachments[record.name] = record.data.decode(errors="replace")
-        elif isinstance(record, Chunk):  # all of it comes before the first message
+        elif isinstance(record, Chunk):  # metadata and attachments come before the first message
             break
     return about
 
 
 def _number(name: str) -> tuple[int, str]:
-    """Return a key by which NAME_12.mcap comes after NAME_9.mcap."""
+    """Return a sort key with which NAME_12.mcap comes after NAME_9.mcap."""
     digits = name.removesuffix(".mcap").rpartition("_")[2]
     return (int(digits) if digits.isdigit() else 0, name)
 
@@ -87,9 +87,9 @@ def _messages(path: str) -> Iterator[Message]:
 
 
 def _records(path: str, emit_chunks: bool = False) -> Iterator[Any]:
-    """Return the records of a file up to where it is broken, if it is.
+    """Yield the records of a file, up to its end or to the first damaged one.
 
-    Raises ConfigError if it is none, or a hostile one.
+    Raises ConfigError if it is no MCAP file, or exceeds the limits of `read_records`.
     """
     check_file(path, sys.maxsize)
     try:

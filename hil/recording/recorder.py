@@ -1,9 +1,9 @@
-"""Record without blocking the caller: a thread of its own writes the messages.
+"""Record without blocking the caller: a separate thread writes the messages.
 
-A recording is a folder of MCAP files with an index, and as such a bag of rosbag2. Messages are written to disk
-within a second, in the order of their log times: readers need that order in a file that a crash left without an index.
-A file at its size limit is closed and the next one begun. When all files together reach their limit, the oldest are
-deleted. If the disk fills up or fails, or anything else goes wrong, recording ends and reports why; the run goes on.
+A recording is a folder of MCAP files with an index, which is also a rosbag2 bag. Messages are written to disk within a
+second, in the order of their log times, because readers need that order in a file without an index (after a crash). A
+file at its size limit is closed, and a new one is begun. When all files together reach their limit, the oldest are
+deleted. If the disk is full or any error occurs, recording ends and reports why; the run continues.
 """
 
 import os
@@ -26,12 +26,12 @@ from hil.scenario.config import Scenario
 from hil.scenario.records import Recording
 
 DRAIN_PERIOD_S = 0.1
-FLUSH_PERIOD_NS = 8 * NS_PER_S // 10  # with the time that messages are held, what a crash loses is below a second
-HOLD_NS = NS_PER_S // 10  # longer than a message takes from its log time to the recorder
-MOST_WAITING = 100_000  # messages; a disk that is busy for ten seconds loses none of ten vehicles'
-MOST_WAITING_BYTES = 1 << 28  # which matters for pictures
+FLUSH_PERIOD_NS = 8 * NS_PER_S // 10  # with HOLD_NS less than a second, the most that a crash loses
+HOLD_NS = NS_PER_S // 10  # messages are held so long to sort them; longer than from log time to recorder
+MOST_WAITING = 100_000  # messages; enough for ten vehicles while a disk is busy for ten seconds
+MOST_WAITING_BYTES = 1 << 28  # the limit that pictures reach first
 _MIB = 1 << 20
-_FULL = 0.85  # of a file's limit: its index comes on top of it
+_FULL = 0.85  # share of a file's size limit; the rest is for its index
 
 Report = Callable[[str], None]
 Source = Callable[[], Sequence[Message]]
@@ -41,8 +41,8 @@ _log_time = attrgetter("logged_ns")
 def new_folder(name: str, root: str = "runs") -> str:
     """Make and return a folder in `root` for a run or a recording that begins now: NAME-DATE-TIME.
 
-    Two that begin in the same second get different folders. `name` may be a path, whose folder and ending are left
-    out. Raises ConfigError if it cannot be made.
+    Two recordings that begin in the same second get different folders. `name` may be a path; its folder and extension
+    are left out. Raises ConfigError if the folder cannot be made.
     """
     stem = os.path.splitext(os.path.basename(name))[0]
     folder = first = os.path.join(root, f"{stem}-{time.strftime('%Y%m%d-%H%M%S')}")
@@ -59,12 +59,12 @@ def new_folder(name: str, root: str = "runs") -> str:
 
 
 class Recorder:
-    """Records into `folder`, which is made, until `close`. Use as a context.
+    """Records into `folder`, which it makes, until `close`. Use as a context.
 
-    `about` and `attachments` (name -> text) stand at the beginning of every file. `source` is called ten times a
-    second, and at the end, for new messages, which costs less than to `put` each. `report` is called if recording ends
-    by itself; both in the recorder's thread. `written` counts messages, `lost` those that came faster
-    than the disk took them; `failure` is why recording ended early. Raises ConfigError, MissingExtraError.
+    `about` and `attachments` (name -> text) are at the beginning of every file. `source` is called ten times a second,
+    and at the end, and returns new messages; this costs less than a `put` of each. `report` is called if recording
+    ends early. Both are called in the recorder's thread. `written` counts messages, `lost` those that came faster than
+    the disk could store them. `failure` is why recording ended early. Raises ConfigError, MissingExtraError.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Recorder:
         self._waiting: deque[Message] = deque()
         self._held: list[Message] = []
         self._put = self._drained = 0  # bytes
-        self._counting = threading.Lock()  # of `lost` and `_put`, and that nothing waits once recording has failed
+        self._counting = threading.Lock()  # guards `lost` and `_put`, and that nothing is queued after a failure
         self._closed: list[FileSummary] = []
         self._file: RecordingFile | None = None
         self._number = 0
@@ -118,13 +118,13 @@ class Recorder:
                 self.lost += 1
 
     def close(self) -> None:
-        """Write what is waiting and the index. Closing twice is harmless."""
+        """Write the queued messages and the index. Closing twice is harmless."""
         self._stop.set()
         self._thread.join()
 
     def _run(self) -> None:
         try:
-            if hasattr(os, "sched_setscheduler"):  # Linux; not that of a real-time thread that made us
+            if hasattr(os, "sched_setscheduler"):  # Linux; drops the real-time priority of the parent thread
                 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
             while not self._stop.wait(DRAIN_PERIOD_S):
                 self._drain(now_ns())
@@ -132,7 +132,7 @@ class Recorder:
             self._finish()
         except OSError as error:
             self._fail(f"{error.strerror}; free some space, or record less")
-        except Exception as error:  # noqa: BLE001 - nobody would see it: a thread ends without a message
+        except Exception as error:  # noqa: BLE001 - a thread would end without a message
             self._fail(f"{type(error).__name__}: {error}; that is a fault of uuv-hil, please report it")
 
     def _drain(self, now: int, is_last: bool = False) -> None:
@@ -143,8 +143,8 @@ class Recorder:
         messages = sorted([*self._held, *waiting, *self._source()], key=_log_time)
         due_ns = to_wall_ns(now) - HOLD_NS
         due = len(messages) if is_last else bisect_right(messages, due_ns, key=_log_time)
-        # What is far ahead has the time of a clock that was set: nothing to wait for. Ahead of this instant: on a busy
-        # machine a second may have passed since `now`.
+        # A message whose time is far ahead has the time of a clock that was set back since; it is written at once.
+        # "Ahead" is relative to the present time, because on a busy machine a second may have passed since `now`.
         ahead = bisect_left(messages, to_wall_ns(now_ns()) + NS_PER_S, lo=due, key=_log_time)
         self._held = messages[due:ahead]
         self._write(messages[:due] + messages[ahead:])
@@ -204,7 +204,7 @@ class Recorder:
             self.failure = f"recording into {self.folder} ended: {why}"
             self.lost += len(self._waiting) + len(self._held)
             self._waiting.clear()
-        with suppress(Exception):  # the disk is full for the index too: the one there is lists this file already
+        with suppress(Exception):  # the index may not fit on the disk either; the old one lists this file already
             if self._file:
                 self._file.abandon()
                 self._write_index()
@@ -212,7 +212,7 @@ class Recorder:
 
 
 def describe(scenario: Scenario, role: str, **more: str) -> tuple[dict[str, str], dict[str, str]]:
-    """Return what a recording has about its run, and the scenario's files as they are: `about` and `attachments`."""
+    """Return `about` (facts of the run) and `attachments` (the scenario's files, unchanged) for a `Recorder`."""
     import sys
 
     about = {
@@ -237,7 +237,7 @@ def describe(scenario: Scenario, role: str, **more: str) -> tuple[dict[str, str]
 
 
 def _make(folder: str) -> None:
-    """Make the folder; one that exists is used if it holds no recording."""
+    """Make the folder; an existing one is used if it has no recording. Raises ConfigError."""
     try:
         os.makedirs(folder, exist_ok=True)
         if any(name.endswith(".mcap") for name in os.listdir(folder)):
@@ -254,10 +254,10 @@ def _read(path: str) -> str:
 
 
 def _free_bytes(folder: str) -> int:
-    """Return how much this user may still write on the disk of a folder. Raises OSError."""
+    """Return how many bytes this user may still write on the disk of a folder. Raises OSError."""
     if hasattr(os, "statvfs"):
         disk = os.statvfs(folder)
         return disk.f_bavail * disk.f_frsize
-    from shutil import disk_usage  # Windows; a slave that records does without its modules
+    from shutil import disk_usage  # for Windows; imported here, so that a slave does not load its modules
 
     return disk_usage(folder).free

@@ -1,7 +1,7 @@
 """Read the records of an MCAP file one after another, with limits on memory and time for untrusted files.
 
-No length that stands in the file is believed: a record is read whole within `LONGEST_RECORD`, a chunk is unpacked
-within `LARGEST_CHUNK`, and all chunks together within `MOST_TIMES` what they take in the file.
+No length in the file is trusted. A record may have `LONGEST_RECORD` bytes, an unpacked chunk `LARGEST_CHUNK` bytes, and
+all unpacked chunks together `MOST_TIMES` their size in the file.
 """
 
 from collections.abc import Iterator
@@ -12,16 +12,16 @@ from typing import IO, Any
 from hil.common.errors import ConfigError
 
 MAGIC = b"\x89MCAP0\r\n"
-LONGEST_RECORD = 1 << 28  # bytes; the longest of ours is a picture
-LARGEST_CHUNK = 1 << 27  # bytes when unpacked; ours and those of rosbag2 have less than 1 MiB, or one picture
-MOST_TIMES = 1000  # as large as in the file; noise of sensors lets a recording shrink to a tenth
-UNPACKED_FREE = 64 << 20  # bytes that may be unpacked, whatever they take in the file
+LONGEST_RECORD = 1 << 28  # bytes; our longest record is a picture
+LARGEST_CHUNK = 1 << 27  # bytes when unpacked; those of uuv-hil and rosbag2 have less than 1 MiB, or one picture
+MOST_TIMES = 1000  # limit of unpacked over packed size; recordings with sensor noise have about 10
+UNPACKED_FREE = 64 << 20  # bytes that may be unpacked at any ratio
 
 
 def read_records(file: IO[bytes], path: str, emit_chunks: bool = False) -> Iterator[Any]:
-    """Yield the records of types that a recording has, those in chunks too, or with `emit_chunks` the chunks.
+    """Yield the records of known types, including those in chunks; with `emit_chunks` yield the chunks instead.
 
-    Raises ConfigError at a chunk beyond the bounds, and whatever a broken file makes of the library.
+    Raises ConfigError for a chunk beyond the limits, and the library's exceptions for a damaged file.
     """
     from mcap.opcode import Opcode
     from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
@@ -76,7 +76,7 @@ def _parse(kind: Any, data: bytes) -> Any:
 def _unpack(chunk: Any, path: str) -> bytes:
     """Return the content of a chunk.
 
-    Raises ConfigError if it is too large, ValueError if it is packed in a way of its own.
+    Raises ConfigError if it is too large, ValueError if its compression is unknown.
     """
     most = chunk.uncompressed_size
     if most > LARGEST_CHUNK:

@@ -19,7 +19,7 @@ REFUSAL = (
 
 
 class Run(NamedTuple):
-    """The run of a recording."""
+    """The configuration of a recorded run."""
 
     scenario: Scenario
     vehicle: Vehicle
@@ -27,10 +27,10 @@ class Run(NamedTuple):
 
 
 def read_run(about: About, path: str, own_classes: bool = False) -> Run | None:
-    """Return what stands in the recording at `path`; None if nothing does.
+    """Return the run that is described in the recording at `path`; None if it has no description.
 
-    A user's own classes ([[force]], [sensors]) are in no recording: with `own_classes` they are imported as usual,
-    else refused. Raises ConfigError for that, and if what was a scenario then is none any more.
+    A recording does not contain a user's own classes ([[force]], [sensors]). With `own_classes` they are imported as
+    usual, otherwise refused. Raises ConfigError if they are refused, or if the recorded scenario is no longer valid.
     """
     if not about.attachments.keys() >= set(FILES):
         return None
@@ -47,7 +47,7 @@ def read_run(about: About, path: str, own_classes: bool = False) -> Run | None:
 
 
 def require_run(about: About, path: str, own_classes: bool = False) -> Run:
-    """Return what `read_run` does; raise ConfigError if nothing stands in the recording."""
+    """Return the run as `read_run` does. Raises ConfigError if the recording does not describe it."""
     run = read_run(about, path, own_classes)
     if run is None:
         raise ConfigError(f"{path}: the recording does not say which scenario it is of; record with --scenario")
@@ -55,7 +55,7 @@ def require_run(about: About, path: str, own_classes: bool = False) -> Run:
 
 
 def _read(path: str, facts: dict[str, str]) -> Run:
-    # The frame is of its link alone, which a recording does without.
+    # The frame's file is not in the recording; it matters only for the link, which is not run again.
     changes: dict[str, Any] = {"vehicle": "vehicle.toml", "world": "world.toml", "link.frame": "uuv_hil"}
     if facts.get("seed", "").isdigit():
         changes["seed"] = int(facts["seed"])

@@ -1,8 +1,8 @@
-"""Receive everything that vehicles publish and are sent, at low cost, for recorders and displays.
+"""Receive all messages from and to vehicles at low cost, for recorders and displays.
 
-A tap visits each slave (or a router), and so also gets the commands that others send a slave. Many vehicles send
-thousands of messages a second; a thread that wakes for each would take more of the processor than all the rest, so they
-are fetched in batches, and the library notes when each came.
+A tap connects to each slave (or to a router), and so also receives the commands that others send to a slave. Many
+vehicles send thousands of messages a second. A thread that wakes for each message would take most of the processor
+time, so messages are fetched in batches, and the library stamps each with its time of arrival.
 """
 
 import os
@@ -30,21 +30,21 @@ from hil.ros.topics import TOPICS
 if TYPE_CHECKING:
     from hil.network.security import Security
 
-# By default one thread of the library polls and wakes another for each message; so one does both.
+# By default one thread of the library polls and wakes another for each message; with this setting one thread does both.
 ONE_THREAD = "(app: (worker_threads: 1), rx: (handover: app), net: (handover: app), tx: (handover: app))"
-DEPTH = 1 << 14  # messages of one endpoint that may wait; beyond it the oldest are dropped, and counted as missed
-MOST_NAMES = 4096  # publishers, keys and topics that are remembered; the oldest is forgotten: anybody can make names
-LINKS = 64  # news of links that may wait
+DEPTH = 1 << 14  # queued messages of one endpoint; beyond it the oldest are dropped, and counted as missed
+MOST_NAMES = 4096  # limit of stored publishers, keys and topics, because anybody can invent names; the oldest goes
+LINKS = 64  # queued events of links
 RETRY_S = 0.2
-PATIENCE_NS = 5 * NS_PER_S  # until it is reported first that somebody is not there
+PATIENCE_NS = 5 * NS_PER_S  # until the first report that an endpoint does not answer
 COMPLAINT_PERIOD_NS = 60 * NS_PER_S
 
 
 def save_processor() -> None:
-    """Reduce this process's cost of receiving by a third; call it before the first session opens."""
-    os.environ["ZENOH_RUNTIME"] = ONE_THREAD  # whatever a slave that started this process has chosen for itself
+    """Reduce this process's processor time for receiving by a third. Call it before the first session opens."""
+    os.environ["ZENOH_RUNTIME"] = ONE_THREAD  # replaces the setting of a slave that started this process
     if hasattr(os, "sched_setscheduler"):  # Linux
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # lets others finish first, takes more at once
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # runs less often, and longer each time
 
 
 class _Publisher:
@@ -59,52 +59,55 @@ class _Publisher:
 
 
 class _Line:
-    """The session with one endpoint: `receivers` give the next message of a subscription, or None; `news` of links."""
+    """The session with one endpoint.
+
+    Each of `receivers` returns the next message of a subscription, or None. `news` has the events of links.
+    """
 
     def __init__(self, session: zenoh.Session, endpoint: str, lease: float) -> None:
         self.session = session
         self.endpoint = endpoint
-        self.count = 0  # of messages
+        self.count = 0  # received messages
         self.unread, self._stall, self._checked_ns = UnreadLinks(lease), StallDetector(lease), 0
         self.news = session.info.declare_link_events_listener(zenoh.handlers.RingChannel(LINKS), history=True)
         history = HistoryConfig(detect_late_publishers=True)
         latched = [topic.full_name("*") for topic in TOPICS.values() if topic.qos.latched]
         self._subscribers: list[Any] = [  # their type does not declare `try_recv`
             session.declare_subscriber(f"{dialect.domain()}/**", zenoh.handlers.RingChannel(DEPTH)),
-            # What comes by both is dropped as the same.
+            # A message that arrives by both subscriptions is dropped once, by its sequence number.
             *[
                 declare_advanced_subscriber(session, f"{dialect.domain()}{name}/*/*", _channel(), history=history)
                 for name in latched
             ],
         ]
         self.receivers = [subscriber.try_recv for subscriber in self._subscribers]
-        self._known: dict[str, Any] = {}  # a key is known as long as someone holds what declaring it gave
+        self._known: dict[str, Any] = {}  # by key its declarations, which end when they are deleted
 
     def links(self) -> list[tuple[str, str, str]]:
-        """Return of each link the identity of the peer and both addresses, ours and the peer's."""
+        """Return for each link the peer's identity, our address, and the peer's address."""
         return [(str(link.zid), link.src, link.dst) for link in self.session.info.links()]
 
     def is_stalled(self, now: int) -> bool:
-        """Return whether messages have come, and do not any more although there is a link."""
+        """Return whether messages have stopped although the link is open."""
         if now - self._checked_ns < CHECK_NS or not self.count:
             return False
         self._checked_ns = now
         return self._stall.is_stalled(now, 0, self.count, is_deaf=bool(self.links()))
 
     def learn(self, key: str) -> None:
-        """Make messages with this key cheaper, on the wire and here.
+        """Reduce the cost of messages with this key, on the wire and here.
 
-        Of a declared key the library remembers the subscribers, which it otherwise seeks again for each message. And a
-        publisher, through which nothing is ever sent, gives the other end a number for the key, which then comes in
-        place of the text: 100 bytes less of 240.
+        The library caches the subscribers of a declared key; otherwise it searches them for each message. A declared
+        publisher, although it sends nothing, makes the peer send a number in place of the key's text: 140 bytes instead
+        of 240.
         """
         if key not in self._known and len(self._known) < MOST_NAMES:
             self._known[key] = self.session.declare_keyexpr(key), self.session.declare_publisher(key)
 
     def close(self) -> None:
-        """Close the session, its publishers before it: the library never frees one of a session that was closed.
+        """Close the session, after undeclaring its publishers, which the library does not free with the session.
 
-        Subscribers it frees; undeclared, they would let the other end's memory grow.
+        Subscribers are not undeclared: the session frees them, and undeclaring lets the peer's memory grow.
         """
         with suppress(zenoh.ZError):
             for _, publisher in self._known.values():
@@ -116,10 +119,10 @@ class _Line:
 class Tap:
     """Subscribe to all topics at `endpoints`, with the last messages of latched topics. Use as a context.
 
-    An endpoint that is not there yet, or goes away, is waited for. `missed` counts what was sent and did not come, by
-    the gaps in the numbers of each publisher. `reconnections` counts links that the library did not read, and sessions
-    that were opened again as nothing came over them any more (`hil.network.unread_links`, `hil.network.stall`). Raises
-    NetworkError for an invalid endpoint.
+    It waits for endpoints that are not reachable yet, or are lost. `missed` counts messages that were sent and not
+    received, by the gaps in each publisher's sequence numbers. `reconnections` counts links that the library did not
+    read, and sessions that were reopened because messages had stopped (`hil.network.unread_links`,
+    `hil.network.stall`). Raises NetworkError for an invalid endpoint.
     """
 
     def __init__(self, endpoints: list[str], network: Network = Network(), security: "Security | None" = None) -> None:
@@ -128,7 +131,7 @@ class Tap:
         self.connected: set[str] = set()
         self.missed = self.reconnections = self._reported = 0
         self._lease = network.lease
-        # By who publishes, and the key: all commands of a master have one gid, and each topic numbers of its own.
+        # By the publisher's gid and the key: a master has one gid for all topics, and separate numbers for each topic.
         self._publishers: dict[tuple[bytes, str], _Publisher | None] = {}
         self._topics: dict[str, tuple[str, str] | None] = {}
         self._lines: list[_Line] = []
@@ -146,7 +149,7 @@ class Tap:
         self.close()
 
     def receive(self) -> list[Message]:
-        """Return what has come since the last call, in the order it came."""
+        """Return the messages received since the last call, in the order of their arrival."""
         messages = []
         for line in tuple(self._lines):
             if line.news.try_recv() is not None:  # a new link; see hil.network.sockets
@@ -163,7 +166,7 @@ class Tap:
         return messages
 
     def complaint(self) -> str:
-        """Return which endpoints have not answered yet, or that a link was cut, if a report is due; else empty."""
+        """Return a text about endpoints that do not answer, or a link that was cut, if a report is due; else ""."""
         if self.reconnections > self._reported:
             self._reported = self.reconnections
             return "nothing came over a link that is there; connecting again"
@@ -174,18 +177,18 @@ class Tap:
         return f"still nobody at {', '.join(missing)}; waiting"
 
     def close(self) -> None:
-        """End it; takes as long as an attempt to connect may. Closing twice is harmless."""
+        """Close all sessions; this may take as long as an attempt to connect. Closing twice is harmless."""
         self._closing.set()
-        for thread in self._threads:  # one that the ending interpreter catches inside the library aborts the process
+        for thread in self._threads:  # a thread that is inside the library when the interpreter ends aborts the process
             thread.join()
         for line in self._lines:
             line.close()
         self._lines.clear()
 
     def _reopen(self, line: _Line) -> None:
-        """Close a line and open it again, in a thread: both may take a while.
+        """Close a session and open it again, in a thread, because both may take a while.
 
-        Once: the new line is left alone until messages come, as there may be nobody who publishes.
+        The new session is not reopened before it has received a message, as there may be no publisher.
         """
         self.reconnections += 1
         self._lines.remove(line)
@@ -202,9 +205,9 @@ class Tap:
         self._threads = [*[thread for thread in self._threads if thread.is_alive()], thread]
 
     def _open(self, endpoint: str, text: str) -> None:
-        """Try until the endpoint is there; from then on the library connects again after each loss."""
+        """Try until the endpoint answers. After that the library reconnects by itself after each loss."""
         config = zenoh.Config.from_json5(text)
-        config.insert_json5("timestamping/enabled", "true")  # of what comes, with the time when it came
+        config.insert_json5("timestamping/enabled", "true")  # stamp received messages with their time of arrival
         while not self._closing.is_set():
             with suppress(zenoh.ZError):
                 self._lines.append(_Line(zenoh.open(config), endpoint, self._lease))
@@ -225,7 +228,7 @@ class Tap:
             publisher = self._publishers[gid, key]
         except KeyError:
             publisher = self._add_publisher(line, key, sequence, gid)
-        if publisher is None or sequence <= publisher.last:  # the same, by another way
+        if publisher is None or sequence <= publisher.last:  # received already, by another path
             return None
         self.missed += sequence - publisher.last - 1
         publisher.last = sequence
@@ -253,7 +256,7 @@ _logged_time = attrgetter("logged_ns")
 
 
 def _read_key(key: str) -> tuple[str, str] | None:
-    """Return topic and type of a key: the inverse of `ros.data_key`. None for what is no topic."""
+    """Return topic and type of a key, the inverse of `ros.data_key`; None if it is no topic's key."""
     parts = key.split("/")
     package, _, name = parts[-2].partition("::") if len(parts) > 3 else ("", "", "")
     kind, _, last = name.partition("::dds_::")
