@@ -50,7 +50,7 @@ class FusedStep:
         cls,
         state: dynamics.State,
         kernel: Kernel,
-        mixer: ThrusterBank,
+        bank: ThrusterBank,
         command: Callable[[tuple[int, ...]], None],
         dt_ns: int,
         hull: Sequence[float],

@@ -4,7 +4,7 @@
 typedef struct {
     PyObject_HEAD
     State *state;
-    ThrusterBank *mixer;
+    ThrusterBank *bank;
     Kernel *kernel;
     WaveField *wave_field;          /* NULL in water without waves */
     PyObject *command; /* takes each new tuple of pulses */
@@ -20,13 +20,13 @@ typedef struct {
 
 static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    PyObject *state, *kernel, *mixer, *command, *steady, *current, *wave_field, *mass, *air, *hull;
+    PyObject *state, *kernel, *bank, *command, *steady, *current, *wave_field, *mass, *air, *hull;
     double shape[5], water[3], pushed[18] = {0.0}, ventilation[1 + 4 * MOST_THRUSTERS];
     long long dt_ns;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "O!O!O!OLOOOOOO", state_type, &state, kernel_type, &kernel, mixer_type, &mixer,
+    if (!PyArg_ParseTuple(arguments, "O!O!O!OLOOOOOO", state_type, &state, kernel_type, &kernel, bank_type, &bank,
                           &command, &dt_ns, &hull, &steady, &current, &wave_field, &mass, &air)
-        || !read_numbers(hull, shape, 5) || !read_numbers(air, ventilation, 1 + 4 * ((ThrusterBank *)mixer)->count)
+        || !read_numbers(hull, shape, 5) || !read_numbers(air, ventilation, 1 + 4 * ((ThrusterBank *)bank)->count)
         || !read_numbers(steady, water, 3) || (wave_field != Py_None && !read_numbers(mass, pushed, 18)))
         return NULL;
     if (wave_field != Py_None && Py_TYPE(wave_field) != wave_field_type)
@@ -35,7 +35,7 @@ static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     if (fused == NULL)
         return NULL;
     fused->state = (State *)Py_NewRef(state);
-    fused->mixer = (ThrusterBank *)Py_NewRef(mixer);
+    fused->bank = (ThrusterBank *)Py_NewRef(bank);
     fused->kernel = (Kernel *)Py_NewRef(kernel);
     fused->command = Py_NewRef(command);
     fused->current = current != Py_None ? Py_NewRef(current) : NULL;
@@ -45,7 +45,7 @@ static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     memcpy(fused->pushed_mass, pushed, sizeof pushed);
     fused->dt_ns = dt_ns;
     fused->reach = ventilation[0];
-    memcpy(fused->hubs, ventilation + 1, (size_t)(4 * fused->mixer->count) * sizeof(double));
+    memcpy(fused->hubs, ventilation + 1, (size_t)(4 * fused->bank->count) * sizeof(double));
     fused->aired = 1;
     memcpy(fused->hull, shape, sizeof shape);
     return (PyObject *)fused;
@@ -75,7 +75,7 @@ static void fused_deallocate(PyObject *self)
     PyObject_GC_UnTrack(self);
     fused_clear(self);
     Py_XDECREF((PyObject *)fused->state);
-    Py_XDECREF((PyObject *)fused->mixer);
+    Py_XDECREF((PyObject *)fused->bank);
     Py_XDECREF((PyObject *)fused->kernel);
     Py_XDECREF((PyObject *)fused->wave_field);
     Py_XDECREF(fused->pulses);
@@ -118,8 +118,8 @@ static void fused_follow(FusedStep *fused, const double *rotation)
     memcpy(nu_r, fused->state->numbers + NU, sizeof nu_r);
     for (int i = 0; i < 3; i++)
         nu_r[i] -= rotation[i] * flow[0] + rotation[3 + i] * flow[1] + rotation[6 + i] * flow[2];
-    mixer_advance(fused->mixer, nu_r);
-    memcpy(fused->wrench, fused->mixer->wrench, sizeof fused->wrench);
+    bank_advance(fused->bank, nu_r);
+    memcpy(fused->wrench, fused->bank->wrench, sizeof fused->wrench);
 }
 
 /* FluidMotion.act: the velocity of the water, and its push in waves. 0 with an exception set if `current` fails. */
@@ -158,9 +158,9 @@ static int fused_flow(FusedStep *fused, const double *rotation)
 static void fused_immerse(FusedStep *fused)
 {
     const double *position = fused->state->numbers + POSITION;
-    double *shares = fused->mixer->shares, depth = position[2], rotation[9];
+    double *shares = fused->bank->shares, depth = position[2], rotation[9];
     if (!(depth < fused->reach)) {
-        for (Py_ssize_t i = 0; fused->aired && i < fused->mixer->count; i++)
+        for (Py_ssize_t i = 0; fused->aired && i < fused->bank->count; i++)
             shares[i] = 1.0;
         fused->aired = 0;
         return;
@@ -168,7 +168,7 @@ static void fused_immerse(FusedStep *fused)
     if (fused->wave_field != NULL)
         depth = depth + surface(&fused->wave_field->waves, (double)fused->time_ns * 1e-9, position[0], position[1]);
     matrix(fused->state->numbers + QUATERNION, rotation);
-    for (Py_ssize_t i = 0; i < fused->mixer->count; i++) {
+    for (Py_ssize_t i = 0; i < fused->bank->count; i++) {
         const double *hub = fused->hubs[i];
         double immersed = depth + rotation[6] * hub[0] + rotation[7] * hub[1] + rotation[8] * hub[2];
         shares[i] = thrust_share(immersed / hub[3]);
@@ -270,9 +270,9 @@ static PyGetSetDef fused_attributes[] = {
 };
 
 static PyType_Slot fused_slots[] = {
-    {Py_tp_doc, "Whole steps: FusedStep(state, kernel, mixer, command, dt_ns, hull, steady, current,\n"
+    {Py_tp_doc, "Whole steps: FusedStep(state, kernel, bank, command, dt_ns, hull, steady, current,\n"
                 "wave_field, pushed_mass, numbers of Ventilation). `command` takes each new tuple of pulses, and aims\n"
-                "mixer and servos. `hull` is the reach and the extent of its HullShape. `steady` is the velocity of\n"
+                "bank and servos. `hull` is the reach and the extent of its HullShape. `steady` is the velocity of\n"
                 "the water (NED, m/s) where `current` is None, else that is\n"
                 "called with time (ns) and depth (m). `wave_field` may be None, and `pushed_mass` then too; its 18 numbers\n"
                 "are M_A + rho V, row after row."},

@@ -29,7 +29,7 @@ static Part parts[] = {
 };
 enum { PARTS = sizeof parts / sizeof parts[0] };
 
-static PyTypeObject *state_type, *kernel_type, *mixer_type;
+static PyTypeObject *state_type, *kernel_type, *bank_type;
 
 static int is_native(PyObject *state)
 {
@@ -246,14 +246,14 @@ typedef struct {
     Thruster thrusters[MOST_THRUSTERS];
 } ThrusterBank;
 
-static void mixer_advance(ThrusterBank *mixer, const double *nu)
+static void bank_advance(ThrusterBank *bank, const double *nu)
 {
-    mixer->steps++;
-    follow(mixer->thrusters, (int)mixer->count, mixer->thrusts, mixer->targets, mixer->shares, nu, mixer->pushes,
-           mixer->wrench);
+    bank->steps++;
+    follow(bank->thrusters, (int)bank->count, bank->thrusts, bank->targets, bank->shares, nu, bank->pushes,
+           bank->wrench);
 }
 
-static PyObject *mixer_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
+static PyObject *bank_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     (void)keywords;
     PyObject *self = new_of_records(type, arguments, sizeof(Thruster), MOST_THRUSTERS, offsetof(ThrusterBank, thrusters));
@@ -262,92 +262,92 @@ static PyObject *mixer_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     return self;
 }
 
-static PyObject *mixer_aim(PyObject *self, PyObject *targets)
+static PyObject *bank_aim(PyObject *self, PyObject *targets)
 {
     double numbers[MOST_THRUSTERS];
-    ThrusterBank *mixer = (ThrusterBank *)self;
-    if (!read_numbers(targets, numbers, mixer->count))
+    ThrusterBank *bank = (ThrusterBank *)self;
+    if (!read_numbers(targets, numbers, bank->count))
         return NULL;
-    memcpy(mixer->targets, numbers, (size_t)mixer->count * sizeof(double));
+    memcpy(bank->targets, numbers, (size_t)bank->count * sizeof(double));
     Py_RETURN_NONE;
 }
 
-static PyObject *mixer_immerse(PyObject *self, PyObject *shares)
+static PyObject *bank_immerse(PyObject *self, PyObject *shares)
 {
     double numbers[MOST_THRUSTERS];
-    ThrusterBank *mixer = (ThrusterBank *)self;
-    if (!read_numbers(shares, numbers, mixer->count))
+    ThrusterBank *bank = (ThrusterBank *)self;
+    if (!read_numbers(shares, numbers, bank->count))
         return NULL;
-    memcpy(mixer->shares, numbers, (size_t)mixer->count * sizeof(double));
+    memcpy(bank->shares, numbers, (size_t)bank->count * sizeof(double));
     Py_RETURN_NONE;
 }
 
-static PyObject *mixer_wrench(PyObject *self, void *closure)
+static PyObject *bank_wrench(PyObject *self, void *closure)
 {
     (void)closure;
     return new_number_tuple(((ThrusterBank *)self)->wrench, 6);
 }
 
-static PyObject *mixer_step(PyObject *self, PyObject *nu_r)
+static PyObject *bank_step(PyObject *self, PyObject *nu_r)
 {
     double nu[6];
     if (!read_numbers(nu_r, nu, 6))
         return NULL;
-    mixer_advance((ThrusterBank *)self, nu);
-    return mixer_wrench(self, NULL);
+    bank_advance((ThrusterBank *)self, nu);
+    return bank_wrench(self, NULL);
 }
 
-static PyObject *mixer_thrusts(PyObject *self, void *closure)
+static PyObject *bank_thrusts(PyObject *self, void *closure)
 {
     (void)closure;
     return new_list(((ThrusterBank *)self)->thrusts, ((ThrusterBank *)self)->count);
 }
 
-static PyObject *mixer_pushes(PyObject *self, void *closure)
+static PyObject *bank_pushes(PyObject *self, void *closure)
 {
     (void)closure;
     return new_list(((ThrusterBank *)self)->pushes, ((ThrusterBank *)self)->count);
 }
 
-static PyObject *mixer_shares(PyObject *self, void *closure)
+static PyObject *bank_shares(PyObject *self, void *closure)
 {
     (void)closure;
     return new_list(((ThrusterBank *)self)->shares, ((ThrusterBank *)self)->count);
 }
 
-static PyObject *mixer_steps(PyObject *self, void *closure)
+static PyObject *bank_steps(PyObject *self, void *closure)
 {
     (void)closure;
     return PyLong_FromLongLong(((ThrusterBank *)self)->steps);
 }
 
-static PyMethodDef mixer_methods[] = {
-    {"aim", mixer_aim, METH_O, "aim(targets): the thrusts (N) that the steps from now on go towards."},
-    {"immerse", mixer_immerse, METH_O, "immerse(shares): of each thrust only this share pushes from now on."},
-    {"step", mixer_step, METH_O, "step(nu_r): move the thrusts on by a step, nu_r through the water; their wrench."},
+static PyMethodDef bank_methods[] = {
+    {"aim", bank_aim, METH_O, "aim(targets): the thrusts (N) that the steps from now on go towards."},
+    {"immerse", bank_immerse, METH_O, "immerse(shares): of each thrust only this share pushes from now on."},
+    {"step", bank_step, METH_O, "step(nu_r): move the thrusts on by a step, nu_r through the water; their wrench."},
     {NULL, NULL, 0, NULL},
 };
 
-static PyGetSetDef mixer_attributes[] = {
-    {"thrusts", mixer_thrusts, NULL, "the present thrust of each in N, were it deep in the water", NULL},
-    {"pushes", mixer_pushes, NULL, "what pushes of it", NULL},
-    {"wrench", mixer_wrench, NULL, "their wrench at the end of the last step: X Y Z (N) K M N (N m), body axes", NULL},
-    {"shares", mixer_shares, NULL, "the share of each thrust that pushes", NULL},
-    {"steps", mixer_steps, NULL, "how many steps there were", NULL},
+static PyGetSetDef bank_attributes[] = {
+    {"thrusts", bank_thrusts, NULL, "the present thrust of each in N, were it deep in the water", NULL},
+    {"pushes", bank_pushes, NULL, "what pushes of it", NULL},
+    {"wrench", bank_wrench, NULL, "their wrench at the end of the last step: X Y Z (N) K M N (N m), body axes", NULL},
+    {"shares", bank_shares, NULL, "the share of each thrust that pushes", NULL},
+    {"steps", bank_steps, NULL, "how many steps there were", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
-static PyType_Slot mixer_slots[] = {
+static PyType_Slot bank_slots[] = {
     {Py_tp_doc, "The thrusters of one vehicle, at rest: ThrusterBank(bytes of ThrusterSet.numbers())."},
-    {Py_tp_new, mixer_new},
+    {Py_tp_new, bank_new},
     {Py_tp_dealloc, deallocate},
-    {Py_tp_methods, mixer_methods},
-    {Py_tp_getset, mixer_attributes},
+    {Py_tp_methods, bank_methods},
+    {Py_tp_getset, bank_attributes},
     {0, NULL},
 };
 
-static PyType_Spec mixer_spec = {
-    "sim.native._native.ThrusterBank", sizeof(ThrusterBank), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, mixer_slots,
+static PyType_Spec bank_spec = {
+    "sim.native._native.ThrusterBank", sizeof(ThrusterBank), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, bank_slots,
 };
 
 static int add_moving(PyObject *module)
@@ -357,5 +357,5 @@ static int add_moving(PyObject *module)
             return 0;
     return add_known_type(module, &state_spec, "State", &state_type)
         && add_known_type(module, &kernel_spec, "Kernel", &kernel_type)
-        && add_known_type(module, &mixer_spec, "ThrusterBank", &mixer_type);
+        && add_known_type(module, &bank_spec, "ThrusterBank", &bank_type);
 }
