@@ -1,16 +1,16 @@
 """Compile the firmware in C.
 
-    python -m firmware_stub.build                                   makes the shipped images again, bit for bit
-    python -m firmware_stub.build --chip f405 --crystal 12 --output my_board    another one, for that crystal
+    python -m firmware_stub.build                                   rebuilds the shipped images, bit by bit the same
+    python -m firmware_stub.build --chip f405 --crystal 12 --output my_board    builds one for a 12 MHz crystal
 
     src/*.c, include/*.h      the core, for any machine
-    src/stm32/                what all STM32 have alike: needs arm-none-eabi-gcc
-    src/stm32f1/, stm32f4/    a family of them: clocks, pins
+    src/stm32/                common to all STM32: needs arm-none-eabi-gcc
+    src/stm32f1/, stm32f4/    a family of STM32: clocks, pins
     src/f103/, f405/ ...      a chip: frequencies, pins, memory
     src/native/               a Linux process: needs any C compiler
-    images/*.bin, *.toml      the image for each chip; its wiring, and the recipe that it was made by
+    images/*.bin, *.toml      the image for each chip; its wiring, and how it was built
 
-MAVLink needs pymavlink when it is compiled, nothing when it runs.
+MAVLink needs pymavlink at compile time, and nothing at run time.
 """
 
 import argparse
@@ -45,7 +45,7 @@ PARTS = {
 
 WARNINGS = ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 ARM = "arm-none-eabi-gcc"
-# Without an FPU's registers an interrupt costs less, and the one message with floats is not worth them.
+# Soft floats: interrupts are faster without FPU registers to save, and only one message has floats.
 ARM_FLAGS = ["-mthumb", "-mfloat-abi=soft", "-Os", "-ffreestanding", "-nostdlib"]
 ARM_FLAGS += ["-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-Wl,--build-id=none"]
 
@@ -85,10 +85,9 @@ def compile_native(target: str, mavlink: bool) -> str:
 
 
 def compile_image(folder: str, chip: str, crystal: int | None = None) -> Image:
-    """Compile the image for a chip into `folder`. crystal: of its board, MHz; None: that of the shipped image.
+    """Compile the image for a chip into `folder`. crystal: that of the board in MHz; None: as in the shipped image.
 
-    Raises ConfigError for a chip that there is no folder for; DeviceError without a compiler for Arm;
-    MissingExtraError without pymavlink.
+    Raises ConfigError for an unknown chip, DeviceError without a compiler for Arm, MissingExtraError without pymavlink.
     """
     binary = os.path.join(folder, os.path.basename(image_path(chip)))
     if not shutil.which(ARM):
@@ -107,12 +106,12 @@ def compile_image(folder: str, chip: str, crystal: int | None = None) -> Image:
 
 
 def image_sources(chip: str) -> list[str]:
-    """Return the files that the image for a chip is made of."""
+    """Return the source files of the image for a chip."""
     return sources("include", "src", "src/stm32", "src/stm32/freestanding", f"src/{PARTS[chip][0]}", f"src/{chip}")
 
 
 def recipe(binary: str, chip: str) -> dict[str, str | int]:
-    """Return what decides the bytes of a chip's image made here, and a fingerprint of those bytes."""
+    """Return what determines the bytes of a built image (compiler, pymavlink, sources), its size and SHA-256."""
     version = subprocess.run([ARM, "--version"], check=True, capture_output=True, text=True).stdout.splitlines()[0]
     return {
         "compiler": version,
@@ -124,7 +123,7 @@ def recipe(binary: str, chip: str) -> dict[str, str | int]:
 
 
 def sources(*folders: str) -> list[str]:
-    """Return the files in C of these folders of this package, and the linker's script."""
+    """Return the C files and linker scripts in these folders of this package, sorted."""
     paths = [os.path.join(HERE, folder, name) for folder in folders for name in os.listdir(os.path.join(HERE, folder))]
     return sorted(path for path in paths if path.endswith((".c", ".h", ".ld")))
 
@@ -150,7 +149,7 @@ def _run(command: list[str]) -> None:
 
 
 def description(chip: str, made_by: dict[str, str | int]) -> str:
-    """Return the text of the .toml beside an image: how it was made, then the wiring of its chip."""
+    """Return the text of the .toml beside an image: how it was built, then the wiring of its chip."""
     lines = [f"{key} = {json.dumps(value)}\n" for key, value in made_by.items()]
     with open(_source(f"{chip}/chip.toml"), encoding="utf-8") as file:
         wiring = file.read()
@@ -175,7 +174,7 @@ def _ship(chip: str) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Compile the shipped images, or another one."""
+    """Compile the shipped images, or a custom one."""
     parser = argparse.ArgumentParser(
         prog="python -m firmware_stub.build", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

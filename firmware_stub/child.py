@@ -1,4 +1,4 @@
-"""A program that acts as the STM32 in a process of its own: start it, wait for it, end it."""
+"""Run a program that acts as the STM32 in a separate process: start it, wait for it, stop it."""
 
 import select
 import subprocess
@@ -8,16 +8,15 @@ from typing import IO
 from hil.common.children import start_child
 from hil.common.errors import DeviceError
 
-START_S = 10.0  # the longest until it is ready
-END_S = 5.0  # the longest between SIGTERM and its end; then it is killed
+START_S = 10.0  # longest time until it is ready
+END_S = 5.0  # longest time between SIGTERM and its end; then it is killed
 
 
 class Child:
-    """Process of `command`, ready when this returns, as its first line reports; end it with `close`.
+    """Process of `command`, ready when this returns; stop it with `close`. Its first line of output reports that.
 
-    command, environment: as of `hil.common.children.start_child`. It ends when this process does, however that ends.
-    Raises
-    DeviceError if it does not start; the message has its error message.
+    command, environment: as for `hil.common.children.start_child`. It ends with this process, however that ends. Raises
+    DeviceError with the program's error message if it does not start.
     """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
@@ -31,7 +30,7 @@ class Child:
             raise DeviceError(reason or f"{command[0]}: did not come up")
 
     def close(self) -> str:
-        """End the process, its outputs neutral; return its final report. Closing twice is harmless."""
+        """Stop the process, with its outputs neutral; return its final report. Closing twice is harmless."""
         return "" if _stream(self._process.stdout).closed else self._end()[0].strip()
 
     def _end(self) -> tuple[str, str]:
@@ -39,7 +38,7 @@ class Child:
         self._process.terminate()
         try:
             return self._process.communicate(timeout=END_S)
-        except subprocess.TimeoutExpired:  # it is stopped, or hangs
+        except subprocess.TimeoutExpired:  # it is suspended, or hangs
             self._process.kill()
             return self._process.communicate()
 

@@ -1,7 +1,7 @@
-"""The shipped images, what is known of their chips, and the parameters that adapt an image to a vehicle.
+"""The shipped images, the descriptions of their chips, and the parameters that adapt an image to a vehicle.
 
-On the board both are written once: the image to 0x08000000, the parameters to 0x08004000. Where there are no
-parameters an image drives 6 thrusters at 50 Hz, with a watchdog of 200 ms, on 115200 bit/s.
+Both are written to the board once: the image to 0x08000000, the parameters to 0x08004000. Without parameters an image
+drives 6 thrusters at 50 Hz, with a watchdog of 200 ms, at 115200 bit/s.
 """
 
 import os
@@ -12,7 +12,7 @@ from hil.common.errors import ConfigError, DeviceError
 
 IMAGES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "images")
 CHIPS = ("f103", "f405", "f411", "f446")
-DEFAULT_CHIP = "f405"  # that of the emulators, unless another is named
+DEFAULT_CHIP = "f405"  # the emulators use it unless another is given
 FLASH_ADDRESS = 0x0800_0000
 PARAMETERS_ADDRESS = 0x0800_4000
 PARAMETERS_MAGIC = 0x5056_5555
@@ -27,10 +27,10 @@ def image_path(chip: str = DEFAULT_CHIP) -> str:
 
 
 class Image(NamedTuple):
-    """An image, with the wiring of its chip, out of the .toml beside it. `name` is the chip as `CHIPS` has it.
+    """An image, with the wiring of its chip from the .toml beside it. `name` is that in `CHIPS`.
 
     outputs: the pin of each thruster. serial: `port`, `tx`, `rx` and a `note`. can: `rx`, `tx` and a `note`; empty for
-    a chip without CAN. headers: pin -> its name on a Nucleo board. sha256: of the file's bytes.
+    a chip without CAN. headers: pin -> its name on a Nucleo board. sha256: hash of the image.
     """
 
     name: str
@@ -49,13 +49,13 @@ class Image(NamedTuple):
 
 
 def load_image(chip: str) -> Image:
-    """Return what is known of the image for a chip of `CHIPS`. Raises ConfigError for another, or a damaged file."""
+    """Return the description of the image for a chip of `CHIPS`. Raises ConfigError for another, or a damaged file."""
     return describe_image(image_path(chip))
 
 
 def describe_image(path: str) -> Image:
     """Return the contents of the .toml beside an image. Raises ConfigError without a valid one."""
-    from hil.common.tables import parse_toml  # an emulated STM32 needs the bytes alone
+    from hil.common.tables import parse_toml  # imported here, as an emulated STM32 does not need it
 
     description = path.removesuffix(".bin") + ".toml"
     try:
@@ -77,9 +77,9 @@ def describe_image(path: str) -> Image:
 def parameters(channels: int, watchdog: float = 0.2, pwm_hz: int = 50, baud: int = 115_200) -> bytes:
     """Return the bytes to write to `PARAMETERS_ADDRESS`; src/stm32/stm32.h has the layout.
 
-    channels: thrusters, 1 to 8. watchdog: the longest time without a command, 0.01 to 60 s. pwm_hz: 50 to 400.
-    baud: from 9600 bit/s to a 16th of the serial port's clock. The firmware takes its default in place of what is
-    outside. Raises DeviceError for a number of thrusters that the board has no outputs for.
+    channels: thrusters, 1 to 8. watchdog: the longest time without a command, 0.01 to 60 s. pwm_hz: 50 to 400. baud:
+    from 9600 bit/s to a 16th of the serial port's clock. The firmware replaces a value out of range by its default.
+    Raises DeviceError for more thrusters than the board has outputs.
     """
     if not 1 <= channels <= MAX_CHANNELS:
         raise DeviceError(f"the STM32's image drives 1 to {MAX_CHANNELS} thrusters, not {channels}")

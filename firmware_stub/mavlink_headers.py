@@ -1,6 +1,6 @@
-"""C headers of the firmware's MAVLink messages, made by pymavlink's generator.
+"""Make the C headers of the firmware's MAVLink messages by pymavlink's generator.
 
-A dialect of just these messages is cut out of pymavlink's own definitions: that keeps the firmware small.
+To keep the firmware small, a dialect with only these messages is extracted from pymavlink's definitions.
 """
 
 import os
@@ -11,7 +11,7 @@ from hil.common.children import module_command
 from hil.common.errors import MissingExtraError
 
 DIALECT = "uuv_hil"
-VERSION = "3"  # of the common messages, sent in HEARTBEAT
+VERSION = "3"  # version of the common messages, sent in HEARTBEAT
 DEFINITIONS = ("minimal.xml", "common.xml")
 MESSAGES = {
     "HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW", "RC_CHANNELS_OVERRIDE", "COMMAND_LONG", "COMMAND_ACK", "TIMESYNC",
@@ -29,7 +29,7 @@ ENTRIES = {
 
 
 def version() -> str | None:
-    """Return the version of the installed pymavlink, None if there is none."""
+    """Return the version of the installed pymavlink; None if it is not installed."""
     from importlib import metadata
 
     try:

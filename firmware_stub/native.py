@@ -1,4 +1,4 @@
-"""The STM32's firmware in C as a process of this machine, on a pty: compiled once, then cached."""
+"""The STM32's firmware in C as a process of this machine on a pty. It is compiled once, then cached."""
 
 import os
 from contextlib import suppress
@@ -10,21 +10,21 @@ from hil.common.scratch import ScratchFolder
 from hil.common.tables import PROGRAM
 
 NAME = PROGRAM
-MOST_PROGRAMS = 8  # of other versions, compilers and checkouts
+MOST_PROGRAMS = 8  # in the cache, from different versions, compilers and checkouts
 FOLDERS = ("include", "src", "src/native")
 
 
 def cache_folder() -> str:
-    """Return the folder of this user's compiled programs."""
+    """Return this user's cache folder for compiled programs."""
     base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     return os.path.join(base, "uuv-hil")
 
 
 def build_native(folder: str = "") -> str:
-    """Return the path of the program in `folder` (by default the user's cache), compiled if it is not there yet.
+    """Return the path of the program in `folder` (default: the user's cache). It is compiled if it does not exist.
 
-    Its name depends on sources and compiler, so that an outdated one is never used. Without pymavlink it has no
-    MAVLink. Raises DeviceError without a C compiler, or if the folder cannot be written.
+    Its name depends on sources and compiler, so an outdated program is never used. Without pymavlink it has no MAVLink.
+    Raises DeviceError without a C compiler, or if the folder cannot be written.
     """
     folder = folder or cache_folder()
     program = os.path.join(folder, f"{NAME}-{_fingerprint()}")
@@ -34,7 +34,7 @@ def build_native(folder: str = "") -> str:
         os.makedirs(folder, exist_ok=True)
     except OSError as error:
         raise DeviceError(f"{folder}: {error.strerror}; set XDG_CACHE_HOME to a folder of yours") from None
-    # Renamed when complete: two that compile at once do not disturb each other.
+    # Renamed when complete, so that two processes may compile at the same time.
     with ScratchFolder("native", folder) as new:
         os.replace(build.compile_native(new.file(NAME), mavlink=mavlink_headers.version() is not None), program)
     _prune(folder)
@@ -42,8 +42,8 @@ def build_native(folder: str = "") -> str:
 
 
 def _prune(folder: str) -> None:
-    """Remove all but the newest programs; one that runs goes on."""
-    with suppress(OSError):  # another process removes the same
+    """Remove all but the newest programs; a running one is not disturbed."""
+    with suppress(OSError):  # another process may remove the same file
         with os.scandir(folder) as entries:
             programs = [entry for entry in entries if entry.is_file() and entry.name.startswith(f"{NAME}-")]
         for old in sorted(programs, key=lambda entry: entry.stat().st_mtime_ns)[:-MOST_PROGRAMS]:
@@ -51,11 +51,10 @@ def _prune(folder: str) -> None:
 
 
 class NativeStm32(Child):
-    """Process of the firmware, ready on the pty `path` when this returns; end it with `close`.
+    """Process of the firmware, ready on the pty `path` when this returns; stop it with `close`.
 
-    path: the symbolic link to make, such as "/tmp/uuv-hil-stm32". channels: 1 to 16. watchdog: the longest time
-    without a command before all thrusters stop, s. Raises DeviceError if it cannot be compiled or does not start (its
-    reason is in the message).
+    path: the symbolic link to make, such as "/tmp/uuv-hil-stm32". channels: 1 to 16. watchdog: the longest time (s)
+    without a command before all thrusters stop. Raises DeviceError with the reason if it cannot be compiled or started.
     """
 
     def __init__(self, path: str, channels: int, watchdog: float) -> None:

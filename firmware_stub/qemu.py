@@ -1,12 +1,12 @@
-"""The shipped images in QEMU, an independent emulator as a second check of the firmware.
+"""Run the shipped images in QEMU, an independent emulator, as a second check of the firmware.
 
-QEMU 7.2's machine netduinoplus2 has the USARTs, SysTick and the registers of the timers, but no clock control, no
-watchdog in hardware, no pins and no CAN. It sends bytes at once, whatever the baud rate. When the machine is busy it
-loses SysTicks: the firmware's time is then slower than the wall's, and its watchdog later.
+QEMU 7.2's machine netduinoplus2 (an F405) has the USARTs, SysTick and the registers of the timers, but no clock
+control, no hardware watchdog, no pins and no CAN. It sends bytes at once, at any baud rate. On a busy computer it loses
+SysTicks; the firmware's time is then slower than real time, and its watchdog trips later.
 
-It has no machine with an F411 or F446: their images run on that F405, which has all that they use; nor with an F103,
-whose image runs on the F100 of stm32vldiscovery: serial port and SysTick, without timers. These machines' cores have
-another clock than the chip, so that the firmware's time passes at `Machine.speed` times the wall's.
+QEMU has no machine with an F411 or F446. Their images run on the F405, which has all that they use. It has none with an
+F103 either, whose image runs on the F100 of stm32vldiscovery, with serial port and SysTick, without timers. The cores
+of these machines have a different clock frequency, so the firmware's time runs at `Machine.speed` times real time.
 """
 
 import json
@@ -29,15 +29,15 @@ from hil.links.wires.terminal import READ_SIZE, DescriptorWire
 PROGRAM = "qemu-system-arm"
 PATIENCE_S = 10.0
 HERE, THERE = "127.0.0.1", "127.0.0.2"  # the host's end and QEMU's, with one port number
-ROOM = 1 << 20  # for unread bytes; the kernel counts 768 for each, and may give less
-NO_ESCAPE = "0x100"  # of the multiplexer's commands: no byte is this one
+ROOM = 1 << 20  # size of the receive buffer; the kernel counts 768 for each byte, and may grant less
+NO_ESCAPE = "0x100"  # escape character of the multiplexer; no byte has this value
 PULSE_REGISTERS = (0x4000_0434, 0x4000_0834)  # CCR1 to CCR4 of TIM3, then of TIM4
 
 
 class Machine(NamedTuple):
-    """QEMU's machine that an image runs on.
+    """A machine of QEMU that an image runs on.
 
-    usart: the number of the serial port that the image uses. speed: of the firmware's time, 1 is the wall's.
+    usart: number of the serial port that the image uses. speed: the firmware's time over real time.
     """
 
     name: str
@@ -55,12 +55,12 @@ MACHINES = {
 
 
 class QemuStm32:
-    """Process of QEMU with the firmware running when this returns; end it with `close`.
+    """Process of QEMU, with the firmware running when this returns; stop it with `close`.
 
     channels: 1 to 8. watchdog: the longest time without a command before all thrusters stop, s of the firmware's time.
-    cpu: the one processor it may run on. chip: whose image it runs, of firmware_stub.image.CHIPS.
+    cpu: the only processor it may run on. chip: the image's chip, of firmware_stub.image.CHIPS.
 
-    `wire` is the host's end of its USART; unread bytes are lost, after some hundred or a thousand of them.
+    `wire` is the host's end of its USART. Beyond some hundred unread bytes, further ones are lost.
 
     Raises DeviceError without QEMU, if it does not start, or if the firmware sends nothing.
     """
@@ -91,14 +91,14 @@ class QemuStm32:
             self._held = held.pop_all()
 
     def pwm_us(self) -> tuple[int, ...]:
-        """Return the pulses (us) from the compare registers, read by QEMU and not by the firmware; 0 without timers."""
+        """Return the pulses (us), read by QEMU from the timers' compare registers; 0 without timers."""
         if self._qmp is None:
             self._qmp = _Qmp(self._connect_monitor())
         words = [word for address in PULSE_REGISTERS for word in self._qmp.words(address, 4)]
         return tuple(words[: self._channels])
 
     def close(self) -> None:
-        """End QEMU and remove its files. Closing twice is harmless."""
+        """Stop QEMU and remove its files. Closing twice is harmless."""
         self._held.close()
 
     def _start(self, parameters_path: str) -> subprocess.Popen[bytes]:
@@ -112,13 +112,13 @@ class QemuStm32:
         if self._qmp is not None:
             self._qmp.close()
             self._qmp = None
-        self._process.kill()  # it holds nothing that could be lost
+        self._process.kill()  # it has no data that could be lost
         self._process.communicate()
 
     def _command(self, parameters_path: str) -> list[str]:
-        # Multiplexed, as QEMU then reads ahead and hands on the next byte when the firmware takes one; otherwise each
-        # waits for a turn of QEMU's loop. Datagrams, as it reads those at once and a stream byte by byte. Together
-        # a command and its answer take 0.3 ms instead of 0.8.
+        # Multiplexed, because QEMU then reads ahead, and delivers the next byte when the firmware has read one;
+        # otherwise each byte waits for a cycle of QEMU's loop. Datagrams, because QEMU reads a stream byte by byte.
+        # With both, a command and its answer take 0.3 ms instead of 0.8 ms.
         usart = f"host={HERE},port={self.wire.port},localaddr={THERE},localport={self.wire.port},mux=on"
         return [
             PROGRAM, "-M", self.machine.name, "-display", "none", "-monitor", "none", "-kernel", self._image,
@@ -155,7 +155,7 @@ class QemuStm32:
 
 
 class _Usart(DescriptorWire):
-    """Host end of the USART: one datagram a byte. Bound before QEMU starts, so that no byte is lost."""
+    """Host end of the USART, with one datagram per byte. It is bound before QEMU starts, so that no byte is lost."""
 
     def __init__(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as usart:
@@ -163,11 +163,11 @@ class _Usart(DescriptorWire):
             usart.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
             usart.bind((HERE, 0))
             self.port: int = usart.getsockname()[1]
-            usart.connect((THERE, self.port))  # others are ignored
+            usart.connect((THERE, self.port))  # datagrams from other addresses are ignored
             super().__init__(usart.detach(), f"udp://{THERE}:{self.port}")
 
     def read(self) -> bytes:
-        """Return the received bytes, or b"". Raises DeviceError when QEMU has ended, which a write detects."""
+        """Return the received bytes, or b"". Raises DeviceError if QEMU has ended, as detected by a write."""
         taken = bytearray()
         while len(taken) < READ_SIZE:
             byte = super().read()
@@ -178,7 +178,7 @@ class _Usart(DescriptorWire):
 
 
 class _Qmp:
-    """Client of QEMU's machine protocol: one JSON object a line, https://www.qemu.org/docs/master/interop/qmp-spec.html."""
+    """Client of QMP, one JSON object per line: https://www.qemu.org/docs/master/interop/qmp-spec.html."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.settimeout(PATIENCE_S)
@@ -188,7 +188,7 @@ class _Qmp:
         self._ask("qmp_capabilities")
 
     def words(self, address: int, count: int) -> list[int]:
-        """Return words of the machine's memory: the answer to `xp` is "40000434: 0x000005dc 0x000005dc ..."."""
+        """Return words of the machine's memory. The answer to `xp` is "40000434: 0x000005dc 0x000005dc ..."."""
         answer = self._ask("human-monitor-command", **{"command-line": f"xp /{count}wx {address:#x}"})
         return [int(word, 16) for word in str(answer).split()[1:]]
 

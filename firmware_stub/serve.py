@@ -1,4 +1,4 @@
-"""`uuv-hil stm32`: the STM32 as a process of its own, for software that expects one on its link."""
+"""`uuv-hil stm32`: run the STM32 as a separate process, for software that expects one on its link."""
 
 import argparse
 import select
@@ -47,7 +47,7 @@ class Options(NamedTuple):
     quiet: bool = False
 
     def validate(self) -> str | None:
-        """Return why protocol and port do not fit, None if they do."""
+        """Return why protocol and port do not fit each other; None if they do."""
         return incompatibility(self.protocol, self.port)
 
 
@@ -74,8 +74,8 @@ def start(options: dict[str, Any]) -> None:
 def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None = None) -> None:
     """Run the STM32 until `stop_fd` becomes readable, then put its outputs to neutral and close it.
 
-    A process that was stopped for longer than the watchdog's time discards what was received meanwhile, as a UART
-    does. `report` is called every 5 s. Raises DeviceError when the wire is lost.
+    After the process was suspended for longer than the watchdog's time, it discards the bytes received meanwhile, as a
+    UART does. `report` is called every 5 s. Raises DeviceError when the wire is lost.
     """
     serviced_ns = now_ns()
     report_ns = serviced_ns + REPORT_PERIOD_NS

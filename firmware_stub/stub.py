@@ -3,15 +3,14 @@
 Behaviour of the outputs:
 
     power-up    neutral (1500 us), disarmed
-    command     applied if it has one pulse width a thruster and is not late; its `armed` decides whether
-                the outputs take its pulse widths or stay neutral. One armed command arms; the watchdog
-                disarms when commands stop
-    watchdog    no command applied for `watchdog_ns`, armed or not: neutral, disarmed, `timed_out`, one trip
-                counted, reported at once. The next command clears `timed_out` and is applied as any other
+    command     applied if it has one pulse width per thruster and is not late. If its `armed` is set, the outputs
+                get its pulse widths, otherwise neutral. One armed command arms the board
+    watchdog    trips when no command was applied for `watchdog_ns`, armed or not: neutral, disarmed, `timed_out`,
+                one trip counted, reported at once. The next command clears `timed_out`, and is applied
 
-Sequence numbers: the same one again is applied again (a host without a counter sends 0 for ever); one
-up to `LATE_WINDOW` behind the last is late (a datagram that was overtaken) and refused; one further
-behind is a host that started again, and applied. After a watchdog trip every number is.
+Sequence numbers: a command with the same number as the last is applied (a host without a counter always sends 0). A
+number up to `LATE_WINDOW` below the last is late (an overtaken datagram), and refused. A lower one is from a host that
+has restarted, and applied. After a watchdog trip any number is applied.
 """
 
 from hil.common import clock
@@ -29,19 +28,19 @@ WATCHDOG_NS = 200_000_000  # four commands missed at 20 Hz, ten at 50 Hz
 TELEMETRY_PERIOD_NS = 20_000_000
 LATE_WINDOW = 32  # sequence numbers
 NO_PULSE_US = 0
-NEVER_US = 0xFFFF_FFFF  # the age before the first command
+NEVER_US = 0xFFFF_FFFF  # age before the first command
 WRAP = 0xFFFF  # sequence numbers and counters have 16 bits
 
 
 class Stm32:
-    """The STM32 board: `pwm_us` are the compare values of its PWM timers in microseconds, one a thruster.
+    """The STM32 board. `pwm_us` are the compare values of its PWM timers in microseconds, one per thruster.
 
-    channels: number of thrusters, 1 to 16. watchdog_ns: the longest time without a command before the outputs
-    go to neutral. telemetry_period_ns: the longest time between two reports. All instants are nanoseconds of
-    one clock that never runs backwards, from 0 up; which one is the caller's choice.
+    channels: number of thrusters, 1 to 16. watchdog_ns: the longest time without a command before the outputs go to
+    neutral. telemetry_period_ns: the longest time between two reports. All times are nanoseconds of any monotonic clock
+    that starts at 0 or above.
 
-    Not modelled: the time that decoding takes the STM32, and the wait for the next PWM period (2.5 to
-    20 ms on a real one) until a new pulse width shows on the pin.
+    Not modelled: the STM32's time for decoding, and the wait for the next PWM period (2.5 to 20 ms on a real board)
+    until a new pulse width is on the pin.
     """
 
     def __init__(
@@ -53,22 +52,22 @@ class Stm32:
         self.pwm_us = [PWM_NEUTRAL_US] * channels
         self.armed = False
         self.timed_out = False
-        self.sequence = 0  # of the last command applied
-        self.applied_ns = -1  # when; -1: never
+        self.sequence = 0  # number of the last applied command
+        self.applied_ns = -1  # time of that command; -1: none
         self.frames = 0  # commands applied
         self.refused = 0  # commands with a wrong number of channels, or late
         self.line_errors = 0  # damaged frames; set by the reader of the line
         self.watchdog_trips = 0
-        self._watchdog_due_ns = clock.NEVER_NS  # when the watchdog trips; never: it has, or has not been started
+        self._watchdog_due_ns = clock.NEVER_NS  # NEVER_NS: the watchdog has tripped, or was not started
         self._telemetry_due_ns = 0
 
     @property
     def deadline_ns(self) -> int:
-        """Time (ns) at which `tick` has to be called next, unless a command is received before."""
+        """Time (ns) at which `tick` must be called next, unless a command is received before."""
         return min(self._watchdog_due_ns, self._telemetry_due_ns)
 
     def command(self, command: ThrusterCommand, now_ns: int) -> bool:
-        """Apply a command; return whether it was (else it is counted in `refused`, and the watchdog runs on)."""
+        """Apply a command, or refuse it; return whether it was applied. A refused one does not reset the watchdog."""
         if len(command.pwm_us) != self.channels or self._is_late(command.sequence):
             self.refused += 1
             return False
@@ -82,7 +81,7 @@ class Stm32:
         return True
 
     def tick(self, now_ns: int) -> bool:
-        """Advance the time: trip the watchdog when it is due. Return whether telemetry is to be sent now."""
+        """Advance the time, and trip the watchdog if it is due. Return whether telemetry is due."""
         if now_ns >= self._watchdog_due_ns:
             self.disarm()
             self.timed_out = True
@@ -92,7 +91,7 @@ class Stm32:
         return now_ns >= self._telemetry_due_ns
 
     def telemetry(self, now_ns: int) -> ThrusterTelemetry:
-        """Return the report of this instant. The next one is due a period later; missed ones are skipped."""
+        """Return the present telemetry. The next is due one period later; missed ones are skipped."""
         late_ns = now_ns - self._telemetry_due_ns
         on_time = 0 <= late_ns < self.telemetry_period_ns
         self._telemetry_due_ns = now_ns + self.telemetry_period_ns - (late_ns if on_time else 0)
@@ -130,11 +129,11 @@ class Stm32End:
         self.stm32 = stm32
         self.link = link
         self.wire = link.wire
-        self.command_ns = 0  # when (monotonic, whatever the caller's clock is) the outputs last took a command
+        self.command_ns = 0  # monotonic time at which the outputs were last set by a command
 
     @property
     def deadline_ns(self) -> int:
-        """Time (ns) at which `service` has to be called without data: for watchdog, telemetry, or the protocol."""
+        """Time (ns) at which `service` must be called even without data: for watchdog, telemetry, or the protocol."""
         return min(self.stm32.deadline_ns, self.link.protocol.deadline_ns)
 
     @property
@@ -149,8 +148,8 @@ class Stm32End:
     def service(self, now_ns: int) -> int:
         """Apply and answer the received commands, then advance the time; return how many were applied.
 
-        A waiting command is read before the watchdog is checked, so that a machine that wakes this process late does
-        not count as a host that stopped. Raises DeviceError when the wire is lost.
+        Commands are read before the watchdog is checked. So the watchdog does not trip because this process was woken
+        late. Raises DeviceError when the wire is lost.
         """
         applied = 0
         for message in self.link.receive():

@@ -1,8 +1,8 @@
-"""`stm32 = "unicorn"`: the firmware's own image on an STM32 emulated in this process, an F405 unless another is named.
+"""`stm32 = "unicorn"`: run the firmware's image on an STM32 that is emulated in this process, by default an F405.
 
-Deterministic and in step with its caller: simulated time passes only in `UnicornBoard.run_until`, and the same
-calls give the same bits. Instructions take no time: between two events (a byte, a millisecond, a watchdog) the core
-runs until it sleeps. A core that does not sleep gets `BUSY_INSTRUCTIONS` each `BUSY_NS`.
+It is deterministic: simulated time passes only in `UnicornBoard.run_until`, and the same calls give the same bits.
+Instructions take no time: at each event (a byte, a millisecond, a watchdog) the core runs until it sleeps. A core that
+does not sleep executes `BUSY_INSTRUCTIONS` every `BUSY_NS`.
 """
 
 from collections.abc import Iterable
@@ -19,9 +19,9 @@ from hil.links.contract import Wire
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 
 BUSY_NS = NS_PER_MS
-BUSY_INSTRUCTIONS = 16_000  # what the core's own 16 MHz oscillator would let it do in a millisecond
-OUTPUTS = ("TIM3", "TIM4")  # their four channels each are thrusters 1 to 4 and 5 to 8
-PORTS = {"f103": "USART1", "f405": "USART1", "f411": "USART2", "f446": "USART2"}  # as src/*/chip.h has them
+BUSY_INSTRUCTIONS = 16_000  # in a millisecond at the core's own 16 MHz
+OUTPUTS = ("TIM3", "TIM4")  # with four channels each: thrusters 1 to 4 and 5 to 8
+PORTS = {"f103": "USART1", "f405": "USART1", "f411": "USART2", "f446": "USART2"}  # as in src/*/chip.h
 WATCHDOG_NS = 200 * NS_PER_MS
 
 
@@ -36,15 +36,15 @@ def shipped_image(chip: str = DEFAULT_CHIP) -> bytes:
 
 
 class UnicornBoard:
-    """An STM32 with its firmware: bytes and frames in and out, and pulses.
+    """An STM32 with its firmware. Inputs are bytes and CAN frames; outputs are bytes, CAN frames and pulses.
 
-    image: what is in its flash, vector table first. channels: number of thrusters, 1 to 8. watchdog_ns: the longest
-    time without a command before the firmware stops them; like `channels` the firmware reads it from its parameters in
-    flash, unless the image itself reaches that far. paced: whether bytes take their time on the serial line.
-    chip: which STM32 it is, of firmware_stub.image.CHIPS.
+    image: content of the flash, starting with the vector table. channels: number of thrusters, 1 to 8. watchdog_ns: the
+    longest time without a command before the firmware stops them. The firmware reads both from its parameters in flash,
+    unless the image extends over these. paced: whether bytes take time on the serial line. chip: the kind of STM32, of
+    firmware_stub.image.CHIPS.
 
-    Raises DeviceError for a number of thrusters that it has no outputs for and, naming program counter and address,
-    when the firmware does what no program can; MissingExtraError without Unicorn.
+    Raises DeviceError for too many thrusters, and for a fault of the firmware, with program counter and address;
+    MissingExtraError without Unicorn.
     Not modelled: pins, analogue inputs, the time the chip takes to start.
     """
 
@@ -58,7 +58,7 @@ class UnicornBoard:
         chip: str = DEFAULT_CHIP,
     ) -> None:
         self.channels = channels
-        self.resets = 0  # by the watchdog
+        self.resets = 0  # resets by the watchdog
         self._chip = Chip(paced, MODELS[chip])
         self._core = Core(self._chip, _with_parameters(image, channels, watchdog_ns))
         self._port = self._chip.usarts[PORTS[chip]]
@@ -67,27 +67,27 @@ class UnicornBoard:
 
     @property
     def now_ns(self) -> int:
-        """Simulated time since power-up."""
+        """Simulated time since power-up (ns)."""
         return self._chip.time.now_ns
 
     @property
     def due_ns(self) -> int:
-        """Simulated time (ns) of the chip's next action without new input."""
+        """Simulated time (ns) of the chip's next event without new input."""
         return self._chip.due_ns if self._core.sleeping else min(self._chip.due_ns, self._busy_ns)
 
     @property
     def pwm_us(self) -> list[int]:
-        """Pulse widths in microseconds, one a thruster, from the timers' registers; 0: no pulses."""
+        """Pulse widths in microseconds, one per thruster, from the timers' registers; 0: no pulses."""
         return [self._chip.timers[OUTPUTS[i // 4]].pulse_us(i % 4) for i in range(self.channels)]
 
     @property
     def command_ns(self) -> int:
-        """Monotonic time (ns) of the program's last write of a pulse width: with each command and report."""
+        """Monotonic time (ns) of the program's last write of a pulse width, at each command and report."""
         return max(self._chip.timers[name].width_set_ns for name in OUTPUTS)
 
     @property
     def lost(self) -> int:
-        """Number of bytes received while the port was off, or faster than the firmware or the line could take them."""
+        """Number of lost bytes: received while the port was off, or faster than the firmware or the line allows."""
         return self._port.lost
 
     def receive(self, data: bytes) -> None:
@@ -109,7 +109,7 @@ class UnicornBoard:
         return self._chip.can.take_output()
 
     def run_until(self, time_ns: int) -> None:
-        """Advance the simulated time until then."""
+        """Advance the simulated time to `time_ns`."""
         time = self._chip.time
         while (due_ns := self.due_ns) <= time_ns:
             time.now_ns = due_ns
@@ -122,11 +122,11 @@ class UnicornBoard:
         self._start(PIN_RESET)
 
     def read_memory(self, address: int, size: int) -> bytes:
-        """Read memory like a debug probe. Raises DeviceError where there is none."""
+        """Read memory like a debug probe. Raises DeviceError if there is no memory at that address."""
         return self._core.read_memory(address, size)
 
     def write_memory(self, address: int, data: bytes) -> None:
-        """Write memory like a debug probe, the flash too. Raises DeviceError where there is none."""
+        """Write memory, including flash, like a debug probe. Raises DeviceError if there is none at that address."""
         self._core.write_memory(address, data)
 
     @property
@@ -146,7 +146,7 @@ class UnicornBoard:
         self._core.reset()
 
     def _run(self) -> None:
-        """Run the core until it has nothing to do at this instant. A requested reset follows at the next event."""
+        """Run the core until it has nothing more to do at this time. A requested reset follows at the next event."""
         core, chip = self._core, self._chip
         if chip.reset_by:
             self._restart()
@@ -159,35 +159,35 @@ class UnicornBoard:
 class UnicornEnd:
     """Device end of a wire with an emulated STM32: wait on `fileno()` until `deadline_ns`, then call `service`.
 
-    can: whether the wire carries CAN frames (records of hil.links.wires.can_frame) instead of bytes. The firmware alone
-    decides what they mean. Time is the caller's clock (ns); after a call that is later than `PATIENCE_NS` the board has
-    stood still meanwhile, so that a machine that slept does not look like a host that stopped.
+    can: whether the wire carries CAN frames (records of hil.links.wires.can_frame) instead of bytes. Time is the
+    caller's clock (ns). One call advances the board by at most `PATIENCE_NS`, so that a late caller does not trip the
+    firmware's watchdog.
     """
 
-    PERIOD_NS = 5 * NS_PER_MS  # the longest time that a report is late on the wire
+    PERIOD_NS = 5 * NS_PER_MS  # longest delay of a report on the wire
     PATIENCE_NS = 100 * NS_PER_MS
-    AT_ONCE = 16 * RECORD_SIZE  # bytes that one service hands over; the rest follows in the next
+    AT_ONCE = 16 * RECORD_SIZE  # bytes that one `service` delivers; the rest follows in the next
 
     def __init__(self, board: UnicornBoard, wire: Wire, *, can: bool = False) -> None:
         self.board = board
         self.wire = wire
         self._unit = RECORD_SIZE if can else 1
-        self._serviced_ns = -self.PERIOD_NS  # by the caller's clock; never yet
-        self._held = b""  # off the wire, not yet handed over
+        self._serviced_ns = -self.PERIOD_NS  # time of the last service; negative: none yet
+        self._held = b""  # bytes read from the wire and not delivered yet
 
     @property
     def pwm_us(self) -> list[int]:
-        """Pulse widths in microseconds, one a thruster, from the timers' registers."""
+        """Pulse widths in microseconds, one per thruster, from the timers' registers."""
         return self.board.pwm_us
 
     @property
     def command_ns(self) -> int:
-        """Monotonic time (ns) at which the outputs last took a command or were confirmed."""
+        """Monotonic time (ns) at which the firmware last wrote the pulse widths."""
         return self.board.command_ns
 
     @property
     def deadline_ns(self) -> int:
-        """Time (ns) at which `service` has to be called without data."""
+        """Time (ns) at which `service` must be called even without data."""
         return self._serviced_ns + (self.PERIOD_NS if len(self._held) < self._unit else 0)
 
     def fileno(self) -> int:
@@ -197,9 +197,9 @@ class UnicornEnd:
     def service(self, now_ns: int) -> int:
         """Deliver received bytes, run the board until `now_ns`, send its output; return how many bytes came in.
 
-        What came is read before time passes, as by the firmware's twin: a command does not wait until the board has
-        caught up, and a late caller does not count as a host that stopped. Raises DeviceError when the wire is lost, or
-        the firmware does what no program can.
+        Received bytes are delivered before the time advances, as in `Stm32End`: a command does not wait until the board
+        has caught up, and a late call does not trip the watchdog. Raises DeviceError when the wire is lost, or for a
+        fault of the firmware.
         """
         passed_ns = now_ns - self._serviced_ns if self._serviced_ns >= 0 else 0
         self._serviced_ns = now_ns

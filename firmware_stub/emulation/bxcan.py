@@ -21,11 +21,11 @@ BANKS = 28
 
 
 class BxCan(Peripheral):
-    """A CAN controller and its bus: frames in by `receive`, frames out by `take_output`.
+    """A CAN controller and its bus: frames come in by `receive`, and go out by `take_output`.
 
-    transmit, receive_0, receive_1: called with whether each of its interrupts is requested. A frame takes no time;
-    frames wait on the bus until their FIFO has room, so that none is lost.
-    Not modelled: bit timing, arbitration, remote frames, errors of the bus, time stamps, the second controller.
+    transmit, receive_0, receive_1: called with whether that interrupt is requested. A frame takes no time. Frames wait
+    on the bus until their FIFO has room, so none is lost.
+    Not modelled: bit timing, arbitration, remote frames, bus errors, time stamps, the second controller.
     """
 
     RESET: ClassVar[dict[int, int]] = {
@@ -61,7 +61,7 @@ class BxCan(Peripheral):
         return sent
 
     def deliver(self) -> bool:
-        """Take the frames off the bus that there is room for; return whether there were any."""
+        """Move waiting frames from the bus into the FIFOs, as far as these have room; return whether any was moved."""
         if not self._on_bus:
             return False
         took = False
@@ -162,7 +162,7 @@ class BxCan(Peripheral):
     def _match(self, frame: CanFrame) -> tuple[int, int] | None:
         """Return FIFO and filter index of the first filter that accepts the frame (RM0090 32.7.4)."""
         active, fifos = self.words.get(FA1R, 0), self.words.get(FFA1R, 0)
-        if self.words[FMR] & 1:  # filters are being set: none receives
+        if self.words[FMR] & 1:  # in filter initialisation mode no frame is received
             return None
         indices = [0, 0]
         for bank in range(BANKS):
@@ -190,7 +190,7 @@ class BxCan(Peripheral):
         return [(halves[0], halves[1]), (halves[2], halves[3])]
 
     def _update(self) -> None:
-        """Empty mailboxes and interrupt lines."""
+        """Update the flags of empty mailboxes, and the interrupt lines."""
         tsr = self.words[TSR] & ~0x1F00_0000
         empty = [n for n in range(MAILBOXES) if not self.words.get(TRANSMIT + n * MAILBOX_SIZE, 0) & TXRQ]
         self.words[TSR] = tsr | sum(1 << 26 + n for n in empty) | (empty[0] if empty else 0) << 24
@@ -202,12 +202,12 @@ class BxCan(Peripheral):
 
 
 def _identifier(frame: CanFrame) -> int:
-    """Return the identifier as registers show it (RM0090, 32.9.3)."""
+    """Return the identifier in the layout of the registers (RM0090, 32.9.3)."""
     return frame.id << 3 | EXTENDED if frame.extended else frame.id << 21
 
 
 def _shown(frame: CanFrame, narrow: bool) -> int:
-    """Return the identifier as a filter sees it: 32 bits or, narrow, STID[10:0] RTR IDE EXID[17:15]."""
+    """Return the identifier in the layout of a filter: 32 bits or, if `narrow`, STID[10:0] RTR IDE EXID[17:15]."""
     if not narrow:
         return _identifier(frame)
     if frame.extended:

@@ -26,10 +26,10 @@ RCCS = {"f4": Rcc, "f1": RccF1}
 
 
 class Chip:
-    """The peripherals by name, their registers by address, and when the next of them has to act.
+    """The peripherals by name, their registers by address, and the time of their next event.
 
-    `reset_by` is not 0 once the program or the watchdog has requested a reset: it is the flag of the cause.
-    paced: whether bytes take their time on the serial lines. model: which STM32 it is.
+    `reset_by` is the flag of the cause after the program or the watchdog has requested a reset, else 0. paced: whether
+    bytes take time on the serial lines. model: the kind of STM32.
     """
 
     def __init__(self, paced: bool, model: Model = F405) -> None:
@@ -52,7 +52,7 @@ class Chip:
 
     @property
     def due_ns(self) -> int:
-        """Time of the next event of a peripheral (ns): `tick` has to be called then."""
+        """Time (ns) of the peripherals' next event, at which `tick` must be called."""
         return min([peripheral.due_ns for peripheral in self._timed])
 
     def tick(self) -> None:
@@ -73,7 +73,7 @@ class Chip:
         self.system.reset()
 
     def read(self, address: int, size: int) -> int:
-        """Return the result of a load of 1, 2 or 4 bytes, 0 without a clock. Raises DeviceError without a register."""
+        """Load 1, 2 or 4 bytes; 0 if the peripheral's clock is off. Raises DeviceError if there is no register."""
         block = self._blocks.get(address // BLOCK)
         if block is None:
             raise _nothing_at(address)
@@ -85,7 +85,7 @@ class Chip:
         return peripheral.read((address & ~3) - start) >> 8 * (address & 3) & (1 << 8 * size) - 1
 
     def write(self, address: int, size: int, value: int) -> None:
-        """Store 1, 2 or 4 bytes; without effect where the clock is off. Raises DeviceError where no register is."""
+        """Store 1, 2 or 4 bytes; no effect if the peripheral's clock is off. Raises DeviceError without a register."""
         block = self._blocks.get(address // BLOCK)
         if block is None:
             raise _nothing_at(address)
@@ -99,7 +99,7 @@ class Chip:
         peripheral.write(offset, value)
 
     def _lay_out(self) -> dict[int, tuple[Peripheral, int, int, int]]:
-        """Return each block by number: its device, base address, and its clock's register and bit."""
+        """Return by block number the peripheral, its base address, and the register and mask of its clock enable."""
         debug = Peripheral()  # trace, cycle counter: plain registers
         debug.words[DEVICE_ID] = self.model.device_id
         blocks: dict[int, tuple[Peripheral, int, int, int]] = {}

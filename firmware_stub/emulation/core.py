@@ -1,7 +1,7 @@
-"""Exceptions and sleep of the core, by the ARMv7-M Architecture Reference Manual, part B1.5.
+"""Exceptions and sleep of the core (ARMv7-M Architecture Reference Manual, part B1.5).
 
-Not modelled: the time that instructions take, handlers of the program for faults (a fault ends the emulation with a
-message), the memory protection unit, unprivileged mode.
+Not modelled: execution time of instructions, fault handlers (a fault ends the emulation with a message), memory
+protection unit, unprivileged mode.
 """
 
 from mmap import mmap
@@ -20,7 +20,7 @@ from firmware_stub.emulation.engine import (
 from firmware_stub.emulation.memory import FLASH, Memory
 from firmware_stub.emulation.nvic import SVCALL
 
-TURNS = 512  # exceptions in a row before time goes on
+TURNS = 512  # longest run of exceptions before time advances
 
 THUMB, FRAME_IS_ALIGNED = 1 << 24, 1 << 9  # bits of the program status
 FLAGS = 0xF80F_0000
@@ -31,9 +31,9 @@ FLOAT_FRAME = Struct("<8QI4x")  # S0 to S15, FPSCR, a reserved word
 
 
 class Core:
-    """The core with its memory. It is `sleeping` until an exception comes that it would take.
+    """The core with its memory. While `sleeping` it waits for an exception that can preempt it.
 
-    image: the content of the flash from its start, vector table first. Raises MissingExtraError without Unicorn.
+    image: content of the flash, starting with the vector table. Raises MissingExtraError without Unicorn.
     """
 
     def __init__(self, chip: Chip, image: bytes) -> None:
@@ -42,7 +42,7 @@ class Core:
         self._memory = Memory(image, chip.model)
         self._engine = Engine(chip, self._memory, self._would_interrupt, self._is_masked)
         self.sleeping = False
-        self._event = False  # an exception has returned: the next wait for an event does not wait
+        self._event = False  # event register: set when an exception returns; the next WFE then does not wait
 
     @property
     def pc(self) -> int:
@@ -50,12 +50,12 @@ class Core:
         return self._engine.pc
 
     def read_memory(self, address: int, size: int) -> bytes:
-        """Read memory like a debug probe. Raises DeviceError where there is none."""
+        """Read memory like a debug probe. Raises DeviceError if there is no memory at that address."""
         memory, start = self._find(address, size)
         return memory[start : start + size]
 
     def write_memory(self, address: int, data: bytes) -> None:
-        """Write memory like a debug probe, the flash too. Raises DeviceError where there is none."""
+        """Write memory, including flash, like a debug probe. Raises DeviceError if there is none at that address."""
         self._find(address, len(data))
         self._engine.write_memory(address, data)
 
@@ -67,7 +67,7 @@ class Core:
     def run(self, instructions: int) -> None:
         """Execute until the core sleeps, has executed that many instructions in a row, or a reset is requested.
 
-        Raises DeviceError when the program does what no program can.
+        Raises DeviceError when the program causes a fault.
         """
         if self.sleeping:
             if not self._nvic.urgent:
@@ -83,7 +83,7 @@ class Core:
                 return
 
     def _handle_stop(self, reason: int) -> None:
-        """Handle the reason for which the program stopped."""
+        """Handle the `reason` for which the engine stopped."""
         if reason == WAIT_FOR_INTERRUPT:
             self.sleeping = not self._nvic.urgent
         elif reason == EXCEPTION_RETURN:
@@ -116,7 +116,7 @@ class Core:
         self._enter(self._push(registers), registers.xpsr, returns_with)
 
     def _return(self, returns_with: int) -> None:
-        """Return from an exception: to the next one that can be taken, else to the interrupted code."""
+        """Return from an exception, to the next pending one if it can be taken, else to the interrupted code."""
         nvic = self._nvic
         nvic.leave()
         self._event = True
@@ -149,7 +149,7 @@ class Core:
         return frame
 
     def _pop(self, returns_with: int, registers: Registers) -> None:
-        """Restore what `_push` saved."""
+        """Restore the registers that `_push` saved."""
         on_process_stack = returns_with & ON_PROCESS_STACK
         sp = self._engine.process_stack() if on_process_stack else registers.sp
         frame = FRAME.unpack_from(*self._find(sp, FRAME.size))

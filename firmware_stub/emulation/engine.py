@@ -1,11 +1,11 @@
-"""Execution of instructions by Unicorn, with stops where exceptions or sleep are possible.
+"""Execution of instructions by Unicorn, which stops where exceptions or sleep are possible.
 
-It is stopped wherever an exception may have to be taken: after a store to a peripheral, after an instruction that
-lifts a mask, at a return from an exception, and before the core sleeps. Unicorn 2.1 has one core of the M profile, a
-Cortex-M33: it executes all that a Cortex-M4 does, and more.
+It stops where an exception may have to be taken: after a store to a peripheral, after an instruction that unmasks
+interrupts, at a return from an exception, and before the core sleeps. The only M-profile core of Unicorn 2.1 is a
+Cortex-M33, which executes all instructions of a Cortex-M4.
 
-Not modelled: masks lifted, and sleep, by code in RAM: what is pending is taken at the next of the other stops, and
-the core stays awake.
+Not modelled: unmasking interrupts and sleeping by code in RAM. A pending exception is then taken at the next other
+stop, and the core does not sleep.
 """
 
 import importlib
@@ -18,7 +18,7 @@ from firmware_stub.emulation.chip import CORE_REGISTERS, CORE_REGISTERS_SIZE, PE
 from firmware_stub.emulation.memory import FLASH, Memory
 from hil.common.errors import DeviceError, MissingExtraError
 
-# What stopped it. The positive ones are Unicorn's own numbers.
+# Reasons of a stop. The positive ones are Unicorn's own numbers.
 EXHAUSTED, INTERRUPTED, WAIT_FOR_INTERRUPT, WAIT_FOR_EVENT = 0, -1, -2, -3
 SUPERVISOR_CALL, BREAKPOINT, EXCEPTION_RETURN = 2, 7, 8
 
@@ -53,7 +53,7 @@ class Registers(NamedTuple):
 class _Batch:
     """Batch of registers that are read or written at once.
 
-    Unicorn's own batches cost ten times as much: new arrays each time.
+    Unicorn's own batches take ten times as long, because they allocate new arrays for each access.
     """
 
     def __init__(self, uc: Any, numbers: list[int]) -> None:
@@ -74,10 +74,10 @@ class _Batch:
 
 
 class Engine:
-    """Executes from `pc`, which is where it stopped last.
+    """Executes instructions from `pc`, where it stopped last.
 
-    would_interrupt: whether an exception is to be taken, were it not for masks; is_masked: whether these registers
-    hold it back. Raises MissingExtraError without Unicorn.
+    would_interrupt: returns whether an exception is due, masks ignored. is_masked: returns whether these registers mask
+    it. Raises MissingExtraError without Unicorn.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class Engine:
         self._at_power_up = uc.context_save()
         self._stopped_by = EXHAUSTED
         self._fault = ""
-        self._raised: BaseException | None = None  # while a peripheral was read or written
+        self._raised: BaseException | None = None  # raised in a peripheral's read or write
         self.pc = 0
 
     def reset(self, pc: int, sp: int, status: int) -> None:
@@ -109,7 +109,7 @@ class Engine:
         self.enter(pc, sp, status, 0xFFFF_FFFF)
 
     def run(self, instructions: int) -> int:
-        """Execute at most that many instructions; return what stopped it. Raises DeviceError for impossible actions."""
+        """Execute at most that many instructions; return the reason of the stop. Raises DeviceError for a fault."""
         self._stopped_by = EXHAUSTED
         try:
             self._uc.emu_start(self.pc | 1, NOWHERE, 0, instructions)
@@ -122,11 +122,11 @@ class Engine:
             raise self.failure(self._fault)
         self.pc = self._where.read()[0]
         if self._stopped_by == WAIT_FOR_INTERRUPT:
-            self.pc += len(WFI)  # it is stopped in front of it
+            self.pc += len(WFI)  # the stop is before the WFI
         return self._stopped_by
 
     def lift_mask(self) -> None:
-        """Execute the next instruction if it is CPSIE i, without Unicorn: starting and stopping it takes far longer."""
+        """Execute the next instruction if it is CPSIE i. This is done without Unicorn, whose start takes far longer."""
         if self._memory.code(self.pc, len(CPSIE_I)) == CPSIE_I:
             self._uc.reg_write(self._register["PRIMASK"], 0)
             self.pc += len(CPSIE_I)
@@ -141,31 +141,31 @@ class Engine:
         self.pc = pc & ~1
 
     def leave(self, frame: tuple[int, ...], sp: int) -> None:
-        """Continue where a frame was saved: r0 to r3, r12, lr, pc, status."""
+        """Continue with the registers of a saved frame: r0 to r3, r12, lr, pc, status."""
         *low, lr, pc, status = frame
         self._leave.write(status, sp, *low, lr)
         self.pc = pc & ~1
 
     def floats(self) -> list[int]:
-        """Return S0 to S15 in pairs, and their status."""
+        """Return S0 to S15 in pairs, and FPSCR."""
         return [self._uc.reg_read(self._register[name]) for name in FLOAT]
 
     def set_floats(self, values: tuple[int, ...]) -> None:
-        """Set S0 to S15 in pairs, and their status."""
+        """Set S0 to S15 in pairs, and FPSCR."""
         for name, value in zip(FLOAT, values, strict=True):
             self._uc.reg_write(self._register[name], value)
 
     def process_stack(self) -> int:
-        """Return the stack pointer that handlers do not use."""
+        """Return the process stack pointer (PSP)."""
         sp: int = self._uc.reg_read(self._register["PSP"])
         return sp
 
     def set_control(self, value: int) -> None:
-        """Set which stack pointer a program uses, and whether it uses floats."""
+        """Set the CONTROL register: which stack pointer is used, and whether floats are in use."""
         self._uc.reg_write(self._register["CONTROL"], value)
 
     def write_memory(self, address: int, data: bytes) -> None:
-        """Write memory, even where the program may not; discard its translated code."""
+        """Write memory, including flash; discard its translated code."""
         self._uc.mem_write(address, data)
         self._uc.ctl_remove_cache(address & ~1, address + len(data))
 
@@ -178,7 +178,7 @@ class Engine:
             f"0x{r.r0:x} 0x{r.r1:x} 0x{r.r2:x} 0x{r.r3:x}); look pc and lr up with arm-none-eabi-addr2line"
         )
 
-    # ---- callbacks of Unicorn. Exceptions in accesses would be printed and lost: they are stored for `run`.
+    # ---- callbacks of Unicorn. It would print and drop exceptions raised in accesses, so they are stored for `run`.
 
     def _load(self, _: Any, offset: int, size: int, base: int) -> int:
         try:
@@ -200,7 +200,7 @@ class Engine:
             self._store_error(error)
 
     def _stop_after_store(self) -> None:
-        """Stop behind the store (Unicorn by itself would repeat it). If it does more, run on to the next stop."""
+        """Stop after the store, which Unicorn would otherwise repeat. A store that changes registers does not stop."""
         registers = self.registers()
         size = plain_store_size(self._memory.code(registers.pc, 4))
         if size and not self._is_masked(registers):
@@ -220,7 +220,7 @@ class Engine:
             self._fault = "executed a breakpoint" if number == BREAKPOINT else f"raised exception {number}"
 
     def _odd_instruction(self, _: Any, __: Any) -> bool:
-        """Return whether an instruction that Unicorn does not support is a wait for an event (else it is invalid)."""
+        """Return whether an instruction that Unicorn does not support is WFE or YIELD; any other is a fault."""
         code = self._memory.code(self._where.read()[0] - 2, 2)
         if code == WFE:
             self._stop(WAIT_FOR_EVENT)
@@ -251,7 +251,7 @@ class Engine:
         uc = self._uc
         for start, size, rights, place in self._memory.places():
             uc.mem_map_ptr(start, size, rights, place)
-        # Past `Uc.mmio_map`: its two layers around each access are a quarter of what a command takes here.
+        # Not by `Uc.mmio_map`: its two layers around each access would take a quarter of the time of a command.
         binding = importlib.import_module("unicorn.unicorn_py3.unicorn")
         self._accesses = binding.MMIO_READ_CFUNC(self._load), binding.MMIO_WRITE_CFUNC(self._store)  # kept alive
         load, store = self._accesses
@@ -281,7 +281,7 @@ def _load_unicorn() -> tuple[Any, Any]:
 
 
 def places_to_stop(program: bytes) -> tuple[list[int], list[int]]:
-    """Return offsets behind each CPSIE and MSR to a mask, and of each WFI. Data that looks like one does no harm."""
+    """Return the offsets after each CPSIE or MSR to a mask, and those of each WFI. Extra offsets (data) do no harm."""
     halves = Struct(f"<{len(program) // 2}H").unpack_from(program)
     lifts, waits = [], []
     for i, half in enumerate(halves[:-1]):
@@ -295,7 +295,7 @@ def places_to_stop(program: bytes) -> tuple[list[int], list[int]]:
 
 
 def plain_store_size(code: bytes) -> int:
-    """Return the bytes of a store that changes no register, 0 for another instruction (ARMv7-M, A5.2, A5.3.10)."""
+    """Return the size of a store that changes no register; 0 for any other instruction (ARMv7-M, A5.2, A5.3.10)."""
     first, second = int.from_bytes(code[:2], "little"), int.from_bytes(code[2:4], "little")
     if first >> 11 in (0b01100, 0b01110, 0b10000, 0b10010) or first >> 9 in (0b0101000, 0b0101001, 0b0101010):
         return 2

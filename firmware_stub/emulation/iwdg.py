@@ -12,9 +12,9 @@ LSI_HZ = 32_000
 
 
 class Iwdg(Peripheral):
-    """Reset the chip unless the counter is reloaded in time. Once started only a reset stops it.
+    """Watchdog that calls `on_expiry` unless its counter is reloaded in time. Only a reset stops it.
 
-    on_expiry is called then. The oscillator has its nominal 32 kHz (17 to 47 kHz on real chips).
+    The oscillator has its nominal 32 kHz (17 to 47 kHz on real chips).
     """
 
     RESET: ClassVar[dict[int, int]] = {RLR: 0xFFF}
@@ -26,17 +26,17 @@ class Iwdg(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """Reset: stopped."""
+        """Stop the watchdog, and reset its registers."""
         super().reset()
         self._runs = False
         self._unlocked = False
 
     def read(self, offset: int) -> int:
-        """Return a register: the key reads as 0; no update is ever under way."""
+        """Return a register. The key reads as 0, and the status as 0, because updates take no time."""
         return self.words.get(offset, 0) if offset in (PR, RLR) else 0
 
     def write(self, offset: int, value: int) -> None:
-        """Write a key, or a setting while they are unlocked; settings take effect at the next reload."""
+        """Write a key, or a setting if unlocked. Settings take effect at the next reload."""
         if offset == KR:
             self._key(value & 0xFFFF)
         elif self._unlocked:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 from firmware_stub.emulation.models import KIB, Model
 
 FLASH = 0x0800_0000
-# The part of a family's system memory that identifies the chip: its address and size, and from there the chip's own
-# number and the size of its flash.
+# The part of a family's system memory that identifies the chip: its address and size, and the offsets of the unique id
+# and of the flash size.
 SYSTEM = {"f4": (0x1FFF_0000, 0x8000, 0x7A10, 0x7A22), "f1": (0x1FFF_F000, 0x1000, 0x7E8, 0x7E0)}
 READ, WRITE, EXECUTE = 1, 2, 4
 
@@ -17,7 +17,7 @@ _WORD = Struct("<I")
 
 
 class Region(NamedTuple):
-    """A piece of memory; `rights` of the program, of the bits above."""
+    """A region of memory; `rights` are those of the program, a combination of READ, WRITE, EXECUTE."""
 
     start: int
     size: int
@@ -42,20 +42,20 @@ class Memory:
         system[flash_kib : flash_kib + 2] = (model.flash_size // KIB).to_bytes(2, "little")
 
     def find(self, address: int, size: int) -> tuple[mmap, int] | None:
-        """Return the region that holds these bytes, and their offset in it; None if there is none."""
+        """Return the memory that has these bytes, and their offset in it; None if there is none."""
         for start, length, piece in self.pieces:
             if start <= address and address + size <= start + length:
                 return piece, address - start
         return None
 
     def word(self, address: int) -> int:
-        """Return the 32 bits there, 0 where no memory is."""
+        """Return the 32-bit word at an address; 0 if there is no memory."""
         place = self.find(address, 4)
         word: int = _WORD.unpack_from(*place)[0] if place else 0
         return word
 
     def code(self, address: int, size: int) -> bytes:
-        """Return up to that many bytes of a program."""
+        """Return up to `size` bytes of the program at an address."""
         place = self.find(address, 2)
         return place[0][place[1] : place[1] + size] if place else b""
 

@@ -1,20 +1,20 @@
-"""Interrupt controller: the exception that the core takes next (ARMv7-M, B1.5 and B3.4).
+"""Interrupt controller: chooses the exception that the core takes next (ARMv7-M, B1.5 and B3.4).
 
-Exceptions go by their number: 11 SVCall, 14 PendSV, 15 SysTick, 16 + n interrupt n of the chip.
-Not modelled: priority groups (every bit of a priority preempts, as ST's own start-up code sets it).
+Exceptions are named by number: 11 SVCall, 14 PendSV, 15 SysTick, 16 + n interrupt n of the chip.
+Not modelled: priority groups (every bit of a priority preempts, as in ST's start-up code).
 """
 
 SVCALL, PENDSV, SYSTICK, FIRST_INTERRUPT = 11, 14, 15, 16
-INTERRUPTS = 97  # of the F446, which has the most
+INTERRUPTS = 97  # on the F446, which has the most
 NMI = 2
-PRIORITY_BITS = 0xF0  # the four upper ones exist
-LEAST_URGENT = 0x100  # of a program that handles no exception
+PRIORITY_BITS = 0xF0  # only the upper four bits are implemented
+LEAST_URGENT = 0x100  # priority of a program outside of exceptions
 ALWAYS_ENABLED = (1 << FIRST_INTERRUPT) - 1
 THEM_ALL = (1 << FIRST_INTERRUPT + INTERRUPTS) - 1
 
 
 class Nvic:
-    """`next` is the exception to take (0: none), `urgent` whether it may interrupt what runs, masks aside."""
+    """Interrupt controller. `next` is the exception to take (0: none); `urgent`: it preempts the core, if unmasked."""
 
     def __init__(self) -> None:
         self.reset()
@@ -23,7 +23,7 @@ class Nvic:
         """Reset the controller; the peripherals clear their lines themselves."""
         self.enabled = ALWAYS_ENABLED
         self.pending = 0
-        self.active: list[int] = []  # the innermost last
+        self.active: list[int] = []  # the innermost is last
         self.priorities = [0] * (FIRST_INTERRUPT + INTERRUPTS)
         self.priorities[NMI] = -2
         self._lines = 0
@@ -40,12 +40,12 @@ class Nvic:
             self._lines &= ~bit
 
     def pend(self, bits: int) -> None:
-        """Make exceptions pending, one a bit."""
+        """Make exceptions pending, one per bit."""
         self.pending |= bits & THEM_ALL
         self._choose()
 
     def unpend(self, bits: int) -> None:
-        """Clear pending exceptions; a line that is still set makes its own pending again."""
+        """Clear pending exceptions; one whose line is still set becomes pending again."""
         self.pending = self.pending & ~bits | self._lines & bits & ~self._active_bits()
         self._choose()
 
@@ -69,13 +69,13 @@ class Nvic:
         return number
 
     def leave(self) -> None:
-        """End the innermost active exception; if its line is still set, it is pending again."""
+        """End the innermost active exception; if its line is still set, it becomes pending again."""
         bit = 1 << self.active.pop()
         self.pending |= self._lines & bit
         self._choose()
 
     def active_word(self, word: int) -> int:
-        """Return 32 interrupts of the chip, a bit each, set where active."""
+        """Return a word with one bit for each of 32 interrupts of the chip, set if the interrupt is active."""
         return self._active_bits() >> FIRST_INTERRUPT + 32 * word & 0xFFFF_FFFF
 
     def _active_bits(self) -> int:

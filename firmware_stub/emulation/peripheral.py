@@ -1,4 +1,4 @@
-"""Base classes of the peripherals: registers, an instant of the next action, counting of clock ticks."""
+"""Base classes of the peripherals: registers, time of the next event, counting of clock ticks."""
 
 from typing import ClassVar
 
@@ -8,7 +8,7 @@ WORD = 0xFFFF_FFFF
 
 
 class Time:
-    """The chip's clock: simulated nanoseconds since power-up. Stands still while instructions are executed."""
+    """The chip's clock: simulated nanoseconds since power-up. It does not advance while instructions are executed."""
 
     __slots__ = ("now_ns",)
 
@@ -17,12 +17,12 @@ class Time:
 
 
 class Peripheral:
-    """A block of 32-bit registers, by their offset in bytes; plain ones store what is written to them.
+    """A block of 32-bit registers by offset in bytes. A plain register stores what is written to it.
 
-    `due_ns` is when `tick` has to be called.
+    `tick` must be called at `due_ns`.
     """
 
-    RESET: ClassVar[dict[int, int]] = {}  # register values after a reset that are not 0
+    RESET: ClassVar[dict[int, int]] = {}  # non-zero register values after a reset
     due_ns = NEVER_NS
 
     def __init__(self) -> None:
@@ -42,14 +42,14 @@ class Peripheral:
         self.words[offset] = value
 
     def tick(self) -> None:
-        """Do what is due now."""
+        """Handle the event that is due now."""
 
     def retime(self) -> None:
         """Adapt to changed clocks of the chip."""
 
 
 class Ticks:
-    """Count of the ticks of a clock of `hz` from the instant it is made."""
+    """Counter of the ticks of a clock with `hz`, from its creation on."""
 
     __slots__ = ("_hz", "_start_ns", "_time")
 
@@ -59,9 +59,9 @@ class Ticks:
         self._start_ns = time.now_ns
 
     def count(self) -> int:
-        """Return the whole ticks until now."""
+        """Return the number of whole ticks until now."""
         return (self._time.now_ns - self._start_ns) * self._hz // NS_PER_S
 
     def instant_ns(self, count: int) -> int:
-        """Return when that many have passed, to the next whole nanosecond."""
+        """Return the time (ns) of tick `count`, rounded up."""
         return self._start_ns - (-count * NS_PER_S // self._hz)

@@ -1,4 +1,4 @@
-"""Reset and clock control (F4: RM0090, section 7; F1: RM0008, section 7): frequencies, enables, causes of reset."""
+"""Reset and clock control (F4: RM0090, section 7; F1: RM0008, section 7): frequencies, enables, reset causes."""
 
 from collections.abc import Callable
 from typing import ClassVar
@@ -15,10 +15,10 @@ REMOVE_FLAGS = 1 << 24
 
 
 class Rcc(Peripheral):
-    """Clocks of an F4. An oscillator that is switched on is ready at once; the crystal has 8 MHz.
+    """Clocks of an F4. An oscillator is ready as soon as it is enabled; the crystal has 8 MHz.
 
-    on_change is called after a write that may change a frequency; reset_blocks with the register of enable bits
-    and those of its bits whose peripherals are reset.
+    on_change is called after a write that may change a frequency. reset_blocks is called with a register of enable
+    bits, and those of its bits whose peripherals are reset.
     """
 
     cfgr, bdcr, csr, hsi_hz = CFGR, BDCR, CSR, HSI_HZ
@@ -35,14 +35,14 @@ class Rcc(Peripheral):
         self._measure()
 
     def reset_by(self, causes: int) -> None:
-        """Reset; add `causes` to the flags of CSR, which survive it."""
+        """Reset; add `causes` to the flags in CSR, which a reset does not clear."""
         flags = self.words.get(self.csr, 0) & 0xFE00_0000
         super().reset()
         self.words[self.csr] = flags | causes | PIN_RESET  # every reset pulls the pin: RM0090 6.1.1
         self._measure()
 
     def write(self, offset: int, value: int) -> None:
-        """Write a register: oscillators follow their switches; a change of clock takes effect at once."""
+        """Write a register. Oscillators and clock changes take effect at once."""
         if offset == CR:
             value = value & 0x050D_00F9 | (value >> 24 & 5) << 25 | (value >> 16 & 1) << 17 | (value & 1) << 1
         elif offset == self.cfgr:
@@ -70,7 +70,7 @@ class Rcc(Peripheral):
         self.apb2_hz, self.apb2_timer_hz = self._bus_hz(ppre2)
 
     def _bus_hz(self, prescaler: int) -> tuple[int, int]:
-        """Return the clock of a bus, and of its timers, which run at twice that unless it is undivided."""
+        """Return the frequencies (Hz) of a bus and of its timers: twice that of the bus, unless it is undivided."""
         if prescaler < 4:
             return self.core_hz, self.core_hz
         hz = self.core_hz >> prescaler - 3

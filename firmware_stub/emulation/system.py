@@ -18,8 +18,8 @@ SLEEPONEXIT = 1 << 1
 class SystemControl(Peripheral):
     """The program's view of the interrupt controller, and the SysTick timer.
 
-    core_hz: the core's clock now. request_reset: called when the program requests a reset. SysTick's counter is
-    loaded with its reload value the instant the interrupt comes, one clock early.
+    core_hz: returns the core's frequency. request_reset: called when the program requests a reset. SysTick's counter is
+    reloaded at the time of its interrupt, one clock early.
     Not modelled: memory protection unit, fault status (faults end the emulation), debug registers.
     """
 
@@ -34,7 +34,7 @@ class SystemControl(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """Reset to the state after a reset of the chip."""
+        """Reset the registers, and stop SysTick."""
         super().reset()
         self._restart(0)
 
@@ -81,7 +81,7 @@ class SystemControl(Peripheral):
         self._plan(self._wraps() + 1)
 
     def retime(self) -> None:
-        """Continue at the new clock from the value that the counter has."""
+        """Continue at the new frequency from the present value of the counter."""
         self._restart(self._wrap_length() - 1 - self._count_down())
 
     def _write_systick(self, offset: int, value: int) -> None:
@@ -113,7 +113,7 @@ class SystemControl(Peripheral):
         return self.words.get(SYST_RVR, 0) + 1
 
     def _count(self) -> int:
-        """Return the clocks counted since it was last at its reload value."""
+        """Return the clock ticks since the counter was last at its reload value."""
         if not self.words.get(SYST_CSR, 0) & SYST_ENABLE:
             return 0
         return (self._offset + self._ticks.count()) % self._wrap_length()

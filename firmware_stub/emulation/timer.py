@@ -28,10 +28,10 @@ US_PER_S = 1_000_000
 class Timer(Peripheral):
     """A timer with up to four outputs.
 
-    clock_hz: the frequency it is fed with now. interrupt: called with whether it requests one. gated: whether its
-    outputs need the main switch of the advanced timers (BDTR.MOE). bits: width of the counter.
-    Not modelled: counting down, one-pulse mode, slave modes, capture, compare interrupts, DMA; new settings hold
-    at once instead of from the next period.
+    clock_hz: returns its input frequency. interrupt: called with whether it requests its interrupt. gated: whether its
+    outputs need the main enable of the advanced timers (BDTR.MOE). bits: width of the counter.
+    Not modelled: counting down, one-pulse mode, slave modes, capture, compare interrupts, DMA. New settings take effect
+    at once, not in the next period.
     """
 
     RESET: ClassVar[dict[int, int]] = {ARR: 0xFFFF}
@@ -49,14 +49,14 @@ class Timer(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """Reset to the state after a reset of the chip: stopped."""
+        """Stop the timer, and reset its registers."""
         super().reset()
         self.words[ARR] = self._mask
         self._restart(0)
         self._interrupt(False)
 
     def pulse_us(self, channel: int) -> int:
-        """Return the width in us of the pulses on output 0 to 3, rounded; 0 if there are none."""
+        """Return the rounded width (us) of the pulses on an output, 0 to 3; 0 without pulses."""
         words = self.words
         if not words.get(CR1, 0) & CEN or (self._gated and not words.get(BDTR, 0) & MOE):
             return 0
@@ -72,7 +72,7 @@ class Timer(Peripheral):
         return (width * (words.get(PSC, 0) + 1) * US_PER_S + hz // 2) // hz
 
     def read(self, offset: int) -> int:
-        """Return the counter and the update flag are those of now."""
+        """Return a register, with the present counter and update flag."""
         if offset == CNT:
             return self._count() % (self.words[ARR] + 1)
         if offset == SR:
@@ -80,7 +80,7 @@ class Timer(Peripheral):
         return self.words.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
-        """Write a register; a change of the counting continues from the present count."""
+        """Write a register. If it changes how the timer counts, counting continues from the present value."""
         if offset == SR:
             self._notice_updates()
             self.words[SR] = self.words.get(SR, 0) & value
@@ -95,7 +95,7 @@ class Timer(Peripheral):
             self.words[offset] = value
             if CCR1 <= offset <= CCR4:
                 self.width_set_ns = now_ns()
-                return  # which changes no counting
+                return  # counting does not change
         self._plan()
 
     def tick(self) -> None:
@@ -104,7 +104,7 @@ class Timer(Peripheral):
         self._plan()
 
     def retime(self) -> None:
-        """Continue at the new clock from the present count."""
+        """Continue at the new frequency from the present count."""
         count = self._count() % (self.words[ARR] + 1)
         self._notice_updates()
         self._restart(count)
@@ -122,7 +122,7 @@ class Timer(Peripheral):
         self._ticks = Ticks(self._time, self._clock_hz())
 
     def _count(self) -> int:
-        """Return the steps since it was last at zero or set, without coming round."""
+        """Return the count since the last restart, without wrapping at the period."""
         if not self.words.get(CR1, 0) & CEN:
             return self._first
         return self._first + self._ticks.count() // (self.words.get(PSC, 0) + 1)
@@ -134,7 +134,7 @@ class Timer(Peripheral):
             self.words[SR] = self.words.get(SR, 0) | UIF
 
     def _plan(self) -> None:
-        """Set the interrupt line and the next instant."""
+        """Set the interrupt line, and the time of the next event."""
         words = self.words
         wanted = bool(words.get(DIER, 0) & UIE)
         self._interrupt(wanted and bool(words.get(SR, 0) & UIF))

@@ -21,17 +21,17 @@ RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, M, UE, OVER8 = (
     1 << 15,
 )
 TWO_STOP_BITS = 1 << 13  # of CR2
-LINE_HOLDS = 4096  # bytes under way, as in a terminal's buffer; more are lost
-AT_ONCE = 16  # unpaced bytes that a program may read before it has to sleep: less than anybody's buffer
+LINE_HOLDS = 4096  # bytes on the line, as in a terminal's buffer; more are lost
+AT_ONCE = 16  # unpaced bytes that a program may read before it has to sleep; no program has a smaller buffer
 
 
 class Usart(Peripheral):
-    """A serial port and its line: bytes in by `receive`, bytes out by `take_output`.
+    """A serial port and its line: bytes come in by `receive`, and go out by `take_output`.
 
-    bus_hz: the frequency of its bus now. interrupt: called with whether it requests one. With `paced` every byte
-    takes its time on the line, one start bit to the last stop bit, at the rate its registers set; else none.
-    Counts `lost` bytes: those that came while it was not receiving, overran the one before, or overfilled the line.
-    Not modelled: DMA, parity and framing errors, break, hardware flow control, wake-up; it talks 8 bits.
+    bus_hz: returns the frequency of its bus. interrupt: called with whether it requests its interrupt. With `paced`
+    every byte takes the time from start bit to last stop bit at the baud rate of its registers; otherwise none. `lost`
+    counts bytes that came while it was not receiving, overran the previous one, or exceeded the line's buffer.
+    Not modelled: DMA, parity and framing errors, break, hardware flow control, wake-up, other sizes than 8 bits.
     """
 
     RESET: ClassVar[dict[int, int]] = {SR: TXE | TC}
@@ -42,8 +42,8 @@ class Usart(Peripheral):
         self._bus_hz = bus_hz
         self._interrupt = interrupt
         self._paced = paced
-        self._on_line: deque[int] = deque()  # towards the port
-        self._sent = bytearray()  # by the port, and fully out
+        self._on_line: deque[int] = deque()  # bytes to the port
+        self._sent = bytearray()  # bytes that the port has sent completely
         self.lost = 0
         self.reset()
 
@@ -61,7 +61,7 @@ class Usart(Peripheral):
         self._update()
 
     def receive(self, data: bytes) -> None:
-        """Put bytes on the line, now or behind those that are still arriving."""
+        """Put bytes on the line, after those that are still arriving."""
         taken = data[: LINE_HOLDS - len(self._on_line)]
         self.lost += len(data) - len(taken)
         self._on_line.extend(taken)
@@ -78,7 +78,7 @@ class Usart(Peripheral):
         return data
 
     def deliver(self) -> bool:
-        """Deliver the next unpaced bytes, one by one as the program reads them; return whether there were any."""
+        """Deliver the next unpaced bytes, each when the program has read the previous one; return whether any were."""
         if self._paced or not self._on_line:
             return False
         self._at_once = AT_ONCE
@@ -99,7 +99,7 @@ class Usart(Peripheral):
         if offset == DR:
             self._send(value & 0xFF)
             if not self._paced:
-                return  # it is out, and there is room for the next: nothing has changed
+                return  # the byte is sent at once, and no flag changes
         elif offset == SR:
             self.words[SR] &= value | ~(RXNE | TC)  # these two are cleared by writing 0
         else:
@@ -107,7 +107,7 @@ class Usart(Peripheral):
         self._update()
 
     def tick(self) -> None:
-        """Finish the byte that is sent or received now, or report an idle line."""
+        """Complete the byte that is sent or received now, or report an idle line."""
         now = self._time.now_ns
         if self._sent_ns <= now:
             self._finish_sending()
@@ -134,7 +134,7 @@ class Usart(Peripheral):
         return data
 
     def _stays_ready(self) -> bool:
-        """Return True if, unpaced, the next byte is there as soon as this one is read: no flag changes."""
+        """Return True if no flag changes when the next byte follows at once (unpaced)."""
         status, enabled = self.words[SR], self.words.get(CR1, 0)
         return status & (RXNE | ORE | IDLE) == RXNE and enabled & (UE | RE) == UE | RE
 
@@ -182,7 +182,7 @@ class Usart(Peripheral):
             self._sent_ns = self._time.now_ns + self._byte_ns()
 
     def _byte_ns(self) -> int:
-        """Return the time of a byte: the baud rate is the bus's frequency by the divider in eighths (RM0090 30.3.4)."""
+        """Return the duration of a byte (ns), from the bus's frequency and the divider in BRR (RM0090, 30.3.4)."""
         cr1, divider = self.words.get(CR1, 0), self.words.get(BRR, 0)
         bits = 10 + bool(cr1 & M) + bool(self.words.get(CR2, 0) & TWO_STOP_BITS)
         if cr1 & OVER8:
@@ -190,9 +190,9 @@ class Usart(Peripheral):
         return max(1, bits * divider * NS_PER_S // self._bus_hz())
 
     def _update(self) -> None:
-        """Interrupt line and, paced, the next instant."""
+        """Update the interrupt line and, if paced, the time of the next event."""
         status, enabled = self.words[SR], self.words.get(CR1, 0)
-        # each flag stands at its enable's place; overrun shares RXNE's
+        # each flag has the same bit as its enable; an overrun uses the enable of RXNE
         flags = status & enabled & (IDLEIE | RXNEIE | TCIE | TXEIE)
         self._interrupt(bool(enabled & UE and (flags or (status & ORE and enabled & RXNEIE))))
         if self._paced:

@@ -1,4 +1,4 @@
-"""The content of a board's flash, whether it fits the chip there, and the wiring of its pins."""
+"""The content of a board's flash, the choice of the image for a chip, and the wiring of its pins."""
 
 import hashlib
 from typing import NamedTuple
@@ -7,8 +7,8 @@ from firmware_stub.image import CHIPS, FLASH_ADDRESS, PARAMETERS_ADDRESS, Image,
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, DeviceError
 
-# DEV_ID of DBGMCU_IDCODE -> STM32 that a person may have instead of ours. Source: ST's reference manuals, and the
-# tables of github.com/stlink-org/stlink, config/chips.
+# DEV_ID of DBGMCU_IDCODE -> STM32 for which there is no image. Source: ST's reference manuals, and the tables of
+# github.com/stlink-org/stlink, config/chips.
 OTHERS = {
     0x411: "STM32F2", 0x412: "STM32F103 of low density (F103x4, x6)", 0x414: "STM32F103 of high density (F103xC to xE)",
     0x415: "STM32L475, L476 or L486", 0x418: "STM32F105 or F107", 0x419: "STM32F42x or F43x", 0x420: "STM32F100",
@@ -21,7 +21,7 @@ OTHERS = {
 
 
 class Content(NamedTuple):
-    """The content to write: pieces of flash by address; the first is the image."""
+    """The content to write: pairs of address and bytes; the first is the image."""
 
     image: Image
     pieces: tuple[tuple[int, bytes], ...]
@@ -43,9 +43,9 @@ def load_content(image: Image, parameters: bytes | None) -> Content:
 
 
 def choose_image(device_id: int, chip: str | None) -> Image:
-    """Return the image for the chip with that device id; `chip` is that of a chosen image, None for any.
+    """Return the image for the chip with that device id. `chip` is the requested chip; None for any.
 
-    Raises ConfigError, by name, for a chip that there is no image for or that is not the one that was named.
+    Raises ConfigError if there is no image for the chip, or if it is not the requested one.
     """
     images = [load_image(name) for name in CHIPS]
     own = next((image for image in images if device_id in image.device_ids), None)

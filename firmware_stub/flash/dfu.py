@@ -1,7 +1,7 @@
-"""Writing by USB: DFU to the bootloader in the chip's ROM, with the program dfu-util.
+"""Write by USB: DFU to the bootloader in the chip's ROM, with the program dfu-util.
 
-The bootloader runs when BOOT0 is high at a reset. It describes the flash and not the chip: an F411 and an F446 look
-alike, so that the person has to say which it is. An F103 has none for USB.
+The bootloader runs if BOOT0 is high at a reset. It describes the flash and not the chip, so it does not distinguish an
+F411 from an F446, and the person must choose. An F103 has no USB bootloader.
 """
 
 import os
@@ -18,7 +18,7 @@ from hil.common.errors import ConfigError, DeviceError
 from hil.common.scratch import ScratchFolder
 
 PROGRAM = "dfu-util"
-ROM = "0483:df11"  # ST's bootloader, by its numbers for vendor and product
+ROM = "0483:df11"  # USB vendor and product id of ST's bootloader
 NO_BOARD = (
     f"no board in DFU mode ({ROM}): set BOOT0 high (on a Black Pill hold BOOT0, press and release NRST), connect its "
     "USB socket, look again with: dfu-util -l"
@@ -32,7 +32,7 @@ TIMEOUT_S = 120.0
 
 
 class DfuBoard(NamedTuple):
-    """A board in DFU mode: where on USB, its serial number, the size of its flash in KiB."""
+    """A board in DFU mode: its path on USB, its serial number, the size of its flash in KiB."""
 
     path: str
     serial: str
@@ -40,9 +40,9 @@ class DfuBoard(NamedTuple):
 
 
 def find_board(path: str | None) -> DfuBoard:
-    """Return the one board in DFU mode, or that at a path of USB or with a serial number.
+    """Return the only board in DFU mode, or the one with that USB path or serial number.
 
-    Raises DeviceError without dfu-util, and if there is no such board or there are several to choose from.
+    Raises DeviceError without dfu-util, if there is no such board, or if several match.
     """
     if not shutil.which(PROGRAM):
         raise DeviceError(f"no {PROGRAM}: sudo apt install {PROGRAM}; or use a debug probe: --by probe")
@@ -73,7 +73,7 @@ def parse_list(text: str) -> list[DfuBoard]:
 
 
 def choose_image(board: DfuBoard, chip: str | None) -> Image:
-    """Return the image for a board; `chip` is the person's choice. Raises ConfigError if that cannot be."""
+    """Return the image for a board. `chip` is the requested chip, or None. Raises ConfigError if it does not fit."""
     if chip == "f103":
         raise ConfigError("an STM32F103 has no USB bootloader in its ROM: use a debug probe: --by probe")
     images = {name: load_image(name) for name in WITH_DFU}
@@ -99,7 +99,7 @@ def write(board: DfuBoard, content: Content, report: Callable[[str], None]) -> N
             is_last = i == len(content.pieces) - 1
             where = f"{address:#010x}" + (":leave" if is_last else "")
             done = _run(["-d", ROM, "-p", board.path, "-a", "0", "-s", where, "-D", path])
-            # As the board leaves, its last status may be lost, which dfu-util counts as an error; not so the file.
+            # When the board leaves the bootloader, its last status may be lost; dfu-util reports that as an error.
             if "File downloaded successfully" not in done.stdout:
                 words = [line for line in (done.stderr + done.stdout).splitlines() if line.strip()]
                 raise DeviceError(f"{PROGRAM}: {words[-1] if words else f'ended with {done.returncode}'}")

@@ -1,6 +1,6 @@
-"""Writing by a debug probe: ST-LINK (every Nucleo has one), CMSIS-DAP, J-Link; by pyOCD (extra `flash`).
+"""Write by a debug probe: ST-LINK (every Nucleo has one), CMSIS-DAP, J-Link; with pyOCD (extra `flash`).
 
-pyOCD's errors become DeviceError. Raises ModuleNotFoundError for `pyocd` where that is not installed.
+pyOCD's errors are raised as DeviceError. Without pyOCD the functions raise ModuleNotFoundError.
 """
 
 import logging
@@ -12,7 +12,7 @@ from firmware_stub.flash.content import Content
 from hil.common.errors import DeviceError
 
 DEVICE_ID_REGISTER, DEVICE_ID_MASK = 0xE004_2000, 0xFFF  # DBGMCU_IDCODE
-# Nothing is read from files of this folder, and nothing printed.
+# pyOCD must not read configuration files of the current folder, and must not print.
 OPTIONS = {"no_config": True, "hide_programming_progress": True, "smart_flash": False, "frequency": 1_000_000}
 NO_PROBE = (
     "no debug probe found: connect an ST-LINK, CMSIS-DAP or J-Link by USB (a Nucleo has its own); if one is connected, "
@@ -21,7 +21,7 @@ NO_PROBE = (
 
 
 class Probe(NamedTuple):
-    """A debug probe that is connected: its number, its name, and pyOCD's object.
+    """A connected debug probe: its unique id, its name, and pyOCD's object.
 
     under_reset: whether it holds the chip in reset while it connects.
     """
@@ -33,20 +33,20 @@ class Probe(NamedTuple):
 
 
 class Board(NamedTuple):
-    """The findings of a probe: the board's name if the probe has it, and the device id of its chip."""
+    """The board at a probe: its name, if the probe knows it, and the device id of its chip."""
 
     name: str
     device_id: int
 
 
 def find_probe(unique_id: str | None) -> Probe:
-    """Return the one probe, or that whose number contains `unique_id`.
+    """Return the only probe, or the one whose unique id contains `unique_id`.
 
-    Raises DeviceError if there is none, or several to choose from.
+    Raises DeviceError if there is none, or if several match.
     """
     from pyocd.core.helpers import ConnectHelper
 
-    logging.getLogger("pyocd").setLevel(logging.CRITICAL)  # what it logs comes as an error too
+    logging.getLogger("pyocd").setLevel(logging.CRITICAL)  # it also raises what it logs
     with _errors("the debug probes cannot be listed"):
         found = ConnectHelper.get_all_connected_probes(blocking=False, print_wait_message=False)
     probes = [Probe(handle.unique_id, handle.description, handle) for handle in found]
@@ -62,7 +62,7 @@ def find_probe(unique_id: str | None) -> Probe:
 
 
 def identify(probe: Probe) -> Board:
-    """Return the board at a probe; its program goes on afterwards. Raises DeviceError if no chip answers."""
+    """Return the board at a probe. Its program continues afterwards. Raises DeviceError if no chip answers."""
     with _session(probe, "cortex_m") as session:
         info = probe.handle.associated_board_info
         word = session.target.read32(DEVICE_ID_REGISTER)
@@ -70,9 +70,9 @@ def identify(probe: Probe) -> Board:
 
 
 def write(probe: Probe, content: Content, report: Callable[[str], None]) -> None:
-    """Erase the sectors of the content, write it, compare it with what is there then, and start the program.
+    """Erase the needed sectors, write the content, verify it, and start the program.
 
-    The chip has to be that of the image. Raises DeviceError if something fails, or the flash then has other bytes.
+    The chip must be that of the image. Raises DeviceError if a step fails, or the flash has different bytes afterwards.
     """
     from pyocd.flash.loader import FlashLoader
 
@@ -81,7 +81,7 @@ def write(probe: Probe, content: Content, report: Callable[[str], None]) -> None
     pyocd_targets.register()
     with _session(probe, pyocd_targets.PREFIX + content.image.name) as session:
         target = session.target
-        target.reset_and_halt()  # the program's watchdog would go on, and end what is half written
+        target.reset_and_halt()  # otherwise the program's watchdog would reset the chip during the write
         loader = FlashLoader(session, chip_erase="sector")
         for address, data in content.pieces:
             loader.add_data(address, data)

@@ -1,7 +1,7 @@
-"""The chips that there are images for, as pyOCD's targets: its own flash algorithms, with these chips' memory.
+"""Targets of pyOCD for the chips with images: pyOCD's own flash algorithms, with the memory of these chips.
 
-pyOCD has the chips themselves only as packs that it downloads. Their families' flash is programmed alike: all F4 of
-ours have the sectors and registers of the F412, an F103C8 those of the F103RC with pages of 1 KiB.
+pyOCD has these chips only as packs that it downloads. Chips of a family are programmed in the same way: our F4 chips
+have the sectors and registers of the F412, and an F103C8 those of the F103RC with pages of 1 KiB.
 """
 
 from typing import Any
@@ -34,7 +34,7 @@ def _f4(chip: str) -> MemoryMap:
 
 
 class _F4(STM32F412xE):  # type: ignore[misc] # pyOCD's constructors have no types
-    """An F4: stops the watchdog while the core is halted, as pyOCD's F412 does."""
+    """An F4. It stops the watchdog while the core is halted, like pyOCD's F412."""
 
     def __init__(self, session: Any) -> None:
         super(STM32F412xE, self).__init__(session, self.MEMORY_MAP)  # without names for all registers
