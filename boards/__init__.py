@@ -1,7 +1,7 @@
-"""Single-board computers (boards) as data: one TOML file a board. Adding a board is adding a file.
+"""Single-board computers (boards) as data, with one TOML file per board. To add a board, add a file.
 
-A number in a file has its source beside it: every table has its `source`, every number outside a table an entry in
-`sources`. A source that begins with "unverified" is commonly stated but was not read anywhere.
+A file gives the source of every number: every table has a `source`, and every number outside a table an entry in
+`sources`. "unverified" at the beginning of a source marks a common statement that no document confirmed.
 
 Public: `load_board`, `detect`. It imports only `hil.common`, and must not know the slave or the commands.
 """
@@ -19,7 +19,7 @@ Memory = Annotated[float, Range(64, 1_048_576, "MiB")]
 
 
 class Serial(NamedTuple):
-    """A serial port: its device, its pins, and what has to be done before it can be used."""
+    """A serial port: its device, its pins (`at`), and the steps that it `needs` before use."""
 
     device: str
     at: str
@@ -28,9 +28,9 @@ class Serial(NamedTuple):
 
 
 class Can(NamedTuple):
-    """A CAN interface: its name in the kernel, its driver, and what has to be done to have it.
+    """A CAN interface: its name in the kernel, its controller, and the steps that it `needs` before use.
 
-    `module` is the kernel's module for it, where the system does not load that by itself at boot.
+    `module` is its kernel module, if the system does not load it at boot.
     """
 
     interface: str
@@ -41,7 +41,7 @@ class Can(NamedTuple):
 
 
 class PowerMode(NamedTuple):
-    """A setting of clocks and cores: how it is selected, and what it leaves."""
+    """A power mode: the command that selects it, the number of active cores, and the power limit."""
 
     name: str
     command: str
@@ -51,7 +51,7 @@ class PowerMode(NamedTuple):
 
 
 class Recommended(NamedTuple):
-    """Recommended periods of the slave, and the most it may use of one core (0..1) and of the memory."""
+    """Recommended periods of the slave (s), and its limits: share of one core (0..1), and memory (MiB)."""
 
     step: Annotated[float, Range(0.0002, 0.02, "s")]
     control_period: Annotated[float, Range(0.001, 0.2, "s")]
@@ -61,9 +61,9 @@ class Recommended(NamedTuple):
 
 
 class Budgets(NamedTuple):
-    """Limits of the slave on the board, as `uuv-hil bench table` measures them; `reason`: source of the numbers.
+    """Limits of the slave on the board, as measured by `uuv-hil bench table`. `reason`: source of the numbers.
 
-    startup: from exec until the master's first sample. memory: resident, with the usual sensors.
+    startup: from exec until the master's first sample. memory: resident, with the default sensors.
     slave_cpu: share of one core at 400 Hz. delay: of a command, from publish to applied, over a pseudo terminal.
     """
 
@@ -78,13 +78,11 @@ class Budgets(NamedTuple):
 class Board(NamedTuple):
     """A single-board computer.
 
-    `models` are beginnings of the text in /proc/device-tree/model, or of the DMI product name, by which it is
-    recognised; the first of `serial` is the port on its pin header. `ram` are the sizes it is sold with. `system` is
-    an operating system for it with Python 3.10 or later, or one and how to get that. The service needs systemd 239 or
-    later.
-    `thermal_zones` are names of the processor's zone, whichever of them the kernel has; it slows down from
-    `throttles_at` (°C, 0: unknown). `throttling` is the source of that: the firmware of a Raspberry Pi by
-    "vcgencmd", else the kernel.
+    It is recognised by `models`: prefixes of the text in /proc/device-tree/model, or of the DMI product name. The first
+    of `serial` is the port on its pin header. `ram` are the available memory sizes. `system` is an operating system
+    with Python 3.10 or later, or one and how to install that Python. The service needs systemd 239 or later.
+    `thermal_zones` are possible names of the processor's thermal zone. The processor throttles from `throttles_at` (°C,
+    0: unknown). `throttling` is where that is reported: by the firmware of a Raspberry Pi ("vcgencmd"), or the kernel.
     """
 
     name: str
@@ -124,7 +122,7 @@ def model(root: str = "/") -> str:
 
 
 def detect(root: str = "/") -> Board | None:
-    """Return the board this machine is, by its model name below `root`; None when it is none of ours."""
+    """Return the board of this machine, by its model name below `root`; None if it is not known."""
     here = model(root)
     if not here:
         return None

@@ -1,20 +1,20 @@
-"""Detect an emulated machine, whose measured figures do not stand for a board of its kind."""
+"""Detect an emulated machine, whose measured figures are not valid for a real board."""
 
 import os
 
 from boards import model
 from boards.tree import Tree
 
-# What emulates this machine, in the environment or on the kernel's command line: tools/virtual_board sets it.
+# Variable of the environment or of the kernel's command line that names the emulator; tools/virtual_board sets it.
 MARK = "UUV_HIL_EMULATED"
-# Processors that run the other one's programs by themselves.
+# Architecture -> the wider one whose processors also run its programs.
 WIDER = {"i386": "x86_64", "i686": "x86_64", "armv7l": "aarch64", "armv8l": "aarch64"}
 # The machine of an ELF file, at its byte 18 (System V ABI) -> what uname calls it.
 ELF_MACHINES = {0x03: "i686", 0x28: "armv7l", 0x3E: "x86_64", 0xB7: "aarch64", 0xF3: "riscv64"}
 
 
 def labels(tree: Tree, architecture: str) -> tuple[str, ...]:
-    """Return the labels of a machine's measured figures; `architecture` is its kernel's name for it (uname)."""
+    """Return labels for a machine's measured figures ("virtual machine"). `architecture` is as uname reports it."""
     texts, processors = [], tree.text("/proc/cpuinfo")
     mark, real = _mark(tree), _host_architecture(tree)
     if mark:
@@ -36,14 +36,14 @@ def _mark(tree: Tree) -> str:
 
 
 def _is_qemu(tree: Tree) -> bool:
-    """Return whether this is a machine that only QEMU makes; Arm processors do not show whether KVM runs them."""
+    """Return whether this machine is made by QEMU. On Arm the processor does not show whether KVM is used."""
     return model(tree.root) == "linux,dummy-virt" or tree.text("/sys/class/dmi/id/sys_vendor") == "QEMU"
 
 
 def _host_architecture(tree: Tree) -> str:
-    """Return the architecture of the kernel, before Linux 6.1 of the first process: qemu-user changes uname.
+    """Return the architecture of the kernel; before Linux 6.1 that of process 1, as qemu-user changes uname.
 
-    Only root may look into the first process.
+    Only root may read process 1. "" if unknown.
     """
     reported = tree.text("/proc/sys/kernel/arch")
     if reported:

@@ -1,6 +1,6 @@
 """Health of a board: temperature, throttling by heat or power supply, and frequency governors.
 
-Cheap enough for once a second, except for the command that queries a Raspberry Pi's firmware.
+All functions are fast enough to be called every second, except the query of a Raspberry Pi's firmware.
 """
 
 from contextlib import suppress
@@ -14,16 +14,16 @@ HWMON = "/sys/class/hwmon"
 CPUS = "/sys/devices/system/cpu"
 PLATFORM = "/sys/devices/platform"
 GENERIC = {"x86_64": "generic_x86_64", "aarch64": "generic_arm64"}
-# Bits of `vcgencmd get_throttled`; 16 higher the same since the last boot. raspberrypi.com documentation, vcgencmd.
+# Bits 0 to 3 of `vcgencmd get_throttled`; bits 16 to 19: the same since boot. Source: raspberrypi.com, vcgencmd.
 FIRMWARE = (
     "the supply voltage is too low", "the clock is capped", "throttled", "the soft temperature limit is reached"
 )  # fmt: skip
 
 
 class Throttling(NamedTuple):
-    """Reasons that slow the processor down now, and that did before, as text.
+    """Reasons (text) why the processor is throttled now, and why it was before.
 
-    `known` is whether there was a source: if not, that both are empty means nothing.
+    `known` is False if this machine does not report throttling; then both are empty.
     """
 
     now: tuple[str, ...] = ()
@@ -32,14 +32,14 @@ class Throttling(NamedTuple):
 
 
 def recognise(tree: Tree) -> Board | None:
-    """Return the board of a machine, else the generic one of its architecture; None for other architectures."""
+    """Return the board of a machine, or else the generic board of its architecture; None for other architectures."""
     board = detect(tree.root)
     generic = GENERIC.get(architecture(tree))
     return board or (load_board(generic) if generic else None)
 
 
 def temperatures(tree: Tree) -> dict[str, float]:
-    """Return °C by thermal zone. Zones that are off or make no sense (-256 on Jetsons) are left out."""
+    """Return temperatures (°C) by thermal zone. Zones that are off or implausible (-256 on Jetsons) are left out."""
     by_zone: dict[str, float] = {}
     for zone in tree.names(THERMAL):
         if zone.startswith("thermal_zone"):
@@ -50,9 +50,9 @@ def temperatures(tree: Tree) -> dict[str, float]:
 
 
 def temperature(tree: Tree, board: Board | None = None) -> float | None:
-    """Return the processor's temperature (°C): the board's own zone, else the hottest; None without a sensor.
+    """Return the processor's temperature (°C): of the board's zone, or else of the hottest; None without a sensor.
 
-    The PMIC zone of Jetsons is a constant and left out.
+    The PMIC zone of Jetsons is constant, and left out.
     """
     by_zone = temperatures(tree)
     for zone in board.thermal_zones if board else ():
@@ -62,9 +62,9 @@ def temperature(tree: Tree, board: Board | None = None) -> float | None:
 
 
 def throttling(tree: Tree, board: Board | None = None, ask_firmware: bool = True) -> Throttling:
-    """Return what slows the processor down. With `ask_firmware` a Raspberry Pi's firmware is queried, in a process.
+    """Return why the processor is throttled. With `ask_firmware` a process queries a Raspberry Pi's firmware.
 
-    Otherwise, or if that fails, the kernel's last reading counts, which it updates every 2 s.
+    Otherwise, or if that fails, the kernel's last reading is used, which it updates every 2 s.
     """
     cooling, counters = _by_cooling(tree), _by_counters(tree)
     now, before = cooling or [], counters or []
@@ -84,7 +84,7 @@ def throttling(tree: Tree, board: Board | None = None, ask_firmware: bool = True
 def _bits_of_the_kernel(tree: Tree) -> int | None:
     """Return the bits that a Raspberry Pi's kernel last read from its firmware: raspberrypi/linux, pull request 2397.
 
-    It clears the history at each query, so that only the present is reported.
+    The kernel clears the history at each query, so only the present state is reported.
     """
     for soc in [name for name in tree.names(PLATFORM) if name.startswith("soc")]:
         for part in [name for name in tree.names(f"{PLATFORM}/{soc}") if name.endswith(":firmware")]:
@@ -94,7 +94,7 @@ def _bits_of_the_kernel(tree: Tree) -> int | None:
 
 
 def governors(tree: Tree) -> dict[str, int]:
-    """Return the number of processors by frequency governor; empty where the kernel does not set the frequency."""
+    """Return the number of processors by frequency governor; empty if the kernel does not set the frequency."""
     counts: dict[str, int] = {}
     for name in tree.names(CPUS):
         governor = tree.text(f"{CPUS}/{name}/cpufreq/scaling_governor") if name[3:].isdigit() else ""
@@ -117,9 +117,9 @@ def _by_voltage(tree: Tree) -> list[str]:
 
 
 def _by_cooling(tree: Tree) -> list[str] | None:
-    """Return the processors that the kernel throttles by temperature: cooling devices of cpufreq above state 0.
+    """Return a reason if the kernel throttles a processor by temperature: a cpufreq cooling device above state 0.
 
-    None if it has none of these: kernels of vendors may name them otherwise.
+    None if there is no such device; kernels of vendors may use different names.
     """
     devices = [f"{THERMAL}/{name}" for name in tree.names(THERMAL) if name.startswith("cooling_device")]
     states = [tree.number(f"{device}/cur_state") for device in devices if "cpufreq" in tree.text(f"{device}/type")]
@@ -130,7 +130,7 @@ def _by_cooling(tree: Tree) -> list[str] | None:
 
 
 def _by_counters(tree: Tree) -> list[str] | None:
-    """Return what Intel processors have counted since boot; None if this one has no counters."""
+    """Return the thermal throttling that Intel processors have counted since boot; None without counters."""
     paths = [f"{CPUS}/{name}/thermal_throttle/core_throttle_count" for name in tree.names(CPUS) if name[3:].isdigit()]
     counts = [count for count in map(tree.number, paths) if count is not None]
     if not counts:

@@ -1,39 +1,40 @@
 """Files and command outputs of a machine: of this one, or of a recorded one.
 
-A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. The output of a command is there in
-`commands/`, in a file named like the command with _ for its spaces. Its symbolic links are followed as the machine
-itself would: an absolute one starts at the folder, and .. does not leave it.
+A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. The outputs of commands are in `commands/`, in
+files named like the command, with _ for each space. Symbolic links are followed as on the machine: an absolute link
+starts at the folder, and .. does not leave it.
 
-psutil cannot serve here: `uuv-hil doctor --root` and the tests read recorded machines by the same code. With 7.2.2:
+psutil is not suitable, because `uuv-hil doctor --root` and the tests read recorded machines with the same code. In
+7.2.2:
 
-* It can be led to another /proc (PROCFS_PATH), but not to another /sys, /dev or /etc, and there it finds no process.
-* `virtual_memory` raises KeyError for a /proc/meminfo of which a part was recorded.
-* `open_files` leaves devices out, so that it does not show who has a serial port open.
-* `sensors_temperatures` leaves thermal zones out where there is a hwmon; boards are described by their zones.
-* It knows nothing of governors, throttling, wlan, CAN, control groups, limits and capabilities.
+* It can read another /proc (PROCFS_PATH), but not another /sys, /dev or /etc, and it finds no process there.
+* `virtual_memory` raises KeyError for a partly recorded /proc/meminfo.
+* `open_files` leaves devices out, so it does not show which process has opened a serial port.
+* `sensors_temperatures` leaves thermal zones out if there is a hwmon; boards are described by their zones.
+* It does not support governors, throttling, wlan, CAN, control groups, limits and capabilities.
 
-In the slave it would also cost start-up and memory (hil/slave/health/usage.py).
+In the slave it would also increase start-up time and memory (hil/slave/health/usage.py).
 """
 
 import os
 
-LINKS = 40  # the most that are followed for one name, as in Linux: path_resolution(7)
-NOWHERE = "/dev/null/too many links"  # below what is no folder: nothing is there, and nothing can be made there
+LINKS = 40  # limit of followed links for one name, as in Linux: path_resolution(7)
+NOWHERE = "/dev/null/too many links"  # /dev/null is no folder, so this path neither exists nor can be made
 
 
 class Tree:
-    """Files and command outputs of the machine below `root`. Nothing raises: what is missing is empty or None."""
+    """Files and command outputs of the machine below `root`. No method raises; missing data are empty or None."""
 
     def __init__(self, root: str = "/") -> None:
         self.root = root
         self.live = os.path.realpath(root) == "/"
 
     def path(self, name: str) -> str:
-        """Return the path here of a file of the machine; links are followed, unlike in `entry`."""
+        """Return the path on this machine of a file of the recorded machine. Links are followed, unlike in `entry`."""
         return os.path.join(self.root, name.lstrip("/")) if self.live else self._inside(name, follow_last=True)
 
     def entry(self, name: str) -> str:
-        """Return the path here of a file of the machine; the link itself if it is one."""
+        """Return the path on this machine of a file of the recorded machine; of the link itself if it is one."""
         return os.path.join(self.root, name.lstrip("/")) if self.live else self._inside(name, follow_last=False)
 
     def exists(self, name: str) -> bool:
@@ -41,7 +42,7 @@ class Tree:
         return os.path.exists(self.path(name))
 
     def text(self, name: str) -> str:
-        """Return the text of a file without the white space (and the zero bytes of device trees) around it."""
+        """Return the text of a file, without leading and trailing white space and zero bytes (of device trees)."""
         try:
             with open(self.path(name), "rb") as file:
                 return file.read().decode("utf-8", "replace").strip(" \t\r\n\0")
@@ -49,7 +50,7 @@ class Tree:
             return ""
 
     def number(self, name: str) -> int | None:
-        """Return the decimal number in a file; None if it holds anything else."""
+        """Return the decimal number in a file; None if it contains anything else."""
         try:
             return int(self.text(name))
         except ValueError:
@@ -63,14 +64,14 @@ class Tree:
             return []
 
     def link(self, name: str) -> str:
-        """Return where a symbolic link points to; empty if it is none, or not readable."""
+        """Return the target of a symbolic link; empty if it is no link, or not readable."""
         try:
             return os.readlink(self.entry(name))
         except (OSError, ValueError):
             return ""
 
     def resolve(self, name: str) -> str:
-        """Return the path in the machine that a device's name stands for: /dev/serial0 -> /dev/ttyS0."""
+        """Return the device that a link leads to: /dev/serial0 -> /dev/ttyS0."""
         for _ in range(8):
             target = self.link(name)
             if not target:
@@ -79,9 +80,9 @@ class Tree:
         return name
 
     def openers(self, target: str) -> list[tuple[int, str]]:
-        """Return number and command of the other processes that have a file ("/dev/ttyS0", "socket:[123]") open.
+        """Return process id and command of the other processes that have opened "/dev/ttyS0", or "socket:[123]".
 
-        Only root may look into the processes of other users.
+        Only root may read this of other users' processes.
         """
         processes = []
         for pid in filter(str.isdecimal, self.names("/proc")):
@@ -108,7 +109,7 @@ class Tree:
         return done.stdout.decode("utf-8", "replace").strip() if done.returncode == 0 else None
 
     def _inside(self, name: str, follow_last: bool) -> str:
-        """Return the path here of a name in the machine, its links followed within the root as chroot(2) would."""
+        """Return the path on this machine of a recorded name. Links are followed within the root, as by chroot(2)."""
         left, place, links = name.split("/"), list[str](), 0
         while left:
             part, *left = left
@@ -128,7 +129,7 @@ class Tree:
 
 
 def _link(path: str) -> str:
-    """Return where a symbolic link points to; empty if it is none."""
+    """Return the target of a symbolic link; empty if it is no link."""
     try:
         return os.readlink(path)
     except (OSError, ValueError):
@@ -138,7 +139,7 @@ def _link(path: str) -> str:
 def architecture(tree: Tree) -> str:
     """Return the kernel's name of the processor's architecture ("aarch64"); empty if it is unknown.
 
-    /proc/sys/kernel/arch is there since Linux 6.1; before, /proc/cpuinfo shows which it is.
+    It is in /proc/sys/kernel/arch since Linux 6.1, and is derived from /proc/cpuinfo on older kernels.
     """
     if tree.live:
         return os.uname().machine

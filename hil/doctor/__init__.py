@@ -1,5 +1,4 @@
-"""Findings about a machine: whether it can run a scenario, and the remedy where it cannot.
+"""Findings about a machine: whether it can run a scenario, and the remedies if it cannot.
 
-Public: `hil.doctor.findings`. It must not change anything on the machine, nor know
-how a person called it.
+Public: `hil.doctor.findings`. It must not change anything on the machine, nor know the command that called it.
 """

@@ -1,4 +1,4 @@
-"""Check the board: clocks, temperature, memory, and what the kernel permits."""
+"""Check the board: clocks, temperature, memory, and the rights that the kernel grants."""
 
 import shlex
 from collections.abc import Iterator
@@ -12,10 +12,10 @@ from hil.doctor.findings import Case, Finding, as_user, grant, hexadecimal, numb
 from hil.install.units import UNIT
 
 CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23  # capabilities(7)
-NEARLY_HOT = 5.0  # K below the temperature at which the board slows down
+NEARLY_HOT = 5.0  # K below the temperature at which the board throttles
 LIMITS, STATUS = "/proc/self/limits", "/proc/self/status"
 CGROUPS = "/sys/fs/cgroup"
-ACTIVE_DRIVERS = ("intel_pstate", "amd-pstate-epp")  # their "powersave" does not hold the clock down
+ACTIVE_DRIVERS = ("intel_pstate", "amd-pstate-epp")  # with these drivers "powersave" does not limit the clock
 
 
 def machine(case: Case) -> Iterator[Finding]:
@@ -33,11 +33,11 @@ def machine(case: Case) -> Iterator[Finding]:
 
 
 def memory_limit(case: Case) -> Iterator[Finding]:
-    """Check whether the kernel can hold the service to its MemoryMax: else a leak there ends other programs too."""
+    """Check whether the kernel can enforce MemoryMax of the service. Otherwise a leak may end other programs too."""
     tree, there = case.tree, True
     if tree.exists(f"{CGROUPS}/cgroup.controllers"):
         there = "memory" in tree.text(f"{CGROUPS}/cgroup.controllers").split()
-    elif not tree.exists(f"{CGROUPS}/memory"):  # of version 1
+    elif not tree.exists(f"{CGROUPS}/memory"):  # cgroups version 1
         words = tree.text("/proc/cmdline").split()
         there = "cgroup_disable=memory" not in words or "cgroup_enable=memory" in words
     if not there:
@@ -46,7 +46,7 @@ def memory_limit(case: Case) -> Iterator[Finding]:
 
 
 def rates(case: Case) -> Iterator[Finding]:
-    """Check whether the scenario asks more of the board than is recommended."""
+    """Check whether the scenario's step is shorter than recommended for the board."""
     if case.scenario and case.board:
         requested, good = case.scenario.slave.step, case.board.recommended.step
         if requested < good * 0.999:
@@ -55,7 +55,7 @@ def rates(case: Case) -> Iterator[Finding]:
 
 
 def governor(case: Case) -> Iterator[Finding]:
-    """Yield how the processor's clock is governed: one that wakes up slowly makes the loop late."""
+    """Check the frequency governor, because a clock that rises slowly makes the loop late."""
     counts = governors(case.tree)
     if not counts:
         return
@@ -71,7 +71,7 @@ def governor(case: Case) -> Iterator[Finding]:
 
 
 def throttled(case: Case) -> Iterator[Finding]:
-    """Check whether heat or the power supply slows the processor down."""
+    """Check whether the processor is throttled by heat or the power supply."""
     slow, warmth = throttling(case.tree, case.board), temperature(case.tree, case.board)
     supply = "a power supply and cable for the board's full current; nothing that draws much on its USB"
     remedy = {True: supply, False: "a heat sink, a fan, or a lower load"}
@@ -103,7 +103,7 @@ def realtime_limits(case: Case) -> Iterator[Finding]:
     process = _process(case)
     if process is None:
         text = f"what {case.user.name} is granted cannot be determined"
-        refused = as_user(case.user)  # a session that is refused says why
+        refused = as_user(case.user)  # a refused session reports why
         remedy = f"see: {shlex.join([*refused, 'true'])}" if refused else f"the same with sudo, --user {case.user.name}"
         yield Finding("note", "real time", text, remedy)
         return
@@ -124,7 +124,7 @@ def realtime_limits(case: Case) -> Iterator[Finding]:
 
 
 def clock(case: Case) -> Iterator[Finding]:
-    """Check whether the clock is kept right by others."""
+    """Check whether the clock is synchronised by NTP."""
     answer = case.tree.run("timedatectl", "show", "--property=NTPSynchronized", "--value")
     if answer == "yes":
         yield Finding("ok", "clock", "synchronised")
@@ -137,7 +137,7 @@ def clock(case: Case) -> Iterator[Finding]:
 
 
 def process_limits(text: str) -> dict[str, float]:
-    """Name -> soft limit of a process, by the text of its /proc/PID/limits."""
+    """Return the soft limits of a process by name, from the text of its /proc/PID/limits."""
     limits = {}
     for line in text.splitlines():
         value = line[26:].split()
@@ -148,7 +148,7 @@ def process_limits(text: str) -> dict[str, float]:
 
 
 def _process(case: Case) -> str | None:
-    """Return limits and status of a process of the user's; None if we may not, or cannot, start one."""
+    """Return limits and status of a process of the user; None if this process cannot start one."""
     prefix = as_user(case.user) if case.tree.live else []
     if prefix:
         return case.tree.run(*prefix, "cat", LIMITS, STATUS)
@@ -163,6 +163,6 @@ def _capabilities(text: str) -> int:
 
 
 def _service_priority(case: Case) -> float:
-    """Return what the unit grants to the user's service; 0 if none is installed for that one."""
+    """Return the real-time priority that the installed unit grants; 0 if no unit is installed for this user."""
     settings = dict(line.partition("=")[::2] for line in case.tree.text(UNIT).splitlines())
     return (number(settings.get("LimitRTPRIO", "")) or 0.0) if settings.get("User") == case.user.name else 0.0

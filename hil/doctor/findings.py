@@ -1,4 +1,4 @@
-"""The findings of the doctor, and what it examines."""
+"""Records of the doctor: its findings, and the subject that it examines."""
 
 import os
 import re
@@ -14,7 +14,7 @@ Level = Literal["ok", "note", "problem"]
 
 
 class Finding(NamedTuple):
-    """One thing looked at: how it is, and what to do about it."""
+    """Result of one check: its level, its topic, the state as text, and the remedy."""
 
     level: Level
     topic: str
@@ -31,7 +31,7 @@ class User(NamedTuple):
 
 
 class Account(NamedTuple):
-    """A line of /etc/passwd or /etc/group; the fourth field is the user's group there, the group's members here."""
+    """A line of /etc/passwd or /etc/group. `fourth` is the fourth field: the user's group, or the group's members."""
 
     name: str
     number: int
@@ -39,7 +39,7 @@ class Account(NamedTuple):
 
 
 class Case(NamedTuple):
-    """Subject of the checks. Without a scenario nothing is needed, so that nothing is a problem."""
+    """Subject of the checks. Without a scenario nothing is required, so no finding is a problem."""
 
     tree: Tree
     board: Board | None
@@ -48,7 +48,7 @@ class Case(NamedTuple):
 
     @property
     def severity(self) -> Level:
-        """Severity of a finding that a run cannot do without."""
+        """Level of a finding about something that a run requires."""
         return "problem" if self.scenario else "note"
 
     @property
@@ -59,7 +59,7 @@ class Case(NamedTuple):
 
     @property
     def device(self) -> str:
-        """The serial port that is used, or without a scenario could be; empty if none is."""
+        """The serial port of the scenario's link, or without a scenario the board's port; empty if there is none."""
         if self.scenario:
             return serial_device(self.scenario, self.board)
         uart = self.board.uart if self.board else ""
@@ -67,23 +67,23 @@ class Case(NamedTuple):
 
 
 def accounts(tree: Tree, file: str) -> list[Account]:
-    """Return the users or groups that a machine has in its /etc/passwd or /etc/group.
+    """Return the users or groups in a machine's /etc/passwd or /etc/group.
 
-    Comments and broken lines are none.
+    Comments and malformed lines are left out.
     """
     rows = re.findall(r"^[ \t]*([^:#\s][^:\n]*):[^:\n]*:([0-9]{1,10}):([^:\n]*)", tree.text(file), re.MULTILINE)
     return [Account(name, int(number), fourth) for name, number, fourth in rows]
 
 
 def grant(case: Case) -> str:
-    """Return what gives the user's session the real-time scheduling and the locked memory that it has not got."""
+    """Return how the user's session gets the real-time scheduling and the locked memory that it lacks."""
     if f"{case.user.name} - rtprio {LOOP_PRIORITY}" in case.tree.text(LIMITS).splitlines():
         return f"log in again: pam_limits grants it to new sessions, by {LIMITS}"
     return "uuv-hil board install grants it to the service and its user; for a shell: see /etc/security/limits.d"
 
 
 def may_open(status: os.stat_result, user: User) -> bool:
-    """Return whether `user` may read and write a file, by its mode; root may all."""
+    """Return whether `user` may read and write a file, by its mode; root always may."""
     if user.uid == 0:
         return True
     shift = 6 if status.st_uid == user.uid else 3 if status.st_gid in user.groups else 0
@@ -91,9 +91,9 @@ def may_open(status: os.stat_result, user: User) -> bool:
 
 
 def as_user(user: User) -> list[str] | None:
-    """Return what a command begins with that is to run as `user` with what that one is granted; None if we may not.
+    """Return the prefix of a command that is run as `user`, with that user's limits; None if this is not permitted.
 
-    runuser and not setuid: it opens a session, in which limits.conf(5) applies.
+    It uses runuser, not setuid, because runuser opens a session, in which limits.conf(5) applies.
     """
     if user.uid == os.getuid():
         return []
@@ -101,7 +101,7 @@ def as_user(user: User) -> list[str] | None:
 
 
 def number(text: str) -> float | None:
-    """Return a number as the kernel's files have it; None if it is not a number."""
+    """Return a decimal number of the kernel's files; None if the text is no number."""
     try:
         value = float(text)
     except ValueError:
@@ -110,7 +110,7 @@ def number(text: str) -> float | None:
 
 
 def hexadecimal(text: str) -> int | None:
-    """Return the same for the kernel's bit fields and ports."""
+    """Return a hexadecimal number of the kernel's files; None if the text is no number."""
     try:
         return int(text, 16)
     except ValueError:

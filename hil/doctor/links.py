@@ -1,4 +1,4 @@
-"""Check the thruster link: the serial port or CAN bus, and other programs on it."""
+"""Check the thruster link: the serial port or CAN bus, and other programs that use it."""
 
 import json
 import os
@@ -11,11 +11,11 @@ from hil.common.errors import ConfigError, MissingExtraError
 from hil.doctor.findings import Case, Finding, User, accounts, hexadecimal, may_open
 from hil.links.address import parse_address
 
-FEW = 4  # ports that are named: a PC has 32
+FEW = 4  # most ports in a remedy; a PC has 32
 
 
 def ports(case: Case) -> Iterator[Finding]:
-    """Check whether the link's serial port is there and may be opened."""
+    """Check whether the link's serial port exists, and may be opened."""
     device, tree = case.device, case.tree
     if not device:
         return
@@ -33,7 +33,7 @@ def ports(case: Case) -> Iterator[Finding]:
 
 
 def console(case: Case) -> Iterator[Finding]:
-    """Check whether the kernel or a login prompt talks on the link's serial port: thrusters would receive it."""
+    """Check whether the kernel or a login prompt writes to the link's serial port, where the STM32 would receive it."""
     tree = case.tree
     if not case.device:
         return
@@ -71,7 +71,7 @@ def holders(case: Case) -> Iterator[Finding]:
 
 
 def line_rate(case: Case) -> Iterator[Finding]:
-    """Check whether the link's line is fast enough for the commands of the scenario."""
+    """Check whether the link's line rate is sufficient for the commands of the scenario."""
     scenario = case.scenario
     if not scenario or scenario.controller != "builtin":
         return
@@ -85,11 +85,11 @@ def line_rate(case: Case) -> Iterator[Finding]:
         problem, _, remedy = str(error).partition(": use ")
         yield Finding("problem", "line rate", problem, f"use {remedy}")
     except MissingExtraError:
-        return  # what is missing is reported with the software
+        return  # `software` reports the missing package
 
 
 def can_bus(case: Case) -> Iterator[Finding]:
-    """Check whether the link's CAN interface is there, up, at the right bit rate, and in a good state."""
+    """Check whether the link's CAN interface exists, is up, and has the right bit rate and state."""
     address = parse_address(case.scenario.link.port) if case.scenario else None
     if not case.scenario or not address or address.interface != "socketcan":
         return
@@ -112,7 +112,7 @@ def can_bus(case: Case) -> Iterator[Finding]:
 
 
 def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]:
-    """Yield what the kernel's netlink reports of an interface that is up."""
+    """Check bit rate and state of an interface that is up, as the kernel's netlink reports them."""
     try:
         details = json.loads(tree.run("ip", "-details", "-json", "link", "show", name) or "")[0]
     except (ValueError, LookupError, TypeError, RecursionError):
@@ -130,7 +130,7 @@ def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]
         yield Finding("problem", "CAN", f"{name} runs at {bitrate} bit/s, the scenario says {rate}", remedy)
     if state not in (None, "ERROR-ACTIVE"):
         remedy = "both ends at one bit rate, CAN-H and CAN-L not swapped, 120 ohms at either end, the STM32 powered"
-        # Not in one with the bit rate: a driver that cannot (gs_usb) refuses the whole command, and nothing is up.
+        # Separate from the bit rate: a driver without restart-ms (gs_usb) would refuse the whole command.
         again = f"sudo ip link set {name} down; sudo ip link set {name} type can restart-ms 100 (not every driver can)"
         remedy += f"; then {again}; {up}" if state == "BUS-OFF" else ""
         yield Finding("problem", "CAN", f"{name} is in the state {state}", remedy)
@@ -139,15 +139,15 @@ def _can_details(tree: Tree, name: str, rate: int, up: str) -> Iterator[Finding]
 
 
 def _table(value: Any, key: str) -> dict[str, Any]:
-    """Return an object within another one of JSON; empty if it is none."""
+    """Return the JSON object under `key`; empty if it is no object."""
     inner = value.get(key) if isinstance(value, dict) else None
     return inner if isinstance(inner, dict) else {}
 
 
 def permission(tree: Tree, status: os.stat_result, user: User) -> str:
-    """Return what lets `user` open a device: its own group where that may read and write, else the rule for udev.
+    """Return how `user` may open a device: by joining its group if that may read and write, else by a udev rule.
 
-    Not the group of root, and so not that of a device that only root's group may open.
+    The group of root is never proposed.
     """
     names = {row.number: row.name for row in accounts(tree, "/etc/group")}
     group = names.get(status.st_gid, "") if status.st_gid and status.st_mode >> 3 & 6 == 6 else ""
@@ -156,7 +156,7 @@ def permission(tree: Tree, status: os.stat_result, user: User) -> str:
 
 
 def _instead(case: Case, device: str, real: str) -> str:
-    """Return what helps where a serial port is not there: what the board needs for it, or another one of its kind."""
+    """Return the remedy for a missing serial port: the board's steps for it, or another port of its kind."""
     port = next((port for port in case.board.serial if port.device == device), None) if case.board else None
     if port and port.needs:
         return port.needs
@@ -181,7 +181,7 @@ def _logins(tree: Tree, tty: str) -> list[str]:
         if folder.endswith(".wants")
         for name in tree.names(f"/etc/systemd/system/{folder}")
     ]
-    # Which port nvgetty takes its script decides: none that is not there.
+    # nvgetty's script chooses its port among those that exist.
     jetson = tty.startswith("ttyTHS") and tree.exists(f"/dev/{tty}")
     services = [f"serial-getty@{tty}.service", *(["nvgetty.service"] if jetson else [])]
     return [service for service in services if service in wanted]

@@ -36,7 +36,7 @@ def network_ports(case: Case) -> Iterator[Finding]:
 
 
 def wlan(case: Case) -> Iterator[Finding]:
-    """Check whether a wlan sleeps between beacons: what comes in then waits for 0.1 s and more."""
+    """Check whether a wlan interface saves power between beacons, which delays received data by 0.1 s and more."""
     for name in case.tree.names("/sys/class/net"):
         if not any(case.tree.exists(f"/sys/class/net/{name}/{mark}") for mark in ("wireless", "phy80211")):
             continue

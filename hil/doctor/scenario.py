@@ -1,4 +1,4 @@
-"""Check a scenario without running it: the content of its files, and errors at its start."""
+"""Check a scenario without running it: the content of its files, and errors when it starts."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -22,16 +22,16 @@ from sim.vehicle.terminal_speed import reaches
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
-SCANS = ("laser", "scanning_sonar")  # topics without which a planner that needs one stands still
+SCANS = ("laser", "scanning_sonar")  # a planner that needs one of these topics does not move without it
 
-# how a planner's error begins -> the key that it is about
+# beginning of a planner's error -> the key that causes it
 KEYS = {"the goal ": "master: goal: ", "the start ": "start: ", "no path ": "master: margin: "}
 
 
 def check_scenario(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Yield the problems that a flight of a loaded scenario would meet; nothing if there are none.
+    """Yield the problems that a flight of a loaded scenario would have; nothing if there are none.
 
-    Raises ConfigError when the vehicle's or the world's file is wrong.
+    Raises ConfigError if the vehicle's or the world's file is invalid.
     """
     for level, text in _check(scenario):
         yield ScenarioFinding(level, text if scenario.path in text else f"{scenario.path}: {text}")
@@ -79,7 +79,7 @@ def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
 
 
 def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iterator[ScenarioFinding]:
-    """Compare the speed that is requested with what the thrusters can keep up against the drag."""
+    """Compare the requested speed with the vehicle's top speed."""
     key, speed = requested_speed(scenario)
     if top_speed and speed > top_speed:
         yield ScenarioFinding(
@@ -101,7 +101,7 @@ def _check_current(world: World, vehicle: Vehicle, top_speed: float) -> Iterator
 
 
 def _check_periods(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Compare the period of the commands with how long the slave waits for one, and how many it takes."""
+    """Compare the period of the commands with the slave's deadman and its limit of the command rate."""
     period, slave = scenario.master.command_period, scenario.slave
     if slave.deadman < 2.0 * period:
         level, what = ("problem", "go") if slave.deadman <= period else ("warning", "go after one lost command")
@@ -125,7 +125,7 @@ def _check_periods(scenario: Scenario) -> Iterator[ScenarioFinding]:
 
 
 def _check_late(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find what is to happen only after the end of the run."""
+    """Find failures and releases after the end of the run."""
     times = [(f"failure[{number}]", one.time) for number, one in enumerate(scenario.failure)]
     times += [(f"release[{number}]", one.time) for number, one in enumerate(scenario.release)]
     for key, time in times:
@@ -138,7 +138,7 @@ def _check_late(scenario: Scenario) -> Iterator[ScenarioFinding]:
 
 
 def _check_mavlink(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find endpoints that are given twice, and a picture without a camera."""
+    """Find duplicate endpoints, and a video stream without a camera."""
     mavlink = scenario.mavlink
     if mavlink is None:
         return
@@ -160,9 +160,9 @@ def _check_mavlink(scenario: Scenario) -> Iterator[ScenarioFinding]:
 
 
 def _check_line(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
-    """Find out whether the thruster link can be opened, and whether its line carries the commands."""
+    """Check whether the thruster link can be opened, and whether its line rate is sufficient for the commands."""
     try:
-        with suppress(MissingExtraError):  # this machine may not be the one that opens it; the doctor looks there
+        with suppress(MissingExtraError):  # another machine may open the link; the doctor checks it there
             end_protocol(scenario.link, "host", len(vehicle.channels))
         check_line_rate(scenario.link, len(vehicle.channels), 1.0 / scenario.slave.control_period)
     except ConfigError as error:
@@ -170,7 +170,7 @@ def _check_line(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFindin
 
 
 def _check_autopilot_line(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find out whether a serial line to PX4 carries the samples."""
+    """Check whether the line rate to PX4 is sufficient for the samples."""
     from hil.autopilots.link_test import line_rate
     from hil.autopilots.opening import settings_of
 
@@ -185,7 +185,7 @@ def _check_autopilot_line(scenario: Scenario) -> Iterator[ScenarioFinding]:
 
 
 def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -> Iterator[ScenarioFinding]:
-    """Find out whether the vehicle has room where it starts, and what is made at its start."""
+    """Check whether the start position is free, and whether the simulation can be built."""
     start, tether = scenario.start, scenario.tether
     far = dist(tether.anchor, (start.north, start.east, start.depth)) if tether else 0.0
     if tether and far > tether.length:
@@ -203,7 +203,7 @@ def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -
 
 
 def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[ScenarioFinding]:
-    """Check a planner that has a way: whether there is time for it, whether it sees, and where else it goes."""
+    """Check a planner with a path: whether there is time to fly it, whether its sensors exist, its other places."""
     planner, grid, master = plan.planner, plan.request.map, scenario.master
     length = sum(dist(a, b) for a, b in pairwise(planner.path))
     if length / speed > master.time_limit:
@@ -226,10 +226,10 @@ def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[Scenar
 def _check_places(
     planner: Planner, grid: OccupancyGrid, clearance: float, time_limit: float
 ) -> Iterator[ScenarioFinding]:
-    """Check where a planner goes besides the goal, and how long its tasks take at least."""
+    """Check whether the planner's places besides the goal are free, and whether there is time for its tasks."""
     from hil.master.tasks import Tasks
 
-    is_ours = isinstance(planner, Tasks)  # one of the user's may know another way there
+    is_ours = isinstance(planner, Tasks)  # a user's planner may reach it differently
     room = grid.inflate(clearance)
     for north, east in planner.places:
         if not room.is_free((north, east)):

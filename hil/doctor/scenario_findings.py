@@ -1,10 +1,10 @@
-"""The record of what a check of a scenario finds."""
+"""The record of a finding about a scenario."""
 
 from typing import NamedTuple
 
 
 class ScenarioFinding(NamedTuple):
-    """One thing about a scenario: `level` is "problem" (no flight succeeds) or "warning", `text` names file and key."""
+    """A finding about a scenario. `level` is "problem" (no flight succeeds) or "warning"; `text` names file and key."""
 
     level: str
     text: str

@@ -1,4 +1,4 @@
-"""Check the scenario of a fleet: whether its vehicles, endpoints, modems and its hunt fit each other."""
+"""Check the scenario of a fleet: whether its vehicles, endpoints, modems and hunt are consistent."""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -16,12 +16,12 @@ from hil.scenario.modem import REPORT_BYTES, modem_of
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
-PORTS = 2  # of an endpoint: its own, and the next one
-PLACES = 50  # of each vehicle's way that are looked at
+PORTS = 2  # ports that an endpoint uses: its own, and the next one
+PLACES = 50  # checked points of each vehicle's path
 
 
 def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[ScenarioFinding]:
-    """Yield what a fleet of this scenario would run into, besides what each vehicle would."""
+    """Yield problems of the fleet as a whole; those of single vehicles are found elsewhere."""
     yield from _check_distances(scenario, vehicle)
     yield from _check_endpoints(scenario)
     if scenario.security and scenario.modem:
@@ -41,7 +41,7 @@ def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[
 
 
 def _check_distances(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
-    """Find vehicles that start inside, or too near to, each other."""
+    """Find vehicles that overlap, or are too near to each other, at the start."""
     size = hypot(*vehicle.dimensions[:2])
     least = max(size, scenario.hunting.min_separation if scenario.hunting else 0.0)
     why = "min_separation of [hunting]" if least > size else f"two {vehicle.name} may touch"
@@ -56,7 +56,7 @@ def _check_distances(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioF
 
 
 def _check_endpoints(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find endpoints of one host whose ports, two each, are the same."""
+    """Find endpoints of one host that share a port; each uses two ports."""
     taken: dict[tuple[str, int], str] = {}
     for number, member in enumerate(scenario.member):
         for key, endpoint in (("listen", member.listen), ("agent", member.agent)):
@@ -74,7 +74,7 @@ def _check_endpoints(scenario: Scenario) -> Iterator[ScenarioFinding]:
 
 
 def _check_modem(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFinding]:
-    """Find out whether a report fits into a message, and into its slot or period."""
+    """Check whether a report fits into a message, and all reports into their period."""
     try:
         modem = modem_of(scenario)
     except ConfigError as error:
@@ -93,7 +93,7 @@ def _check_modem(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFindi
 
 
 def _check_ring(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFinding]:
-    """Compare the distance of neighbours on the ring with what they keep, and with their range of communication."""
+    """Compare the distance of neighbours on the ring with min_separation, and with the communication range."""
     apart = 2.0 * hunting.ring * sin(pi / len(scenario.member))
     if apart < hunting.min_separation:
         yield ScenarioFinding(
@@ -110,7 +110,7 @@ def _check_ring(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFindin
 
 
 def _check_ways(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: World) -> Iterator[ScenarioFinding]:
-    """Find out whether there is time for the hunt, and whether something is in the way, which no vehicle avoids."""
+    """Check whether there is time for the hunt, and whether the paths are free, as the vehicles avoid no obstacles."""
     limit = scenario.master.time_limit
     if plan.duration > limit:
         yield ScenarioFinding(

@@ -1,4 +1,4 @@
-"""Check sections of a scenario whose values are each permitted, and with which no flight goes well."""
+"""Check sections of a scenario for values that are valid, but with which no flight succeeds."""
 
 import os
 from collections.abc import Iterator
@@ -11,15 +11,15 @@ from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle
 
-# Flights of paper_field, path_planning and task_scheduling are too deep with a margin of 0.02 m, not with this one.
+# Flights of paper_field, path_planning and task_scheduling go too deep with a margin of 0.02 m, but not with this one.
 LEAST_DEPTH_MARGIN_M = 0.05
-# Of paper_six, bluerov2, bluerov2_heavy, bluerov2_li2020 three fail paper_field at 1 Hz, none at 2 Hz (at 0.5 m/s).
+# Three of paper_six, bluerov2, bluerov2_heavy, bluerov2_li2020 fail paper_field at 1 Hz, none at 2 Hz (at 0.5 m/s).
 LEAST_ODOMETRY_HZ = 2.0
-HORIZONTAL = 1e-3  # share of a thruster's thrust along x or y from which on it pushes horizontally
+HORIZONTAL = 1e-3  # a thruster counts as horizontal from this share of its thrust along x or y
 
 
 def check_sections(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
-    """Yield what is wrong in [master], [sensors], [[failure]] and [security]."""
+    """Yield findings about [master], [sensors], [[failure]] and [security]."""
     yield from _check_depth_margin(scenario)
     yield from _check_odometry(scenario)
     yield from _check_failures(scenario, vehicle)
@@ -27,7 +27,7 @@ def check_sections(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFin
 
 
 def _check_depth_margin(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find a margin of depth that every control exceeds."""
+    """Find a depth margin that is smaller than the overshoot of any controller."""
     margin = scenario.master.depth_margin
     if margin < LEAST_DEPTH_MARGIN_M and "too_deep" not in scenario.master.allow:
         yield ScenarioFinding(
@@ -49,7 +49,7 @@ def _check_odometry(scenario: Scenario) -> Iterator[ScenarioFinding]:
 
 
 def _check_failures(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
-    """Find a vehicle that has no horizontal thrust from the start on."""
+    """Find a vehicle without horizontal thrust from the start."""
     x, y, *_ = wrench_matrix(vehicle)
     pairs = zip(vehicle.thrusters, x, y, strict=True)
     horizontal = {thruster.name for thruster, *push in pairs if max(map(abs, push)) > HORIZONTAL}
@@ -69,7 +69,7 @@ def _is_dead_at_start(failure: Failure) -> bool:
 
 
 def _check_security(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find folders of certificates that are not there, or lack a file. Each machine may have its own one alone."""
+    """Find folders of certificates that do not exist, or lack a file. A machine needs only its own folder."""
     if scenario.security is None:
         return
     named = {key: getattr(scenario.security, key) for key in ("slave", "master", "router")}

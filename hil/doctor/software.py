@@ -1,4 +1,4 @@
-"""Check the installation: packages, bytecode, start, step cost, and a process's rights."""
+"""Check the installation: packages, bytecode, start, processor time of a step, and the rights of a process."""
 
 import os
 import platform
@@ -24,18 +24,18 @@ from hil.scenario.records import Recording
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PACKAGES = ("hil", "sim", "boards", "firmware_stub")
-# name, distribution, what it is for, how to get it
+# name, distribution, purpose, argument of pip install
 LIBRARIES = (
     ("zenoh", "eclipse-zenoh", "the network between slave and master", "eclipse-zenoh"),
     ("pyserial", "pyserial", "serial ports", "pyserial"),
     ("numpy", "numpy", "the master's maps", "'uuv-hil[master]'"),
 )
-# the same for what a word in a scenario needs
+# the same for packages that a value in a scenario requires
 WANTED = {
     "mavlink": ("pymavlink", "pymavlink", "[link] protocol", "'uuv-hil[mavlink]'"),
     "unicorn": ("unicorn", "unicorn", "the scenario's stm32", "'uuv-hil[unicorn]'"),
 }
-# besides that of the step
+# C extensions besides that of the step
 EXTENSIONS = ("sim.native._rays", "sim.native._picture", "hil.slave.native._firmware")
 WARM_UP, STEPS = 40, 400
 
@@ -57,7 +57,7 @@ def software(case: Case) -> Iterator[Finding]:
 
 
 def start(scenario: Scenario, user: User) -> Iterator[Finding]:
-    """Check whether the slave would start, record as `user`, and the planner find a way: what refuses is a problem."""
+    """Check whether the slave would start, could record as `user`, and the planner would find a path."""
     checks: tuple[tuple[str, Callable[[], object]], ...] = (
         ("slave", lambda: _assemble(scenario)),
         ("link", lambda: _open_protocols(scenario)),
@@ -78,14 +78,14 @@ def start(scenario: Scenario, user: User) -> Iterator[Finding]:
 
 
 def _fault(topic: str, check: Callable[[], object], path: str) -> Finding | None:
-    """Return what `check` raises, as a problem with the remedy; None if it raises nothing."""
+    """Return the error that `check` raises as a problem with its remedy; None if it raises nothing."""
     try:
         check()
     except (NetworkError, MissingExtraError) as error:  # these name the remedy
         return Finding("problem", topic, str(error))
     except HilError as error:
         return Finding("problem", topic, str(error), f"mend it in {path}")
-    except Exception as error:  # noqa: BLE001 - a class of the user's own may raise anything
+    except Exception as error:  # noqa: BLE001 - a user's class may raise anything
         return Finding(
             "problem", topic, f"{type(error).__name__}: {error}", f"mend it in {path}, or in what that names"
         )
@@ -93,7 +93,7 @@ def _fault(topic: str, check: Callable[[], object], path: str) -> Finding | None
 
 
 def _assemble(scenario: Scenario) -> None:
-    """Assemble the slaves up to their devices. Raises HilError when one would end before."""
+    """Assemble all slaves, except their devices. Raises HilError if one would not start."""
     for each in [as_member(scenario, member.node) for member in scenario.member] or [scenario]:
         assemble(each)
 
@@ -132,7 +132,7 @@ def _require_room(recording: Recording, user: User) -> None:
 
 
 def may_write(folder: str, user: User) -> bool:
-    """Return whether `user` may make files in a folder: of others by its mode, root may everywhere."""
+    """Return whether `user` may make files in a folder. For another user the folder's mode decides; root always may."""
     if user.uid in (0, os.getuid()):
         return os.access(folder, os.W_OK | os.X_OK)
     status = os.stat(folder)
@@ -141,8 +141,8 @@ def may_write(folder: str, user: User) -> bool:
 
 
 def _plan(scenario: Scenario) -> None:
-    """Plan the mission's path. Raises HilError when there is none. Without numpy this machine runs no master."""
-    led = scenario.planner or scenario.master.goal  # else it is flown from Python, or by ROS
+    """Plan the mission's path, if numpy is installed for a master. Raises HilError if there is no path."""
+    led = scenario.planner or scenario.master.goal  # otherwise a Python program or ROS flies it
     if not led or scenario.member or scenario.controller == "external" or find_spec("numpy") is None:
         return
     from hil.master.flight import prepare
@@ -151,7 +151,7 @@ def _plan(scenario: Scenario) -> None:
 
 
 def step(case: Case) -> Iterator[Finding]:
-    """Yield which step of the dynamics is taken and why; with a scenario also what it costs here."""
+    """Report whether the step of the dynamics runs in C or Python and why, and its processor time for a scenario."""
     from sim.native import COMPILE_AGAIN, REMEDY, SWITCH, choose, load
 
     try:
@@ -178,13 +178,13 @@ def step(case: Case) -> Iterator[Finding]:
             yield step_cost(scenario, share)
         except HilError:  # `start` has reported it
             return
-        except Exception as error:  # noqa: BLE001 - a sensor of the user's own may raise anything
+        except Exception as error:  # noqa: BLE001 - a user's sensor may raise anything
             text = f"cannot be taken: {type(error).__name__}: {error}"
             yield Finding("problem", "step", text, "mend the sensor or force that raises it")
 
 
 def step_cost(scenario: Scenario, allowed: float) -> Finding:
-    """Return what the simulation takes of a core here, against the share (0..1) that it may."""
+    """Return the simulation's share of a core on this machine, compared with the allowed share (0..1)."""
     cost, period = step_cost_s(scenario), scenario.slave.step
     text = f"{cost * 1e6:.0f} µs of every {period * 1e6:.0f} µs, {cost / period:.1%} of a core"
     if cost < allowed * period:
@@ -193,7 +193,7 @@ def step_cost(scenario: Scenario, allowed: float) -> Finding:
 
 
 def library(name: str, distribution: str, purpose: str, package: str, needed: Level) -> Finding:
-    """Return the version of an installed distribution, or how to get it."""
+    """Return the version of an installed distribution, or how to install it."""
     try:
         return Finding("ok", name, metadata.version(distribution))
     except metadata.PackageNotFoundError:
@@ -201,7 +201,7 @@ def library(name: str, distribution: str, purpose: str, package: str, needed: Le
 
 
 def bytecode(root: str) -> Finding:
-    """Return whether the modules of the packages below `root` are compiled: else the first start takes longer."""
+    """Check whether the packages below `root` are compiled to bytecode. If not, the first start takes longer."""
     missing = total = 0
     for package in PACKAGES:
         for folder, _, files in os.walk(os.path.join(root, package)):
@@ -216,7 +216,7 @@ def bytecode(root: str) -> Finding:
 
 
 def _is_compiled(source: str) -> bool:
-    """Return whether a module is compiled, by the header of its cached file: flags, time and size (PEP 552)."""
+    """Return whether a module is compiled, by the header of its bytecode file: flags, time and size (PEP 552)."""
     try:
         with open(cache_from_source(source), "rb") as file:
             header = file.read(16)
@@ -228,7 +228,7 @@ def _is_compiled(source: str) -> bool:
 
 
 def granted(case: Case) -> Iterator[Finding]:
-    """Yield what the slave would be granted: asked for as the slave does, in a process of its user's."""
+    """Report the scheduling and locked memory that the slave would get, tried in a process of its user."""
     prefix = as_user(case.user)
     if prefix is None:
         return
@@ -237,7 +237,7 @@ def granted(case: Case) -> Iterator[Finding]:
     try:
         command = [*prefix, *python_command("-c", code)]
         output = subprocess.run(command, capture_output=True, text=True, check=False, env=environment).stdout
-    except OSError:  # no runuser here, or below an emulator that cannot start another program
+    except OSError:  # no runuser, or an emulator that cannot start another program
         output = ""
     if not output:
         text = f"could not be tried: {case.user.name} cannot start {sys.executable}"
@@ -249,7 +249,7 @@ def granted(case: Case) -> Iterator[Finding]:
 
 
 def step_cost_s(scenario: Scenario) -> float:
-    """Return the processor time (s) that one step of the scenario's simulation takes here, without its start."""
+    """Return the processor time (s) of one step of the scenario's simulation on this machine, after its start."""
     from sim.environment.world import load_world
     from sim.vehicle.vehicle import load_vehicle
 
@@ -258,7 +258,7 @@ def step_cost_s(scenario: Scenario) -> float:
     pwm_us = (PWM_NEUTRAL_US,) * len(vehicle.channels)
     for _ in range(WARM_UP):
         simulation.step(pwm_us)
-    start = time.process_time()  # psutil has the same in steps of 10 ms
+    start = time.process_time()  # psutil reports it in steps of 10 ms only
     for _ in range(STEPS):
         simulation.step(pwm_us)
     return (time.process_time() - start) / STEPS
