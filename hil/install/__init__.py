@@ -1,4 +1,4 @@
-"""Slaves on the machines they are for: a board's service and what removes it again, and a fleet's, over ssh.
+"""Install slaves: as a service on a board, with its removal, and as processes of a fleet on other machines, by ssh.
 
 Public: `hil.install.units`, `hil.install.fleet`. It must not know what a slave does.
 """

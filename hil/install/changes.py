@@ -1,7 +1,7 @@
 """Write files to a machine, and restore its former state.
 
-Everything is planned first, so that it can be shown. A manifest notes what was written, what was there before, and
-which folders had to be made for it.
+All changes are planned first, so that they can be shown. A manifest stores which files were written, their former
+contents, and the folders that were made for them.
 """
 
 import hashlib
@@ -20,11 +20,11 @@ from hil.common.schema import Range, parse
 MANIFEST = "/etc/uuv-hil/installed.json"  # not in /var/lib: the service's user could write there what root deletes
 MODE = 0o644
 SAME = (-1, -1)  # for chown(2): the owner does not change
-TEMPORARY_SUFFIX = ".new"  # an ending that none of those who read these folders looks for
+TEMPORARY_SUFFIX = ".new"  # programs that read these folders ignore files with this suffix
 
 
 class Change(NamedTuple):
-    """One file: where, what it is to hold (None: it goes), what it holds now (None: it is not there), and whose it is.
+    """Change of one file: its path, its new content `after` (None: remove it), its content `before` (None: no file).
 
     `owner`: numbers of user and group.
     """
@@ -37,7 +37,7 @@ class Change(NamedTuple):
 
 
 class ManifestEntry(NamedTuple):
-    """Entry of a file in the manifest: what was written, what was `before`, and folders that were made for it."""
+    """Entry of a file in the manifest: hash of the new content, content `before`, folders that were made for it."""
 
     sha256: str
     before: str | None = None
@@ -49,7 +49,7 @@ class ManifestEntry(NamedTuple):
 class Plan(NamedTuple):
     """Changes to make: files to be `written`, and files to be restored or `removed`.
 
-    `changed` are the paths of what somebody has changed since it was written: they stay.
+    `changed` are the paths of files that somebody has changed since the installation; they are left alone.
     """
 
     written: tuple[Change, ...] = ()
@@ -63,10 +63,10 @@ class Plan(NamedTuple):
 
 
 def plan_install(tree: Tree, texts: dict[str, str]) -> Plan:
-    """Return the files that are missing or differ, and those of an installation before that are not needed any more.
+    """Return the files to write, and those of an earlier installation that are no longer needed.
 
-    `texts`: path -> what it is to hold. Raises ConfigError when one is a link, for instance of a masked unit, or cannot
-    be a file.
+    `texts`: path -> content. Raises ConfigError if a path is a link, such as that of a masked unit, or cannot be a
+    file.
     """
     for path in (*texts, MANIFEST):
         if os.path.islink(tree.entry(path)):
@@ -82,7 +82,7 @@ def plan_install(tree: Tree, texts: dict[str, str]) -> Plan:
 
 
 def plan_uninstall(tree: Tree) -> Plan:
-    """Return the changes that remove all files of the manifest. Raises ConfigError when nothing is installed."""
+    """Return the changes that remove all files of the manifest. Raises ConfigError if nothing is installed."""
     entries = _manifest(tree)
     if entries is None:
         raise ConfigError(f"nothing is installed here: there is no {MANIFEST}")
@@ -96,7 +96,7 @@ def show(change: Change) -> str:
         for text in (change.before, change.after)
     )
     text = "\n".join(unified_diff(old, new, old_name, new_name, lineterm=""))
-    return text.encode(errors="surrogateescape").decode(errors="replace")  # what is no UTF-8 cannot be printed
+    return text.encode(errors="surrogateescape").decode(errors="replace")  # bytes that are not UTF-8 cannot be printed
 
 
 def carry_out(tree: Tree, plan: Plan) -> None:
@@ -104,20 +104,20 @@ def carry_out(tree: Tree, plan: Plan) -> None:
     entries = _manifest(tree) or {}
     done = dict(entries)
     for change in plan.written:
-        # what was there before is that of the first time
+        # the former content is the one before the first installation
         first = entries.get(change.path) or _manifest_entry(tree, change)
         done[change.path] = first._replace(sha256=_digest(change.after or ""))
     folders = {os.path.dirname(MANIFEST), *(folder for entry in done.values() for folder in entry.folders)}
     try:
         record = [_record(done)] if plan.written else []
-        _put(tree, [*record, *plan.changes])  # the record first: what follows can be undone
+        _put(tree, [*record, *plan.changes])  # the manifest first, so that the other changes can be undone
         left = {path: entry for path, entry in done.items() if _read(tree, path) != entry.before}
         if left != done or not left:
-            with suppress(DeviceError):  # a record that names too much does no harm
+            with suppress(DeviceError):  # a manifest with too many entries does no harm
                 _put(tree, [_record(left)])
     finally:
         for folder in sorted(folders, key=len, reverse=True):
-            with suppress(OSError):  # something is in it
+            with suppress(OSError):  # the folder is not empty
                 os.rmdir(tree.path(folder))
 
 
@@ -138,7 +138,7 @@ def _plan_removal(tree: Tree, entries: dict[str, ManifestEntry]) -> Plan:
     for path, entry in entries.items():
         now = _read(tree, path)
         if now == entry.before:
-            continue  # never written, as the installation ended before; or somebody put it back
+            continue  # never written, because the installation was interrupted, or restored by hand
         if now is None or _digest(now) == entry.sha256:
             removed.append(Change(path, entry.before, now, entry.mode, entry.owner))
         else:
@@ -173,9 +173,9 @@ def _missing_folders(tree: Tree, path: str) -> list[str]:
 
 
 def _manifest(tree: Tree) -> dict[str, ManifestEntry] | None:
-    """Return what is installed; None if there is no manifest.
+    """Return the entries of the manifest; None if there is none.
 
-    Raises ConfigError when it is not what was written there.
+    Raises ConfigError if it is damaged.
     """
     text = _read(tree, MANIFEST)
     if text is None:
@@ -192,7 +192,7 @@ def _manifest(tree: Tree) -> dict[str, ManifestEntry] | None:
 
 
 def _record(entries: dict[str, ManifestEntry]) -> Change:
-    """Return the manifest, for nobody to read who could not read what it says was there before."""
+    """Return the manifest as a change. Only users who could read all former files may read it."""
     text = json.dumps({path: entry._asdict() for path, entry in entries.items()}, indent=1, sort_keys=True) + "\n"
     mode = MODE
     for entry in entries.values():
@@ -201,9 +201,9 @@ def _record(entries: dict[str, ManifestEntry]) -> Change:
 
 
 def _read(tree: Tree, path: str) -> str | None:
-    """Return a file to the byte, whatever encoding it is in; None if it is not there.
+    """Return the content of a file, in any encoding without loss; None if there is no file.
 
-    Raises HilError when it is no file.
+    Raises ConfigError if it is no regular file, DeviceError if it cannot be read.
     """
     place = tree.path(path)
     if not os.path.exists(place):
@@ -218,7 +218,7 @@ def _read(tree: Tree, path: str) -> str | None:
 
 
 def _put(tree: Tree, changes: Sequence[Change]) -> None:
-    """Write all files beside their places, then rename them: a full disk leaves all as it was.
+    """Write all files under temporary names, then rename them. So a full disk changes nothing.
 
     Raises DeviceError.
     """
@@ -236,7 +236,7 @@ def _put(tree: Tree, changes: Sequence[Change]) -> None:
         raise DeviceError(f"{text}; mend that and run the same command again") from None
     finally:
         for change in changes:
-            with suppress(OSError):  # it is in its place
+            with suppress(OSError):  # it was renamed
                 os.remove(tree.entry(change.path) + TEMPORARY_SUFFIX)
 
 

@@ -1,4 +1,4 @@
-"""Check, before a service is installed, what the slave would refuse at its start, as the service's user."""
+"""Check, before a service is installed, whether its slave would start as the service's user."""
 
 import os
 import pwd
@@ -19,12 +19,12 @@ from hil.slave.pilot import build_pilot
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
 
-VOLATILE = ("/tmp/", "/var/tmp/")  # of which a service has its own
+VOLATILE = ("/tmp/", "/var/tmp/")  # a service has private ones
 CODE = "import sys; from hil.install.check import main; main(*sys.argv[1:])"
 
 
 def read(name: str, listen: str | None = None, member: str | None = None, changes: Sequence[str] = ()) -> Scenario:
-    """Return the scenario as the slave reads it with these options. Raises HilError."""
+    """Return the scenario that the slave loads with these options. Raises HilError."""
     scenario = load_scenario(name, settings_of(changes, "--set"))
     if member or scenario.member:
         scenario = as_member(scenario, member or "")
@@ -32,7 +32,7 @@ def read(name: str, listen: str | None = None, member: str | None = None, change
 
 
 def assemble(scenario: Scenario) -> None:
-    """Put together what the slave does before it opens a device. Raises HilError."""
+    """Assemble a slave, without opening a device. Raises HilError."""
     router = scenario.network.router
     settings("slave", (scenario.slave.listen,), (router,) if router else (), scenario.network, scenario.security)
     if any(fitted.offloaded for fitted in scenario.sensors.values()):
@@ -47,7 +47,7 @@ def assemble(scenario: Scenario) -> None:
 def check(tree: Tree, service: Service) -> None:
     """Check that the service's slave would start here, apart from devices and network. Raises HilError.
 
-    Of another machine's files only the scenario itself can be looked at.
+    Of another machine's files only the scenario can be checked.
     """
     if not tree.live:
         assemble(service.scenario)
@@ -65,7 +65,7 @@ def _check_as_user(service: Service) -> None:
     entry = pwd.getpwnam(service.user)
     words = command(service)
     name = words[words.index("slave") + 1]
-    # XDG_CACHE_HOME as in the unit.
+    # The same XDG_CACHE_HOME as in the unit.
     environment = {"PATH": os.environ.get("PATH", ""), "PYTHONPATH": python_path(), "XDG_CACHE_HOME": "/var/cache"}
     words = python_command("-c", CODE, name, service.listen or "", service.member or "", *service.changes)
     try:

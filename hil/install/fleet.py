@@ -1,9 +1,9 @@
-"""Start, look at and stop the slaves of a fleet: on this machine by the shell, on other hosts by `ssh HOST` and theirs.
+"""Start, query and stop the slaves of a fleet: on this machine by the shell, on other hosts by `ssh HOST`.
 
-A member is a process in a session of its own, which first of all writes its number into a file of its machine. Which
-members are started, and where, is noted in a file here: before each start, so that `stop` also ends one whose start was
-interrupted, and after it with the instant of the start as the kernel counts it: a number that another process has taken
-over meanwhile is never signalled.
+A member is a process in a separate session, which first writes its process id into a file on its machine. A state file
+on this machine lists the started members and their hosts. It is written before each start, so that `stop` also ends a
+member whose start was interrupted. After the start it gets the kernel's start time of the process, so that another
+process that has the same id later is never signalled.
 """
 
 import json
@@ -16,11 +16,11 @@ from typing import NamedTuple
 from hil.common.errors import ConfigError, DeviceError
 
 SSH = "ssh -o BatchMode=yes -o ConnectTimeout=10"
-PATIENCE_S = 60.0  # with one host, which has GRACE_S for its member to end
-GRACE_S = 10
-INTERRUPTED_S = 2  # for a start that was interrupted to go on
+PATIENCE_S = 60.0  # longest wait for one host, more than GRACE_S
+GRACE_S = 10  # from SIGTERM to SIGKILL
+INTERRUPTED_S = 2  # wait for the process id of an interrupted start
 
-# Field 22 of /proc/PID/stat is when the process began; the name before it may hold blanks, but no line has two ')'.
+# Field 22 of /proc/PID/stat is the start time of the process. The name before it may contain blanks, and ends at ')'.
 BEGAN = "began() { sed 's/.*) //' /proc/$1/stat 2>/dev/null | cut -d' ' -f1,20; }"
 ALIVE = 'alive() { set -- $(began $1) $2; test -n "$3" && test "$1" != Z && test "$2" = "$3"; }'
 WAIT = "n=0; while ! test -s {member}.pid && test $n -lt {tenths}; do sleep 0.1; n=$((n + 1)); done"
@@ -60,9 +60,9 @@ rm -f {member}.toml {member}.pid
 
 
 class Started(NamedTuple):
-    """A member: its host ("" is this machine), process, start in clock ticks since the boot, and folder there.
+    """A started member: its host ("": this machine), process id, start time in clock ticks since boot, and folder.
 
-    The process is 0 while it is being started.
+    The process id is 0 while the member is being started.
     """
 
     member: str
@@ -82,7 +82,7 @@ class Shown(NamedTuple):
 
 
 def state_file(scenario: str) -> str:
-    """Return the file that lists the processes started of a scenario."""
+    """Return the path of the file that lists the started members of a scenario."""
     base = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
     name = os.path.splitext(os.path.basename(scenario))[0]
     return os.path.join(base, "uuv-hil", "fleets", f"{name}.json")
@@ -96,12 +96,12 @@ def start(
     ssh: str = SSH,
     words: Sequence[str] = (),
 ) -> list[Started]:
-    """Start a slave for each member in `hosts` (member -> host); none is left running if one does not start.
+    """Start a slave for each member in `hosts` (member -> host). If one does not start, all are stopped again.
 
-    `scenario` is the path of its file, `text` what is in it, which goes to each host. `programs`: host -> the words
-    that stand for `uuv-hil` there. `words`: more options of each slave.
+    `scenario` is the path of its file, and `text` its content, which is copied to each host. `programs`: host -> the
+    command for `uuv-hil` there. `words`: further options of each slave.
 
-    Raises ConfigError when the fleet runs already, DeviceError when a host or a member fails.
+    Raises ConfigError if the fleet was started already, DeviceError if a host or a member fails.
     """
     path = state_file(scenario)
     if os.path.exists(path):
@@ -130,7 +130,7 @@ def start(
 
 
 def load_started(scenario: str) -> tuple[list[Started], str]:
-    """Return what was started, and the command for ssh. Raises ConfigError when nothing was, or the file is damaged."""
+    """Return the started members and the ssh command. Raises ConfigError if there are none, or the file is damaged."""
     path = state_file(scenario)
     try:
         with open(path, encoding="utf-8") as file:
@@ -143,7 +143,7 @@ def load_started(scenario: str) -> tuple[list[Started], str]:
 
 
 def query_states(members: Sequence[Started], ssh: str) -> list[Shown]:
-    """Return the state of each."""
+    """Return the state of each member."""
     shown = []
     for one in members:
         try:
@@ -155,9 +155,9 @@ def query_states(members: Sequence[Started], ssh: str) -> list[Shown]:
 
 
 def stop(scenario: str, members: Sequence[Started], ssh: str, forget_begun: bool = False) -> list[Shown]:
-    """Stop the slaves: SIGTERM, and after GRACE_S SIGKILL. Those that cannot be reached stay noted.
+    """Stop the slaves by SIGTERM, and after GRACE_S by SIGKILL. Unreachable ones stay in the state file.
 
-    With `forget_begun` one that was being started does not: its host did not answer.
+    With `forget_begun` an unreachable member whose start was not complete is removed from the file.
     """
     shown, left = [], []
     for one in members:
@@ -174,13 +174,13 @@ def stop(scenario: str, members: Sequence[Started], ssh: str, forget_begun: bool
 
 
 def _filled(script: str, one: Started, wait: int = INTERRUPTED_S, command: str = "") -> str:
-    """Return a script about a member, which waits so long (s) for its number."""
+    """Return a script with the fields of a member, which waits up to `wait` s for its process id."""
     fields = {"began": BEGAN, "alive": ALIVE, "tenths": GRACE_S * 10, "command": command}
     return script.format(wait=WAIT.format(member=one.member, tenths=wait * 10), **fields, **one._asdict())
 
 
 def _run(host: str, script: str, ssh: str, text: str = "") -> str:
-    """Return what the script prints on a host, whose standard input is `text`. Raises DeviceError."""
+    """Run a script on a host with `text` as standard input; return its standard output. Raises DeviceError."""
     command = [*shlex.split(ssh), host, f"sh -c {shlex.quote(script)}"] if host else ["sh", "-c", script]
     try:
         done = subprocess.run(command, input=text, capture_output=True, text=True, check=False, timeout=PATIENCE_S)

@@ -1,4 +1,4 @@
-"""The files that make the slave a service of the board: systemd units and udev rules."""
+"""Generate the files that make the slave a service of the board: systemd units, udev rules and others."""
 
 import os
 import re
@@ -22,39 +22,39 @@ FIREWALL = "/etc/uuv-hil/firewall.nft"
 NFT = "/usr/sbin/nft"
 RULES = "/etc/udev/rules.d/99-uuv-hil.rules"
 LIMITS = "/etc/security/limits.d/uuv-hil.conf"
-# Of files in this folder the last that says something counts, by name: after default-wifi-powersave-on.conf.
+# In this folder the last file by name takes precedence; this one comes after default-wifi-powersave-on.conf.
 MANAGER = "/etc/NetworkManager/conf.d/uuv-hil.conf"
-# Kinds of serial devices as the kernel lists them, for a link whose device is not there yet, and what drives those
-# that are plugged in.
+# Kinds of serial devices by the kernel's names, for a link whose device does not exist yet; and the drivers of USB
+# devices.
 SERIAL_DRIVERS = ("ttyS", "ttyAMA", "ttyTHS", "ttyUSB", "ttyACM")
 USB_DRIVERS = {"ttyUSB": "usbserial", "ttyACM": "cdc_acm"}
-PI_ALIASES = ("/dev/serial0", "/dev/serial1")  # of a ttyS or a ttyAMA, as config.txt says
+PI_ALIASES = ("/dev/serial0", "/dev/serial1")  # for a ttyS or a ttyAMA, as set in config.txt
 # Interfaces of python-can that need no device, and the USB devices of gs_usb (Linux, drivers/net/can/usb/gs_usb.c).
 WITHOUT_DEVICE = ("socketcan", "virtual", "udp_multicast", "mcast")
 GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
-# Those that python-can opens at /dev/ttyUSB0@115200; not slcan, which is ours and has its speed of [link].
+# Interfaces that python-can opens at /dev/ttyUSB0@115200. slcan is our own, and has its rate from [link].
 WITH_BAUD = ("robotell",)
 ANYWHERE = ("0.0.0.0", "::", "::1", "localhost")
-LEAK = 4  # times the recommended memory
-SYSTEM_SERVICE = 239  # the version of systemd that has @system-service; before it would be nothing that is allowed
-NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # of users and interfaces, as units take them
-DEVICE = re.compile(r"/dev/[A-Za-z0-9_#+:=@./-]+")  # as udev makes them, without what is a pattern in its rules
+LEAK = 4  # MemoryMax over the recommended memory
+SYSTEM_SERVICE = 239  # first version of systemd with @system-service; older ones would forbid all system calls
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # valid names of users and interfaces in units
+DEVICE = re.compile(r"/dev/[A-Za-z0-9_#+:=@./-]+")  # names made by udev, without the pattern characters of its rules
 
 
 class Service(NamedTuple):
-    """Settings of the service: the slave of `scenario` as `user`, listening at `listen` or as the scenario does."""
+    """Settings of the service: it runs the slave of `scenario` as `user`, listening at `listen`, if given."""
 
     scenario: Scenario
-    name: str  # as it was given
+    name: str  # name or path of the scenario, as given
     user: str
     listen: str | None = None
     board: str | None = None
     member: str | None = None
-    changes: tuple[str, ...] = ()  # of keys of the scenario, "master.speed=0.5"
+    changes: tuple[str, ...] = ()  # changed keys of the scenario, such as "master.speed=0.5"
 
 
 def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
-    """Return by path what each file is to hold. Raises ConfigError when a name cannot stand in a unit or a rule."""
+    """Return the content of each file by path. Raises ConfigError if a name is not valid in a unit or a rule."""
     files = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
     if _can(service.scenario):
         module = can_module(service.scenario, board)
@@ -70,21 +70,21 @@ def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
 
 
 def reachable_ports(service: Service) -> tuple[int, ...]:
-    """Return the slave's ports that other machines reach: none behind a router or at a loopback address."""
+    """Return the slave's ports that other machines can reach; none behind a router or at a loopback address."""
     _, host, port = split_endpoint(service.listen or service.scenario.slave.listen)
     is_here = host.strip("[]") in ("localhost", "::1") or host.startswith("127.")
     return () if is_here or service.scenario.network.router else (port, port + 1)
 
 
 def firewall_missing(tree: Tree, service: Service) -> str:
-    """Return what has to be done by hand for limits on connections; empty for nothing."""
+    """Return the manual step that is needed for limits on connections; empty if there is none."""
     if tree.exists(NFT) or not reachable_ports(service):
         return ""
     return f"without {NFT} nothing limits how often others connect; add it: sudo apt install nftables"
 
 
 def device_left_out(scenario: Scenario) -> str:
-    """Return what the service's user has to allow by hand; empty for nothing."""
+    """Return the manual step that permits the service to open its device; empty if there is none."""
     address = parse_address(scenario.link.port)
     if address.kind != "can" or address.interface in (*WITHOUT_DEVICE, "gs_usb") or address.place.startswith("/dev/"):
         return ""
@@ -110,7 +110,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
         "user": service.user,
         "rtprio": str(LOOP_PRIORITY if scenario.slave.realtime else 0),
         "memory_max": f"{LEAK * (board.recommended.memory if board else 64):.0f}M",
-        # Others find a pty by its name in /tmp only if it is not a /tmp of the service's own.
+        # With a private /tmp, other programs would not find a pty in /tmp.
         "private_tmp": "no" if parse_address(scenario.link.port).place.startswith("/tmp/") else "yes",
         "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
         "devices": "\n".join(_devices(scenario, kinds)),
@@ -120,7 +120,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
 
 
 def can_unit(scenario: Scenario, module: str = "") -> str:
-    """Return the unit that sets the bit rate of the link's CAN interface, once `module`, if named, is loaded."""
+    """Return the unit that sets the bit rate of the link's CAN interface, after loading its kernel `module`, if any."""
     name = _can(scenario)
     values = {
         "interface": name,
@@ -133,7 +133,7 @@ def can_unit(scenario: Scenario, module: str = "") -> str:
 
 
 def can_module(scenario: Scenario, board: Board | None) -> str:
-    """Return the kernel's module for the board's CAN interface, where it has to be asked for; empty for none."""
+    """Return the kernel module that must be loaded for the board's CAN interface; empty if there is none."""
     return next((bus.module for bus in board.can if bus.interface == _can(scenario)), "") if board else ""
 
 
@@ -145,7 +145,7 @@ def rules(tree: Tree, service: Service, board: Board | None) -> str:
         if not DEVICE.fullmatch(device):
             raise ConfigError(f"{device!r} cannot stand in a rule: letters, digits, _ # + : = @ . / - only")
         name = device.removeprefix("/dev/")
-        # The kernel's names are tty and more; all others are links, and matched as such: what they lead to may change.
+        # The kernel's names begin with tty. Others are links, and matched as links, because their targets may change.
         own = re.fullmatch(r"tty[A-Za-z]+[0-9]+", name) and not tree.link(device)
         match = "KERNEL" if own else "SYMLINK"
         lines = [f'SUBSYSTEM=="tty", {match}=="{name}", GROUP="dialout", MODE="0660", ENV{{ID_MM_DEVICE_IGNORE}}="1"']
@@ -156,12 +156,12 @@ def rules(tree: Tree, service: Service, board: Board | None) -> str:
 
 
 def limits(service: Service) -> str:
-    """Return what the user is granted in a shell."""
+    """Return the file with the limits that the user is granted in a shell."""
     return _fill("systemd/limits.conf", {"user": service.user, "rtprio": str(LOOP_PRIORITY)})
 
 
 def serial_device(scenario: Scenario, board: Board | None) -> str:
-    """Return the serial port that a scenario's link uses on a board; empty when it uses none."""
+    """Return the serial port that a scenario's link uses on a board; empty if it uses none."""
     address = parse_address(scenario.link.port)
     if address.interface in WITH_BAUD and address.place.startswith("/dev/"):
         return address.place.partition("@")[0]
@@ -171,7 +171,7 @@ def serial_device(scenario: Scenario, board: Board | None) -> str:
 
 
 def drivers(tree: Tree, device: str) -> tuple[str, ...]:
-    """Return the kinds of serial devices that a name stands for: all it could, while it is not there."""
+    """Return the kinds of serial devices that a name may refer to: one if it exists, else all that are possible."""
     if not device.startswith("/dev/"):
         return ()
     if device in PI_ALIASES:
@@ -183,7 +183,7 @@ def drivers(tree: Tree, device: str) -> tuple[str, ...]:
 
 
 def waits_for_network(service: Service) -> bool:
-    """Return True if the slave listens at an address that this machine gets from the network: it starts after that."""
+    """Return True if the slave must start after the network, because it listens at an address from the network."""
     if service.scenario.network.router:
         return False
     host = split_endpoint(service.listen or service.scenario.slave.listen)[1].strip("[]")
@@ -197,7 +197,7 @@ def systemd_version(tree: Tree) -> int | None:
 
 
 def command(service: Service) -> list[str]:
-    """Return what the service executes."""
+    """Return the command of the service."""
     name = os.path.abspath(service.name) if service.name.endswith(".toml") else service.name
     words = module_command("hil.cli", "slave", name)
     for option, value in (("--listen", service.listen), ("--board", service.board), ("--member", service.member)):
@@ -211,9 +211,9 @@ def python_path() -> str:
 
 
 def escape_word(text: str) -> str:
-    """Return a word or path escaped for a unit, see systemd.syntax(7); in commands $ becomes $$ too.
+    """Return a word or path escaped for a unit, see systemd.syntax(7). In commands $ must also be doubled.
 
-    Raises ConfigError for characters that no unit can have.
+    Raises ConfigError for characters that are not valid in a unit.
     """
     if not text.isprintable():
         raise ConfigError(f"{text!r} has characters that cannot stand in a unit: rename it")
@@ -223,13 +223,13 @@ def escape_word(text: str) -> str:
 
 
 def prose(text: str) -> str:
-    """Return text as a unit needs it: one line without a backslash at its end, which would join the next line."""
+    """Return text for a unit: one line, without a backslash at its end, which would join the next line."""
     printable = "".join(character if character.isprintable() else " " for character in text)
     return " ".join(printable.split()).rstrip("\\ ").replace("%", "%%")
 
 
 def escaped(text: str) -> str:
-    """Return a part of a path as the name of a unit has it, see systemd-escape(1)."""
+    """Return a part of a path escaped for the name of a unit, see systemd-escape(1)."""
     return re.sub(r"[^A-Za-z0-9:_.]", lambda match: f"\\x{ord(match[0]):02x}", text)
 
 
