@@ -19,9 +19,9 @@ AXES = ("x_n", "y_n", "z_n", "k_nm", "m_nm", "n_nm")
 
 
 class Flight:
-    """Record of a simulation: 20 rows a second of its time, and one in the first step of each contact.
+    """Record of a simulation: 20 rows per simulated second, and one at the first step of each contact.
 
-    So no contact is missed, however short.
+    So even a very short contact is recorded.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -35,7 +35,7 @@ class Flight:
         self.title = f"{simulation.vehicle.name} in {simulation.world.name}"
         self._due_ns = 0
         self._touched_ns = -PERIOD_NS
-        self._contacts: list[int] = []  # the rows in which it hits something
+        self._contacts: list[int] = []  # numbers of the rows in which a contact begins
 
     def record(self, simulation: Simulation) -> None:
         """Record the present state if the period has passed, or at a new contact."""
@@ -55,7 +55,7 @@ class Flight:
         self.rows.append([*pose, *simulation.thrusts, *forces])
 
     def write(self, path: str) -> None:
-        """Write the table as CSV, names and units in its first line. Raises ConfigError."""
+        """Write the table as CSV, with names and units in the first line. Raises ConfigError."""
         try:
             with open(path, "w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file)
@@ -102,7 +102,7 @@ class Flight:
         axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title="track from above")
 
     def _leave_out_contacts(self, axes: Any, contact: str) -> None:
-        """Limit the axis to the other forces, a hundredth of those of contacts, which are written as numbers."""
+        """Scale the axis to the other forces; those of contacts are a hundred times larger, and shown as numbers."""
         if not self._contacts or not axes.lines:
             return
         calm = [y for line in axes.lines for row, y in enumerate(line.get_ydata()) if row not in self._contacts]
@@ -120,7 +120,7 @@ class Flight:
         time = self._column("time_s")
         for number, (label, name) in enumerate(curves.items()):
             values = self._column(name)
-            if any(values):  # a term that is never there needs no line
+            if any(values):  # no line for a force that is always zero
                 axes.plot(time, values, label=label, linewidth=1.0, color="black" if label == "total" else f"C{number}")
         axes.set(xlabel="time (s)", ylabel=quantity, title=title)
         axes.grid(color=GRID, linewidth=0.6)
@@ -133,7 +133,7 @@ class Flight:
 
 
 def _zoom(axes: Any) -> None:
-    """Show what lines and marks are of, and a little more, whatever else is there."""
+    """Limit the axes to the lines and marks, with a margin; other artists are ignored."""
     marks = [line for line in axes.lines if len(line.get_xdata())]
     for set_limits, values in (
         (axes.set_xlim, [float(x) for line in marks for x in line.get_xdata()]),

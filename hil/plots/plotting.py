@@ -1,4 +1,4 @@
-"""Import matplotlib on first use, for drawing into files; what all pictures share."""
+"""Functions that all figures share: import matplotlib on first use, check and save files, add legends."""
 
 import os
 from typing import Any
@@ -9,7 +9,7 @@ DPI = 110
 
 
 def pyplot() -> Any:
-    """Return matplotlib.pyplot, without a screen. Raises MissingExtraError."""
+    """Return matplotlib.pyplot with a backend that needs no screen. Raises MissingExtraError."""
     try:
         import matplotlib as mpl
     except ImportError:
@@ -21,7 +21,7 @@ def pyplot() -> Any:
 
 
 def check_picture(path: str) -> None:
-    """Check that this kind of picture can be drawn. Raises MissingExtraError, ConfigError."""
+    """Check that a picture of this file type can be drawn. Raises MissingExtraError, ConfigError."""
     kinds = sorted(pyplot().FigureCanvasBase.get_supported_filetypes())
     if os.path.splitext(path)[1].removeprefix(".") not in kinds:
         raise ConfigError(f"{path}: pictures end in .{', .'.join(kinds)}")
@@ -40,6 +40,6 @@ def save_figure(figure: Any, path: str) -> str:
 
 
 def add_legend(axes: Any, **options: Any) -> None:
-    """Put the legend to the right of the axes, so that it never covers a curve. Nothing where no curve has a label."""
+    """Add a legend to the right of the axes, where it covers no curve. Without labels it adds nothing."""
     if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small", **options)

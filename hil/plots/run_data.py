@@ -1,4 +1,4 @@
-"""Convert a recording to columns over time for each vehicle, for its figures."""
+"""Convert a recording to columns over time for each vehicle, for figures."""
 
 from collections.abc import Iterable
 
@@ -14,21 +14,21 @@ from sim.run_events import RunEvent, events_since
 from sim.sensors.samples import OdometrySample
 
 NS_PER_S = 1e9
-MOST_ROWS = 200_000  # of a column: far more than a figure has pixels
+MOST_ROWS = 200_000  # in a column; far more than a figure has pixels
 MOST_VEHICLES = 64
-LONGEST = 1 << 20  # bytes of a message with a state, a command or figures; ours have some thousand
+LONGEST = 1 << 20  # bytes of a message with a state, a command or diagnostics; ours have some thousand
 Row = tuple[float, ...]
 
 
 class Rows(list[Row]):
-    """Rows in the order of their times. Of more than MOST_ROWS every second is left out, and of those that follow."""
+    """Rows in the order of their times. At MOST_ROWS every second row is removed, and further ones are thinned out."""
 
     def __init__(self) -> None:
         super().__init__()
         self._every, self._count = 1, 0
 
     def append(self, row: Row) -> None:
-        """Add a row at the end, if it is one that is stored."""
+        """Add a row at the end, unless it is thinned out."""
         if self._count % self._every == 0:
             super().append(row)
         self._count += 1
@@ -38,11 +38,11 @@ class Rows(list[Row]):
 
 
 class VehicleData:
-    """One vehicle. In every row the time comes first: seconds since the recording began.
+    """Data of one vehicle. Every row begins with the time: seconds since the recording began.
 
-    `true` and `measured`: north, east, depth (m), yaw (rad), surge, sway, heave (m/s), yaw rate (rad/s); `commands`:
-    surge, sway, heave (m/s), yaw rate (rad/s); `pulses`: one a channel (us). `traced` are the times of
-    the samples of `delays`, `events` what went wrong by its own report, `tether` where its line was at last (NED, m).
+    `true` and `measured`: north, east, depth (m), yaw (rad), surge, sway, heave (m/s), yaw rate (rad/s). `commands`:
+    surge, sway, heave (m/s), yaw rate (rad/s). `pulses`: one per channel (us). `traced` are the times of the samples of
+    `delays`, `events` the faults that it reported, `tether` the last shape of its tether (NED, m).
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class VehicleData:
 
 
 def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
-    """Return the data of each node of a recording; nodes of which nothing is known are left out. `path`: its name.
+    """Return the data of each node in a recording; nodes without data are left out. `path` is for messages.
 
     Raises ConfigError if there are more than MOST_VEHICLES.
     """
@@ -104,7 +104,7 @@ def _add_pulses(data: VehicleData, message: Message, time: float) -> None:
 
 
 def _add_diagnostics(data: VehicleData, message: Message, time: float) -> None:
-    """Add the pulses of once a second, for a recording that is not the slave's own."""
+    """Add the pulses of the diagnostics, one row per second, for a recording that was not made by the slave."""
     statuses = ros.decode_diagnostics(message.data)
     figures = Diagnostics(statuses[0][3] if statuses else {})
     data.boot_id = figures.boot_id or data.boot_id
@@ -118,7 +118,7 @@ def _add_trace(data: VehicleData, message: Message, time: float) -> None:
     if instants and len(instants) in INSTANTS:
         data.delays.add(list(instants), message.published_ns, message.logged_ns)
         data.traced.append(time)
-        if len(data.traced) > len(data.delays.samples):  # the oldest were left out
+        if len(data.traced) > len(data.delays.samples):  # the meter has dropped the oldest
             data.traced = data.traced[-len(data.delays.samples) :]
 
 
@@ -132,7 +132,7 @@ def _state(sample: OdometrySample) -> Row:
 
 
 def _steps(rows: list[Row], end: float) -> list[Row]:
-    """Return the values over time; the last one holds until the end."""
+    """Return the values over time as steps; the last value is held until the end."""
     if not rows:
         return rows
     most = max(len(row) for row in rows)

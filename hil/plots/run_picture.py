@@ -82,7 +82,7 @@ def draw_goal(axes: Any, scenario: Scenario) -> None:
 
 
 def draw_world(axes: Any, world: World) -> None:
-    """Draw the obstacles from above, in their true size and place, and the walls if there are any."""
+    """Draw the obstacles from above, in their true size and position, and the walls if there are any."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle, Polygon, Rectangle
 
@@ -101,7 +101,7 @@ def draw_world(axes: Any, world: World) -> None:
 
 
 def _corners(box: Box) -> list[tuple[float, float]]:
-    """Return east and north of each."""
+    """Return east and north (m) of each corner."""
     c, s = cos(box.heading), sin(box.heading)
     halves = [(0.5 * i * box.size_north, 0.5 * j * box.size_east) for i, j in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     return [(box.east + s * along + c * across, box.north + c * along - s * across) for along, across in halves]

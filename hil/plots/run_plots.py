@@ -97,7 +97,7 @@ def _depth(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
     if run:
         axes.axhline(run.scenario.master.depth, color=COMMANDED, linewidth=1.0, linestyle="--", label="commanded")
     low, high = axes.get_ylim()
-    if high - low < 0.2:  # a hair's breadth is not to look like a dive
+    if high - low < 0.2:  # at least 0.2 m, so that a tiny change does not look like a dive
         axes.set_ylim(0.5 * (low + high) - 0.1, 0.5 * (low + high) + 0.1)
     axes.invert_yaxis()
     _finish(axes, "depth (m)")
@@ -106,7 +106,7 @@ def _depth(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
 
 
 def _commands(plt: Any, node: str, data: VehicleData) -> Any:
-    """Return each commanded velocity over the true one."""
+    """Return a figure of each commanded velocity and the true one."""
     figure, panels = plt.subplots(4, 1, figsize=(11, 9), sharex=True, layout="constrained")
     response = data.true or data.measured
     for axes, (label, commanded, true) in zip(panels, RESPONSE, strict=True):
@@ -120,7 +120,7 @@ def _commands(plt: Any, node: str, data: VehicleData) -> Any:
 
 
 def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
-    """Return the pulse width of each channel, one panel a channel."""
+    """Return a figure of the pulse widths, with one panel per channel."""
     count = len(data.pulses[0]) - 1
     names = list(run.vehicle.channels) if run else []
     if len(names) != count:
@@ -139,7 +139,7 @@ def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
 
 
 def _delays(plt: Any, node: str, data: VehicleData) -> Any:
-    """Return each hop over time, stacked, and how the whole is distributed."""
+    """Return a figure of the hops' delays over time, stacked, and of the distribution of the total."""
     figure, (over_time, spread) = plt.subplots(
         1, 2, figsize=(11, 4.5), width_ratios=(2, 1), sharey=True, layout="constrained"
     )
@@ -170,7 +170,7 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
 
 
 def with_gaps(times: Sequence[float], rows: Sequence[Sequence[float]]) -> tuple[list[float], list[list[float]]]:
-    """Return times and rows of values with a NaN in every silence, so that nothing is drawn across it."""
+    """Return times and rows of values, with a NaN in each gap, so that no line is drawn across it."""
     silences = [place for place in range(1, len(times)) if times[place] - times[place - 1] > GAP_S]
     broken = [list(times), *map(list, rows)]
     for place in reversed(silences):
@@ -180,7 +180,7 @@ def with_gaps(times: Sequence[float], rows: Sequence[Sequence[float]]) -> tuple[
 
 
 def _line(axes: Any, rows: Sequence[Row], column: int, **style: Any) -> None:
-    """Draw one column over time; the line is broken where no sample came for a while."""
+    """Draw one column over time; the line is interrupted at gaps between samples."""
     times: list[float] = []
     values: list[float] = []
     stepped = "drawstyle" in style

@@ -11,7 +11,7 @@ _HEADER, _TRIANGLE = 84, 50  # bytes: 80 of text and the count; normal, three co
 
 
 def read_stl(path: str) -> Any:
-    """Return the n x 3 x 3 corners of the triangles in the file's own axes and unit.
+    """Return the corners of the triangles (n x 3 x 3), in the axes and unit of the file.
 
     Raises ConfigError, MissingExtraError.
     """

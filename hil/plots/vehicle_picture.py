@@ -1,4 +1,4 @@
-"""The picture of a vehicle: its box and thrusters from above, from starboard and from ahead, and its top speeds."""
+"""Picture of a vehicle: its box and thrusters from above, from starboard and from ahead, and its top speeds."""
 
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from sim.vehicle.meshes import Mesh
 
 BODY, ARROW, GRAVITY, BUOYANCY, FIN, BALLAST = "#e3e8ed", "#c2410c", "#1f2937", "#2563eb", "#0f766e", "#7c3aed"
-# A thruster that points out of the paper or into it is a circle with a dot or a cross.
+# A thruster that points out of the picture, or into it, is a circle with a dot or a cross.
 _FACING = 0.9
 
 
 class View(NamedTuple):
-    """Projection of one side: FRD components and signs of right, up and towards the eye."""
+    """Projection of one view: the FRD components, with signs, that point right, up and towards the viewer."""
 
     title: str
     right: tuple[int, int, str]
@@ -28,7 +28,7 @@ class View(NamedTuple):
     eye: tuple[int, int]
 
     def flat(self, vector: tuple[float, float, float]) -> tuple[float, float]:
-        """Return right and up of a vector along FRD."""
+        """Return the components to the right and up of a vector in FRD."""
         return self.right[1] * vector[self.right[0]], self.up[1] * vector[self.up[0]]
 
 
@@ -40,7 +40,7 @@ VIEWS = (
 
 
 def draw(vehicle: Vehicle, reaches: tuple[Reach, ...], path: str) -> None:
-    """Draw `vehicle` and what it can do into the image file `path`. Raises MissingExtraError, ConfigError."""
+    """Draw `vehicle` and its top speeds into the image file `path`. Raises MissingExtraError, ConfigError."""
     plt = pyplot()
     figure, axes = plt.subplots(2, 2, figsize=(12, 10), layout="constrained")
     try:
@@ -91,7 +91,7 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
 
 
 def _draw_mesh(axes: Any, mesh: "Mesh", view: View) -> None:
-    """Draw the silhouette of a mesh, or of the STL beside it; nothing without a file or a reader."""
+    """Draw the silhouette of a mesh, or of the STL beside it; nothing if there is no file, or no library to read it."""
     from matplotlib.collections import PolyCollection
 
     corners = _triangles(mesh.file)
@@ -104,7 +104,7 @@ def _draw_mesh(axes: Any, mesh: "Mesh", view: View) -> None:
 
 
 def _triangles(file: str) -> Any:
-    """Return the triangles of a mesh (n x 3 x 3): of an STL by numpy alone, of another format by trimesh, or None."""
+    """Return the triangles of a mesh (n x 3 x 3), read by numpy (STL) or trimesh (other formats); None on failure."""
     path = os.path.splitext(file)[0] + ".stl"
     if os.path.exists(path):
         return read_stl(path)
@@ -114,12 +114,12 @@ def _triangles(file: str) -> Any:
         from sim.vehicle.mesh_files import load_mesh
 
         return load_mesh(file).triangles
-    except Exception:  # noqa: BLE001 - no trimesh, or what damaged files make of its readers: drawn without
+    except Exception:  # noqa: BLE001 - no trimesh, or any error of its readers: no mesh
         return None
 
 
 def _corners(fin: "Fin") -> list[Point]:
-    """Return the corners of a rectangle of the fin's area about the place where its force acts."""
+    """Return the corners of a rectangle with the fin's area, centred where its force acts."""
     length = sum(x * x for x in fin.axis) ** 0.5
     span = (fin.area * (fin.aspect_ratio or 1.0)) ** 0.5
     along, chord = [0.5 * span * x / length for x in fin.axis], [0.5 * fin.area / span * x for x in fin.frame[0]]
@@ -139,7 +139,7 @@ def _draw_ballast(axes: Any, vehicle: Vehicle, view: View) -> None:
 
 
 def _stacks(vehicle: Vehicle, view: View) -> dict[tuple[float, float], list[int]]:
-    """Return thrusters by the place where they are drawn: seen from one side, some hide others."""
+    """Return the numbers of the thrusters by the point where they are drawn; some hide others."""
     stacks: dict[tuple[float, float], list[int]] = {}
     for number, thruster in enumerate(vehicle.thrusters):
         across, up = view.flat(thruster.position)
@@ -148,7 +148,7 @@ def _stacks(vehicle: Vehicle, view: View) -> dict[tuple[float, float], list[int]
 
 
 def _behind(vehicle: Vehicle, view: View, numbers: list[int]) -> tuple[float, float]:
-    """Return where the numbers go, in points from their thrusters: where no arrow lies, behind them or else below."""
+    """Return the offset (points) of the numbers from their thrusters: opposite to the arrows, or below."""
     along = [view.flat(vehicle.thrusters[number].unit_direction) for number in numbers]
     x, y = sum(arrow[0] for arrow in along), sum(arrow[1] for arrow in along)
     length = (x * x + y * y) ** 0.5
@@ -175,7 +175,7 @@ def _draw_thruster(axes: Any, vehicle: Vehicle, view: View, number: int, reach: 
 
 
 def _draw_speeds(axes: Any, reaches: tuple[Reach, ...]) -> None:
-    """Draw bars for the four axes a pilot commands, m/s and rad/s on one scale."""
+    """Draw bars for the four commanded axes, with m/s and rad/s on one scale."""
     shown = [reach for reach in reaches if reach.axis in ("surge", "sway", "heave", "yaw")]
     ticks = {"surge": ("ahead", "astern"), "sway": ("starboard", "port"), "heave": ("down", "up"),
              "yaw": ("to starboard", "to port")}  # fmt: skip

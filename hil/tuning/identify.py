@@ -19,7 +19,7 @@ _DELAY_STEP_S, _DELAY_MOST_S = 0.005, 0.5
 class Process(NamedTuple):
     """v' = `slope` a(t - `delay`) - `damping` v, with a the acceleration asked for (force over inertia).
 
-    `slope` is 1 for a vehicle whose inertia is known; `damping` in 1/s, `delay` in s: thrusters' lag and all else.
+    `slope` is 1 if the vehicle's inertia is known exactly. `damping` in 1/s. `delay` in s includes thruster lag.
     """
 
     slope: float
@@ -30,10 +30,10 @@ class Process(NamedTuple):
 def push(
     name: str, vehicle: Vehicle, control: dict[str, Any], axis: str, force: float, inertia: float, speed: float
 ) -> Process:
-    """Return the process that the axis of the wrench under `axis` shows when `force` (N, N m) comes on top at once.
+    """Return the process of an axis, identified from its response to a step of `force` (N, N m) added to the wrench.
 
-    What counts are the 3 s after (roll and pitch: 0.5 s), or until it moves at `speed` (m/s, rad/s); the vehicle's
-    own controller holds the other axes meanwhile. `inertia` is what it takes it for, kg or kg m².
+    The response is evaluated for 3 s (roll and pitch: 0.5 s), or until it reaches `speed` (m/s, rad/s). The vehicle's
+    controller holds the other axes meanwhile. `inertia` is the controller's value, kg or kg m².
     Raises ConfigError if it does not move.
     """
     rig, loop = Rig(name, vehicle, control), AXES[axis].loop
@@ -47,7 +47,7 @@ def push(
 
 
 def fit_lag(values: Sequence[float], acceleration: float, period: float, where: str) -> Process:
-    """Return the process that best explains `values` (m/s, rad/s), one each `period` s after `acceleration` came at 0.
+    """Return the process that fits `values` (m/s, rad/s) best, one per `period` s after a step of `acceleration` at 0.
 
     Integrated once, v = slope a (t - delay) - damping x integral of v is linear in slope and damping: least
     squares for each delay on a grid, and the best of these (Söderström & Stoica 1989, "System Identification", on

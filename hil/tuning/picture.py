@@ -1,4 +1,4 @@
-"""The picture of a tuning: each axis' step response before and after."""
+"""Picture of a tuning: the step responses of each axis before and after."""
 
 from collections.abc import Sequence
 

@@ -24,7 +24,7 @@ CommandMux = Callable[[float], VelocityCommand]
 
 
 class Moment(NamedTuple):
-    """One instant of a flight: s; velocity m/s and rad/s along FRD; m, NED; rad; what the controller asks, N, N m."""
+    """State at one time (s): velocity (FRD, m/s, rad/s), position (NED, m), attitude (rad), wrench (N, N m)."""
 
     time: float
     nu: tuple[float, ...]
@@ -34,7 +34,7 @@ class Moment(NamedTuple):
 
 
 class Recorder:
-    """A controller that passes on another one's wrench, stores the last one, and may add to it."""
+    """A controller that returns the wrench of another one, stores it, and may replace one axis of it."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
@@ -42,7 +42,7 @@ class Recorder:
         self._axis = -1
 
     def nudge(self, axis: int, push: float) -> None:
-        """Hold `axis` (0 to 5) at its last output plus `push` (N or N m) from now on, without the controller."""
+        """From now on hold `axis` (0 to 5) at its last output plus `push` (N or N m), without the controller."""
         self._axis = axis
         self._added = tuple([push if number == axis else 0.0 for number in range(6)])  # type: ignore[assignment]
         self._held = self.last
@@ -66,10 +66,10 @@ class Recorder:
 
 
 class Rig:
-    """`vehicle` under its `control` table, at rest 50 m deep, bow north; `name` opens messages.
+    """Simulation of `vehicle` with its `control` table, at rest 50 m deep, heading north; messages begin with `name`.
 
-    `flown` is another vehicle that the same controller flies, unaware of the change; `current` m/s, NED; `tilt` roll
-    and pitch in rad to begin with. Sensors are the usual ones with their errors. Raises ConfigError.
+    `flown` is a different vehicle that is simulated with the controller of `vehicle`. `current` in m/s, NED. `tilt` is
+    the initial roll and pitch in rad. Sensors are the default ones with their errors. Raises ConfigError.
     """
 
     def __init__(

@@ -1,9 +1,9 @@
 """Find gains from step responses: identify each axis, compute gains, test them, store better ones.
 
-The velocity and rate loops are PI by Skogestad's rule for a lag with a delay (Journal of Process Control 13, 2003:
-SIMC); what the controller waits for samples counts as delay. Closed loops of one delay, the fastest that the rule
-calls robust, and slower ones are flown, and the best is taken. The holds in front of them are P, four times as slow as
-the loop within, which makes the two together critically damped.
+The velocity and rate loops are PI, by Skogestad's SIMC rule for a lag with a delay (Journal of Process Control 13,
+2003). The age of the samples counts as delay. Closed loops with a time constant of one delay, the fastest robust one by
+that rule, and slower ones are simulated, and the best is chosen. The outer hold loops are P, four times slower than the
+inner loop; both together are then critically damped.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,7 +37,7 @@ ReportText = Callable[[str], None]
 class Tuned(NamedTuple):
     """Tuning of one axis: its model, its response with the old gains and with `gains`, by their keys in [control].
 
-    `better` is False where the old gains stay, which are then `gains`, because the proposed ones did no better.
+    `better` is False if the proposed gains were no better; `gains` are then the old ones.
     """
 
     axis: str
@@ -51,7 +51,7 @@ class Tuned(NamedTuple):
 class Tuner:
     """Finds gains for `vehicle`, whose file is called `name` and has the `[control]` table `control`.
 
-    Raises ConfigError for a vehicle with fins or another family than the cascade.
+    Raises ConfigError for a vehicle with fins, or with another controller than the cascade.
     """
 
     def __init__(self, name: str, vehicle: Vehicle, control: dict[str, Any], seed: int = 1) -> None:
@@ -118,7 +118,7 @@ class Tuner:
         return process._replace(delay=process.delay + _waiting(loop))
 
     def _propose(self, axis: str, process: Process, closed: float) -> dict[str, AxisGains | HoldGains]:
-        """Return gains by their keys, for a closed loop of `closed` delays."""
+        """Return gains by their keys, for a closed loop with a time constant of `closed` delays."""
         loop = AXES[axis].loop
         time = (closed + 1.0) * process.delay
         proposed: dict[str, AxisGains | HoldGains] = {}
@@ -137,7 +137,7 @@ class Tuner:
         return {"p": _short(p), "i": _short(i), "limit": _short(min(1e3, most))}
 
     def _keys(self, axis: str) -> list[str]:
-        """Return the gains that a step along `axis` shows: roll and pitch have no step of their rate alone."""
+        """Return the keys of the gains that a step along `axis` tests; roll and pitch have no step of the rate alone."""
         if axis in ("roll", "pitch"):
             return [f"{axis}_rate", axis]
         return [axis if axis in Gains._fields else "yaw_rate"]
@@ -161,10 +161,10 @@ def _waiting(loop: int) -> float:
 
 
 def _worth(figures: Figures) -> float:
-    """Return the cost to minimise; it doubles with each 10 % of overshoot beyond the first."""
+    """Return the cost to minimise. It doubles with each 10 % of overshoot beyond the first 10 %."""
     return figures.cost * float(2.0 ** (max(0.0, figures.overshoot - _OVERSHOOT) / 0.1))
 
 
 def _short(value: float) -> float:
-    """Return a gain with three digits, as exact as one can be trusted."""
+    """Return a gain rounded to three digits, its useful precision."""
     return float(f"{value:.3g}")

@@ -9,13 +9,13 @@ from hil.tuning.rig import CONTROL_PERIOD_S, START_DEPTH, Moment, Rig
 from sim.vehicle.terminal_speed import Reach
 from sim.vehicle.vehicle import Vehicle
 
-HOLD_S = 4.0  # at rest before the step: integrators find what the vehicle weighs
-# What a step is if the vehicle can: m/s, rad/s, m, rad; and the share of its top speed if it is weaker.
+HOLD_S = 4.0  # at rest before the step, until the integrators have settled
+# Default step sizes (m/s, rad/s, m, rad), and the share of the top speed for a vehicle that is too slow for them.
 _SPEED, _HEAVE, _TURN, _DIVE, _ROUND, _TILT, _SHARE = 0.5, 0.3, 0.4, 1.0, 0.8, 0.15, 0.4
 
 
 class Axis(NamedTuple):
-    """`unit` of the response; `loop` is the number of the wrench's axis (0 surge .. 5 yaw); `seconds` it may take."""
+    """An axis: `unit` of its response, number `loop` of the wrench's axis (0 surge .. 5 yaw), duration `seconds`."""
 
     unit: str
     loop: int
@@ -37,9 +37,9 @@ AXES = {
 class Figures(NamedTuple):
     """Figures of a step response.
 
-    `rise` s from 10 to 90 %; `overshoot` beyond the target as a share of the step; `settling` s until it stays
-    within 5 %; `steady` the mean error of the last quarter, in the axis' unit. nan where it never gets there. `cost` s
-    is the absolute error over the step, integrated: less is better.
+    `rise`: time (s) from 10 to 90 %. `overshoot`: share of the step beyond the target. `settling`: time (s) until it
+    stays within 5 %. `steady`: mean error of the last quarter, in the axis' unit. A level that is never reached gives
+    nan. `cost` (s): integral of the absolute error over the step; lower is better.
     """
 
     rise: float
@@ -50,7 +50,7 @@ class Figures(NamedTuple):
 
 
 class Response(NamedTuple):
-    """A step of `size` at time 0: s, and the axis' value since then, 0 before; units are the axis'."""
+    """Response to a step of `size` at time 0: `times` (s), and `values` (the axis' unit) relative to the start."""
 
     axis: str
     size: float
@@ -58,7 +58,7 @@ class Response(NamedTuple):
     values: list[float]
 
     def figures(self) -> Figures:
-        """Return the numbers of this response."""
+        """Return the figures of this response."""
         shares = [value / self.size for value in self.values]
         errors = [abs(share - 1.0) for share in shares]
         last_out = max((number for number, error in enumerate(errors) if error > 0.05), default=-1)
@@ -76,7 +76,7 @@ class Response(NamedTuple):
 
 
 def step_size(axis: str, reach: Reach) -> float:
-    """Return how far `axis` is to jump on a vehicle that reaches so much along the axis of its wrench."""
+    """Return the size of a step along `axis`, in its unit, for a vehicle with the top speeds `reach`."""
     fixed = {"depth": _DIVE, "heading": _ROUND, "roll": _TILT, "pitch": _TILT}
     if axis in fixed:
         return fixed[axis]
@@ -89,8 +89,8 @@ def fly_step(
 ) -> Response:
     """Return the response of `vehicle` under its `[control]` table to a step of `size` along `axis`.
 
-    Roll and pitch, which nobody commands, begin that much off level. `rig` are further arguments of `Rig`. Raises
-    ConfigError.
+    Roll and pitch cannot be commanded, so they start at an angle of `size`. `rig` are further arguments of `Rig`.
+    Raises ConfigError.
     """
     tilt = (size if axis == "roll" else 0.0, size if axis == "pitch" else 0.0)
     flight = Rig(name, vehicle, control, tilt=tilt, seed=seed, **rig)
@@ -103,7 +103,7 @@ def fly_step(
 
 
 def order(axis: str, size: float) -> VelocityCommand:
-    """Return the command for a step along `axis`, the others held."""
+    """Return the command for a step along `axis`; the other axes are held."""
     still = VelocityCommand(depth=START_DEPTH, heading=0.0)
     return {
         "surge": still._replace(surge=size),

@@ -1,4 +1,4 @@
-"""Write a vehicle's file with other gains: everything unchanged but its [control] table."""
+"""Write a vehicle's file with new gains. Only its [control] table is changed."""
 
 import os
 from math import inf
@@ -11,15 +11,15 @@ from sim.vehicle.vehicle import Vehicle
 
 
 def control_text(gains: Gains) -> str:
-    """Return `gains` as a [control] table; of a loop what differs from the defaults of its record, and always its p."""
+    """Return `gains` as a [control] table. For each loop it has p, and the keys that differ from their defaults."""
     rows = [f"{key} = {{ {_inline(row)} }}" for key, row in gains._asdict().items()]
     return "\n".join(["[control]", *rows, ""])
 
 
 def with_gains(text: str, gains: Gains, note: str, where: str) -> str:
-    """Return the vehicle file `text` with `gains` at its end, under the comment `note`, instead of those it had.
+    """Return the vehicle file `text` with `gains` at its end, after the comment `note`. They replace the old gains.
 
-    Other families' tables stay. Raises ConfigError where the old gains stand in a way that cannot be distinguished.
+    Tables of other controllers stay. Raises ConfigError if the old gains cannot be identified in the text.
     """
     made = f"{_without_gains(text)}\n# {note}\n{control_text(gains)}"
     try:
