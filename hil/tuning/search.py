@@ -137,7 +137,7 @@ class Tuner:
         return {"p": _short(p), "i": _short(i), "limit": _short(min(1e3, most))}
 
     def _keys(self, axis: str) -> list[str]:
-        """Return the keys of the gains that a step along `axis` tests; roll and pitch have no step of the rate alone."""
+        """Return the keys of the gains that a step along `axis` tests; roll and pitch have no step of the rate."""
         if axis in ("roll", "pitch"):
             return [f"{axis}_rate", axis]
         return [axis if axis in Gains._fields else "yaw_rate"]

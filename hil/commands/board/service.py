@@ -99,7 +99,7 @@ def check_user(tree: Tree, user: str) -> None:
 
 def _print_changed(plan: Plan) -> None:
     for path in plan.changed:
-        print(f"{path}: changed since it was written; it stays; take it away with: sudo rm {path}")
+        print(f"{path}: changed since it was written; it is left there; remove it with: sudo rm {path}")
 
 
 def _leaving(paths: Sequence[str]) -> list[Command]:

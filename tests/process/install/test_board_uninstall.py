@@ -40,7 +40,7 @@ def test_a_unit_that_somebody_changed(
     for _ in range(2):
         ran.clear()
         assert uninstall(root) == 0
-        assert f"{UNIT}: changed since it was written; it stays; take it away with: sudo rm {UNIT}" in (
+        assert f"{UNIT}: changed since it was written; it is left there; remove it with: sudo rm {UNIT}" in (
             capsys.readouterr().out
         )
         assert ran[0] == "systemctl disable --now uuv-hil.service"
@@ -56,7 +56,7 @@ def test_what_the_service_kept_is_named(root: Path, scenario: str, capsys: pytes
     (root / "var/lib/uuv-hil").mkdir(parents=True)
     capsys.readouterr()
     assert uninstall(root) == 0
-    assert capsys.readouterr().out.endswith("take it away with: sudo rm -r /var/lib/uuv-hil\n")
+    assert capsys.readouterr().out.endswith("remove them with: sudo rm -r /var/lib/uuv-hil\n")
     assert (root / "var/lib/uuv-hil").is_dir()
 
 

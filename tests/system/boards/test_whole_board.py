@@ -179,7 +179,7 @@ def test_the_service_on_a_whole_board() -> None:
     assert "late: came up" in booted.output
     assert "can-a: qlen 100 state ERROR-ACTIVE bitrate 1000000" in booted.output
     assert "dropped: inactive\n" in booted.output
-    assert "take it away with: sudo rm -r /var/lib/uuv-hil /var/cache/uuv-hil" in booted.output
+    assert "remove them with: sudo rm -r /var/lib/uuv-hil /var/cache/uuv-hil" in booted.output
     assert "watchdog: Watchdog timeout" in booted.output
     assert "nothing is left" in booted.output
     output = [line.split() for line in booted.output.splitlines() if line.startswith("limited: ")]
