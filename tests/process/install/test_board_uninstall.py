@@ -51,7 +51,7 @@ def test_a_unit_that_somebody_changed(
     assert "nothing is installed here" in capsys.readouterr().err
 
 
-def test_what_the_service_kept_is_named(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_service_stored_is_named(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert install(root, scenario, "--yes") == 0
     (root / "var/lib/uuv-hil").mkdir(parents=True)
     capsys.readouterr()
