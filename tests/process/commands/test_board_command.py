@@ -164,7 +164,7 @@ def test_what_somebody_changed_stays(root: Path, scenario: str, capsys: pytest.C
     plant(root, RULES[1:], "# mine\n")
     assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
     reported = capsys.readouterr().out
-    assert f"{RULES}: changed since it was written; it stays" in reported
+    assert f"{RULES}: changed since it was written; it is left there" in reported
     assert re.search(rf"^uninstalled but for what stays; .* uninstall again, .* {MANIFEST}$", reported, re.MULTILINE)
     assert files(root).keys() == {*before, MANIFEST[1:]}
     assert (root / RULES[1:]).read_text() == "# mine\n"
