@@ -135,10 +135,10 @@ def worker_options() -> Iterator[dict[str, Any]]:
         return
     from multiprocessing.resource_tracker import ensure_running
 
-    ensure_running()
     before = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
     try:
+        ensure_running()
         yield {"initializer": lifeline.die_with, "initargs": (_path(str(os.getpid())),)}
     finally:
         if before is None:

@@ -30,7 +30,7 @@ def test_it_shows_the_vehicle_steers_it_and_stops_it(tmp_path: Path) -> None:
         assert page.wait_until(lambda: vehicle.diagnostics.armed is True)
         assert page.seen.hosts <= {"127.0.0.1", ""}, "no other host gets a request"
         slave.stop(15)
-        page.page.wait_for_function("document.getElementById('reason').textContent.includes('not there')")
+        page.page.wait_for_function("document.getElementById('reason').textContent.includes('not connected')")
         with Program(tmp_path, "slave", tmp_path / "short.toml"):
             page.wait_until_ready()
 
