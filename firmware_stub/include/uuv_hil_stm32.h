@@ -157,7 +157,7 @@ typedef enum {
     UUV_HIL_NOTHING,
     UUV_HIL_SOUND,   /* a valid packet, answered or ignored */
     UUV_HIL_COMMAND, /* a valid packet, and *command is the command for the board */
-} UuvHilHeard;
+} UuvHilReceived;
 
 /* ---- mavlink.c: the device's end of hil/links/mavlink/link.py, on the headers that pymavlink generates. It applies
  * SERVO_OUTPUT_RAW, RC_CHANNELS_OVERRIDE and, as COMMAND_LONG, COMPONENT_ARM_DISARM and DO_SET_SERVO; it sends
@@ -171,16 +171,16 @@ typedef struct {
     uint8_t packets_sent; /* wraps: the number of the next packet */
     uint64_t heartbeat_due_us;
     UuvHilTelemetry reported; /* the last report */
-    UuvHilCommand ordered;    /* the last command, and the state that the next one changes */
+    UuvHilCommand command;    /* the last command, and the state that the next one changes */
     int32_t commander;        /* its sender, system << 8 | component; -1: none yet */
-    uint8_t number;           /* of its packet; `ordered.sequence` is this, continued to 16 bits */
+    uint8_t number;           /* of its packet; `command.sequence` is this, continued to 16 bits */
 } UuvHilMavlink;
 
 void uuv_hil_mavlink_start(UuvHilMavlink *mavlink, uint8_t channels);
 
 /* Add one byte off the line, and send the answer to the packet that it completes. */
-UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte, uint64_t now_us,
-                                 UuvHilCommand *command);
+UuvHilReceived uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte,
+                                    uint64_t now_us, UuvHilCommand *command);
 
 void uuv_hil_mavlink_report(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const UuvHilTelemetry *telemetry,
                             uint64_t now_us);
@@ -208,14 +208,15 @@ typedef struct {
 
 void uuv_hil_vesc_start(UuvHilVesc *vesc, uint8_t channels);
 
-UuvHilHeard uuv_hil_vesc_hear(UuvHilVesc *vesc, const UuvHilCanFrame *frame, uint64_t now_us, UuvHilCommand *command);
+UuvHilReceived uuv_hil_vesc_receive(UuvHilVesc *vesc, const UuvHilCanFrame *frame, uint64_t now_us,
+                                    UuvHilCommand *command);
 
 /* Return the STATUS frame of the controller of a thruster, counted from 0. */
 UuvHilCanFrame uuv_hil_vesc_status(uint8_t thruster, uint16_t pulse_us);
 
 /* ---- firmware.c: all parts together, on a platform. ---- */
 
-typedef enum { UUV_HIL_SPEAKS_FRAME, UUV_HIL_SPEAKS_MAVLINK, UUV_HIL_SPEAKS_VESC } UuvHilProtocol;
+typedef enum { UUV_HIL_PROTOCOL_FRAME, UUV_HIL_PROTOCOL_MAVLINK, UUV_HIL_PROTOCOL_VESC } UuvHilProtocol;
 
 typedef struct {
     const UuvHilPlatform *platform;
@@ -224,14 +225,14 @@ typedef struct {
     uint16_t malformed; /* valid frames that are no command; wraps */
     UuvHilMavlink mavlink;
     UuvHilVesc vesc;
-    UuvHilProtocol speaks;
+    UuvHilProtocol protocol;
 } UuvHilFirmware;
 
 /* Power-up: outputs neutral. The platform stays the caller's and must outlive the firmware. */
 void uuv_hil_start(UuvHilFirmware *firmware, const UuvHilPlatform *platform, uint8_t channels, uint32_t watchdog_us);
 
 /* Process a frame off the CAN bus: apply and answer the command that it completes. */
-void uuv_hil_hear_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame);
+void uuv_hil_receive_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame);
 
 /* Process received bytes (0 of them is fine), apply and answer each command in them, then advance the time.
  * Bytes are read before the watchdog is checked: a late machine does not count as a host that stopped. */

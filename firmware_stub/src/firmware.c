@@ -10,10 +10,10 @@ static void put_outputs(const UuvHilFirmware *firmware)
 
 static uint16_t line_errors(const UuvHilFirmware *firmware)
 {
-    switch (firmware->speaks) {
-    case UUV_HIL_SPEAKS_MAVLINK:
+    switch (firmware->protocol) {
+    case UUV_HIL_PROTOCOL_MAVLINK:
         return firmware->mavlink.packets.checksum_errors;
-    case UUV_HIL_SPEAKS_VESC:
+    case UUV_HIL_PROTOCOL_VESC:
         return firmware->vesc.malformed;
     default:
         return (uint16_t)(firmware->frames.checksum_errors + firmware->malformed);
@@ -39,9 +39,9 @@ static void report(UuvHilFirmware *firmware, uint64_t now_us)
 {
     firmware->board.line_errors = line_errors(firmware);
     UuvHilTelemetry telemetry = uuv_hil_board_telemetry(&firmware->board, now_us);
-    if (firmware->speaks == UUV_HIL_SPEAKS_MAVLINK)
+    if (firmware->protocol == UUV_HIL_PROTOCOL_MAVLINK)
         uuv_hil_mavlink_report(&firmware->mavlink, firmware->platform, &telemetry, now_us);
-    else if (firmware->speaks == UUV_HIL_SPEAKS_VESC)
+    else if (firmware->protocol == UUV_HIL_PROTOCOL_VESC)
         report_as_vescs(firmware->platform, &telemetry);
     else
         report_in_frame(firmware->platform, &telemetry);
@@ -56,7 +56,7 @@ void uuv_hil_start(UuvHilFirmware *firmware, const UuvHilPlatform *platform, uin
     put_outputs(firmware);
 }
 
-static UuvHilHeard feed_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilCommand *command)
+static UuvHilReceived feed_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilCommand *command)
 {
     const uint8_t *frame = uuv_hil_stream_feed(&firmware->frames, &uuv_hil_frame_format, byte);
     if (frame == NULL)
@@ -67,23 +67,23 @@ static UuvHilHeard feed_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilComm
     return UUV_HIL_SOUND;
 }
 
-static void speak(UuvHilFirmware *firmware, UuvHilProtocol protocol)
+static void set_protocol(UuvHilFirmware *firmware, UuvHilProtocol protocol)
 {
-    if (protocol != UUV_HIL_SPEAKS_MAVLINK)
-        firmware->mavlink.ordered.armed = false; /* a sender that returns to MAVLink has to arm again */
-    firmware->speaks = protocol;
+    if (protocol != UUV_HIL_PROTOCOL_MAVLINK)
+        firmware->mavlink.command.armed = false; /* a sender that returns to MAVLink has to arm again */
+    firmware->protocol = protocol;
 }
 
-static UuvHilHeard feed_byte(UuvHilFirmware *firmware, uint8_t byte, uint64_t now_us, UuvHilCommand *command)
+static UuvHilReceived feed_byte(UuvHilFirmware *firmware, uint8_t byte, uint64_t now_us, UuvHilCommand *command)
 {
-    UuvHilHeard frame = feed_frame(firmware, byte, command);
+    UuvHilReceived frame = feed_frame(firmware, byte, command);
     if (frame != UUV_HIL_NOTHING) {
-        speak(firmware, UUV_HIL_SPEAKS_FRAME);
+        set_protocol(firmware, UUV_HIL_PROTOCOL_FRAME);
         return frame;
     }
-    UuvHilHeard packet = uuv_hil_mavlink_feed(&firmware->mavlink, firmware->platform, byte, now_us, command);
+    UuvHilReceived packet = uuv_hil_mavlink_feed(&firmware->mavlink, firmware->platform, byte, now_us, command);
     if (packet != UUV_HIL_NOTHING)
-        speak(firmware, UUV_HIL_SPEAKS_MAVLINK);
+        set_protocol(firmware, UUV_HIL_PROTOCOL_MAVLINK);
     return packet;
 }
 
@@ -95,13 +95,13 @@ static void apply_command(UuvHilFirmware *firmware, const UuvHilCommand *command
     report(firmware, now_us);
 }
 
-void uuv_hil_hear_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame)
+void uuv_hil_receive_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame)
 {
     uint64_t now_us = firmware->platform->now_us(firmware->platform->context);
     UuvHilCommand command;
-    UuvHilHeard received = uuv_hil_vesc_hear(&firmware->vesc, frame, now_us, &command);
+    UuvHilReceived received = uuv_hil_vesc_receive(&firmware->vesc, frame, now_us, &command);
     if (received != UUV_HIL_NOTHING)
-        speak(firmware, UUV_HIL_SPEAKS_VESC);
+        set_protocol(firmware, UUV_HIL_PROTOCOL_VESC);
     if (received == UUV_HIL_COMMAND)
         apply_command(firmware, &command, now_us);
 }
@@ -112,7 +112,7 @@ static void let_time_pass(UuvHilFirmware *firmware, uint64_t now_us)
         put_outputs(firmware);
         report(firmware, now_us);
     }
-    if (firmware->speaks == UUV_HIL_SPEAKS_MAVLINK)
+    if (firmware->protocol == UUV_HIL_PROTOCOL_MAVLINK)
         uuv_hil_mavlink_tick(&firmware->mavlink, firmware->platform, now_us);
 }
 
@@ -133,7 +133,7 @@ uint64_t uuv_hil_deadline_us(const UuvHilFirmware *firmware)
 {
     uint64_t board_us = uuv_hil_board_deadline_us(&firmware->board);
     uint64_t heartbeat_us = firmware->mavlink.heartbeat_due_us;
-    return firmware->speaks == UUV_HIL_SPEAKS_MAVLINK && heartbeat_us < board_us ? heartbeat_us : board_us;
+    return firmware->protocol == UUV_HIL_PROTOCOL_MAVLINK && heartbeat_us < board_us ? heartbeat_us : board_us;
 }
 
 void uuv_hil_stop(UuvHilFirmware *firmware)

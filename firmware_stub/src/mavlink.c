@@ -48,7 +48,7 @@ static const UuvHilFormat mavlink_format = {packet_size, is_sound, MAVLINK_STX};
 
 /* ---- messages that are sent ---- */
 
-static void say(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *message)
+static void send_message(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *message)
 {
     uint8_t bytes[LONGEST_SENT];
     mavlink->packets_sent++;
@@ -73,7 +73,7 @@ static void send_heartbeat(UuvHilMavlink *mavlink, const UuvHilPlatform *platfor
         .system_status = state,
     };
     mavlink_msg_heartbeat_encode_status(SYSTEM, COMPONENT, &numbered, &message, &heartbeat);
-    say(mavlink, platform, &message);
+    send_message(mavlink, platform, &message);
 }
 
 static void send_sys_status(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
@@ -93,7 +93,7 @@ static void send_sys_status(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
         .errors_count2 = reported->frames,
     };
     mavlink_msg_sys_status_encode_status(SYSTEM, COMPONENT, &numbered, &message, &sys_status);
-    say(mavlink, platform, &message);
+    send_message(mavlink, platform, &message);
 }
 
 static void send_state(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
@@ -116,7 +116,7 @@ static void send_outputs(UuvHilMavlink *mavlink, const UuvHilPlatform *platform,
         .servo13_raw = pwm_us[12], .servo14_raw = pwm_us[13], .servo15_raw = pwm_us[14], .servo16_raw = pwm_us[15],
     };
     mavlink_msg_servo_output_raw_encode_status(SYSTEM, COMPONENT, &numbered, &message, &outputs);
-    say(mavlink, platform, &message);
+    send_message(mavlink, platform, &message);
 }
 
 static void send_acknowledged(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
@@ -131,7 +131,7 @@ static void send_acknowledged(UuvHilMavlink *mavlink, const UuvHilPlatform *plat
         .target_component = packet->compid,
     };
     mavlink_msg_command_ack_encode_status(SYSTEM, COMPONENT, &numbered, &message, &acknowledgement);
-    say(mavlink, platform, &message);
+    send_message(mavlink, platform, &message);
 }
 
 static void answer_timesync(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
@@ -145,7 +145,7 @@ static void answer_timesync(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
     mavlink_message_t message;
     const mavlink_timesync_t answer = {.tc1 = (int64_t)(now_us * 1000u), .ts1 = requested.ts1};
     mavlink_msg_timesync_encode_status(SYSTEM, COMPONENT, &numbered, &message, &answer);
-    say(mavlink, platform, &message);
+    send_message(mavlink, platform, &message);
 }
 
 /* Answer what a ground station asks of every vehicle. */
@@ -154,26 +154,26 @@ static void answer_question(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
     mavlink_status_t numbered = status(mavlink);
     mavlink_message_t message;
     if (uuv_hil_mavlink_answer(packet, &numbered, &message))
-        say(mavlink, platform, &message);
+        send_message(mavlink, platform, &message);
 }
 
-/* ---- commands: each function sets mavlink->ordered for the board, and returns whether it did ---- */
+/* ---- commands: each function sets mavlink->command for the board, and returns whether it did ---- */
 
 /* Return the command's number: advanced as the packet's is, or set back if the packet was overtaken. */
 static void continue_number(UuvHilMavlink *mavlink, const mavlink_message_t *packet)
 {
     int32_t commander = packet->sysid << 8 | packet->compid;
     int8_t step = commander == mavlink->commander ? (int8_t)(uint8_t)(packet->seq - mavlink->number) : 1;
-    mavlink->ordered.sequence = (uint16_t)(mavlink->ordered.sequence + step);
+    mavlink->command.sequence = (uint16_t)(mavlink->command.sequence + step);
     mavlink->number = packet->seq;
     mavlink->commander = commander;
 }
 
-static bool order(UuvHilMavlink *mavlink, const uint16_t *pwm_us, const mavlink_message_t *packet)
+static bool set_command(UuvHilMavlink *mavlink, const uint16_t *pwm_us, const mavlink_message_t *packet)
 {
-    UuvHilCommand *ordered = &mavlink->ordered;
-    for (uint8_t i = 0; i < ordered->channels; i++)
-        ordered->pwm_us[i] = ordered->armed ? pwm_us[i] : UUV_HIL_PWM_NEUTRAL_US;
+    UuvHilCommand *command = &mavlink->command;
+    for (uint8_t i = 0; i < command->channels; i++)
+        command->pwm_us[i] = command->armed ? pwm_us[i] : UUV_HIL_PWM_NEUTRAL_US;
     continue_number(mavlink, packet);
     return true;
 }
@@ -190,7 +190,7 @@ static bool handle_servo_output_raw(UuvHilMavlink *mavlink, const mavlink_messag
         outputs.servo9_raw, outputs.servo10_raw, outputs.servo11_raw, outputs.servo12_raw,
         outputs.servo13_raw, outputs.servo14_raw, outputs.servo15_raw, outputs.servo16_raw,
     };
-    return order(mavlink, pwm_us, packet);
+    return set_command(mavlink, pwm_us, packet);
 }
 
 /* Return the pulse of a channel of RC_CHANNELS_OVERRIDE; `current_us` where the channel is ignored. */
@@ -216,8 +216,8 @@ static bool handle_rc_channels_override(UuvHilMavlink *mavlink, const mavlink_me
     };
     uint16_t pwm_us[UUV_HIL_MAX_CHANNELS];
     for (uint8_t i = 0; i < UUV_HIL_MAX_CHANNELS; i++)
-        pwm_us[i] = overridden(i, requested[i], mavlink->ordered.pwm_us[i]);
-    return order(mavlink, pwm_us, packet);
+        pwm_us[i] = overridden(i, requested[i], mavlink->command.pwm_us[i]);
+    return set_command(mavlink, pwm_us, packet);
 }
 
 /* Arming keeps the present pulses; no change of the armed state changes nothing. */
@@ -229,10 +229,10 @@ static bool handle_arm_disarm(UuvHilMavlink *mavlink, const mavlink_message_t *p
     }
     *result = MAV_RESULT_ACCEPTED;
     bool armed = arm == 1.0f;
-    if (armed == mavlink->ordered.armed)
+    if (armed == mavlink->command.armed)
         return false;
-    mavlink->ordered.armed = armed;
-    return order(mavlink, mavlink->ordered.pwm_us, packet);
+    mavlink->command.armed = armed;
+    return set_command(mavlink, mavlink->command.pwm_us, packet);
 }
 
 static bool is_channel(float instance, uint8_t channels)
@@ -257,16 +257,16 @@ static uint16_t rounded(float width_us)
 static bool handle_set_servo(UuvHilMavlink *mavlink, const mavlink_message_t *packet, float instance, float width_us,
                              uint8_t *result)
 {
-    if (!is_channel(instance, mavlink->ordered.channels) || !is_pulse(width_us)) {
+    if (!is_channel(instance, mavlink->command.channels) || !is_pulse(width_us)) {
         *result = MAV_RESULT_DENIED;
         return false;
     }
-    if (!mavlink->ordered.armed) {
+    if (!mavlink->command.armed) {
         *result = MAV_RESULT_TEMPORARILY_REJECTED;
         return false;
     }
     *result = MAV_RESULT_ACCEPTED;
-    mavlink->ordered.pwm_us[(uint8_t)instance - 1] = rounded(width_us);
+    mavlink->command.pwm_us[(uint8_t)instance - 1] = rounded(width_us);
     continue_number(mavlink, packet);
     return true;
 }
@@ -278,13 +278,13 @@ static bool handle_command_long(UuvHilMavlink *mavlink, const UuvHilPlatform *pl
     if (!uuv_hil_mavlink_is_for_us(requested.target_system, requested.target_component))
         return false;
     uint8_t result = MAV_RESULT_UNSUPPORTED;
-    bool ordered = false;
+    bool is_changed = false;
     if (requested.command == MAV_CMD_COMPONENT_ARM_DISARM)
-        ordered = handle_arm_disarm(mavlink, packet, requested.param1, &result);
+        is_changed = handle_arm_disarm(mavlink, packet, requested.param1, &result);
     else if (requested.command == MAV_CMD_DO_SET_SERVO)
-        ordered = handle_set_servo(mavlink, packet, requested.param1, requested.param2, &result);
+        is_changed = handle_set_servo(mavlink, packet, requested.param1, requested.param2, &result);
     send_acknowledged(mavlink, platform, packet, requested.command, result);
-    return ordered;
+    return is_changed;
 }
 
 static bool handle_packet(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
@@ -321,13 +321,13 @@ static void unpack(const uint8_t *packet, mavlink_message_t *message)
 
 void uuv_hil_mavlink_start(UuvHilMavlink *mavlink, uint8_t channels)
 {
-    *mavlink = (UuvHilMavlink){.commander = -1, .ordered = {.channels = channels}};
+    *mavlink = (UuvHilMavlink){.commander = -1, .command = {.channels = channels}};
     for (uint8_t i = 0; i < channels; i++)
-        mavlink->ordered.pwm_us[i] = UUV_HIL_PWM_NEUTRAL_US;
+        mavlink->command.pwm_us[i] = UUV_HIL_PWM_NEUTRAL_US;
 }
 
-UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte, uint64_t now_us,
-                                 UuvHilCommand *command)
+UuvHilReceived uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte,
+                                    uint64_t now_us, UuvHilCommand *command)
 {
     const uint8_t *packet = uuv_hil_stream_feed(&mavlink->packets, &mavlink_format, byte);
     if (packet == NULL)
@@ -338,7 +338,7 @@ UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *p
         return UUV_HIL_SOUND; /* our own echo */
     if (!handle_packet(mavlink, platform, &message, now_us))
         return UUV_HIL_SOUND;
-    *command = mavlink->ordered;
+    *command = mavlink->command;
     return UUV_HIL_COMMAND;
 }
 
@@ -347,9 +347,9 @@ void uuv_hil_mavlink_report(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
 {
     const UuvHilTelemetry reported = mavlink->reported;
     mavlink->reported = *telemetry;
-    mavlink->ordered.armed = telemetry->armed;
+    mavlink->command.armed = telemetry->armed;
     for (uint8_t i = 0; i < telemetry->channels; i++)
-        mavlink->ordered.pwm_us[i] = telemetry->pwm_us[i];
+        mavlink->command.pwm_us[i] = telemetry->pwm_us[i];
     if (reported.armed != telemetry->armed || reported.timed_out != telemetry->timed_out
         || reported.watchdog_trips != telemetry->watchdog_trips)
         send_state(mavlink, platform);

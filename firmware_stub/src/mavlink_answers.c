@@ -41,38 +41,38 @@ static bool is_parameter(const char *name)
 
 static bool list_parameters(const Question *question)
 {
-    mavlink_param_request_list_t asked;
-    mavlink_msg_param_request_list_decode(question->packet, &asked);
-    return uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component) && send_parameter(question);
+    mavlink_param_request_list_t request;
+    mavlink_msg_param_request_list_decode(question->packet, &request);
+    return uuv_hil_mavlink_is_for_us(request.target_system, request.target_component) && send_parameter(question);
 }
 
 static bool read_parameter(const Question *question)
 {
-    mavlink_param_request_read_t asked;
-    mavlink_msg_param_request_read_decode(question->packet, &asked);
-    return uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component)
-           && (asked.param_index == 0 || is_parameter(asked.param_id)) && send_parameter(question);
+    mavlink_param_request_read_t request;
+    mavlink_msg_param_request_read_decode(question->packet, &request);
+    return uuv_hil_mavlink_is_for_us(request.target_system, request.target_component)
+           && (request.param_index == 0 || is_parameter(request.param_id)) && send_parameter(question);
 }
 
 /* It cannot be changed: the answer says what it is. */
 static bool set_parameter(const Question *question)
 {
-    mavlink_param_set_t asked;
-    mavlink_msg_param_set_decode(question->packet, &asked);
-    return uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component) && is_parameter(asked.param_id)
+    mavlink_param_set_t request;
+    mavlink_msg_param_set_decode(question->packet, &request);
+    return uuv_hil_mavlink_is_for_us(request.target_system, request.target_component) && is_parameter(request.param_id)
            && send_parameter(question);
 }
 
 static bool list_mission(const Question *question)
 {
-    mavlink_mission_request_list_t asked;
-    mavlink_msg_mission_request_list_decode(question->packet, &asked);
-    if (!uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component))
+    mavlink_mission_request_list_t request;
+    mavlink_msg_mission_request_list_decode(question->packet, &request);
+    if (!uuv_hil_mavlink_is_for_us(request.target_system, request.target_component))
         return false;
     const mavlink_mission_count_t count = {
         .target_system = question->packet->sysid,
         .target_component = question->packet->compid,
-        .mission_type = asked.mission_type,
+        .mission_type = request.mission_type,
     };
     mavlink_msg_mission_count_encode_status(UUV_HIL_MAVLINK_SYSTEM, UUV_HIL_MAVLINK_COMPONENT, question->numbered,
                                             question->answer, &count);
@@ -97,17 +97,17 @@ static bool acknowledge(const Question *question, uint8_t system, uint8_t compon
 
 static bool refuse_mission(const Question *question)
 {
-    mavlink_mission_count_t asked;
-    mavlink_msg_mission_count_decode(question->packet, &asked);
-    uint8_t result = asked.count != 0 ? MAV_MISSION_NO_SPACE : MAV_MISSION_ACCEPTED;
-    return acknowledge(question, asked.target_system, asked.target_component, asked.mission_type, result);
+    mavlink_mission_count_t request;
+    mavlink_msg_mission_count_decode(question->packet, &request);
+    uint8_t result = request.count != 0 ? MAV_MISSION_NO_SPACE : MAV_MISSION_ACCEPTED;
+    return acknowledge(question, request.target_system, request.target_component, request.mission_type, result);
 }
 
 static bool clear_mission(const Question *question)
 {
-    mavlink_mission_clear_all_t asked;
-    mavlink_msg_mission_clear_all_decode(question->packet, &asked);
-    return acknowledge(question, asked.target_system, asked.target_component, asked.mission_type,
+    mavlink_mission_clear_all_t request;
+    mavlink_msg_mission_clear_all_decode(question->packet, &request);
+    return acknowledge(question, request.target_system, request.target_component, request.mission_type,
                        MAV_MISSION_ACCEPTED);
 }
 
@@ -118,47 +118,47 @@ static bool refuse_item(const Question *question, uint8_t system, uint8_t compon
 
 static bool refuse_request(const Question *question)
 {
-    mavlink_mission_request_t asked;
-    mavlink_msg_mission_request_decode(question->packet, &asked);
-    return refuse_item(question, asked.target_system, asked.target_component, asked.mission_type);
+    mavlink_mission_request_t request;
+    mavlink_msg_mission_request_decode(question->packet, &request);
+    return refuse_item(question, request.target_system, request.target_component, request.mission_type);
 }
 
 static bool refuse_request_int(const Question *question)
 {
-    mavlink_mission_request_int_t asked;
-    mavlink_msg_mission_request_int_decode(question->packet, &asked);
-    return refuse_item(question, asked.target_system, asked.target_component, asked.mission_type);
+    mavlink_mission_request_int_t request;
+    mavlink_msg_mission_request_int_decode(question->packet, &request);
+    return refuse_item(question, request.target_system, request.target_component, request.mission_type);
 }
 
 static bool refuse_sent_item(const Question *question)
 {
-    mavlink_mission_item_t asked;
-    mavlink_msg_mission_item_decode(question->packet, &asked);
-    return refuse_item(question, asked.target_system, asked.target_component, asked.mission_type);
+    mavlink_mission_item_t request;
+    mavlink_msg_mission_item_decode(question->packet, &request);
+    return refuse_item(question, request.target_system, request.target_component, request.mission_type);
 }
 
 static bool refuse_sent_item_int(const Question *question)
 {
-    mavlink_mission_item_int_t asked;
-    mavlink_msg_mission_item_int_decode(question->packet, &asked);
-    return refuse_item(question, asked.target_system, asked.target_component, asked.mission_type);
+    mavlink_mission_item_int_t request;
+    mavlink_msg_mission_item_int_decode(question->packet, &request);
+    return refuse_item(question, request.target_system, request.target_component, request.mission_type);
 }
 
 static bool refuse_file(const Question *question)
 {
-    mavlink_file_transfer_protocol_t asked;
-    mavlink_msg_file_transfer_protocol_decode(question->packet, &asked);
-    uint8_t code = asked.payload[FTP_REQUEST_CODE];
-    if (!uuv_hil_mavlink_is_for_us(asked.target_system, asked.target_component) || code == 0 || code == FTP_ACK
+    mavlink_file_transfer_protocol_t request;
+    mavlink_msg_file_transfer_protocol_decode(question->packet, &request);
+    uint8_t code = request.payload[FTP_REQUEST_CODE];
+    if (!uuv_hil_mavlink_is_for_us(request.target_system, request.target_component) || code == 0 || code == FTP_ACK
         || code == FTP_NAK)
         return false; /* an answer, or nothing */
-    uint16_t number = (uint16_t)((asked.payload[0] | asked.payload[1] << 8) + 1);
+    uint16_t number = (uint16_t)((request.payload[0] | request.payload[1] << 8) + 1);
     mavlink_file_transfer_protocol_t refusal = {
         .target_system = question->packet->sysid,
         .target_component = question->packet->compid,
-        .payload = {(uint8_t)number, (uint8_t)(number >> 8), asked.payload[2], FTP_NAK, 1, code},
+        .payload = {(uint8_t)number, (uint8_t)(number >> 8), request.payload[2], FTP_NAK, 1, code},
     };
-    memcpy(refusal.payload + FTP_OFFSET, asked.payload + FTP_OFFSET, FTP_DATA - FTP_OFFSET);
+    memcpy(refusal.payload + FTP_OFFSET, request.payload + FTP_OFFSET, FTP_DATA - FTP_OFFSET);
     refusal.payload[FTP_DATA] = FTP_UNKNOWN_COMMAND;
     mavlink_msg_file_transfer_protocol_encode_status(UUV_HIL_MAVLINK_SYSTEM, UUV_HIL_MAVLINK_COMPONENT,
                                                      question->numbered, question->answer, &refusal);

@@ -80,7 +80,8 @@ void uuv_hil_vesc_start(UuvHilVesc *vesc, uint8_t channels)
     *vesc = (UuvHilVesc){.channels = channels};
 }
 
-UuvHilHeard uuv_hil_vesc_hear(UuvHilVesc *vesc, const UuvHilCanFrame *frame, uint64_t now_us, UuvHilCommand *command)
+UuvHilReceived uuv_hil_vesc_receive(UuvHilVesc *vesc, const UuvHilCanFrame *frame, uint64_t now_us,
+                                    UuvHilCommand *command)
 {
     uint32_t controller = frame->id & 0xFFu;
     uint16_t pulse_us;

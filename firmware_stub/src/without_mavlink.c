@@ -8,8 +8,8 @@ void uuv_hil_mavlink_start(UuvHilMavlink *mavlink, uint8_t channels)
     *mavlink = (UuvHilMavlink){.commander = -1};
 }
 
-UuvHilHeard uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte, uint64_t now_us,
-                                 UuvHilCommand *command)
+UuvHilReceived uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte,
+                                    uint64_t now_us, UuvHilCommand *command)
 {
     (void)mavlink, (void)platform, (void)byte, (void)now_us, (void)command;
     return UUV_HIL_NOTHING;

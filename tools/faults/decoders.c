@@ -143,7 +143,7 @@ static void hear_can(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size
         if (below(2)) /* one that is for us, more often than chance would have it */
             frame.id = (uint32_t)(below(64) << 8 | below(20));
         memcpy(frame.data, bytes + at + 5, 8);
-        uuv_hil_hear_can(firmware, &frame);
+        uuv_hil_receive_can(firmware, &frame);
     }
 }
 

@@ -77,7 +77,7 @@ int main(void)
         uint8_t bytes[64];
         UuvHilCanFrame frame;
         while (can_read(&frame))
-            uuv_hil_hear_can(&firmware, &frame);
+            uuv_hil_receive_can(&firmware, &frame);
         size_t count = uart_read(bytes, sizeof bytes);
         uuv_hil_service(&firmware, bytes, count);
         sleep();

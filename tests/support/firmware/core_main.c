@@ -82,13 +82,13 @@ static void service(UuvHilFirmware *firmware, uint16_t size)
     free(bytes);
 }
 
-static void hear_can(UuvHilFirmware *firmware)
+static void receive_can(UuvHilFirmware *firmware)
 {
     UuvHilCanFrame frame;
     get(&frame.id, sizeof frame.id);
     get(&frame.size, sizeof frame.size);
     get(frame.data, sizeof frame.data);
-    uuv_hil_hear_can(firmware, &frame);
+    uuv_hil_receive_can(firmware, &frame);
 }
 
 static void answer(Bench *bench, const UuvHilFirmware *firmware)
@@ -121,7 +121,7 @@ static int run(void)
         if (size == STOP)
             uuv_hil_stop(&firmware);
         else if (size == CAN)
-            hear_can(&firmware);
+            receive_can(&firmware);
         else
             service(&firmware, size);
         answer(&bench, &firmware);
