@@ -135,7 +135,7 @@ static void hear(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size)
     free(exact);
 }
 
-static void hear_can(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size)
+static void receive_can(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size)
 {
     for (size_t at = 0; at + 13 <= size; at += 13) {
         UuvHilCanFrame frame = {.size = (uint8_t)(bytes[at + 4] % 9)};
@@ -177,7 +177,7 @@ int main(int argc, char **argv)
         uint16_t before = firmware.board.frames;
         now += below(2000);
         if (i % 3 == 0)
-            hear_can(&firmware, bytes, size);
+            receive_can(&firmware, bytes, size);
         else
             hear(&firmware, bytes, size);
         commands += (uint16_t)(firmware.board.frames - before);
