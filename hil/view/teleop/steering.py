@@ -17,7 +17,7 @@ Report = Callable[[str], None]
 class Steering:
     """One vehicle that several persons may steer by their sticks. Use as a context.
 
-    The first person who holds the dead man's switch steers; the others are told why they do not. A vehicle that another
+    The first person who holds the dead man's switch steers; the others see why they do not. A vehicle that another
     master commands is not taken over. `report` is called with a line of text at each change.
     """
 
