@@ -198,8 +198,9 @@ class FinSet:
                 continue
             sine, cosine = sin(angle), cos(angle)
             alpha = angle - atan2(across, along)
-            turned, kept = (sine * along - cosine * across) / speed, (cosine * along + sine * across) / speed
-            lift, drag = polar.coefficients(alpha, turned, kept)
+            sine_alpha = (sine * along - cosine * across) / speed
+            cosine_alpha = (cosine * along + sine * across) / speed
+            lift, drag = polar.coefficients(alpha, sine_alpha, cosine_alpha)
             push = scale * speed
             ahead, starboard = -push * (drag * along + lift * across), push * (lift * along - drag * across)
             force = [ahead * i + starboard * j for i, j in zip(chord, normal, strict=True)]

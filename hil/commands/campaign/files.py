@@ -85,12 +85,12 @@ def unpack(bundle: Bundle) -> "Unpacked":
             "install the same version on both"
         )
     digest = bundle.digest
-    if _Unpacked.digest != digest:
-        _Unpacked.clear()
-        _Unpacked.unpacked = _write(bundle)
-        _Unpacked.digest = digest
-    assert _Unpacked.unpacked
-    return _Unpacked.unpacked
+    if _Cache.digest != digest:
+        _Cache.clear()
+        _Cache.unpacked = _write(bundle)
+        _Cache.digest = digest
+    assert _Cache.unpacked
+    return _Cache.unpacked
 
 
 class Unpacked(NamedTuple):
@@ -110,7 +110,7 @@ class Unpacked(NamedTuple):
         return text.replace(self.scenario, self.bundle.scenario).replace(self.root, "")
 
 
-class _Unpacked:
+class _Cache:
     """Bundles that this process has unpacked."""
 
     digest = ""
@@ -129,12 +129,12 @@ class _Unpacked:
         cls.digest, cls.unpacked, cls.folder, cls.modules, cls.folders = "", None, None, (), ()
 
 
-atexit.register(_Unpacked.clear)
+atexit.register(_Cache.clear)
 
 
 def _write(bundle: Bundle) -> Unpacked:
-    _Unpacked.folder = ScratchFolder("campaign")
-    root = _Unpacked.folder.path
+    _Cache.folder = ScratchFolder("campaign")
+    root = _Cache.folder.path
     for path, data in bundle.files.items():
         place = root + path
         os.makedirs(os.path.dirname(place), exist_ok=True)
@@ -142,9 +142,9 @@ def _write(bundle: Bundle) -> Unpacked:
             file.write(_moved(data, bundle.files, root) if path.endswith(WITH_PATHS) else data)
     for name in bundle.modules:
         sys.modules.pop(name, None)
-    _Unpacked.modules = bundle.modules
-    _Unpacked.folders = tuple([root + folder for folder in bundle.folders])
-    sys.path[:0] = _Unpacked.folders
+    _Cache.modules = bundle.modules
+    _Cache.folders = tuple([root + folder for folder in bundle.folders])
+    sys.path[:0] = _Cache.folders
     path = bundle.place(bundle.scenario)
     return Unpacked(root, root + path if path else bundle.scenario, bundle)
 

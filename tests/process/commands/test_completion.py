@@ -97,8 +97,8 @@ class Terminal:
         os.waitpid(self._process, 0)
         os.close(self._descriptor)
 
-    def type(self, text: str, pattern: str) -> None:
-        """Type and wait until the screen shows `pattern`."""
+    def shows(self, text: str, pattern: str) -> bool:
+        """Type and wait until the screen shows `pattern`; fails with what it shows if that does not come in time."""
         self._text = ""
         os.write(self._descriptor, text.encode())
         deadline = time.monotonic() + PATIENCE_S
@@ -106,6 +106,7 @@ class Terminal:
             assert time.monotonic() < deadline, f"no {pattern!r} in {self._text!r}"
             if select.select([self._descriptor], [], [], 0.2)[0]:
                 self._text += os.read(self._descriptor, 4096).decode(errors="replace")
+        return True
 
 
 @pytest.mark.parametrize("shell", SHELLS)
@@ -117,7 +118,7 @@ def test_a_real_shell_completes(shell: str, tmp_path: Path) -> None:
     script.write_text(subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout)
     start, before = STARTS[shell]
     with Terminal(start, tmp_path) as terminal:
-        terminal.type(f"{before}source {script}; echo rea''dy\n", "ready")
-        terminal.type("uuv-hil scenario ch\t", "scenario +check ")
-        terminal.type("\x15uuv-hil slave path_pl\t", "slave +path_planning ")
-        terminal.type("\x15uuv-hil sim --set master.sp\t0.5", r"--set +master\.speed=0\.5")
+        assert terminal.shows(f"{before}source {script}; echo rea''dy\n", "ready")
+        assert terminal.shows("uuv-hil scenario ch\t", "scenario +check ")
+        assert terminal.shows("\x15uuv-hil slave path_pl\t", "slave +path_planning ")
+        assert terminal.shows("\x15uuv-hil sim --set master.sp\t0.5", r"--set +master\.speed=0\.5")

@@ -74,7 +74,7 @@ def plain_imports(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     before = set(sys.modules)
     monkeypatch.setattr(sys, "path", [*sys.path])
     yield
-    campaign_files._Unpacked.clear()
+    campaign_files._Cache.clear()
     for name in set(sys.modules) - before:
         if name.startswith("campaign_own"):
             del sys.modules[name]
@@ -169,7 +169,7 @@ def test_what_is_installed_is_not_sent(tmp_path: Path) -> None:
     assert not bundle.files
     root = Path(unpack(bundle).root)
     assert root.is_dir()
-    campaign_files._Unpacked.clear()
+    campaign_files._Cache.clear()
     assert not root.exists(), "nothing is left"
 
 
