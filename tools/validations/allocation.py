@@ -21,7 +21,7 @@ def allocation(panels: Sequence[Axes]) -> list[Finding]:
     rays, turn = panels
     headings = [2.0 * i for i in range(181)]
     inverse, _ = pseudo_inverse(sharing.HEAVY)
-    scaled = [_made(sharing.allocator(sharing.HEAVY).allocate(_requested_wrench(heading))[0]) for heading in headings]
+    scaled = [_made(sharing.make_allocator(sharing.HEAVY).allocate(_requested_wrench(heading))[0]) for heading in headings]
     clipped = [_made(clip(inverse, _requested_wrench(heading))) for heading in headings]
     for made, color, name in ((clipped, WRONG, "each thrust clipped"), (scaled, OURS, "ours")):
         for m in made[10:180:20]:
@@ -41,7 +41,7 @@ def _allocation_findings(headings: list[float], scaled: list[list[float]], clipp
     lateral = [abs(m[0] * sin(radians(h)) - m[1] * cos(radians(h))) for m, h in zip(scaled, headings, strict=True)]
     turned = [abs(_turned(m, h)) for m, h in zip(clipped, headings, strict=True)]
     direction = f"{FILE}::test_saturated_horizontal_force_keeps_its_direction"
-    exact = f"{FILE}::test_what_fits_is_made_exactly"
+    exact = f"{FILE}::test_a_wrench_within_the_limits_is_produced_exactly"
     clipping = "unit/tools/test_validation.py::test_clipping_each_thrust_turns_the_force"
     return [
         below("beyond the limits: force across that asked for", max(lateral), 5e-9, direction, "N"),
@@ -61,7 +61,7 @@ def _requested_wrench(heading: float) -> list[float]:
 
 
 def _made(thrusts: Sequence[float]) -> list[float]:
-    return sharing.made(sharing.HEAVY, thrusts)
+    return sharing.wrench_of(sharing.HEAVY, thrusts)
 
 
 def _turned(made: Sequence[float], heading: float) -> float:
@@ -69,7 +69,7 @@ def _turned(made: Sequence[float], heading: float) -> float:
 
 
 def _residual() -> float:
-    random, allocator, worst = Random(1), sharing.allocator(sharing.HEAVY, 1e6, 1e6), 0.0
+    random, allocator, worst = Random(1), sharing.make_allocator(sharing.HEAVY, 1e6, 1e6), 0.0
     for _ in range(500):
         wrench = [random.uniform(-x, x) for x in (400.0, 400.0, 400.0, 30.0, 30.0, 30.0)]
         thrusts, _ = allocator.allocate(wrench)

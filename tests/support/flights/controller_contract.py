@@ -93,7 +93,7 @@ class ControllerContract(ABC):
             assert sign * (wrench[axis] - rest[axis]) > 0.0, (axis, sign)
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
-    def test_it_turns_to_the_heading_and_dives_to_the_depth(self, sign: float) -> None:
+    def test_a_fin_vehicle_reaches_heading_and_depth(self, sign: float) -> None:
         turning = self.make().update(VelocityCommand(heading=sign * 0.5), AT_REST, DT)
         assert sign * turning[5] > 0.0
         diving = self.make().update(VelocityCommand(depth=5.0 + sign), AT_REST, DT)

@@ -1,4 +1,4 @@
-"""Allocation: exact within the limits, ordered beyond them, and sound for vehicles that cannot do everything."""
+"""Thrust allocation: exact within the limits, by priority beyond them, and valid for underactuated vehicles."""
 
 import math
 from collections.abc import Sequence
@@ -40,35 +40,35 @@ FORCES = st.floats(-400.0, 400.0)
 WRENCHES = st.tuples(FORCES, FORCES, FORCES, st.floats(-30, 30), st.floats(-30, 30), st.floats(-30, 30))
 
 
-def made(matrix: list[list[float]], thrusts: Sequence[float]) -> list[float]:
+def wrench_of(matrix: list[list[float]], thrusts: Sequence[float]) -> list[float]:
     return [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in matrix]
 
 
-def allocator(matrix: list[list[float]], forward: float = 50.0, reverse: float = 40.0) -> Allocator:
+def make_allocator(matrix: list[list[float]], forward: float = 50.0, reverse: float = 40.0) -> Allocator:
     count = len(matrix[0])
     return Allocator(matrix, [forward] * count, [reverse] * count)
 
 
 @given(WRENCHES)
-def test_what_fits_is_made_exactly(wrench: tuple[float, ...]) -> None:
-    thrusts, residual = allocator(HEAVY, 1e6, 1e6).allocate(wrench)
-    assert made(HEAVY, thrusts) == pytest.approx(wrench, abs=1e-9)
+def test_a_wrench_within_the_limits_is_produced_exactly(wrench: tuple[float, ...]) -> None:
+    thrusts, residual = make_allocator(HEAVY, 1e6, 1e6).allocate(wrench)
+    assert wrench_of(HEAVY, thrusts) == pytest.approx(wrench, abs=1e-9)
     assert residual == pytest.approx([0.0] * 6, abs=1e-9)
 
 
 @given(WRENCHES)
-def test_the_norm_is_the_smallest(wrench: tuple[float, ...]) -> None:
-    """The vertical thrusters can push against each other without effect: a good answer never does."""
-    thrusts, _ = allocator(HEAVY, 1e6, 1e6).allocate(wrench)
+def test_the_thrusts_have_the_smallest_norm(wrench: tuple[float, ...]) -> None:
+    """The vertical thrusters can push against each other without effect: the solution never does that."""
+    thrusts, _ = make_allocator(HEAVY, 1e6, 1e6).allocate(wrench)
     idle = [0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0, 1.0]
-    assert made(HEAVY, idle) == pytest.approx([0.0] * 6, abs=1e-12)
+    assert wrench_of(HEAVY, idle) == pytest.approx([0.0] * 6, abs=1e-12)
     assert sum(a * b for a, b in zip(thrusts, idle, strict=True)) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(WRENCHES)
-def test_six_thrusters_leave_pitch_and_nothing_else(wrench: tuple[float, ...]) -> None:
-    thrusts, residual = allocator(SIX, 1e6, 1e6).allocate(wrench)
-    delivered = made(SIX, thrusts)
+def test_six_thrusters_leave_a_residual_in_pitch_only(wrench: tuple[float, ...]) -> None:
+    thrusts, residual = make_allocator(SIX, 1e6, 1e6).allocate(wrench)
+    delivered = wrench_of(SIX, thrusts)
     for axis in (0, 1, 2, 3, 5):
         assert delivered[axis] == pytest.approx(wrench[axis], abs=1e-3 + 1e-5 * abs(wrench[0]))
     # the surge thrusters lie low: their moment comes with the surge
@@ -77,7 +77,7 @@ def test_six_thrusters_leave_pitch_and_nothing_else(wrench: tuple[float, ...]) -
 
 @pytest.mark.parametrize(("matrix", "rank"), [(HEAVY, 6), (SIX, 5), (matrix_of(VECTORED), 3)])
 def test_rank(matrix: list[list[float]], rank: int) -> None:
-    assert allocator(matrix).rank == rank
+    assert make_allocator(matrix).rank == rank
 
 
 HUNDREDTHS = st.integers(-100, 100).map(lambda number: number / 100.0)
@@ -98,33 +98,33 @@ def test_pseudo_inverse_agrees_with_lapack(columns: list[list[float]]) -> None:
 
 
 @given(WRENCHES)
-def test_limits_hold_and_the_residual_is_what_lacks(wrench: tuple[float, ...]) -> None:
-    thrusts, residual = allocator(HEAVY).allocate(wrench)
+def test_thrusts_stay_within_limits_and_the_residual_is_the_missing_wrench(wrench: tuple[float, ...]) -> None:
+    thrusts, residual = make_allocator(HEAVY).allocate(wrench)
     assert all(-40.0 <= thrust <= 50.0 for thrust in thrusts)
-    assert [a + b for a, b in zip(made(HEAVY, thrusts), residual, strict=True)] == pytest.approx(wrench, abs=1e-9)
+    assert [a + b for a, b in zip(wrench_of(HEAVY, thrusts), residual, strict=True)] == pytest.approx(wrench, abs=1e-9)
 
 
 @given(st.tuples(FORCES, FORCES, FORCES), st.floats(-1.0, 1.0))
 def test_saturated_horizontal_force_keeps_its_direction(force: Vector, yaw: float) -> None:
     x, y, z = force
-    thrusts, residual = allocator(HEAVY).allocate((x, y, z, 0.0, 0.0, yaw))
-    delivered = made(HEAVY, thrusts)
+    thrusts, residual = make_allocator(HEAVY).allocate((x, y, z, 0.0, 0.0, yaw))
+    delivered = wrench_of(HEAVY, thrusts)
     assert delivered[0] * y == pytest.approx(delivered[1] * x, abs=1e-6)
     assert delivered[0] * x + delivered[1] * y >= -1e-9
     assert residual[5] == pytest.approx(0.0, abs=1e-9)  # a small moment is served first
 
 
-def test_order_moments_then_heave_then_horizontal() -> None:
-    plain = allocator(HEAVY, 10.0, 10.0)
+def test_moments_come_before_heave_and_heave_before_horizontal_force() -> None:
+    plain = make_allocator(HEAVY, 10.0, 10.0)
     # a yaw moment that takes all of the horizontal thrusters leaves nothing for surge
     most = 4 * 10.0 * S * (0.156 + 0.111)
     thrusts, residual = plain.allocate((100.0, 0.0, 0.0, 0.0, 0.0, most))
-    assert made(HEAVY, thrusts) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, most], abs=1e-9)
+    assert wrench_of(HEAVY, thrusts) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, most], abs=1e-9)
     assert residual == pytest.approx([100.0, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
     # too much heave is cut at the vertical thrusters' limit and does not touch surge
     thrusts, residual = plain.allocate((10.0, 0.0, 100.0, 0.0, 0.0, 0.0))
     assert residual[2] > 55.0
-    assert made(HEAVY, thrusts)[5] == pytest.approx(0.0, abs=1e-9)
+    assert wrench_of(HEAVY, thrusts)[5] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_forward_and_reverse_limits_differ() -> None:
@@ -135,7 +135,7 @@ def test_forward_and_reverse_limits_differ() -> None:
     assert one.allocate((0.0, 5.0, 0.0, 0.0, 0.0, 0.0)) == ([0.0], (0.0, 5.0, 0.0, 0.0, 0.0, 0.0))
 
 
-def test_what_cannot_be_a_vehicle_is_refused() -> None:
+def test_invalid_matrices_and_limits_are_refused() -> None:
     with pytest.raises(ConfigError, match="6 rows and 7 columns"):
         Allocator(HEAVY, [1.0] * 7, [1.0] * 7)
     with pytest.raises(ConfigError, match="6 rows"):
@@ -147,11 +147,11 @@ def test_what_cannot_be_a_vehicle_is_refused() -> None:
 
 
 @given(WRENCHES, st.lists(st.floats(0.1, 10.0), min_size=8, max_size=8))
-def test_thruster_weights_give_the_least_cost(wrench: tuple[float, ...], weights: list[float]) -> None:
-    """The answer is still exact, and of all exact answers it has the least sum of weight x thrust²."""
+def test_thruster_weights_minimise_the_weighted_sum_of_squares(wrench: tuple[float, ...], weights: list[float]) -> None:
+    """The wrench is still exact, and of all exact solutions this one has the least sum of weight x thrust²."""
     plain = Allocator(HEAVY, [1e6] * 8, [1e6] * 8, thruster_weights=weights)
     thrusts, _ = plain.allocate(wrench)
-    assert made(HEAVY, thrusts) == pytest.approx(wrench, abs=1e-7)
+    assert wrench_of(HEAVY, thrusts) == pytest.approx(wrench, abs=1e-7)
     vanishing = np.linalg.svd(np.array(HEAVY))[2][6:]  # what thrusts can do without effect
     slope = 2.0 * np.array(weights) * np.array(thrusts)
     assert vanishing @ slope == pytest.approx(np.zeros(2), abs=1e-6)
@@ -167,7 +167,7 @@ def test_a_thruster_of_weight_four_does_a_quarter_of_the_work() -> None:
     )
 
 
-def test_axis_weights_say_what_matters_where_not_all_can_be_had() -> None:
+def test_axis_weights_decide_between_axes_that_cannot_all_be_produced() -> None:
     """A thruster a metre to starboard couples surge and yaw. Least squares by hand: f = w² / (w² + v²) X."""
     lone = [[1.0], [0.0], [0.0], [0.0], [0.0], [-1.0]]
     for surge, yaw in ((1.0, 1.0), (1.0, 0.01), (0.01, 1.0)):
@@ -178,9 +178,11 @@ def test_axis_weights_say_what_matters_where_not_all_can_be_had() -> None:
 
 
 @given(WRENCHES, st.lists(st.floats(0.1, 10.0), min_size=6, max_size=6))
-def test_axis_weights_do_not_matter_where_all_can_be_had(wrench: tuple[float, ...], weights: list[float]) -> None:
+def test_axis_weights_have_no_effect_where_all_axes_can_be_produced(
+    wrench: tuple[float, ...], weights: list[float]
+) -> None:
     thrusts, _ = Allocator(HEAVY, [1e6] * 8, [1e6] * 8, axis_weights=weights).allocate(wrench)
-    assert thrusts == pytest.approx(allocator(HEAVY, 1e6, 1e6).allocate(wrench)[0], abs=1e-6)
+    assert thrusts == pytest.approx(make_allocator(HEAVY, 1e6, 1e6).allocate(wrench)[0], abs=1e-6)
 
 
 def test_wrong_weights_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""The source paper's four horizontal thrusters in closed form, against the general answer from poses."""
+"""The closed form for the reference platform's four horizontal thrusters, compared with the general allocator."""
 
 from math import sqrt
 
@@ -14,22 +14,24 @@ from tests.support.flights.four_vectored import four_vectored
 FORCES = st.floats(-500.0, 500.0)
 
 
-def general(vehicle: Vehicle, wrench: tuple[float, ...]) -> list[float]:
+def allocate_generally(vehicle: Vehicle, wrench: tuple[float, ...]) -> list[float]:
     count = len(vehicle.thrusters)
     return Allocator(wrench_matrix(vehicle), [1e6] * count, [1e6] * count).allocate(wrench)[0]
 
 
 @pytest.mark.parametrize("name", ["paper_six", "paper_seven"])
 @given(FORCES, FORCES, FORCES)
-def test_it_is_the_general_answer_for_its_geometry(name: str, surge: float, sway: float, yaw: float) -> None:
+def test_the_closed_form_equals_the_general_solution_for_its_geometry(
+    name: str, surge: float, sway: float, yaw: float
+) -> None:
     vehicle, _ = load_vehicle(name)
     lever = (0.14 + 0.11) / sqrt(2.0)
-    thrusts = general(vehicle, (surge, sway, 0.0, 0.0, 0.0, yaw))
+    thrusts = allocate_generally(vehicle, (surge, sway, 0.0, 0.0, 0.0, yaw))
     assert list(four_vectored(surge, sway, yaw, lever)) == pytest.approx(thrusts[:4], abs=1e-9)
     assert thrusts[4:] == pytest.approx([0.0] * len(thrusts[4:]), abs=1e-9)
 
 
-def test_it_is_not_for_levers_that_differ() -> None:
+def test_the_closed_form_is_wrong_where_the_levers_differ() -> None:
     """The closed form turns a BlueROV2, whose levers are 164 mm in front and 171 mm astern, by 5 N m for each kN of
     sway. In the general answer the pair astern does less and nothing turns.
     """
@@ -37,18 +39,20 @@ def test_it_is_not_for_levers_that_differ() -> None:
     signs = (-1.0, -1.0, 1.0, 1.0)  # its two in front push astern
     matrix = wrench_matrix(vehicle)
 
-    def made(thrusts: list[float]) -> list[float]:
+    def wrench_of(thrusts: list[float]) -> list[float]:
         return [sum(a * f for a, f in zip(row, thrusts, strict=False)) for row in matrix]
 
     mean_lever = 0.5 * (0.14 + 0.15 + 2.0 * 0.092) / sqrt(2.0)
-    closed = made([sign * f for sign, f in zip(signs, four_vectored(0.0, 1000.0, 10.0, mean_lever), strict=True)])
+    closed = wrench_of([sign * f for sign, f in zip(signs, four_vectored(0.0, 1000.0, 10.0, mean_lever), strict=True)])
     assert closed[1] == pytest.approx(1000.0)
     assert closed[5] == pytest.approx(10.0 - 5.0)
-    assert made(general(vehicle, (0.0, 1000.0, 0.0, 0.0, 0.0, 10.0)))[5] == pytest.approx(10.0, abs=1e-9)
+    assert wrench_of(allocate_generally(vehicle, (0.0, 1000.0, 0.0, 0.0, 0.0, 10.0)))[5] == pytest.approx(
+        10.0, abs=1e-9
+    )
 
 
-def test_it_knows_no_limits_where_the_allocator_does() -> None:
-    """The closed form asks 85 N of thrusters that have 73.5 N and 49 N, for full yaw and full surge together."""
+def test_the_closed_form_ignores_limits_that_the_allocator_keeps() -> None:
+    """For full yaw and full surge together the closed form gives 85 N for thrusters of 73.5 N and 49 N."""
     vehicle, _ = load_vehicle("paper_six")
     wrench = (150.0, 0.0, 0.0, 0.0, 0.0, 23.0)
     closed = four_vectored(150.0, 0.0, 23.0, (0.14 + 0.11) / sqrt(2.0))

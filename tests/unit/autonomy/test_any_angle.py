@@ -1,4 +1,4 @@
-"""Any-angle ways: free of obstacles, near the true shortest, and lines of sight as the grid sees them."""
+"""Any-angle paths: free of obstacles, near the true shortest, and with the grid's own lines of sight."""
 
 import math
 from itertools import combinations, pairwise
@@ -35,8 +35,8 @@ def random_grid(seed: int) -> tuple[OccupancyGrid, list[tuple[int, int]]]:
     return grown, [(int(free[i][0]), int(free[i][1])) for i in rows]
 
 
-def shortest(grid: OccupancyGrid, start: tuple[int, int], goal: tuple[int, int]) -> float:
-    """Return the length of the best way over centres of cells: Dijkstra over every free line between two cells."""
+def shortest_length(grid: OccupancyGrid, start: tuple[int, int], goal: tuple[int, int]) -> float:
+    """Return the length of the shortest path over centres of cells: Dijkstra over every free line between two cells."""
     made: nx.Graph[tuple[int, int]] = nx.Graph()
     sight = Sight(~grid.cells)
     nodes = [(int(row), int(column)) for row, column in np.argwhere(~grid.cells)]
@@ -47,7 +47,7 @@ def shortest(grid: OccupancyGrid, start: tuple[int, int], goal: tuple[int, int])
 
 
 @given(SEEDS)
-def test_it_touches_nothing_and_is_no_longer_than_the_grids_way(seed: int) -> None:
+def test_the_path_is_free_and_no_longer_than_the_grid_path(seed: int) -> None:
     grid, (start, goal) = random_grid(seed)
     ends = grid.centre(start), grid.centre(goal)
     try:
@@ -63,8 +63,8 @@ def test_it_touches_nothing_and_is_no_longer_than_the_grids_way(seed: int) -> No
     assert path_length(path) <= path_length(straight) + 1e-9
 
 
-def test_near_the_true_shortest() -> None:
-    """The searches go over 25 maps; the grid's own way, with turns of 45 degrees, is several per cent longer."""
+def test_the_path_is_nearly_as_short_as_the_true_shortest() -> None:
+    """The searches are over 25 maps; the grid path, with turns of 45 degrees, is several per cent longer."""
     ratios: list[float] = []
     straight: list[float] = []
     for seed in range(120):
@@ -76,7 +76,7 @@ def test_near_the_true_shortest() -> None:
             length = path_length(plan(grid, *ends))
         except MissionError:
             continue
-        best = shortest(grid, start, goal)
+        best = shortest_length(grid, start, goal)
         straight.append(length / best)
         ratios.append(path_length(plan_any_angle(grid, *ends)) / best)
     assert len(ratios) > 15
@@ -87,7 +87,7 @@ def test_near_the_true_shortest() -> None:
 
 
 @given(SEEDS)
-def test_lines_of_sight_are_those_of_the_grid(seed: int) -> None:
+def test_sight_agrees_with_the_grids_line_of_sight(seed: int) -> None:
     generator = np.random.default_rng(seed)
     cells = generator.random(generator.integers(2, 60, 2)) < generator.choice([0.005, 0.03, 0.2])
     grid, sight = OccupancyGrid(cells, 1.0, (0.0, 0.0)), Sight(~cells)
@@ -97,8 +97,8 @@ def test_lines_of_sight_are_those_of_the_grid(seed: int) -> None:
         assert sight.is_free(a, b) == grid.line_is_free(grid.centre(a), grid.centre(b))
 
 
-def test_round_a_wall_by_hand() -> None:
-    """The way round a wall of 10 cells across the straight line is two hypotenuses with a bend at each end."""
+def test_a_path_round_a_wall_has_the_length_worked_out_by_hand() -> None:
+    """The path round a wall of 10 cells across the straight line is two hypotenuses with a bend at each end."""
     cells = np.zeros((21, 21), bool)
     cells[10, 5:16] = True
     grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
@@ -108,7 +108,7 @@ def test_round_a_wall_by_hand() -> None:
     assert path_length(path) < path_length(plan(grid, (0.5, 10.5), (20.5, 10.5))) - 0.5
 
 
-def test_impossible_ends_are_named() -> None:
+def test_unreachable_start_and_goal_are_reported() -> None:
     cells = np.zeros((5, 5), bool)
     cells[2] = True
     grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))

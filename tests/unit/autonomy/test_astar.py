@@ -1,4 +1,4 @@
-"""Path planning: as short as Dijkstra's, never through an obstacle, and smoothed without touching one."""
+"""A* path planning: as short as Dijkstra's, never through an obstacle, and smoothed without touching one."""
 
 import heapq
 import math
@@ -20,7 +20,7 @@ MOVES = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
 
 
 def neighbours(cells: NDArray[np.bool_], cell: Cell) -> list[tuple[Cell, float]]:
-    """Return the free neighbours and the way to them; a diagonal needs both cells beside it."""
+    """Return the free neighbours and the distance to each; a diagonal needs both cells beside it."""
 
     def free(row: int, column: int) -> bool:
         return 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1] and not cells[row, column]
@@ -34,7 +34,7 @@ def neighbours(cells: NDArray[np.bool_], cell: Cell) -> list[tuple[Cell, float]]
 
 
 def distances(cells: NDArray[np.bool_], start: Cell) -> dict[Cell, float]:
-    """Return the shortest way to every cell that can be reached, by Dijkstra's algorithm."""
+    """Return the shortest distance to every cell that can be reached, by Dijkstra's algorithm."""
     found: dict[Cell, float] = {}
     queue = [(0.0, start)]
     while queue:
@@ -63,7 +63,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 @given(SEEDS)
-def test_as_short_as_brute_force(seed: int) -> None:
+def test_paths_are_as_short_as_those_of_dijkstra(seed: int) -> None:
     grid, generator = random_grid(seed, resolution=0.5)
     start, goal = random_free(grid, generator), random_free(grid, generator)
     expected = distances(grid.cells, start).get(goal)
@@ -78,7 +78,7 @@ def test_as_short_as_brute_force(seed: int) -> None:
 
 
 @given(SEEDS)
-def test_neither_the_path_nor_its_smoothed_form_touches_an_obstacle(seed: int) -> None:
+def test_the_path_and_its_smoothed_form_touch_no_obstacle(seed: int) -> None:
     grid, generator = random_grid(seed)
     start = random_free(grid, generator)
     goals = sorted(distances(grid.cells, start))
@@ -96,8 +96,9 @@ def test_neither_the_path_nor_its_smoothed_form_touches_an_obstacle(seed: int) -
     assert path_length(smoothed) <= path_length(path) + 1e-9
 
 
-def test_smoothing_leaves_the_turns_at_the_corners_only() -> None:
-    """The taut line past two walls with gaps at opposite ends has two bends and is 15 % shorter than the grid's way."""
+def test_smoothing_leaves_turns_only_at_corners() -> None:
+    """The shortest line past two walls with gaps at opposite ends has two bends and is 15 % shorter than the grid path.
+    """
     cells = np.zeros((60, 60), bool)
     cells[20, :50] = True
     cells[40, 10:] = True
@@ -114,20 +115,20 @@ def test_smoothing_leaves_the_turns_at_the_corners_only() -> None:
     assert path_length(path) > 1.04 * taut
 
 
-def test_smooth_keeps_what_is_straight_and_what_is_nothing() -> None:
+def test_smoothing_accepts_straight_single_point_and_empty_paths() -> None:
     grid = OccupancyGrid(np.zeros((30, 30), bool), 1.0, (0.0, 0.0))
     assert smooth(grid, plan(grid, (2.0, 3.0), (27.0, 22.0))) == [(2.0, 3.0), (27.0, 22.0)]
     assert smooth(grid, [(2.0, 3.0)]) == [(2.0, 3.0)]
     assert smooth(grid, []) == []
 
 
-def test_start_and_goal_in_one_cell() -> None:
+def test_start_and_goal_in_one_cell_give_a_path() -> None:
     grid = OccupancyGrid(np.zeros((3, 3), bool), 1.0, (0.0, 0.0))
     assert plan(grid, (1.2, 1.2), (1.2, 1.2))[-1] == (1.2, 1.2)
     assert plan(grid, (1.5, 1.5), (1.5, 1.5)) == [(1.5, 1.5)]
 
 
-def test_no_corner_is_cut() -> None:
+def test_paths_do_not_cut_corners_of_obstacles() -> None:
     cells = np.zeros((2, 2), bool)
     cells[0, 1] = True
     grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
@@ -137,7 +138,7 @@ def test_no_corner_is_cut() -> None:
         plan(grid, (0.5, 0.5), (1.5, 1.5))
 
 
-def test_impossible_ends_are_named_with_the_nearest_free_cell() -> None:
+def test_occupied_start_and_goal_are_reported_with_the_nearest_free_cell() -> None:
     cells = np.zeros((10, 10), bool)
     cells[4:7, 4:7] = True
     grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
@@ -151,8 +152,8 @@ def test_impossible_ends_are_named_with_the_nearest_free_cell() -> None:
         plan(OccupancyGrid(np.ones((2, 2), bool), 1.0, (0.0, 0.0)), (0.5, 0.5), (1.5, 1.5))
 
 
-def test_a_large_map_with_a_detour() -> None:
-    """The map is a bag with its mouth away from the goal, where a search that looks at every cell takes long."""
+def test_a_detour_on_a_large_map_is_found() -> None:
+    """The obstacle is a bag that opens away from the goal, so a search that visits every cell takes long."""
     cells = np.zeros((120, 120), bool)
     cells[90, 15:105] = cells[6:90, 15] = cells[6:90, 104] = True
     grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))

@@ -31,7 +31,7 @@ def graph(cells: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> "nx.Graph[t
 
 
 @pytest.mark.parametrize("batch", range(10))
-def test_the_cost_is_optimal_on_two_hundred_random_maps(batch: int) -> None:
+def test_path_cost_is_optimal_on_200_random_maps(batch: int) -> None:
     found = 0
     for seed in range(20 * batch, 20 * batch + 20):
         generator = np.random.default_rng(seed)
@@ -53,7 +53,7 @@ def test_the_cost_is_optimal_on_two_hundred_random_maps(batch: int) -> None:
     assert found > 10
 
 
-def test_the_graph_is_the_one_meant() -> None:
+def test_the_reference_graph_has_no_diagonal_past_a_corner() -> None:
     """A map of 2 x 2 with one cell occupied has two straight edges, and no diagonal past the corner."""
     cells = np.array([[False, True], [False, False]])
     assert {frozenset(edge) for edge in graph(cells).edges} == {

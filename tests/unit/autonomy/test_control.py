@@ -1,4 +1,4 @@
-"""The cascade: single loops against closed forms, then the whole on a vehicle of one's own making."""
+"""The cascaded controller: single loops against closed forms, then the whole on a simple vehicle."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -39,19 +39,19 @@ P_ONLY = Gains(
 )
 
 
-def once(gains: Gains, command: VelocityCommand, navigation: Navigation = AT_REST) -> Wrench:
+def first_wrench(gains: Gains, command: VelocityCommand, navigation: Navigation = AT_REST) -> Wrench:
     return CascadedController(gains, INERTIA).update(command, navigation, DT)
 
 
-def test_proportional_acceleration_times_inertia() -> None:
-    wrench = once(P_ONLY, VelocityCommand(0.3, -0.2, 0.1, 0.25))
+def test_proportional_force_is_gain_times_error_times_inertia() -> None:
+    wrench = first_wrench(P_ONLY, VelocityCommand(0.3, -0.2, 0.1, 0.25))
     rates = (0.3, -0.2, 0.1, 0.0, 0.0, 0.25)
     assert wrench == pytest.approx([2.0 * rate * inertia for rate, inertia in zip(rates, INERTIA, strict=True)])
     moving = AT_REST._replace(velocity=(0.3, -0.2, 0.1), angular_velocity=(0.0, 0.0, 0.25))
-    assert once(P_ONLY, VelocityCommand(0.3, -0.2, 0.1, 0.25), moving) == pytest.approx([0.0] * 6)
+    assert first_wrench(P_ONLY, VelocityCommand(0.3, -0.2, 0.1, 0.25), moving) == pytest.approx([0.0] * 6)
 
 
-def test_integral_grows_with_error_times_time() -> None:
+def test_integral_force_grows_with_error_times_time() -> None:
     gains = P_ONLY._replace(surge=AxisGains(p=0.0, i=3.0))
     controller = CascadedController(gains, INERTIA)
     forces = [controller.update(VelocityCommand(surge=0.1), AT_REST, DT)[0] for _ in range(50)]
@@ -60,7 +60,7 @@ def test_integral_grows_with_error_times_time() -> None:
     assert controller.update(VelocityCommand(), AT_REST, DT) == pytest.approx([0.0] * 6)
 
 
-def test_derivative_opposes_acceleration_and_ignores_steps_of_the_command() -> None:
+def test_derivative_opposes_acceleration_and_ignores_command_steps() -> None:
     gains = P_ONLY._replace(yaw_rate=AxisGains(p=0.0, d=0.5, filter=0.0))
     controller = CascadedController(gains, INERTIA)
     controller.update(VelocityCommand(), AT_REST, DT)
@@ -69,8 +69,8 @@ def test_derivative_opposes_acceleration_and_ignores_steps_of_the_command() -> N
     assert controller.update(VelocityCommand(yaw_rate=1.0), turning, DT)[5] == pytest.approx(-0.5 * 0.1 / DT * 0.59)
 
 
-def test_derivative_of_an_irregularly_called_loop_does_not_kick() -> None:
-    """A command that comes just after an update calls the loop again 10 us later."""
+def test_derivative_has_no_spike_when_updates_are_irregular() -> None:
+    """A command that comes just after an update runs the loop again 10 us later."""
     gains = P_ONLY._replace(yaw_rate=AxisGains(p=0.0, d=0.5, filter=0.02))
     controller = CascadedController(gains, INERTIA)
     controller.update(VelocityCommand(), AT_REST, DT)
@@ -78,14 +78,14 @@ def test_derivative_of_an_irregularly_called_loop_does_not_kick() -> None:
     assert abs(controller.update(VelocityCommand(), noisy, 1e-5)[5]) <= 0.5 * 0.001 / 0.02 * 0.59
 
 
-def test_feedforward_and_limit() -> None:
+def test_feedforward_is_added_and_limited() -> None:
     gains = P_ONLY._replace(surge=AxisGains(p=0.0, feedforward=1.5), sway=AxisGains(p=5.0, limit=2.0))
-    wrench = once(gains, VelocityCommand(surge=0.4, sway=-3.0))
+    wrench = first_wrench(gains, VelocityCommand(surge=0.4, sway=-3.0))
     assert wrench[0] == pytest.approx(1.5 * 0.4 * INERTIA[0])
     assert wrench[1] == pytest.approx(-2.0 * INERTIA[1])
 
 
-def test_integral_stops_at_the_limit_and_comes_back_at_once() -> None:
+def test_integral_stops_at_the_limit_and_recovers_at_once() -> None:
     gains = P_ONLY._replace(surge=AxisGains(p=1.0, i=5.0, limit=2.0))
     controller = CascadedController(gains, INERTIA)
     for _ in range(1000):
@@ -97,7 +97,7 @@ def test_integral_stops_at_the_limit_and_comes_back_at_once() -> None:
 
 
 @pytest.mark.parametrize(("lack", "grows"), [(10.0, False), (0.0, True), (-10.0, True)])
-def test_an_axis_that_lacks_force_does_not_integrate_further(lack: float, grows: bool) -> None:
+def test_a_saturated_axis_does_not_integrate_further(lack: float, grows: bool) -> None:
     gains = P_ONLY._replace(surge=AxisGains(p=1.0, i=5.0))
     controller = CascadedController(gains, INERTIA)
     residual = (lack, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -108,7 +108,7 @@ def test_an_axis_that_lacks_force_does_not_integrate_further(lack: float, grows:
 @pytest.mark.parametrize(
     ("field", "value"), [("velocity", (math.nan,) * 3), ("orientation", (math.nan,) * 4), ("depth", math.nan)]
 )
-def test_a_measurement_that_is_no_number_neither_shows_nor_stays(field: str, value: object) -> None:
+def test_non_finite_measurements_have_no_effect_on_later_output(field: str, value: object) -> None:
     broken = Navigation(**(AT_REST._asdict() | {field: value}))
     controller = CascadedController(Gains(), INERTIA)
     command = VelocityCommand(depth=5.0, heading=0.0)
@@ -117,36 +117,37 @@ def test_a_measurement_that_is_no_number_neither_shows_nor_stays(field: str, val
     assert controller.update(command, AT_REST, DT) == pytest.approx([0.0] * 6)
 
 
-def test_depth_becomes_heave_within_its_limit() -> None:
-    assert once(P_ONLY, VelocityCommand(depth=5.2))[2] == pytest.approx(2.0 * 0.5 * 0.2 * INERTIA[2])
-    assert once(P_ONLY, VelocityCommand(depth=50.0))[2] == pytest.approx(2.0 * 0.4 * INERTIA[2])
-    assert once(P_ONLY, VelocityCommand(depth=0.0))[2] == pytest.approx(-2.0 * 0.4 * INERTIA[2])
-    assert once(P_ONLY, VelocityCommand(heave=9.0, depth=5.0))[2] == 0.0
+def test_depth_error_gives_a_limited_heave_command() -> None:
+    assert first_wrench(P_ONLY, VelocityCommand(depth=5.2))[2] == pytest.approx(2.0 * 0.5 * 0.2 * INERTIA[2])
+    assert first_wrench(P_ONLY, VelocityCommand(depth=50.0))[2] == pytest.approx(2.0 * 0.4 * INERTIA[2])
+    assert first_wrench(P_ONLY, VelocityCommand(depth=0.0))[2] == pytest.approx(-2.0 * 0.4 * INERTIA[2])
+    assert first_wrench(P_ONLY, VelocityCommand(heave=9.0, depth=5.0))[2] == 0.0
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (0.0, -0.4), (-0.2, 0.3)])
-def test_depth_is_held_when_tilted(roll: float, pitch: float) -> None:
-    """The heave that the loop asks for gives the vertical speed that the depth error asks for."""
+def test_a_tilted_vehicle_corrects_depth_along_the_vertical(roll: float, pitch: float) -> None:
+    """The heave command gives the vertical speed that the depth error requires."""
     orientation = from_euler(roll, pitch, 0.7)
     navigation = Navigation(orientation, STILL, (0.3, 0.1, 0.0), 5.0)
-    heave = once(P_ONLY, VelocityCommand(depth=5.2), navigation)[2] / (2.0 * INERTIA[2])
+    heave = first_wrench(P_ONLY, VelocityCommand(depth=5.2), navigation)[2] / (2.0 * INERTIA[2])
     assert rotate(orientation, (0.3, 0.1, heave))[2] == pytest.approx(0.5 * 0.2)
 
 
 @pytest.mark.parametrize(("heading", "wanted", "rate"), [(0.0, 0.2, 0.3), (3.1, -3.1, 0.5), (-3.1, 3.1, -0.5)])
-def test_heading_takes_the_short_way_within_its_limit(heading: float, wanted: float, rate: float) -> None:
+def test_heading_turns_the_short_way_within_its_rate_limit(heading: float, wanted: float, rate: float) -> None:
     navigation = AT_REST._replace(orientation=from_euler(0.0, 0.0, heading))
-    turn = once(P_ONLY, VelocityCommand(heading=wanted), navigation)[5] / (2.0 * INERTIA[5])
+    turn = first_wrench(P_ONLY, VelocityCommand(heading=wanted), navigation)[5] / (2.0 * INERTIA[5])
     assert turn == pytest.approx(max(-0.5, min(0.5, 1.5 * wrap(wanted - heading))))
     assert turn * rate > 0.0
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.0), (0.5, 0.0), (0.0, 0.6), (-0.4, 0.5)])
-def test_rates_turn_about_the_vertical_and_level(roll: float, pitch: float) -> None:
-    """The rates asked for, over a short time, change heading as wanted, roll and pitch as their loops say."""
+def test_yaw_rate_acts_about_the_vertical_while_roll_and_pitch_level(roll: float, pitch: float) -> None:
+    """The commanded rates, over a short time, change heading as commanded, and roll and pitch as their loops require.
+    """
     orientation = from_euler(roll, pitch, 1.0)
     navigation = AT_REST._replace(orientation=orientation)
-    moments = once(P_ONLY, VelocityCommand(yaw_rate=0.3), navigation)[3:]
+    moments = first_wrench(P_ONLY, VelocityCommand(yaw_rate=0.3), navigation)[3:]
     rates = [moment / (2.0 * inertia) for moment, inertia in zip(moments, INERTIA[3:], strict=True)]
     after = to_euler(integrate(orientation, rates, 1e-6))
     change = [(b - a) / 1e-6 for a, b in zip(to_euler(orientation), after, strict=True)]
@@ -154,12 +155,12 @@ def test_rates_turn_about_the_vertical_and_level(roll: float, pitch: float) -> N
 
 
 @pytest.mark.parametrize("angle", [-10.0, -math.pi, -3.0, 0.0, 3.0, math.pi, 7.0, 100.0])
-def test_wrap(angle: float) -> None:
+def test_angles_are_wrapped_to_half_a_turn(angle: float) -> None:
     assert -math.pi <= wrap(angle) < math.pi
     assert math.remainder(wrap(angle) - angle, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_gains_from_a_table() -> None:
+def test_gains_are_parsed_from_a_table() -> None:
     table = {
         "surge": {"p": 3.0, "limit": 5.0},
         "yaw_rate": {"p": 2.0, "filter": "10 ms"},
@@ -210,11 +211,11 @@ class Plant:
         self.orientation = integrate(self.orientation, self.nu[3:], dt)
 
 
-def everything(wrench: Wrench) -> tuple[Wrench, Wrench]:
+def allocate_all(wrench: Wrench) -> tuple[Wrench, Wrench]:
     return wrench, NO_RESIDUAL
 
 
-def fly(plant: Plant, command: VelocityCommand, seconds: float, forces: Forces = everything) -> list[Navigation]:
+def run_loop(plant: Plant, command: VelocityCommand, seconds: float, forces: Forces = allocate_all) -> list[Navigation]:
     """Close the loop with the default gains; return the vehicle's state at each step."""
     controller, residual, history = CascadedController(Gains(), INERTIA), NO_RESIDUAL, []
     for _ in range(round(seconds / DT)):
@@ -227,7 +228,7 @@ def fly(plant: Plant, command: VelocityCommand, seconds: float, forces: Forces =
 @pytest.mark.parametrize("lag", [0.02, 0.1, 0.2])
 def test_velocity_steps_settle_without_much_overshoot(lag: float) -> None:
     command = VelocityCommand(surge=0.5, sway=-0.2, heave=0.1, yaw_rate=0.3)
-    history = fly(Plant(lag=lag), command, 10.0)
+    history = run_loop(Plant(lag=lag), command, 10.0)
     for axis, wanted in enumerate(command[:3]):
         speeds = [navigation.velocity[axis] / wanted for navigation in history]
         assert max(speeds) < 1.25
@@ -237,8 +238,8 @@ def test_velocity_steps_settle_without_much_overshoot(lag: float) -> None:
     assert turns[-1] == pytest.approx(0.3, rel=0.02)
 
 
-def test_depth_and_heading_are_reached_and_held_against_buoyancy() -> None:
-    history = fly(Plant(depth=5.0), VelocityCommand(surge=0.3, depth=8.0, heading=-2.0), 25.0)
+def test_depth_and_heading_are_held_against_buoyancy() -> None:
+    history = run_loop(Plant(depth=5.0), VelocityCommand(surge=0.3, depth=8.0, heading=-2.0), 25.0)
     assert max(navigation.depth for navigation in history) < 8.15
     assert history[-1].depth == pytest.approx(8.0, abs=0.02)
     assert heading_of(history[-1].orientation) == pytest.approx(-2.0, abs=0.01)
@@ -247,11 +248,11 @@ def test_depth_and_heading_are_reached_and_held_against_buoyancy() -> None:
 
 
 def test_a_tilted_vehicle_is_levelled() -> None:
-    history = fly(Plant(from_euler(0.5, -0.4, 1.0)), VelocityCommand(), 6.0)
+    history = run_loop(Plant(from_euler(0.5, -0.4, 1.0)), VelocityCommand(), 6.0)
     assert to_euler(history[-1].orientation)[:2] == pytest.approx((0.0, 0.0), abs=0.01)
 
 
-def test_on_a_vehicle_that_cannot_pitch_the_rest_works_and_nothing_winds_up() -> None:
+def test_a_vehicle_without_pitch_control_flies_without_integral_windup() -> None:
     """The allocator of six thrusters drops the pitch moment, which comes back as the residual."""
     s = math.sqrt(0.5)
     matrix = [
@@ -270,7 +271,7 @@ def test_on_a_vehicle_that_cannot_pitch_the_rest_works_and_nothing_winds_up() ->
         return (x, y, z, k, m, n), residual
 
     plant = Plant(from_euler(0.3, 0.2, 0.0))
-    history = fly(plant, VelocityCommand(surge=0.4, depth=6.0, heading=1.0), 25.0, six)
+    history = run_loop(plant, VelocityCommand(surge=0.4, depth=6.0, heading=1.0), 25.0, six)
     roll, _, heading = to_euler(history[-1].orientation)
     assert roll == pytest.approx(0.0, abs=0.01)
     assert heading == pytest.approx(1.0, abs=0.02)
@@ -279,20 +280,20 @@ def test_on_a_vehicle_that_cannot_pitch_the_rest_works_and_nothing_winds_up() ->
     assert plant.applied[4] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_vehicle_at_a_wall_pushes_no_harder_than_its_drag_can_be() -> None:
+def test_a_vehicle_stopped_by_a_wall_pushes_no_harder_than_its_drag() -> None:
     """The integral holds at most the drag at the commanded speed and a current; stopped, that in the current alone."""
     drag, gains = Drag(12.0, 40.0), Gains()
     controller = CascadedController(gains, INERTIA, [drag, drag])
 
-    def push(surge: float, seconds: float) -> float:
+    def push_ahead(surge: float, seconds: float) -> float:
         for _ in range(round(seconds / DT)):
             wrench = controller.update(VelocityCommand(surge=surge), AT_REST, DT)
         return wrench[0]
 
     proportional = gains.surge.p * 0.3 * INERTIA[0]
-    assert push(0.3, 60.0) == pytest.approx(proportional + drag.at(0.3 + gains.surge.current))
-    assert push(0.0, DT) == pytest.approx(drag.at(gains.surge.current))
-    backwards = [push(-0.3, DT) for _ in range(round(2.0 / DT))]
+    assert push_ahead(0.3, 60.0) == pytest.approx(proportional + drag.at(0.3 + gains.surge.current))
+    assert push_ahead(0.0, DT) == pytest.approx(drag.at(gains.surge.current))
+    backwards = [push_ahead(-0.3, DT) for _ in range(round(2.0 / DT))]
     assert backwards[round(1.0 / DT)] < 0.0
     unbounded = CascadedController(gains, INERTIA, [Drag(0.0, 0.0)] * 2)
     for _ in range(round(60.0 / DT)):
@@ -300,8 +301,8 @@ def test_a_vehicle_at_a_wall_pushes_no_harder_than_its_drag_can_be() -> None:
     assert wrench[0] == pytest.approx(gains.surge.limit * INERTIA[0], rel=0.01)
 
 
-def test_a_vehicle_holds_its_place_in_the_current_of_its_gains() -> None:
-    """The bound leaves the integral all that a current of this speed takes."""
+def test_a_vehicle_holds_position_in_the_current_that_its_gains_allow_for() -> None:
+    """The integral's bound is large enough for a current of this speed."""
     drag, current = Drag(12.0, 40.0), 1.0
     controller, speed = CascadedController(Gains(), INERTIA, [drag, drag]), 0.0
     for _ in range(round(30.0 / DT)):
@@ -312,8 +313,10 @@ def test_a_vehicle_holds_its_place_in_the_current_of_its_gains() -> None:
     assert abs(speed) < 0.01
 
 
-def test_a_weak_vehicle_recovers_quickly_from_a_command_beyond_its_power() -> None:
-    """A vehicle that was saturated for 20 s does not run on with a full integral when asked for a speed it can make."""
+def test_a_vehicle_recovers_quickly_after_20_s_of_saturation() -> None:
+    """A vehicle that was saturated for 20 s does not run on with a full integral when a speed it can reach is
+    commanded.
+    """
 
     def weak(wrench: Wrench) -> tuple[Wrench, Wrench]:
         x = max(-20.0, min(20.0, wrench[0]))

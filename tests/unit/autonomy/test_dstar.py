@@ -1,4 +1,4 @@
-"""D* Lite: after any change and from anywhere on the way as short as A*, for less work."""
+"""D* Lite: after any change and from any position as short as A*, for less work."""
 
 from itertools import pairwise
 
@@ -24,7 +24,7 @@ def length(planner: DStarLite | None, grid: OccupancyGrid, start: Point, goal: P
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_as_short_as_a_star_while_the_map_changes_and_the_vehicle_moves(seed: int) -> None:
+def test_paths_stay_as_short_as_a_star_while_map_and_vehicle_change(seed: int) -> None:
     generator = np.random.default_rng(seed)
     cells = generator.random(generator.integers(4, 18, 2)) < 0.25
     keep = [tuple(int(i) for i in generator.integers(0, cells.shape)) for _ in range(4)]
@@ -42,8 +42,8 @@ def test_as_short_as_a_star_while_the_map_changes_and_the_vehicle_moves(seed: in
             cells[cell] = False
 
 
-def test_a_repair_is_less_work_than_a_plan() -> None:
-    """A wall that turns up near the vehicle makes the search go on from a small share of the first plan's cells."""
+def test_a_repair_expands_far_fewer_cells_than_a_plan() -> None:
+    """After a wall appears near the vehicle the search expands a small share of the first plan's cells."""
     cells = np.zeros((150, 150), bool)
     cells[60:90, 40:110] = True
     grid, goal = OccupancyGrid(cells, 1.0, (0.0, 0.0)), (145.5, 75.5)
@@ -55,7 +55,7 @@ def test_a_repair_is_less_work_than_a_plan() -> None:
     assert planner.expanded - first < 0.2 * first
 
 
-def test_another_goal_or_map_starts_afresh() -> None:
+def test_another_goal_or_map_starts_a_new_search() -> None:
     planner = DStarLite()
     for size, goal in ((12, (1.5, 9.5)), (12, (9.5, 9.5)), (20, (15.5, 3.5))):
         grid = OccupancyGrid(np.zeros((size, size), bool), 1.0, (0.0, 0.0))

@@ -1,4 +1,4 @@
-"""The control laws: one contract for all, then each by hand, then the words that choose them."""
+"""The control laws: a common contract for all, each against values by hand, then how a vehicle file chooses one."""
 
 import math
 import sys
@@ -90,7 +90,7 @@ class TestFins(ControllerContract):
         return FinController(Gains(), FinGains(), INERTIA)
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
-    def test_it_turns_to_the_heading_and_dives_to_the_depth(self, sign: float) -> None:
+    def test_a_fin_vehicle_reaches_heading_and_depth(self, sign: float) -> None:
         """A torpedo dives by its pitch, bow down."""
         moving = AT_REST._replace(velocity=(1.0, 0.0, 0.0))
         wrench = self.make().update(VelocityCommand(surge=1.0, heading=sign * 0.5, depth=5.0 + sign), moving, DT)
@@ -98,7 +98,7 @@ class TestFins(ControllerContract):
         assert sign * wrench[4] < 0.0
 
 
-def test_a_fin_vehicle_told_to_hold_north_or_the_surface_keeps_moving() -> None:
+def test_a_fin_vehicle_commanded_to_heading_0_or_depth_0_keeps_moving() -> None:
     """A set point of 0 counts as a set point."""
     for command in (VelocityCommand(heading=0.0), VelocityCommand(depth=0.0)):
         assert TestFins().make().update(command, AT_REST, DT)[0] > 0.0
@@ -109,7 +109,7 @@ def test_a_fin_vehicle_told_to_hold_north_or_the_surface_keeps_moving() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(1e-3, 0.1)), min_size=1, max_size=30))
-def test_the_output_never_changes_faster_than_its_slew(calls: list[tuple[float, float, float]]) -> None:
+def test_the_output_never_changes_faster_than_the_slew_rate(calls: list[tuple[float, float, float]]) -> None:
     controller, last = CascadedController(SLEWED, INERTIA), 0.0
     for surge, speed, dt in calls:
         force = controller.update(VelocityCommand(surge=surge), AT_REST._replace(velocity=(speed, 0.0, 0.0)), dt)[0]
@@ -117,8 +117,8 @@ def test_the_output_never_changes_faster_than_its_slew(calls: list[tuple[float, 
         last = force
 
 
-def test_a_ramp_by_hand_and_no_windup_on_it() -> None:
-    """A wish of 4 m/s² at 2 m/s³ is met by 0.04 m/s² more each 20 ms, with the integral at rest until it is there."""
+def test_the_slew_ramp_is_that_worked_out_by_hand_without_windup() -> None:
+    """A requested 4 m/s² at 2 m/s³ is reached by 0.04 m/s² more each 20 ms, with the integral constant until then."""
     gains = Gains()._replace(surge=AxisGains(p=4.0, i=6.0, slew=2.0))
     controller = CascadedController(gains, INERTIA)
     forces = [controller.update(VelocityCommand(surge=1.0), AT_REST, DT)[0] / INERTIA[0] for _ in range(120)]
@@ -128,7 +128,7 @@ def test_a_ramp_by_hand_and_no_windup_on_it() -> None:
     assert CascadedController(gains, INERTIA).update(VelocityCommand(), AT_REST, DT)[0] == 0.0
 
 
-def test_without_a_slew_limit_the_first_output_is_the_whole() -> None:
+def test_without_a_slew_limit_the_first_output_is_complete() -> None:
     assert CascadedController(Gains(), INERTIA).update(VelocityCommand(surge=1.0), AT_REST, DT)[0] > 4.0 * INERTIA[0]
 
 
@@ -136,7 +136,7 @@ def test_without_a_slew_limit_the_first_output_is_the_whole() -> None:
 
 
 @pytest.mark.parametrize("name", ["bluerov2_heavy", "paper_six", "bluerov2"])
-def test_the_load_is_what_holds_the_simulated_vehicle_steady(name: str) -> None:
+def test_the_model_load_equals_the_simulators_forces(name: str) -> None:
     """The load equals the simulator's drag, weight, lift and Coriolis, term by term, in a state of no symmetry."""
     vehicle, _ = load_vehicle(name)
     plant = plant_of(vehicle, 1025.0, 9.81)
@@ -158,14 +158,14 @@ def sliding(surface: Surface, plant: Plant = BARE) -> SlidingMode:
 
 
 @pytest.mark.parametrize(("speed", "push"), [(0.0, 2.0), (0.45, 0.5), (0.5, 0.0), (0.55, -0.5), (2.0, -2.0)])
-def test_the_push_saturates_outside_the_layer_and_is_linear_within(speed: float, push: float) -> None:
-    """The push is 2 m/s² beyond a layer of 0.2 m/s, without a slide."""
+def test_sliding_mode_saturates_outside_the_layer_and_is_linear_within(speed: float, push: float) -> None:
+    """The output is 2 m/s² beyond a layer of 0.2 m/s, without a slide."""
     controller = sliding(Surface(strength=2.0, layer=0.2, slide=0.0))
     force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
     assert force == pytest.approx(push * INERTIA[0])
 
 
-def test_it_does_not_wind_up_outside_the_layer_nor_where_force_lacks() -> None:
+def test_sliding_mode_does_not_wind_up_outside_the_layer_or_in_saturation() -> None:
     surface = Surface(strength=2.0, layer=0.2, slide=1.0)
     command, near = VelocityCommand(surge=0.5), AT_REST._replace(velocity=(0.4, 0.0, 0.0))
     lack = (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -177,7 +177,7 @@ def test_it_does_not_wind_up_outside_the_layer_nor_where_force_lacks() -> None:
         assert (forces[-1] > forces[0]) == grows
 
 
-def test_it_overcomes_whatever_is_weaker_than_its_strength() -> None:
+def test_sliding_mode_rejects_disturbances_weaker_than_its_strength() -> None:
     """A mass half as heavy again, pushed back by 1.2 m/s², is left with no error and no oscillation."""
     controller, speed, speeds = sliding(Surface(strength=2.0, layer=0.4, slide=1.5)), 0.0, []
     for _ in range(1000):
@@ -192,7 +192,7 @@ def test_it_overcomes_whatever_is_weaker_than_its_strength() -> None:
 # -- PD with restoring compensation -------------------------------------------------------------------------------
 
 
-def test_pd_by_hand() -> None:
+def test_the_pd_law_gives_the_force_worked_out_by_hand() -> None:
     """The force is d times the error times the inertia, and weight less lift at rest: 1 N heavy, held up."""
     controller = RestoringPd(HEAVY, Gains(), PdSettings(surge=Damper(3.0)))
     wrench = controller.update(VelocityCommand(), AT_REST._replace(velocity=(-0.1, 0.0, 0.0)), DT)
@@ -201,8 +201,8 @@ def test_pd_by_hand() -> None:
     assert controller.update(VelocityCommand(surge=9.0), AT_REST, DT)[0] == pytest.approx(10.0 * INERTIA[0])
 
 
-def test_pd_leaves_the_error_it_says() -> None:
-    """The velocity error against a push f is f / (inertia d)."""
+def test_the_pd_law_leaves_the_stated_error() -> None:
+    """The velocity error under a disturbance f is f / (inertia d)."""
     controller, speed = RestoringPd(BARE, Gains(), PdSettings(surge=Damper(5.0))), 0.0
     for _ in range(1000):
         force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
@@ -213,14 +213,14 @@ def test_pd_leaves_the_error_it_says() -> None:
 # -- the words ----------------------------------------------------------------------------------------------------
 
 
-def test_every_family_is_made_by_its_word_and_known_to_the_pilot() -> None:
+def test_every_control_family_is_made_by_name() -> None:
     for family in FAMILIES:
         controller = make_controller(family, {}, Gains(), HEAVY, "vehicle.toml: control")
         assert all(map(math.isfinite, controller.update(VelocityCommand(surge=0.3), AT_REST, DT)))
         assert family in OTHERS
 
 
-def test_a_familys_own_table() -> None:
+def test_a_familys_own_table_sets_its_gains() -> None:
     control = {"sliding_mode": {"surge": {"strength": 3.0, "layer": 0.1, "slide": 0.0}}}
     strong = make_controller("sliding_mode", control, Gains(), BARE, "v.toml: control")
     assert strong.update(VelocityCommand(surge=0.5), AT_REST, DT)[0] == pytest.approx(3.0 * INERTIA[0])
@@ -237,19 +237,19 @@ def test_a_familys_own_table() -> None:
         (3, "expected text"),
     ],
 )
-def test_a_wrong_word_is_named(family: str, words: str) -> None:
+def test_an_unknown_family_is_reported(family: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         make_controller(family, {}, Gains(), HEAVY, "vehicle.toml: control")
 
 
-def test_fins_are_for_the_cascade() -> None:
+def test_fin_vehicles_accept_the_cascade_only() -> None:
     vehicle, control = load_vehicle("lauv")
     with pytest.raises(ConfigError, match="lauv: control: family: a vehicle with fins is steered by the cascade"):
         Rig("lauv", vehicle, {**control, "family": "sliding_mode"})
 
 
-def test_the_word_in_the_vehicles_file_is_what_flies() -> None:
-    """The same flight gives other wrenches; and a table of a family that is not chosen does not matter."""
+def test_the_family_in_the_vehicle_file_is_used() -> None:
+    """The same flight gives other wrenches; the table of a family that is not chosen has no effect."""
     vehicle, control = load_vehicle("paper_six")
     command = VelocityCommand(surge=0.3)
     wrenches = {}
@@ -275,7 +275,7 @@ class Bang:
 """
 
 
-def test_a_law_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_control_law_can_be_a_users_class(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "my_bang_law.py").write_text(OWN)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])

@@ -1,4 +1,4 @@
-"""Steering by fins: sharing moments, loops against the simulator, and a mission across open water."""
+"""Control by fins: moment allocation, loops against the simulator, and a mission across open water."""
 
 from collections.abc import Callable
 from math import copysign, radians
@@ -27,7 +27,7 @@ STEP = 0.01
 
 
 @pytest.mark.parametrize("name", ["lauv", "eca_a9"])
-def test_four_fins_make_any_small_moment(name: str) -> None:
+def test_four_fins_produce_any_small_moment(name: str) -> None:
     fins = load_vehicle(name)[0].fins
     matrix = fin_matrix(fins, 1025.0)
     allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
@@ -40,7 +40,7 @@ def test_four_fins_make_any_small_moment(name: str) -> None:
         assert made[3:] == pytest.approx(wanted[3:], rel=1e-4)
 
 
-def test_what_cannot_be_had_is_reported() -> None:
+def test_moments_that_fins_cannot_produce_are_the_residual() -> None:
     fins = load_vehicle("remus100")[0].fins
     matrix = fin_matrix(fins, 1025.0)
     allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
@@ -61,7 +61,7 @@ def navigation(u: float, pitch: float = 0.0, w: float = 0.0) -> Navigation:
     return Navigation(from_euler(0.0, pitch, 0.0), (0.0, 0.0, 0.0), (u, 0.0, w), 10.0)
 
 
-def test_it_keeps_moving_while_it_steers_and_stops_on_request() -> None:
+def test_a_fin_vehicle_keeps_moving_while_it_steers_and_stops_on_command() -> None:
     going = controller().update(VelocityCommand(surge=0.1, yaw_rate=0.1), navigation(0.3), 0.02)
     least = controller().update(VelocityCommand(surge=0.6, yaw_rate=0.1), navigation(0.3), 0.02)
     stopping = controller().update(VelocityCommand(), navigation(0.3), 0.02)
@@ -70,7 +70,7 @@ def test_it_keeps_moving_while_it_steers_and_stops_on_request() -> None:
     assert going[1:3] == (0.0, 0.0)
 
 
-def test_it_dives_bow_down_ahead_and_bow_up_astern() -> None:
+def test_a_fin_vehicle_dives_bow_down_ahead_and_bow_up_astern() -> None:
     for u, sign in ((1.5, -1.0), (-1.5, 1.0)):
         pitching = controller().update(VelocityCommand(surge=u, heave=0.3), navigation(u), 0.02)[4]
         assert copysign(1.0, pitching) == sign
@@ -95,8 +95,8 @@ def fly(name: str, seconds: float, command: Callable[[float], VelocityCommand]) 
 
 
 @pytest.mark.parametrize("name", TORPEDOES)
-def test_speed_heading_and_depth(name: str) -> None:
-    """It reaches 1 m/s, a quarter turn and 3 m deeper, all at once, measured with noise and a gyro's turn-on error."""
+def test_speed_heading_and_depth_are_reached_together(name: str) -> None:
+    """The vehicle reaches 1 m/s, a quarter turn and 3 m deeper, measured with noise and a gyro's turn-on error."""
     simulation, _ = fly(name, 90.0, lambda t: VelocityCommand(surge=1.0, heading=1.5, depth=8.0))
     roll, pitch, yaw = to_euler(simulation.state.quaternion)
     assert simulation.state.nu[0] == pytest.approx(1.0, abs=0.05)
@@ -107,13 +107,13 @@ def test_speed_heading_and_depth(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", TORPEDOES)
-def test_turn_rate(name: str) -> None:
+def test_a_turn_rate_is_reached(name: str) -> None:
     simulation, _ = fly(name, 40.0, lambda t: VelocityCommand(surge=1.0, yaw_rate=0.06, depth=5.0))
     assert simulation.state.nu[5] == pytest.approx(0.06, abs=0.015)
     assert simulation.state.position[2] == pytest.approx(5.0, abs=0.3)
 
 
-def test_idle_channels_are_neutral_and_weights_stay_aboard() -> None:
+def test_idle_channels_are_neutral_and_drop_weights_are_not_released() -> None:
     simulation, pilot = fly("tethys", 2.0, lambda t: VelocityCommand(surge=1.0, yaw_rate=0.05))
     command, _ = pilot.update(simulation.time_ns, 0.02)
     assert len(command.pwm_us) == 5
@@ -132,8 +132,8 @@ def test_a_wrong_gain_is_named() -> None:
 
 
 @pytest.mark.parametrize("name", ["lauv"])
-def test_it_crosses_the_open_water(name: str) -> None:
-    """The scenario as delivered, but for a coarser step, brings it to its goal, and nothing comes nearer than 5 m."""
+def test_the_open_water_scenario_reaches_its_goal(name: str) -> None:
+    """The scenario as delivered, but for a coarser step, reaches its goal, and no obstacle comes nearer than 5 m."""
     scenario = load_scenario("open_water", {"vehicle": name, "slave.step": STEP})
     plan = prepare(scenario)
     boat = simulated.SimulatedVehicle(scenario, plan.world)

@@ -1,4 +1,4 @@
-"""The fields: each the gradient of its potential, numbers by hand, and vehicles that keep apart."""
+"""The potential fields: each the gradient of its potential, numbers by hand, and vehicles that keep apart."""
 
 import math
 from collections.abc import Callable
@@ -26,7 +26,7 @@ POINTS = st.tuples(METRES, METRES)
 ORIGIN = (0.0, 0.0)
 
 
-def downhill(potential: Callable[[Vector], float], at: Vector, step: float = 1e-5) -> Vector:
+def negative_gradient(potential: Callable[[Vector], float], at: Vector, step: float = 1e-5) -> Vector:
     """Return minus the gradient, by central differences."""
     north, east = at
     return (
@@ -35,14 +35,14 @@ def downhill(potential: Callable[[Vector], float], at: Vector, step: float = 1e-
     )
 
 
-def test_attraction_by_hand() -> None:
-    """A gain of 0.6 1/s gives 0.18 m/s at 0.3 m from the place; 5 m away the limit of 0.3 m/s holds, along 3-4-5."""
+def test_attraction_has_the_value_worked_out_by_hand() -> None:
+    """A gain of 0.6 1/s gives 0.18 m/s at 0.3 m from the target; 5 m away the limit of 0.3 m/s holds, along 3-4-5."""
     assert attraction(ORIGIN, (0.3, 0.0), 0.6, 0.5) == pytest.approx((0.18, 0.0))
     assert attraction(ORIGIN, (3.0, 4.0), 0.6, 0.5) == pytest.approx((0.18, 0.24))
     assert attraction(ORIGIN, ORIGIN, 0.6, 0.5) == (0.0, 0.0)
 
 
-def test_repulsion_by_hand() -> None:
+def test_repulsion_has_the_value_worked_out_by_hand() -> None:
     """A rim 0.5 m away within a reach of 1 m, the place 2 m behind the body, pushes by the formula's two parts:
     (1/0.5 - 1) 2² / 0.5² = 16 away from the body, and (2 - 1)² 2 = 2 back.
     """
@@ -52,9 +52,9 @@ def test_repulsion_by_hand() -> None:
     assert repulsion((-0.5, 0.0), (2.0, 0.0), body, 1.0, 1.0) == (0.0, 0.0)  # the reach ends here
 
 
-def test_communication_by_hand() -> None:
-    """A neighbour at 5 m, of a range of 6 m that is comfortable to 4 m, pulls by (1/1 - 1/2) / 1² = 0.5.
-    Nothing pulls nearer or beyond.
+def test_communication_has_the_value_worked_out_by_hand() -> None:
+    """A neighbour at 5 m, of a range of 6 m that is comfortable to 4 m, attracts by (1/1 - 1/2) / 1² = 0.5. Nothing
+    attracts nearer or beyond.
     """
     assert communication(ORIGIN, (0.0, 5.0), 1.0, 4.0, 6.0) == pytest.approx((0.0, 0.5))
     assert communication(ORIGIN, (3.0, 4.0), 1.0, 4.0, 6.0) == pytest.approx((0.3, 0.4))
@@ -69,7 +69,7 @@ def test_attraction_is_the_gradient_of_its_potential(position: Vector, place: Ve
         return 0.3 * distance**2 if distance < 0.5 else 0.3 * (distance - 0.25)
 
     assume(math.dist(position, place) > 1e-3)
-    assert attraction(position, place, 0.6, 0.5) == pytest.approx(downhill(potential, position), abs=1e-5)
+    assert attraction(position, place, 0.6, 0.5) == pytest.approx(negative_gradient(potential, position), abs=1e-5)
 
 
 @given(POINTS, POINTS, st.floats(0.6, 2.4), st.floats(-math.pi, math.pi))
@@ -79,7 +79,7 @@ def test_repulsion_is_the_gradient_of_its_potential(body: Vector, place: Vector,
         return 0.05 * (1.0 / rho - 1.0 / 2.0) ** 2 * math.dist(at, place) ** 2 if rho < 2.0 else 0.0
 
     position = body[0] + away * math.cos(bearing), body[1] + away * math.sin(bearing)
-    expected = downhill(potential, position, 1e-6)
+    expected = negative_gradient(potential, position, 1e-6)
     assert repulsion(position, place, Body(body, 0.5), 0.1, 2.0) == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
@@ -91,12 +91,12 @@ def test_communication_is_the_gradient_of_its_potential(position: Vector, away: 
         distance = math.dist(at, neighbour)
         return 0.05 * (1.0 / (6.0 - distance) - 1.0 / 1.5) ** 2 if distance > 4.5 else 0.0
 
-    expected = downhill(potential, position, 1e-6)
+    expected = negative_gradient(potential, position, 1e-6)
     assert communication(position, neighbour, 0.1, 4.5, 6.0) == pytest.approx(expected, rel=1e-3, abs=1e-4)
 
 
 @given(POINTS, POINTS, st.lists(POINTS, max_size=4), st.lists(POINTS, max_size=2))
-def test_the_resultant_is_the_sum_within_the_top_speed(
+def test_the_resultant_is_the_sum_limited_to_top_speed(
     position: Vector, place: Vector, neighbours: list[Vector], obstacles: list[Vector]
 ) -> None:
     settings = FieldSettings()
@@ -118,7 +118,7 @@ def test_the_resultant_is_the_sum_within_the_top_speed(
 
 
 @given(POINTS, st.lists(POINTS, min_size=1, max_size=3))
-def test_who_is_out_of_range_is_not_known(position: Vector, neighbours: list[Vector]) -> None:
+def test_neighbours_out_of_range_have_no_effect(position: Vector, neighbours: list[Vector]) -> None:
     settings = FieldSettings(communication_range=3.0, comfortable=2.0)
     received = [Body(n, 0.5) for n in neighbours if math.dist(n, position) < 3.0]
     everyone = [Body(n, 0.5) for n in neighbours]
@@ -128,7 +128,7 @@ def test_who_is_out_of_range_is_not_known(position: Vector, neighbours: list[Vec
 
 
 @given(POINTS, POINTS, st.lists(POINTS, max_size=3), st.floats(-math.pi, math.pi), POINTS)
-def test_no_direction_is_special(
+def test_the_resultant_rotates_and_shifts_with_the_world(
     position: Vector, place: Vector, neighbours: list[Vector], turn: float, shift: Vector
 ) -> None:
     """A world that is turned and moved turns the velocity with it."""
@@ -150,8 +150,12 @@ def test_no_direction_is_special(
 
 
 @given(POINTS, st.floats(0.0, 4.9), st.floats(0.01, 5.0), st.floats(-math.pi, math.pi))
-def test_fields_pull_and_push_the_right_way(position: Vector, near: float, more: float, bearing: float) -> None:
-    """The fields pull to the place and to a neighbour about to be lost, the farther the harder, and push off a body."""
+def test_fields_attract_to_the_target_and_repel_from_bodies(
+    position: Vector, near: float, more: float, bearing: float
+) -> None:
+    """The fields attract to the target and to a neighbour near the range limit, more with distance, and repel from a
+    body.
+    """
 
     def ahead(distance: float) -> Vector:
         return position[0] + distance * math.cos(bearing), position[1] + distance * math.sin(bearing)
@@ -172,8 +176,10 @@ def test_fields_pull_and_push_the_right_way(position: Vector, near: float, more:
 
 
 @given(POINTS, st.lists(POINTS, min_size=1, max_size=3))
-def test_who_is_not_kept_does_not_pull(position: Vector, neighbours: list[Vector]) -> None:
-    """The velocity without links is that without a gain of the field of communication; repulsion stays."""
+def test_a_neighbour_that_need_not_stay_in_range_exerts_no_attraction(
+    position: Vector, neighbours: list[Vector]
+) -> None:
+    """The velocity is that with a gain of 0 of the field of communication; repulsion stays."""
     mute = FieldSettings(communication=0.0)
     bodies = [Body(n, 0.5, stays_in_range=False) for n in neighbours]
     loose = resultant(position, ORIGIN, ORIGIN, bodies, [], FieldSettings())
@@ -181,8 +187,9 @@ def test_who_is_not_kept_does_not_pull(position: Vector, neighbours: list[Vector
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_four_that_change_places_crosswise_do_not_meet(seed: int) -> None:
-    """Each of four goes to the far corner of a square at once, 0.05 m unsure of everyone: the fields' worst case."""
+def test_four_vehicles_that_swap_corners_do_not_collide(seed: int) -> None:
+    """Each of four goes to the far corner of a square at once, with positions unsure by 0.05 m: the fields' worst case.
+    """
     settings, noise, step, min_separation = FieldSettings(), LocalisationNoise(0.05, seed), 0.1, 0.5
     positions: list[Vector] = [(0.0, 0.2), (3.1, 0.0), (3.0, 3.0), (-0.2, 3.0)]
     places = [(3.0, 3.0), (0.0, 3.0), (0.0, 0.0), (3.0, 0.0)]
@@ -201,8 +208,8 @@ def test_four_that_change_places_crosswise_do_not_meet(seed: int) -> None:
     assert max(math.dist(p, q) for p, q in zip(positions, places, strict=True)) < 0.2
 
 
-def test_a_neighbour_is_not_lost() -> None:
-    """The link's range of 5 m holds although one runs for a place 9 m away and the other stays at home."""
+def test_a_vehicle_stays_within_the_range_of_its_neighbour() -> None:
+    """The link's range of 5 m holds although one goes for a target 9 m away and the other stays."""
     settings, step = FieldSettings(), 0.1
     runner, other = (3.5, 0.0), (0.0, 0.0)
     for _ in range(600):
@@ -213,8 +220,8 @@ def test_a_neighbour_is_not_lost() -> None:
     assert without[0] > 0.2
 
 
-def test_formation_error_and_separation() -> None:
-    """A formation moved as a whole is none the worse; one vehicle 0.4 m off leaves 0.3 m at best by the middle."""
+def test_formation_error_and_separation_have_the_values_worked_out_by_hand() -> None:
+    """A formation moved as a whole has no error; one vehicle 0.4 m off leaves 0.3 m at best by the middle."""
     places = [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (9.0, 0.0)]
     moved = [(n + 5.0, e - 2.0) for n, e in places]
     assert formation_error(moved, places) == pytest.approx(0.0, abs=1e-12)
@@ -224,7 +231,7 @@ def test_formation_error_and_separation() -> None:
     assert separation([(0.0, 0.0)]) == math.inf
 
 
-def test_localisation_noise_is_centred_and_of_its_size() -> None:
+def test_localisation_noise_has_zero_mean_and_the_stated_size() -> None:
     noise = LocalisationNoise(0.2, 7)
     errors = [value for _ in range(20_000) for value in noise.measured(ORIGIN)]
     mean = math.fsum(errors) / len(errors)
@@ -237,6 +244,6 @@ def test_localisation_noise_is_centred_and_of_its_size() -> None:
         LocalisationNoise(-0.1, 0)
 
 
-def test_settings_that_contradict_each_other() -> None:
+def test_contradicting_settings_are_refused() -> None:
     assert FieldSettings().validate() is None
     assert "below communication_range" in str(FieldSettings(comfortable=7.0).validate())

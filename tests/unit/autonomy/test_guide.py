@@ -1,4 +1,4 @@
-"""VFH+ and the guide in closed loop: a point mass among obstacles that no map shows."""
+"""VFH+ and the guide in closed loop: a point mass among obstacles that are not on the map."""
 
 import math
 import random
@@ -41,7 +41,7 @@ def scan(discs: list[Disc], position: Point, heading: float, noise: Callable[[],
     return Scan(-SPREAD / 2.0, SPREAD / (BEAMS - 1), [float(d) + noise() if d < 8.0 else math.inf for d in ranges])
 
 
-class Boat:
+class PointMass:
     """Surge and turn rate follow the command with a lag of 0.3 s."""
 
     def __init__(self, position: Point, heading: float) -> None:
@@ -64,7 +64,7 @@ def clearance(discs: list[Disc], position: Point) -> float:
 
 
 def obstacles(seed: int, count: int, keep: tuple[Point, ...]) -> list[Disc]:
-    """Return discs with 2 m of water between them, and 2.5 m to the points to keep free."""
+    """Return discs 2 m or more apart, and 2.5 m from the points to keep free."""
     generator, discs = random.Random(seed), list[Disc]()
     while len(discs) < count:
         disc = generator.uniform(1.0, 24.0), generator.uniform(1.0, 24.0), generator.uniform(0.4, 1.5)
@@ -76,10 +76,10 @@ def obstacles(seed: int, count: int, keep: tuple[Point, ...]) -> list[Disc]:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_vfh_alone_keeps_clear_of_unseen_obstacles(seed: int) -> None:
+def test_vfh_alone_avoids_obstacles_that_are_not_on_the_map(seed: int) -> None:
     start, goal = (0.0, 0.0), (25.0, 25.0)
     discs, generator = obstacles(seed, 14, (start, goal)), random.Random(seed)
-    boat, vfh, least = Boat(start, generator.uniform(-3.0, 3.0)), Vfh(VFH), math.inf
+    boat, vfh, least = PointMass(start, generator.uniform(-3.0, 3.0)), Vfh(VFH), math.inf
     for _ in range(1500):
         left = math.dist(boat.position, goal)
         if left < 0.5:
@@ -95,8 +95,8 @@ def test_vfh_alone_keeps_clear_of_unseen_obstacles(seed: int) -> None:
     assert math.dist(boat.position, goal) < 0.6
 
 
-def travel(guide: Guide, discs: list[Disc], start: Point, seconds: float = 250.0) -> tuple[Boat, float]:
-    boat, least = Boat(start, 0.7), math.inf
+def travel(guide: Guide, discs: list[Disc], start: Point, seconds: float = 250.0) -> tuple[PointMass, float]:
+    boat, least = PointMass(start, 0.7), math.inf
     for _ in range(int(seconds / STEP)):
         command = guide.update(boat.position, boat.heading, scan(discs, boat.position, boat.heading))
         assert 0.0 <= command.surge <= SETTINGS.speed
@@ -114,7 +114,9 @@ def on_map(discs: list[Disc]) -> OccupancyGrid:
 
 @pytest.mark.parametrize(("seed", "search"), [(0, plan), (1, plan_any_angle), (2, DStarLite().plan)])
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_with_all_half_or_nothing_on_the_map(search: Search, share: float, seed: int) -> None:
+def test_the_guide_reaches_its_goal_with_all_half_or_no_obstacles_on_the_map(
+    search: Search, share: float, seed: int
+) -> None:
     start, goal = (0.0, 0.0), (25.0, 24.0)
     discs = obstacles(100 + seed, 14, (start, goal))
     guide = Guide(on_map(discs[: int(share * len(discs))]), start, goal, SETTINGS, search)
@@ -126,8 +128,8 @@ def test_with_all_half_or_nothing_on_the_map(search: Search, share: float, seed:
     assert guide.plans == 1 or share < 1.0
 
 
-def test_out_of_a_dead_end_that_vfh_alone_does_not_leave() -> None:
-    """The map that grows from scans finds the way back out of a horseshoe, open to the start, and round it."""
+def test_the_guide_leaves_a_dead_end_that_traps_vfh_alone() -> None:
+    """The map from scans gives a path back out of a horseshoe, open to the start, and round it."""
     wall = [(12.0 + 5.0 * math.cos(a), 12.0 + 5.0 * math.sin(a), 0.4) for a in np.linspace(-1.1, 2.7, 40)]
     discs = [(n, e, r) for n, e, r in wall]
     start, goal = (10.0, 10.0), (25.0, 25.0)
@@ -136,14 +138,14 @@ def test_out_of_a_dead_end_that_vfh_alone_does_not_leave() -> None:
     assert guide.done
     assert guide.plans > 1
     assert least > RADIUS
-    boat, vfh = Boat(start, 0.7), Vfh(VFH)
+    boat, vfh = PointMass(start, 0.7), Vfh(VFH)
     for _ in range(800):
         bearing = math.atan2(goal[1] - boat.position[1], goal[0] - boat.position[0])
         boat.move(vfh.command(scan(discs, boat.position, boat.heading), boat.heading, bearing, 0.5))
     assert math.dist(boat.position, (12.0, 12.0)) < 6.0  # the reason for the map
 
 
-def test_walled_in_it_stays_and_says_so() -> None:
+def test_an_enclosed_guide_stops_and_reports_that_there_is_no_path() -> None:
     ring = [(10.0 + 4.0 * math.cos(a), 10.0 + 4.0 * math.sin(a), 0.5) for a in np.linspace(0.0, 2.0 * math.pi, 40)]
     guide = Guide(OccupancyGrid.empty(FIELD, 0.25), (10.0, 10.0), (25.0, 25.0), SETTINGS)
     boat, least = travel(guide, ring, (10.0, 10.0), 120.0)
@@ -155,8 +157,9 @@ def test_walled_in_it_stays_and_says_so() -> None:
         Guide(on_map([(10.0, 10.0, 2.0)]), (10.0, 10.0), (25.0, 25.0), SETTINGS)
 
 
-def test_a_map_from_scans_lies_where_the_obstacles_are() -> None:
-    """The map shows two discs that no mirror image hides, seen from several places; what a beam passed is free."""
+def test_a_map_from_scans_has_the_obstacles_at_their_positions() -> None:
+    """The map shows two discs, arranged without symmetry, seen from several places; cells that a beam passed are free.
+    """
     discs: list[Disc] = [(6.0, 2.0, 1.0), (2.0, 7.0, 0.5)]
     drawn = LaserMap(OccupancyGrid.empty(Extent(-2.0, -2.0, 10.0, 12.0), 0.1), 7.0)
     places: list[Any] = [
@@ -182,7 +185,7 @@ def test_a_map_from_scans_lies_where_the_obstacles_are() -> None:
     assert ghost.grid.is_free((3.0, 0.0))
 
 
-def test_what_the_map_knew_stays() -> None:
+def test_occupied_cells_of_the_given_map_are_retained() -> None:
     known = OccupancyGrid.empty(Extent(0.0, 0.0, 5.0, 5.0), 0.5)
     known.cells[4, 0] = True
     drawn = LaserMap(known, 6.0)

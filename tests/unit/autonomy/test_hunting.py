@@ -1,4 +1,4 @@
-"""The source paper's hunt: four vehicles, two formations, fifty seeds each of localisation noise."""
+"""The reference platform's hunt: four vehicles, two formations, fifty seeds each of localisation noise."""
 
 import math
 
@@ -23,7 +23,7 @@ def plan_of(name: str) -> HuntPlan:
 
 
 class Hunt:
-    """Point masses that follow the wanted velocity with a lag; each measures itself and others with noise."""
+    """Point masses that follow the commanded velocity with a lag; each measures itself and others with noise."""
 
     def __init__(self, name: str, seed: int, deviation: float = 0.05, fields: FieldSettings = FIELDS) -> None:
         self.plan = plan_of(name)
@@ -65,8 +65,8 @@ def test_fifty_seeds_surround_the_target_without_collision(name: str, batch: int
 
 
 @pytest.mark.parametrize("name", FORMATIONS)
-def test_the_plan_itself(name: str) -> None:
-    """Places start as the paper has them, keep their formation, and end evenly round the target."""
+def test_the_hunt_plan_keeps_formation_and_ends_in_an_even_ring(name: str) -> None:
+    """Targets start as published, keep their formation, and end evenly round the hunted object."""
     plan = plan_of(name)
     assert [plan.place(k, 0.0) for k in range(4)] == list(FORMATIONS[name])
     half = [plan.place(k, 0.5 * plan.approach) for k in range(4)]
@@ -83,7 +83,7 @@ def test_the_plan_itself(name: str) -> None:
     assert separation(ends) == pytest.approx(RING * math.sqrt(2.0))
 
 
-def test_all_wait_for_one_who_is_held_up() -> None:
+def test_all_vehicles_slow_down_for_one_that_is_held_up() -> None:
     """A vehicle stands still for 20 s: those who receive its reports, directly or through others, slow down with it."""
     hunt, free = Hunt("line", 3), Hunt("line", 3)
     for _ in range(int(20.0 / STEP)):
@@ -96,7 +96,7 @@ def test_all_wait_for_one_who_is_held_up() -> None:
     assert found.success or found.failures == ("formation",), found
 
 
-def test_a_deaf_vehicle_goes_by_its_own_clock() -> None:
+def test_a_vehicle_without_reports_follows_its_own_clock() -> None:
     """Reports from beyond the range, their clocks far behind, change nothing; the same from within hold it back."""
     alone, far, near = (Hunter(plan_of("diamond"), 0, FIELDS, SEPARATION) for _ in range(3))
     here = FORMATIONS["diamond"][0]
@@ -116,7 +116,7 @@ REPORTS = st.lists(
 
 
 @given(st.lists(st.tuples(st.floats(-2.0, 10.0), st.floats(-2.0, 10.0), REPORTS, st.floats(0.0, 1.0)), max_size=12))
-def test_whatever_is_received_the_clock_goes_on_and_the_speed_is_kept(
+def test_any_reports_leave_clock_and_speed_within_limits(
     steps: list[tuple[float, float, list[Report], float]],
 ) -> None:
     hunter = Hunter(plan_of("line"), 1, FIELDS, SEPARATION)
@@ -127,8 +127,8 @@ def test_whatever_is_received_the_clock_goes_on_and_the_speed_is_kept(
         assert before <= hunter.clock <= min(before + dt, plan_of("line").duration)
 
 
-def test_a_clock_that_stands_holds_its_place() -> None:
-    """A place does not move, nor does who is there, with no time to go on or at the end of the plan."""
+def test_a_stopped_clock_holds_position() -> None:
+    """The vehicle does not move when no time passes, at the end of the plan, or when a neighbour is far behind."""
     plan = plan_of("diamond")
     hunter = Hunter(plan, 2, FIELDS, SEPARATION)
     assert hunter.update(plan.starts[2], [], 0.0) == (0.0, 0.0)
@@ -140,7 +140,7 @@ def test_a_clock_that_stands_holds_its_place() -> None:
     assert hunter.clock == 10.0
 
 
-def test_the_bow_turns_to_the_target() -> None:
+def test_the_vehicles_turn_their_bows_to_the_target() -> None:
     plan = plan_of("diamond")
     hunter = Hunter(plan, 0, FIELDS, SEPARATION)
     north, east = Hunter(plan, 0, FIELDS, SEPARATION).update(FORMATIONS["diamond"][0], [], STEP)
@@ -149,7 +149,7 @@ def test_the_bow_turns_to_the_target() -> None:
     assert command.yaw_rate == pytest.approx(math.atan2(6.0, 0.5) - math.pi / 2.0)
 
 
-def test_a_referee_by_hand() -> None:
+def test_the_referee_gives_the_figures_worked_out_by_hand() -> None:
     """The referee judges three on the ring, the fourth 0.5 m outside of it, and two of them 0.4 m apart once."""
     plan = plan_of("diamond")
     referee = Referee(plan, Criteria(SEPARATION))
@@ -168,7 +168,7 @@ def test_a_referee_by_hand() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)), min_size=3, max_size=7))
-def test_any_start_ends_in_an_even_ring_in_the_order_it_began(starts: list[Vector]) -> None:
+def test_any_start_ends_in_an_even_ring(starts: list[Vector]) -> None:
     if min(math.dist(start, TARGET) for start in starts) < 1.2 * RING:
         with pytest.raises(MissionError, match="lessen the ring"):
             HuntPlan(starts, TARGET, RING, 0.4)
@@ -179,6 +179,6 @@ def test_any_start_ends_in_an_even_ring_in_the_order_it_began(starts: list[Vecto
     assert separation(ends) == pytest.approx(2.0 * RING * math.sin(math.pi / len(starts)))
 
 
-def test_two_cannot_surround() -> None:
+def test_two_vehicles_cannot_surround() -> None:
     with pytest.raises(MissionError, match="it takes three"):
         HuntPlan([(0.0, 0.0), (1.0, 0.0)], TARGET, RING, 0.4)

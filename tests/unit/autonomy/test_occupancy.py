@@ -1,4 +1,4 @@
-"""Occupancy grids: orientation above all, growth, lines of sight and the files of map_server."""
+"""Occupancy grids: orientation above all, inflation, lines of sight and the files of map_server."""
 
 import math
 import os
@@ -32,7 +32,7 @@ def picture_of(grid: OccupancyGrid) -> tuple[str, ...]:
     return tuple("".join("#" if cell else "." for cell in row) for row in grid.cells[::-1])
 
 
-def test_rasterise_an_asymmetric_world() -> None:
+def test_rasterise_places_an_asymmetric_world_correctly() -> None:
     """The map has one round obstacle in the north-west, by its distance; scalar and vectorised functions agree."""
     extent = Extent(south=-10.0, west=20.0, north=10.0, east=50.0)
 
@@ -52,7 +52,7 @@ def test_rasterise_an_asymmetric_world() -> None:
     assert np.array_equal(OccupancyGrid.rasterise(vectorised, extent, 0.5, vectorised=True).cells, grid.cells)
 
 
-def test_margin_takes_in_what_falls_between_the_centres() -> None:
+def test_the_margin_includes_objects_between_cell_centres() -> None:
     def post(north: float, east: float) -> float:
         return math.hypot(north - 5.0, east - 5.0) - 0.1  # on the corner of four cells
 
@@ -68,7 +68,7 @@ def test_an_extent_that_is_no_multiple_of_the_cell_is_covered() -> None:
         OccupancyGrid.rasterise(lambda north, east: 1.0, Extent(0.0, 0.0, 0.0, 1.0), 0.1)
 
 
-def test_cells_and_points() -> None:
+def test_cells_and_points_convert_both_ways() -> None:
     grid = grid_of(PICTURE, 0.5, (-1.0, 10.0))
     assert grid.cell((-1.0, 10.0)) == (0, 0)
     assert grid.cell((-0.01, 11.6)) == (1, 3)
@@ -81,7 +81,7 @@ def test_cells_and_points() -> None:
     assert not grid.is_free((5.0, 5.0))
 
 
-def test_nearest_free() -> None:
+def test_nearest_free_finds_the_nearest_free_cell() -> None:
     grid = grid_of(("###.", "####", "####"))
     assert grid.nearest_free((0.1, 0.1)) == (2.5, 3.5)
     assert grid_of(PICTURE).nearest_free((0.5, 2.4)) == (0.5, 1.5)
@@ -89,7 +89,7 @@ def test_nearest_free() -> None:
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.5, 1.0, 1.5, 2.0, 3.3, 50.0])
-def test_inflate_is_a_disc(radius: float) -> None:
+def test_inflate_grows_a_cell_to_a_disc(radius: float) -> None:
     generator = np.random.default_rng(1)
     cells = generator.random((23, 17)) < 0.03
     grown = OccupancyGrid(cells, 0.5, (3.0, 4.0)).inflate(radius)
@@ -101,7 +101,7 @@ def test_inflate_is_a_disc(radius: float) -> None:
     assert (grown.resolution, grown.origin) == (0.5, (3.0, 4.0))
 
 
-def test_lines_through_corners_and_along_edges() -> None:
+def test_lines_of_sight_are_correct_through_corners_and_along_edges() -> None:
     grid = grid_of(("..", "#."))
     assert grid.line_is_free((1.5, 0.5), (1.5, 1.5))
     assert grid.line_is_free((1.5, 1.5), (0.5, 1.5))
@@ -116,7 +116,7 @@ POINTS = st.tuples(st.floats(0.01, 7.99), st.floats(0.01, 7.99))
 
 
 @given(st.integers(0, 2**32 - 1), POINTS, POINTS)
-def test_line_of_sight_agrees_with_walking_the_line(
+def test_line_of_sight_agrees_with_sampling_the_line(
     seed: int, start: tuple[float, float], end: tuple[float, float]
 ) -> None:
     grid = OccupancyGrid(np.random.default_rng(seed).random((8, 8)) < 0.2, 1.0, (0.0, 0.0))
@@ -135,7 +135,7 @@ def test_line_of_sight_agrees_with_walking_the_line(
         assert any(near)
 
 
-def test_pgm_is_what_map_server_reads(tmp_path: Any) -> None:
+def test_pgm_files_have_the_format_of_map_server(tmp_path: Any) -> None:
     """The file has north at the top, west at the left, 254 for free and 0 for occupied, byte by byte."""
     path = os.path.join(tmp_path, "reef.pgm")
     grid_of(PICTURE, 0.25, (-3.0, 7.5)).write_pgm(path)
@@ -157,7 +157,7 @@ def test_pgm_is_what_map_server_reads(tmp_path: Any) -> None:
     }
 
 
-def test_read_gives_back_what_was_written(tmp_path: Any) -> None:
+def test_written_maps_are_read_back_equal(tmp_path: Any) -> None:
     path = os.path.join(tmp_path, "reef.pgm")
     grid_of(PICTURE, 0.1, (-3.0, 7.5)).write_pgm(path)
     grid = OccupancyGrid.read(os.path.join(tmp_path, "reef.yaml"))
@@ -165,7 +165,7 @@ def test_read_gives_back_what_was_written(tmp_path: Any) -> None:
     assert (grid.resolution, *grid.origin) == pytest.approx((0.1, -3.0, 7.5))
 
 
-def test_read_a_file_of_another_hand(tmp_path: Any) -> None:
+def test_maps_written_by_map_saver_are_read(tmp_path: Any) -> None:
     """The file has comments in both parts, unknown cells (205, occupied) and a raster that begins like blanks."""
     with open(os.path.join(tmp_path, "m.pgm"), "wb") as image:
         image.write(b"P5\n# CREATOR: map_saver.cpp 0.050 m/pix\n3 2\n255\n" + bytes([32, 254, 254, 205, 0, 254]))
@@ -221,7 +221,7 @@ GOOD_PGM = b"P5 1 1 255\n\0"
         (GOOD_YAML, b"P5 -1 1 255\n\0", "not an 8-bit P5"),
     ],
 )
-def test_hostile_maps_are_refused_in_one_line(tmp_path: Any, yaml: str, pgm: bytes, words: str) -> None:
+def test_hostile_maps_are_refused_with_a_one_line_error(tmp_path: Any, yaml: str, pgm: bytes, words: str) -> None:
     (tmp_path / "m.pgm").write_bytes(pgm)
     (tmp_path / "m.yaml").write_text(yaml, encoding="utf-8")
     with pytest.raises(ConfigError, match=words) as error:
@@ -229,8 +229,8 @@ def test_hostile_maps_are_refused_in_one_line(tmp_path: Any, yaml: str, pgm: byt
     assert len(str(error.value)) < len(str(tmp_path)) + 350
 
 
-def test_what_is_no_file_is_not_read(tmp_path: Any) -> None:
-    """A pipe would be waited for, a device never ends, and a sparse file may be larger than the memory."""
+def test_pipes_devices_and_oversized_files_are_refused(tmp_path: Any) -> None:
+    """A pipe would block, a device never ends, and a sparse file may be larger than the memory."""
     (tmp_path / "m.yaml").write_text(GOOD_YAML, encoding="utf-8")
     os.mkfifo(tmp_path / "m.pgm")
     with pytest.raises(ConfigError, match=r"m\.pgm: is no regular file"):
@@ -244,14 +244,14 @@ def test_what_is_no_file_is_not_read(tmp_path: Any) -> None:
         OccupancyGrid.read("/dev/zero")
 
 
-def test_files_that_cannot_be_opened_are_named(tmp_path: Any) -> None:
+def test_files_that_cannot_be_opened_are_reported(tmp_path: Any) -> None:
     with pytest.raises(ConfigError, match=r"no\.yaml"):
         OccupancyGrid.read(os.path.join(tmp_path, "no.yaml"))
     with pytest.raises(ConfigError, match="cannot be written"):
         grid_of(PICTURE).write_pgm(os.path.join(tmp_path, "no", "m.pgm"))
 
 
-def test_a_large_map_is_made_in_strips_and_a_too_large_one_refused() -> None:
+def test_a_large_map_is_rasterised_in_strips_and_a_too_large_one_refused() -> None:
     """The map is made in pieces of no more than STRIP cells, in strips of two rows at least."""
     sizes: list[tuple[int, int]] = []
 

@@ -53,7 +53,7 @@ def follow(
     return track
 
 
-def test_straight_path_is_followed_and_the_end_reached() -> None:
+def test_a_straight_path_is_followed_to_its_end() -> None:
     pursuit = PurePursuit([(0.0, 0.0), (30.0, 0.0)], lookahead=2.0, speed=0.8, tolerance=0.3)
     track = follow(pursuit, (0.0, 0.0), 0.0)
     assert pursuit.done
@@ -64,7 +64,7 @@ def test_straight_path_is_followed_and_the_end_reached() -> None:
     assert math.dist(track.points[-1], track.points[-2]) < 0.5 * 0.8 * DT  # it came slowly
 
 
-def test_a_command_by_hand() -> None:
+def test_the_command_has_the_value_worked_out_by_hand() -> None:
     """A vehicle 1 m to port of a path to the north with lookahead 2 m aims 2 m north and 1 m east. Coulter's curvature
     is 2 sin(error) / lookahead for small errors: at 0.5 m/s a gain of 0.5 rad/s for each rad.
     """
@@ -76,7 +76,7 @@ def test_a_command_by_hand() -> None:
     assert pursuit.cross_track == pytest.approx(-1.0)
 
 
-def test_stop_command_once_done_even_when_carried_away() -> None:
+def test_the_command_stays_stop_once_done_even_if_the_vehicle_drifts() -> None:
     pursuit = PurePursuit([(0.0, 0.0), (1.0, 0.0)], lookahead=1.0, speed=0.5, depth=4.0)
     assert pursuit.update((0.0, 0.0), 0.0).depth == 4.0
     assert pursuit.update((0.9, 0.1), 0.0) == VelocityCommand(depth=4.0)
@@ -87,7 +87,7 @@ def test_stop_command_once_done_even_when_carried_away() -> None:
 
 @pytest.mark.parametrize("offset", [-6.0, -0.7, 0.7, 6.0])
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2.0, math.pi, -2.0])
-def test_from_beside_the_path_it_closes_in_without_oscillation(offset: float, heading: float) -> None:
+def test_a_vehicle_beside_the_path_converges_without_oscillation(offset: float, heading: float) -> None:
     pursuit = PurePursuit([(0.0, 0.0), (60.0, 0.0)], lookahead=2.5, speed=0.7)
     track = follow(pursuit, (0.0, offset), heading)
     assert pursuit.done
@@ -107,7 +107,7 @@ def test_cross_track_is_positive_to_starboard() -> None:
     assert pursuit.progress == pytest.approx(0.5 / 20.0)
 
 
-def test_a_right_angle_is_rounded_inside_of_a_third_of_the_lookahead() -> None:
+def test_a_right_angle_is_cut_by_at_most_a_third_of_the_lookahead() -> None:
     path = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0)]
     pursuit = PurePursuit(path, lookahead=2.0, speed=0.6)
     track = follow(pursuit, (0.0, 0.0), 0.0)
@@ -117,8 +117,8 @@ def test_a_right_angle_is_rounded_inside_of_a_third_of_the_lookahead() -> None:
     assert track.progress == sorted(track.progress)
 
 
-def test_a_hairpin_is_driven_to_its_end() -> None:
-    """The vehicle drives out and back over the same line without a short cut, although both ways lie on each other."""
+def test_a_hairpin_is_followed_to_its_end() -> None:
+    """The vehicle follows the same line out and back without a short cut, although both legs coincide."""
     pursuit = PurePursuit([(0.0, 0.0), (15.0, 0.0), (0.0, 0.0)], lookahead=2.0, speed=0.6, tolerance=0.4)
     track = follow(pursuit, (0.0, 0.0), 0.0)
     assert pursuit.done
@@ -128,7 +128,7 @@ def test_a_hairpin_is_driven_to_its_end() -> None:
     assert track.progress == sorted(track.progress)
 
 
-def test_lawn_mower_with_legs_closer_than_the_lookahead() -> None:
+def test_a_lawn_mower_pattern_narrower_than_the_lookahead_is_followed() -> None:
     path = [(0.0, 0.0), (12.0, 0.0), (12.0, 1.5), (0.0, 1.5), (0.0, 3.0), (12.0, 3.0)]
     pursuit = PurePursuit(path, lookahead=2.0, speed=0.5, tolerance=0.4)
     track = follow(pursuit, (0.0, 0.0), 0.0)
@@ -138,7 +138,7 @@ def test_lawn_mower_with_legs_closer_than_the_lookahead() -> None:
     assert max(map(abs, track.cross)) < 1.0
 
 
-def test_closed_path_is_not_done_at_its_start_and_crossings_do_not_confuse() -> None:
+def test_closed_and_crossing_paths_are_followed_completely() -> None:
     eight = [(0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0), (0.0, 0.0)]
     pursuit = PurePursuit(eight, lookahead=1.5, speed=0.5, tolerance=0.4)
     assert pursuit.update((0.0, 0.0), 0.8).surge > 0.0
@@ -148,7 +148,7 @@ def test_closed_path_is_not_done_at_its_start_and_crossings_do_not_confuse() -> 
     assert sum(map(math.dist, track.points, track.points[1:])) > 40.0
 
 
-def test_limits_hold_and_the_vehicle_turns_before_it_goes() -> None:
+def test_the_vehicle_turns_towards_the_path_before_it_advances() -> None:
     pursuit = PurePursuit([(0.0, 0.0), (10.0, 0.0)], lookahead=1.0, speed=0.6, max_yaw_rate=0.3)
     behind = pursuit.update((0.0, 0.0), math.pi - 0.1)
     assert behind.surge == 0.0
@@ -161,7 +161,7 @@ def test_limits_hold_and_the_vehicle_turns_before_it_goes() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_any_path_with_a_noisy_position_is_finished(seed: int) -> None:
+def test_any_path_is_finished_with_a_noisy_position(seed: int) -> None:
     generator = random.Random(seed)
     path = [(generator.uniform(0.0, 30.0), generator.uniform(0.0, 30.0)) for _ in range(6)]
     pursuit = PurePursuit(path, lookahead=2.0, speed=0.7, tolerance=0.5)
@@ -169,7 +169,7 @@ def test_any_path_with_a_noisy_position_is_finished(seed: int) -> None:
     assert pursuit.done
 
 
-def test_a_path_of_one_point_and_repeated_points() -> None:
+def test_paths_of_one_point_or_repeated_points_are_followed() -> None:
     pursuit = PurePursuit([(5.0, 5.0)], lookahead=1.0, speed=0.5)
     track = follow(pursuit, (0.0, 0.0), 0.0)
     assert pursuit.done
@@ -179,7 +179,7 @@ def test_a_path_of_one_point_and_repeated_points() -> None:
     assert pursuit.done
 
 
-def test_what_cannot_be_followed_is_refused() -> None:
+def test_empty_paths_and_zero_speed_are_refused() -> None:
     with pytest.raises(MissionError, match="empty"):
         PurePursuit([], lookahead=1.0, speed=0.5)
     with pytest.raises(MissionError, match="above 0"):

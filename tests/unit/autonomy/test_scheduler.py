@@ -1,4 +1,4 @@
-"""The task scheduler: the source paper's three tasks, and what may come between."""
+"""The task scheduler: the reference platform's three tasks, with interruptions and priorities."""
 
 import math
 import os
@@ -20,7 +20,7 @@ MISSION = Mission((0.0, 0.0), (CHARGING, ACQUISITION, TRANSMISSION))
 
 
 class World:
-    """A vehicle at 1 m/s whose battery and data change with what it does."""
+    """A vehicle at 1 m/s whose battery and data change with its task."""
 
     def __init__(self, scheduler: Scheduler, drain: float = 0.002) -> None:
         self.scheduler, self.drain = scheduler, drain
@@ -53,8 +53,8 @@ def states(scheduler: Scheduler) -> list[str]:
     return [state for _, state in scheduler.log]
 
 
-def test_the_three_tasks_and_home() -> None:
-    """The vehicle has a fresh battery, acquires, transmits once there are data and goes home; it never charges."""
+def test_the_three_tasks_run_and_the_vehicle_returns_home() -> None:
+    """The vehicle has a fresh battery, acquires, transmits once there are data and returns home; it never charges."""
     world = World(Scheduler(MISSION), drain=0.0)
     world.run()
     assert states(world.scheduler) == [
@@ -69,7 +69,7 @@ def test_the_three_tasks_and_home() -> None:
     assert spent["done"] / SECOND == pytest.approx(54.6 + 30 + 50.3 + 20 + 48.4, abs=10.0)
 
 
-def test_an_empty_battery_interrupts_and_the_task_is_begun_again() -> None:
+def test_a_low_battery_interrupts_a_task_which_then_restarts() -> None:
     world = World(Scheduler(MISSION), drain=0.008)
     world.signals["battery"] = 0.9  # below 0.3 after 75 s, at work far out
     world.run()
@@ -83,7 +83,7 @@ def test_an_empty_battery_interrupts_and_the_task_is_begun_again() -> None:
     assert world.signals["battery"] > 0.0
 
 
-def test_all_three_ready_go_by_priority_then_nearest() -> None:
+def test_ready_tasks_run_by_priority_then_distance() -> None:
     tasks = (
         Task("far", (40.0, 0.0), 1.0),
         Task("near", (10.0, 0.0), 1.0),
@@ -94,7 +94,7 @@ def test_all_three_ready_go_by_priority_then_nearest() -> None:
     assert world.scheduler.finished == ["urgent", "near", "far"]
 
 
-def test_time_starts_a_task_and_idle_waits_where_it_is() -> None:
+def test_a_timed_task_starts_on_time_and_the_vehicle_waits_in_place_before() -> None:
     late = Task("late", (5.0, 0.0), 2.0, after=50.0)
     world = World(Scheduler(Mission((0.0, 0.0), (late,))))
     world.position = (9.0, 9.0)
@@ -107,7 +107,7 @@ def test_time_starts_a_task_and_idle_waits_where_it_is() -> None:
     assert world.step().state == "done"
 
 
-def test_priority_alone_does_not_interrupt_and_urgency_needs_priority() -> None:
+def test_only_an_urgent_task_of_higher_priority_interrupts() -> None:
     doing = Task("doing", (0.0, 0.0), 20.0, priority=1)
     better = Task("better", (0.0, 1.0), 1.0, "late > 0", priority=5)
     rushed = Task("rushed", (0.0, 2.0), 1.0, "late > 0", priority=1, urgent=True)
@@ -120,7 +120,7 @@ def test_priority_alone_does_not_interrupt_and_urgency_needs_priority() -> None:
     assert scheduler.step(4 * SECOND, (0.0, 0.0), {"late": 1.0, "alarm": 1.0}).task == "alarm"
 
 
-def test_a_ready_task_turns_the_vehicle_back_on_its_way_home() -> None:
+def test_a_task_that_becomes_ready_on_the_way_home_is_done() -> None:
     scheduler = Scheduler(Mission((0.0, 0.0), (Task("once", (9.0, 0.0), 0.0), CHARGING)))
     scheduler.step(0, (9.0, 0.0), {"battery": 1.0})
     for second in range(1, 6):
@@ -130,7 +130,7 @@ def test_a_ready_task_turns_the_vehicle_back_on_its_way_home() -> None:
     assert scheduler.step(9 * SECOND, (9.0, 0.0), {"battery": 0.2}).state == "charging travel"
 
 
-def test_a_mission_file(tmp_path: Any) -> None:
+def test_a_mission_file_is_read(tmp_path: Any) -> None:
     path = os.path.join(tmp_path, "mission.toml")
     text = """
 home = [0.0, 0.0]
@@ -181,6 +181,6 @@ needs = ["acquisition"]
         ((ACQUISITION._replace(when="battery low"),), "task 'acquisition': 'battery low' is no comparison"),
     ],
 )  # fmt: skip
-def test_missions_that_cannot_be_meant(tasks: tuple[Task, ...], message: str) -> None:
+def test_contradicting_missions_are_refused(tasks: tuple[Task, ...], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         Scheduler(Mission((0.0, 0.0), tasks))

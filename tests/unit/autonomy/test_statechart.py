@@ -1,4 +1,4 @@
-"""Hierarchical states: which are left and entered, in which order, and by which event."""
+"""Hierarchical state charts: which states are left and entered, in which order, and by which event."""
 
 import os
 from typing import Any, NamedTuple
@@ -62,7 +62,7 @@ when = "range < 3"
 
 
 class Parts(NamedTuple):
-    """The parts of a chart, as they are read from a file."""
+    """The parts of a chart, as parsed from a file."""
 
     initial: str
     state: tuple[State, ...]
@@ -81,14 +81,14 @@ def chart(tmp_path: Any) -> Chart:
     return made
 
 
-def test_down_to_the_initial_part_and_up_again(chart: Chart) -> None:
+def test_entering_a_composite_state_enters_its_initial_state(chart: Chart) -> None:
     assert chart.step(1, {"depth": 4.9}) == Change()
     assert chart.step(2, {"depth": 5.0}) == Change(("dive",), ("survey", "line"))
     assert chart.active == ("survey", "line")
     assert chart.step(3, {"depth": 5.0, "battery": 0.1}) == Change(("line", "survey"), ("surface",))
 
 
-def test_after_counts_from_the_entering(chart: Chart) -> None:
+def test_after_counts_from_the_entry_of_the_state(chart: Chart) -> None:
     chart.step(7 * SECOND, {"depth": 6.0})
     assert chart.step(17 * SECOND - 1, {}) == Change()
     assert chart.step(17 * SECOND, {}) == Change(("line",), ("turn",))  # the survey is not left
@@ -97,25 +97,25 @@ def test_after_counts_from_the_entering(chart: Chart) -> None:
     assert chart.step(28 * SECOND, {}).entered == ("turn",)
 
 
-def test_outer_transitions_come_first_and_in_the_order_written(chart: Chart) -> None:
+def test_outer_transitions_take_precedence_then_file_order(chart: Chart) -> None:
     chart.step(0, {"depth": 6.0})
     signals = {"battery": 0.1, "depth": 6.0, "range": 2.0}
     assert chart.step(10 * SECOND, signals, ["wall"]).entered == ("surface",)
 
 
-def test_event_and_condition_must_both_hold(chart: Chart) -> None:
+def test_a_transition_needs_both_its_event_and_its_condition(chart: Chart) -> None:
     chart.step(0, {"depth": 6.0})
     assert chart.step(1, {"range": 2.0}) == Change()
     assert chart.step(1, {"range": 4.0}, ["wall"]) == Change()
     assert chart.step(1, {"range": 2.0}, ["wall"]) == Change(("line", "survey"), ("survey", "turn"))
 
 
-def test_what_it_asks_for(chart: Chart) -> None:
+def test_a_chart_lists_its_signals_and_events(chart: Chart) -> None:
     assert chart.signals == {"depth", "battery", "range"}
     assert chart.events == {"turned", "wall"}
 
 
-def test_a_self_transition_leaves_and_enters_and_one_step_makes_one_transition() -> None:
+def test_a_self_transition_exits_and_enters_once_a_step() -> None:
     states = [State("a", initial="b"), State("b", "a"), State("c", "a")]
     chart = Chart(
         "a",
@@ -164,7 +164,7 @@ GO = Transition("a", "c", event="go")
         ("a", STATES, [Transition("a", "c", when="battery < low")], "is no comparison"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_together_is_named(
+def test_inconsistent_charts_are_refused_with_a_reason(
     initial: str, states: list[State], transitions: list[Transition], message: str
 ) -> None:
     with pytest.raises(ConfigError, match=message):

@@ -1,4 +1,4 @@
-"""Every family in the real simulator: with its own vehicle, in a current, with a mass it does not know of."""
+"""Every control family in the real simulator: with its own vehicle, in a current, and with a wrong mass."""
 
 from itertools import pairwise
 from statistics import fmean
@@ -19,7 +19,7 @@ CURRENT = (0.2, 0.2, 0.0)
 
 
 def heavier(vehicle: Vehicle, share: float) -> Vehicle:
-    """Return the vehicle with that much more mass, trimmed to weigh the same: a full sample box."""
+    """Return the vehicle with that much more mass, trimmed to weigh the same, as with a full sample box."""
     added = vehicle.mass * share
     return vehicle._replace(mass=vehicle.mass + added, volume=vehicle.volume + added / 1025.0)
 
@@ -29,71 +29,74 @@ def rig(family: str, name: str, **changes: Any) -> Rig:
     return Rig(name, vehicle, {**control, "family": family}, **changes)
 
 
-def late(moments: list[Moment]) -> list[Moment]:
+def last_third(moments: list[Moment]) -> list[Moment]:
     return moments[-len(moments) // 3 :]
 
 
-def error(moments: list[Moment], wanted: float) -> float:
+def surge_error(moments: list[Moment], wanted: float) -> float:
     """Return the mean error of surge over the last third."""
-    return fmean(moment.nu[0] for moment in late(moments)) - wanted
+    return fmean(moment.nu[0] for moment in last_third(moments)) - wanted
 
 
 def restlessness(moments: list[Moment]) -> float:
     """Return how much the surge force changes in a second, N/s, over the last third: sample noise, or chatter."""
-    last = late(moments)
+    last = last_third(moments)
     travelled = sum(abs(b.wrench[0] - a.wrench[0]) for a, b in pairwise(last))
     return travelled / (last[-1].time - last[0].time)
 
 
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("family", FAMILIES)
-def test_a_step_of_speed_depth_and_heading(family: str, name: str) -> None:
+def test_steps_of_speed_depth_and_heading_are_reached(family: str, name: str) -> None:
     vehicle = rig(family, name)
     vehicle.fly(4.0, lambda time: STILL)
     ahead = vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3))
-    assert abs(error(ahead, 0.3)) < 0.01
+    assert abs(surge_error(ahead, 0.3)) < 0.01
     assert max(moment.nu[0] for moment in ahead) < 1.15 * 0.3
     assert min(moment.time for moment in ahead if moment.nu[0] > 0.27) < 1.5
     both = vehicle.fly(15.0, lambda time: STILL._replace(surge=0.3, depth=START_DEPTH + 1.0, heading=1.0))
     assert max(moment.position[2] for moment in both) < START_DEPTH + 1.05
-    assert late(both)[-1].position[2] == pytest.approx(START_DEPTH + 1.0, abs=0.03)
+    assert last_third(both)[-1].position[2] == pytest.approx(START_DEPTH + 1.0, abs=0.03)
     assert max(moment.attitude[2] for moment in both) < 1.06
-    assert late(both)[-1].attitude[2] == pytest.approx(1.0, abs=GYRO)
-    assert max(abs(angle) for moment in late(both) for angle in moment.attitude[:2]) < 0.05
+    assert last_third(both)[-1].attitude[2] == pytest.approx(1.0, abs=GYRO)
+    assert max(abs(angle) for moment in last_third(both) for angle in moment.attitude[:2]) < 0.05
 
 
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize(("family", "left"), [("cascade", 0.01), ("sliding_mode", 0.01), ("restoring_pd", 0.15)])
-def test_in_a_current_that_nobody_tells_it_of(family: str, left: float, name: str) -> None:
-    """Controllers that integrate leave no error; the PD law leaves what its page says: the current's drag."""
+def test_an_unmeasured_current_is_rejected(family: str, left: float, name: str) -> None:
+    """Controllers that integrate leave no error; the PD law leaves the error that its page states: the current's drag.
+    """
     vehicle = rig(family, name, current=CURRENT)
     vehicle.fly(6.0, lambda time: STILL)
     ahead = vehicle.fly(10.0, lambda time: STILL._replace(surge=0.3))
-    assert abs(error(ahead, 0.3)) < left
-    assert (abs(error(ahead, 0.3)) > 0.03) == (family == "restoring_pd")
+    assert abs(surge_error(ahead, 0.3)) < left
+    assert (abs(surge_error(ahead, 0.3)) > 0.03) == (family == "restoring_pd")
     assert max(moment.nu[0] for moment in ahead[50:]) < 0.3 * 1.2 + left
-    assert late(ahead)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03)
-    assert late(ahead)[-1].attitude[2] == pytest.approx(0.0, abs=GYRO if family != "restoring_pd" else 0.06)
+    assert last_third(ahead)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03)
+    assert last_third(ahead)[-1].attitude[2] == pytest.approx(0.0, abs=GYRO if family != "restoring_pd" else 0.06)
 
 
 @pytest.mark.parametrize("share", [-0.2, 0.3])
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("family", FAMILIES)
-def test_with_a_wrong_mass(family: str, name: str, share: float) -> None:
+def test_a_wrong_mass_leaves_small_errors(family: str, name: str, share: float) -> None:
     vehicle, _ = load_vehicle(name)
     flown = heavier(vehicle._replace(neutrally_buoyant=False, volume=vehicle.mass / 1025.0), share)
     flight = rig(family, name, flown=flown)
     flight.fly(4.0, lambda time: STILL)
     ahead = flight.fly(8.0, lambda time: STILL._replace(surge=0.3))
-    assert abs(error(ahead, 0.3)) < 0.01
+    assert abs(surge_error(ahead, 0.3)) < 0.01
     assert max(moment.nu[0] for moment in ahead) < 1.2 * 0.3
     # a PD law holds what weighs nothing against the weight that its own model has
-    assert late(ahead)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03 if family != "restoring_pd" else 0.08)
+    assert last_third(ahead)[-1].position[2] == pytest.approx(
+        START_DEPTH, abs=0.03 if family != "restoring_pd" else 0.08
+    )
 
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_sliding_mode_does_not_chatter(name: str) -> None:
-    """Its force is about as restless as the cascade's, which is that of the noise of the measured velocity."""
+    """The force varies about as much as the cascade's, which is due to the noise of the measured velocity."""
     restless = {}
     for family in ("cascade", "sliding_mode"):
         vehicle = rig(family, name)
@@ -105,7 +108,7 @@ def test_sliding_mode_does_not_chatter(name: str) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("family", FAMILIES)
-def test_it_comes_back_from_more_than_it_can(family: str, name: str) -> None:
+def test_a_saturated_vehicle_recovers_within_seconds(family: str, name: str) -> None:
     """It is at a slow speed within seconds after 10 s beyond its thrusters, not only when an integral has run down.
     Depth is held meanwhile.
     """
@@ -124,16 +127,16 @@ THRUSTER_DRIVEN = [name for name in preset_names("sim/vehicles") if not load_veh
 
 
 @pytest.mark.parametrize("name", THRUSTER_DRIVEN)
-def test_every_preset_holds_depth_and_heading_and_follows(name: str) -> None:
-    """The vehicle goes to 0.3 m/s ahead, 2 m deeper and a turn of 1 rad at once by its file's gains, and stays."""
+def test_every_preset_holds_and_follows_depth_heading_and_speed(name: str) -> None:
+    """The vehicle reaches 0.3 m/s ahead, 2 m deeper and a turn of 1 rad at once by its file's gains, and holds them."""
     vehicle = rig("cascade", name)
     hold = vehicle.fly(4.0, lambda time: STILL)
-    assert late(hold)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.05)
+    assert last_third(hold)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.05)
     moments = vehicle.fly(16.0, lambda time: STILL._replace(surge=0.3, depth=START_DEPTH + 2.0, heading=1.0))
-    assert abs(error(moments, 0.3)) < 0.01
-    assert all(abs(moment.nu[0] - 0.3) < 0.03 for moment in late(moments))
-    assert all(abs(moment.position[2] - START_DEPTH - 2.0) < 0.03 for moment in late(moments))
-    assert all(abs(moment.attitude[2] - 1.0) < GYRO for moment in late(moments))
+    assert abs(surge_error(moments, 0.3)) < 0.01
+    assert all(abs(moment.nu[0] - 0.3) < 0.03 for moment in last_third(moments))
+    assert all(abs(moment.position[2] - START_DEPTH - 2.0) < 0.03 for moment in last_third(moments))
+    assert all(abs(moment.attitude[2] - 1.0) < GYRO for moment in last_third(moments))
     assert max(moment.position[2] for moment in moments) < START_DEPTH + 2.15
     assert max(moment.attitude[2] for moment in moments) < 1.1
-    assert max(abs(angle) for moment in late(moments) for angle in moment.attitude[:2]) < 0.03
+    assert max(abs(angle) for moment in last_third(moments) for angle in moment.attitude[:2]) < 0.03

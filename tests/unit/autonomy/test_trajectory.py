@@ -1,4 +1,4 @@
-"""Trajectories: on the curve they promise, within the limits, from rest to rest."""
+"""Trajectories: on the curve they describe, within the limits, from rest to rest."""
 
 import importlib
 import math
@@ -38,7 +38,7 @@ def wrapped(angle: float) -> float:
 
 
 @pytest.mark.parametrize("name", CURVES)
-def test_places_agree_with_each_other(name: str) -> None:
+def test_direction_turn_and_length_agree_with_the_position(name: str) -> None:
     """Direction, turn and length of the curve equal finite differences of its position."""
     curve, step = CURVES[name], 1e-4
     corners = curve.corners()
@@ -55,7 +55,7 @@ def test_places_agree_with_each_other(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CURVES)
-def test_a_trajectory_is_run_over_from_rest_to_rest(name: str) -> None:
+def test_a_trajectory_starts_and_ends_at_rest(name: str) -> None:
     run, step = Trajectory(CURVES[name], 0.8, WIDE), 0.01
     times = [step * number for number in range(int(run.duration / step) + 1)]
     points = [run.at(time) for time in times]
@@ -73,8 +73,10 @@ def test_a_trajectory_is_run_over_from_rest_to_rest(name: str) -> None:
         assert abs(after.yaw_rate) <= WIDE.yaw_rate
 
 
-def test_a_trapezoid_by_hand() -> None:
-    """A way of 10 m at 1 m/s with 0.5 m/s² has ramps of 2 s and 1 m and takes 12 s; one of 1 m never gets that fast."""
+def test_a_trapezoidal_speed_profile_has_the_values_worked_out_by_hand() -> None:
+    """A path of 10 m at 1 m/s with 0.5 m/s² has ramps of 2 s and 1 m and takes 12 s; one of 1 m never reaches that
+    speed.
+    """
     limits = WIDE._replace(acceleration=0.5)
     run = Trajectory(polyline([(0.0, 0.0, 5.0), (10.0, 0.0, 5.0)]), 1.0, limits)
     assert run.duration == pytest.approx(12.0)
@@ -99,7 +101,9 @@ def test_corners_are_turned_on_the_spot() -> None:
 
 
 @given(st.floats(0.5, 5.0), st.floats(0.1, 3.0), st.sampled_from([-1.0, 1.0]), st.floats(-5.0, 5.0), HEADINGS)
-def test_helix(radius: float, turns: float, side: float, dive: float, bearing: float) -> None:
+def test_a_helix_has_its_radius_and_pitch(
+    radius: float, turns: float, side: float, dive: float, bearing: float
+) -> None:
     curve = helix((7.0, -3.0, 10.0), radius, side * turns, dive, bearing)
     assert curve.length == pytest.approx(math.hypot(2.0 * math.pi * radius * turns, dive))
     for share in (0.0, 0.3, 1.0):
@@ -130,8 +134,8 @@ def test_a_spline_passes_through_its_points_without_jumps(points: list[tuple[flo
 
 
 @pytest.mark.parametrize("points", [WAY, TO_AND_FRO, STRAIGHT_BACK], ids=["open", "narrow bends", "cusps"])
-def test_a_spline_knows_its_length(points: list[tuple[float, float, float]]) -> None:
-    """The length is that of the chords between 200,000 points, which near a cusp no rule of a few nodes can tell."""
+def test_a_splines_length_is_that_of_its_chords(points: list[tuple[float, float, float]]) -> None:
+    """The length is that of the chords between 200,000 points, which quadrature with a few nodes misses near a cusp."""
     numpy = pytest.importorskip("numpy")
     curve, length = Spline(points), 0.0
     chords = [math.dist(a, b) for a, b in pairwise(points)]
@@ -142,7 +146,7 @@ def test_a_spline_knows_its_length(points: list[tuple[float, float, float]]) -> 
     assert curve.length == pytest.approx(length, rel=1e-8)
 
 
-def test_a_spline_against_scipy() -> None:
+def test_a_spline_agrees_with_scipy() -> None:
     interpolate = importlib.import_module("scipy.interpolate")  # it has no type information
     knots = [0.0]
     for a, b in pairwise(WAY):
@@ -159,7 +163,7 @@ def test_a_spline_against_scipy() -> None:
 
 
 @given(POINTS, HEADINGS, POINTS, HEADINGS, st.floats(0.5, 4.0))
-def test_dubins_arrives_within_radius_and_slope(
+def test_a_dubins_path_arrives_within_turn_radius_and_slope(
     start: Any, heading: float, end: Any, toward: float, radius: float
 ) -> None:
     if math.dist(start[:2], end[:2]) < 0.1:
@@ -178,10 +182,10 @@ def test_dubins_arrives_within_radius_and_slope(
 
 
 @given(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0), HEADINGS, HEADINGS)
-def test_no_other_three_pieces_are_shorter_than_dubins(
+def test_no_other_three_segments_are_shorter_than_dubins(
     north: float, east: float, heading: float, toward: float
 ) -> None:
-    """The way on from the end of any first arc, by brute force, is no shorter than the whole path says."""
+    """The path on from the end of any first arc, by brute force, is no shorter than the whole path states."""
     if math.hypot(north, east) < 0.1:
         return
     goal = Pose((north, east, 0.0), toward)
@@ -199,8 +203,10 @@ def test_no_other_three_pieces_are_shorter_than_dubins(
                 assert best <= length + dubins(Pose(on.position, on.heading), goal, 1.0).length + 1e-6
 
 
-def test_dubins_by_hand() -> None:
-    """The cases are straight on, a U-turn of two radii, and a climb that needs two rounds more than the way of 10 m."""
+def test_dubins_paths_have_the_lengths_worked_out_by_hand() -> None:
+    """The cases are straight on, a U-turn of two radii, and a climb that needs two rounds more than the distance of 10
+    m.
+    """
     ahead = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((10.0, 0.0, 0.0), 0.0), 2.0)
     assert len(ahead.pieces) == 1
     assert ahead.length == pytest.approx(10.0)
@@ -229,7 +235,7 @@ def test_dubins_by_hand() -> None:
         (CURVES["polyline"], 0.1, WIDE._replace(turn_radius=1.0), r"10\.2 m along.*a corner.*spline or Dubins"),
     ],
 )
-def test_what_breaks_a_limit_is_refused_with_the_remedy(
+def test_trajectories_beyond_a_limit_are_refused_with_the_remedy(
     curve: Curve, speed: float, limits: Limits, message: str
 ) -> None:
     with pytest.raises(MissionError, match=message):
@@ -239,7 +245,7 @@ def test_what_breaks_a_limit_is_refused_with_the_remedy(
 @pytest.mark.parametrize(
     "make", [lambda: polyline([(0.0, 0.0, 1.0)]), lambda: Spline([(0.0, 0.0, 1.0)]), lambda: Chain([])]
 )
-def test_what_is_no_way_is_refused(make: Any) -> None:
+def test_degenerate_curves_are_refused(make: Any) -> None:
     with pytest.raises(MissionError, match="at least"):
         make()
     with pytest.raises(MissionError, match="neither may be 0"):
@@ -273,7 +279,7 @@ def test_a_vehicle_that_follows_the_commands_stays_on_the_curve(name: str) -> No
     assert errors[-1] < 0.01
 
 
-def test_track_by_hand() -> None:
+def test_the_tracking_command_has_the_value_worked_out_by_hand() -> None:
     """A vehicle bound north at 0.4 m/s, bow to the east, 1 m too far west, goes half ahead, half to port."""
     wanted = Setpoint((5.0, 5.0, 3.0), (0.4, 0.0, 0.1), 0.0, 0.2)
     command = track(wanted, (5.0, 4.0, 3.5), math.pi / 2.0, Limits(), 0.5)
@@ -282,14 +288,14 @@ def test_track_by_hand() -> None:
 
 
 @pytest.mark.parametrize("name", ["circle", "helix", "dubins", "straight"])
-def test_what_is_just_within_turn_radius_and_climb_angle_is_allowed(name: str) -> None:
+def test_curves_just_within_turn_radius_and_climb_angle_are_allowed(name: str) -> None:
     """A helix and a circle of 3 m and Dubins' 2 m are allowed, and 0.3 rad is steeper than any of them."""
     radius = 2.0 if name == "dubins" else 3.0
     trajectory = Trajectory(CURVES[name], 0.3, WIDE._replace(turn_radius=radius, climb_angle=0.3))
     assert trajectory.duration == Trajectory(CURVES[name], 0.3, WIDE).duration
 
 
-def test_dubins_keeps_the_limits_it_was_made_for() -> None:
+def test_a_dubins_path_stays_within_its_own_limits() -> None:
     limits = WIDE._replace(turn_radius=4.0, climb_angle=0.25, vertical_speed=1.0)
     way = dubins(Pose((0.0, 0.0, 2.0), 1.0), Pose((10.0, -6.0, 30.0), 2.5), limits.turn_radius, limits.climb_angle)
     assert Trajectory(way, 0.5, limits).at(1e9).position == pytest.approx((10.0, -6.0, 30.0), abs=1e-6)
@@ -297,7 +303,7 @@ def test_dubins_keeps_the_limits_it_was_made_for() -> None:
         Trajectory(way, 0.5, limits._replace(turn_radius=12.0))
 
 
-def test_a_waypoint_file(tmp_path: Any) -> None:
+def test_a_waypoint_file_is_read(tmp_path: Any) -> None:
     path = os.path.join(tmp_path, "way.toml")
     text = "".join(f"[[waypoint]]\nnorth = {n}\neast = {e}\ndepth = {d}\n" for n, e, d in WAY)
     for smooth, length in (("", polyline(WAY).length), ("smooth = true\n", Spline(WAY).length)):
@@ -316,7 +322,7 @@ def write(path: str, text: str) -> str:
     return path
 
 
-def test_a_waypoint_file_as_csv(tmp_path: Any) -> None:
+def test_a_csv_waypoint_file_is_read(tmp_path: Any) -> None:
     """The file has columns in any order, a comment, an empty line, a byte order mark and numbers with their unit."""
     rows = "".join(f"{d} m, {n},{e}\n" for n, e, d in WAY)
     way = read_waypoints(write(os.path.join(tmp_path, "way.csv"), f"\ufeffdepth,north, east\n# my way\n\n{rows}"))
@@ -342,7 +348,7 @@ def test_a_wrong_csv_is_reported_by_its_line(text: str, message: str, tmp_path: 
         read_waypoints(write(os.path.join(tmp_path, "way.csv"), text))
 
 
-def test_a_file_that_is_not_there_or_no_text(tmp_path: Any) -> None:
+def test_missing_and_binary_files_are_reported(tmp_path: Any) -> None:
     with pytest.raises(ConfigError, match=r"none\.csv: no such file"):
         read_waypoints(os.path.join(tmp_path, "none.csv"))
     with open(os.path.join(tmp_path, "way.csv"), "wb") as file:

@@ -1,4 +1,4 @@
-"""VFH+ against cases worked by hand, and what must hold for any scan."""
+"""VFH+ against cases worked by hand, and properties that hold for any scan."""
 
 import math
 
@@ -46,7 +46,7 @@ def test_open_water_leads_straight_to_the_target() -> None:
     assert command.yaw_rate == pytest.approx(0.3)
 
 
-def test_an_obstacle_is_widened_by_the_safety_distance() -> None:
+def test_an_obstacle_is_enlarged_by_the_safety_distance() -> None:
     """An obstacle at 1 m blocks 30 degrees to both sides: sectors from 330 to 30; its magnitude is 1 - 1/16."""
     vfh = Vfh(SETTINGS)
     vfh.steer(echo(0, 1.0 - 1e-9), 0.0, 0.0)
@@ -55,14 +55,14 @@ def test_an_obstacle_is_widened_by_the_safety_distance() -> None:
     assert vfh.density[4] == 0.0
 
 
-def test_the_free_side_nearest_the_target_is_taken_at_half_the_wide_opening() -> None:
+def test_the_heading_lies_half_a_wide_opening_into_the_side_nearer_the_target() -> None:
     """The heading past 35 blocked degrees on either side is at 35 + 20 degrees, on the target's side."""
     for target, expected in ((10.0, 55.0), (-10.0, -55.0), (90.0, 90.0), (-170.0, -170.0)):
         vfh = Vfh(SETTINGS)
         assert degrees(vfh.steer(echo(0, 1.0 - 1e-9), 0.0, target * DEGREE)) == pytest.approx(expected)
 
 
-def test_a_narrow_opening_is_passed_in_its_middle() -> None:
+def test_a_narrow_opening_is_passed_in_the_middle() -> None:
     """The heading is midway between two posts at 1 m, 50 degrees to port and to starboard: three sectors are free."""
     vfh = Vfh(SETTINGS)
     heading = vfh.steer(echoes({-50: 1.0 - 1e-9, 50: 1.0 - 1e-9}), 0.0, 8.0 * DEGREE)
@@ -79,7 +79,7 @@ def test_sectors_are_fixed_to_the_world() -> None:
     assert blocked(vfh) == before
 
 
-def test_hysteresis_between_the_two_distances() -> None:
+def test_a_sector_changes_state_with_hysteresis() -> None:
     """A sector is free at 2.5 m coming near, blocked at 1.9 m and still at 2.5 m going away, and free at 3.1 m."""
     vfh, states = Vfh(SETTINGS), []
     for distance in (3.1, 2.5, 1.9, 2.5, 2.9, 3.1, 2.5):
@@ -88,7 +88,7 @@ def test_hysteresis_between_the_two_distances() -> None:
     assert states == [False, False, True, True, True, False, False]
 
 
-def test_what_is_out_of_sight_keeps_its_state() -> None:
+def test_sectors_out_of_view_keep_their_state() -> None:
     vfh = Vfh(SETTINGS)
     vfh.steer(echo(0, 1.0), 0.0, 0.0)
     ahead = Scan(-30.0 * DEGREE, DEGREE, [math.inf] * 61)
@@ -98,7 +98,7 @@ def test_what_is_out_of_sight_keeps_its_state() -> None:
     assert not vfh.blocked[0]
 
 
-def test_a_turning_circle_masks_what_lies_behind_an_obstacle_beside() -> None:
+def test_an_obstacle_in_the_turning_circle_blocks_that_side() -> None:
     """A post 40 degrees to starboard at 1.5 m blocks that side. The circle of 1 m to starboard has its centre at 1 m
     abeam; the post is 1.15 m from it, within 1 m + 0.5 m: no way round that side. To port all is free.
     """
@@ -110,7 +110,7 @@ def test_a_turning_circle_masks_what_lies_behind_an_obstacle_beside() -> None:
     assert degrees(spot.steer(echo(40, 1.5), 0.0, 120.0 * DEGREE)) == pytest.approx(120.0)
 
 
-def test_the_last_choice_holds_where_two_are_equal() -> None:
+def test_the_previous_heading_is_preferred_between_equal_ones() -> None:
     """A vehicle blocked ahead that once went to starboard stays there, though the target is a bit to port now."""
     scan = echo(0, 1.0 - 1e-9)
     vfh = Vfh(SETTINGS)
@@ -119,7 +119,7 @@ def test_the_last_choice_holds_where_two_are_equal() -> None:
     assert degrees(Vfh(SETTINGS).steer(scan, 0.0, -2.0 * DEGREE)) == pytest.approx(-55.0)
 
 
-def test_the_speed_falls_with_the_water_ahead() -> None:
+def test_the_speed_falls_with_the_free_distance_ahead() -> None:
     """The speed is full from block_within (2 m) on, zero at the clearance (0.5 m), linear between, by echoes ahead."""
     far = SETTINGS._replace(safety=0.2)
     for distance, share in ((3.5, 1.0), (2.0, 1.0), (1.25, 0.5), (0.5, 0.0), (0.4, 0.0)):
@@ -131,13 +131,13 @@ def test_the_speed_falls_with_the_water_ahead() -> None:
     assert Vfh(SETTINGS).command(echo(90, 0.6), 0.0, 0.0, 0.6).surge > 0.0
 
 
-def test_beyond_the_goal_nothing_counts() -> None:
+def test_obstacles_beyond_the_goal_are_ignored() -> None:
     scan = echo(0, 1.5)
     assert Vfh(SETTINGS).steer(scan, 0.0, 0.0, reach=1.4) == 0.0
     assert Vfh(SETTINGS).steer(scan, 0.0, 0.0, reach=1.6) != 0.0
 
 
-def test_enclosed_it_turns_on_the_spot_to_look() -> None:
+def test_an_enclosed_vehicle_turns_on_the_spot() -> None:
     ring = Scan(-math.pi, DEGREE, [1.0] * 360)
     vfh = Vfh(SETTINGS)
     assert vfh.steer(ring, 0.0, 1.0) is None
@@ -170,7 +170,7 @@ def test_any_scan_gives_a_free_heading_and_a_command_within_limits(
                 assert aside >= math.asin(min(1.0, 0.5 / distance)) - 5.1 * DEGREE
 
 
-def test_settings_that_contradict_each_other_are_named() -> None:
+def test_contradicting_settings_are_refused_by_name() -> None:
     assert SETTINGS.validate() is None
     assert "must grow" in str(SETTINGS._replace(block_within=0.4).validate())
     assert "must grow" in str(SETTINGS._replace(free_beyond=1.0).validate())

@@ -1,4 +1,4 @@
-"""The world's map at the vehicle's depth, as map_server would read it: nothing mirrored, turned or at a wrong depth."""
+"""The world's map at the vehicle's depth in map_server's layout: nothing mirrored, turned or at a wrong depth."""
 
 import os
 from typing import Any
@@ -43,7 +43,7 @@ def map_of(world: World, depth: float, resolution: float = 0.25) -> OccupancyGri
     )
 
 
-def test_every_cell_is_what_the_world_is_there(world: World) -> None:
+def test_every_cell_agrees_with_the_worlds_clearance(world: World) -> None:
     for depth in (5.0, 12.0):
         grid = map_of(world, depth, 0.5)
         for row in range(grid.cells.shape[0]):
@@ -52,7 +52,7 @@ def test_every_cell_is_what_the_world_is_there(world: World) -> None:
                 assert bool(grid.cells[row, column]) == (world.clearance(north, east, depth) <= 0.0)
 
 
-def test_only_what_reaches_up_to_the_vehicle_is_on_the_map(world: World) -> None:
+def test_only_obstacles_at_the_vehicles_depth_are_on_the_map(world: World) -> None:
     shallow, deep = map_of(world, 5.0), map_of(world, 12.0)
     assert shallow.is_free((2.0, 40.0))  # it passes over the box, whose top is at 8 m
     assert not deep.is_free((2.0, 40.0))
@@ -81,8 +81,8 @@ def test_the_image_shows_north_up_and_east_right(world: World, tmp_path: Any) ->
     assert back.is_free((18.0, 45.0))
 
 
-def test_clearance_never_falls_below_the_inflation(world: World) -> None:
-    """The clearance along a way on the inflated map holds by the world's own measure, to half a cell's diagonal."""
+def test_a_path_on_the_inflated_map_keeps_the_clearance(world: World) -> None:
+    """The clearance along a path on the inflated map holds by the world's own measure, to half a cell's diagonal."""
     from itertools import pairwise
     from math import dist
 

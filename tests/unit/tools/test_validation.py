@@ -125,7 +125,7 @@ def test_clipping_each_thrust_turns_the_force() -> None:
     turned = []
     for heading in range(0, 360, 2):
         x, y = 200.0 * cos(radians(heading)), 200.0 * sin(radians(heading))
-        force = sharing.made(sharing.HEAVY, clip(inverse, [x, y, 0.0, 0.0, 0.0, 0.0]))
+        force = sharing.wrench_of(sharing.HEAVY, clip(inverse, [x, y, 0.0, 0.0, 0.0, 0.0]))
         turned.append(abs(degrees(atan2(force[0] * y - force[1] * x, force[0] * x + force[1] * y))))
     assert 20.0 < max(turned) < 23.0
 
