@@ -4,16 +4,7 @@ A recorded machine is a folder with parts of its /proc, /sys, /dev, /etc. The ou
 files named like the command, with _ for each space. Symbolic links are followed as on the machine: an absolute link
 starts at the folder, and .. does not leave it.
 
-psutil is not suitable, because `uuv-hil doctor --root` and the tests read recorded machines with the same code. In
-7.2.2:
-
-* It can read another /proc (PROCFS_PATH), but not another /sys, /dev or /etc, and it finds no process there.
-* `virtual_memory` raises KeyError for a partly recorded /proc/meminfo.
-* `open_files` leaves devices out, so it does not show which process has opened a serial port.
-* `sensors_temperatures` leaves thermal zones out if there is a hwmon; boards are described by their zones.
-* It does not support governors, throttling, wlan, CAN, control groups, limits and capabilities.
-
-In the slave it would also increase start-up time and memory (hil/slave/health/usage.py).
+psutil reads memory, TCP ports and processes from the /proc of such a folder (boards/resources.py).
 """
 
 import os
@@ -78,20 +69,6 @@ class Tree:
                 break
             name = os.path.normpath(os.path.join(os.path.dirname(name), target))
         return name
-
-    def openers(self, target: str) -> list[tuple[int, str]]:
-        """Return process id and command of the other processes that have opened "/dev/ttyS0", or "socket:[123]".
-
-        Only root may read this of other users' processes.
-        """
-        processes = []
-        for pid in filter(str.isdecimal, self.names("/proc")):
-            folder = f"/proc/{pid}/fd"
-            if self.live and int(pid) == os.getpid():
-                continue
-            if any(self.link(f"{folder}/{descriptor}") == target for descriptor in self.names(folder)):
-                processes.append((int(pid), self.text(f"/proc/{pid}/cmdline").replace("\0", " ") or "unknown"))
-        return processes
 
     def run(self, *command: str) -> str | None:
         """Return the standard output of a command; None if it is missing, fails, or takes over 5 s."""

@@ -35,7 +35,8 @@ SOFTWARE: tuple[Check, ...] = (doctor_software.software, doctor_software.step)
 MACHINE: tuple[Check, ...] = (
     doctor_board.machine, doctor_board.memory_limit, doctor_board.rates, doctor_links.ports, doctor_links.console,
     doctor_links.holders, doctor_links.line_rate, doctor_links.can_bus, doctor_board.governor, doctor_board.throttled,
-    doctor_board.realtime_limits, doctor_board.clock, doctor_network.network_ports, doctor_network.wlan,
+    doctor_board.realtime_limits, doctor_board.clock, doctor_network.network_ports, doctor_network.security,
+    doctor_network.wlan,
 )  # fmt: skip
 INDENT = " " * 22  # of a finding's text, behind level and topic
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from boards import model
 from boards.health import governors, temperature, throttling
+from boards.resources import available_memory_mib
 from boards.tree import architecture
 from hil.bench.limits import REMEDIES
 from hil.common.clock import LOOP_PRIORITY
@@ -24,12 +25,10 @@ def machine(case: Case) -> Iterator[Finding]:
     kind = architecture(case.tree) or "unknown architecture"
     text = f"{board.name}, {board.cpu}" if board else f"none of those known; {model_name or kind}"
     yield Finding("ok", "board", text + (f' ("{model_name}")' if board and model_name else ""))
-    for line in case.tree.text("/proc/meminfo").splitlines():
-        name, _, value = line.partition(":")
-        free = number(value.removesuffix("kB")) if name == "MemAvailable" else None
-        if board and free is not None and free / 1024 < board.recommended.memory:
-            few = f"{free / 1024:.0f} MiB free, the slave may take {board.recommended.memory:g}"
-            yield Finding(case.severity, "memory free", few, "end other programs; see: ps aux --sort -rss | head")
+    free = available_memory_mib(case.tree)
+    if board and free is not None and free < board.recommended.memory:
+        text = f"{free:.0f} MiB free, the slave may need {board.recommended.memory:g}"
+        yield Finding(case.severity, "memory free", text, "end other programs; see: ps aux --sort -rss | head")
 
 
 def memory_limit(case: Case) -> Iterator[Finding]:

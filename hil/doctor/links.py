@@ -6,6 +6,7 @@ import stat
 from collections.abc import Iterator
 from typing import Any
 
+from boards.resources import describe_process, find_openers
 from boards.tree import Tree
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.doctor.findings import Case, Finding, User, accounts, hexadecimal, may_open
@@ -58,14 +59,14 @@ def holders(case: Case) -> Iterator[Finding]:
     if not case.device:
         return
     real = case.tree.resolve(case.device)
-    openers = case.tree.openers(real)
-    for pid, name in openers:
-        text = f"{real} is open in process {pid}, {name}"
+    pids = find_openers(case.tree, real)
+    for pid in pids:
+        text = f"{real} is open in {describe_process(case.tree, pid)}"
         yield Finding(
             case.severity, "port in use", text, f"end it: kill {pid}, or systemctl status {pid} and stop that"
         )
     status = _status(case.tree, real)
-    if case.tree.live and os.geteuid() != 0 and not openers and status and may_open(status, case.user):
+    if case.tree.live and os.geteuid() != 0 and not pids and status and may_open(status, case.user):
         text = f"no process of yours has {real} open; those of other users only root can see"
         yield Finding("note", "port in use", text, f"the same with sudo, --user {case.user.name}")
 

@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator
 
-from boards.tree import Tree
+from boards.resources import describe_process, find_listeners
 from hil.common.endpoint import split_endpoint
 from hil.common.errors import NetworkError
-from hil.doctor.findings import Case, Finding, hexadecimal
-
-LISTENING = "0A"  # TCP_LISTEN in /proc/net/tcp, proc(5)
+from hil.doctor.findings import Case, Finding
 
 
 def network_ports(case: Case) -> Iterator[Finding]:
@@ -20,17 +18,24 @@ def network_ports(case: Case) -> Iterator[Finding]:
     except NetworkError as error:
         yield Finding("problem", "network", str(error))
         return
-    taken = listeners(case.tree)
-    for port in (first, first + 1):
-        if port in taken:
-            owner = "".join(f" by process {pid}, {name}" for pid, name in case.tree.openers(f"socket:[{taken[port]}]"))
-            remedy = "end it (is the slave running already? systemctl status uuv-hil), or take others: --listen"
-            yield Finding("problem", "network", f"port {port} is taken{owner}", remedy)
-    if first not in taken and first + 1 not in taken:
-        yield Finding(
-            "ok", "network", f"{listen} is free" + ("" if case.remote else ", for masters on this machine only")
-        )
-    if case.remote and case.scenario.security is None:
+    taken = find_listeners(case.tree)
+    if taken is None:
+        yield Finding("note", "network", f"whether port {first} is free cannot be determined: no /proc/net/tcp")
+        return
+    ports = [port for port in (first, first + 1) if port in taken]
+    for port in ports:
+        pid = taken[port]
+        owner = "" if pid is None else f" by {describe_process(case.tree, pid)}"
+        remedy = "end it (is the slave running already? systemctl status uuv-hil), or use other ports: --listen"
+        yield Finding("problem", "network", f"port {port} is used{owner}", remedy)
+    if not ports:
+        scope = "" if case.remote else ", for masters on this machine only"
+        yield Finding("ok", "network", f"{listen} is free{scope}")
+
+
+def security(case: Case) -> Iterator[Finding]:
+    """Check whether the scenario has certificates if masters on other machines are expected."""
+    if case.remote and case.scenario and case.scenario.security is None:
         text = "anybody who reaches the port can command the vehicle"
         yield Finding("note", "security", text, "uuv-hil keys, and a [security] section in the scenario")
 
@@ -48,16 +53,3 @@ def wlan(case: Case) -> Iterator[Finding]:
             yield Finding("ok", "wlan", f"{name} does not save power")
         else:
             yield Finding("note", "wlan", f"{name}: power saving cannot be determined", "sudo apt install iw")
-
-
-def listeners(tree: Tree) -> dict[int, str]:
-    """Return the inode of the listening socket of each TCP port that has one."""
-    inodes = {}
-    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
-        for line in tree.text(table).splitlines()[1:]:
-            fields = line.split()
-            if len(fields) > 9 and fields[3] == LISTENING:
-                port = hexadecimal(fields[1].rpartition(":")[2])
-                if port is not None:
-                    inodes[port] = fields[9]
-    return inodes

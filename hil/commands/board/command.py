@@ -6,6 +6,7 @@ import os
 
 from boards import Board, load_board, model
 from boards.health import Throttling, governors, recognise, temperature, throttling
+from boards.resources import total_memory_mib
 from boards.tree import Tree, architecture
 from hil.common.columns import aligned, paragraph
 from hil.common.errors import ConfigError
@@ -170,9 +171,8 @@ def _plain(value: object) -> object:
 
 def _memory(tree: Tree, board: Board) -> str:
     sold = ", ".join(f"{size / 1024:g}" for size in board.ram)
-    _, _, after = tree.text("/proc/meminfo").partition("MemTotal:")
-    here = after.split()[0] if after else ""
-    texts = (f"sold with {sold} GiB" if sold else "", f"{int(here) / 2**20:.2f} GiB here" if here.isdigit() else "")
+    here = total_memory_mib(tree)
+    texts = (f"sold with {sold} GiB" if sold else "", f"{here / 1024:.2f} GiB here" if here else "")
     return "; ".join(text for text in texts if text)
 
 

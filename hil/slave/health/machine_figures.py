@@ -1,4 +1,7 @@
-"""Read the state of the board once a second: temperature, throttling, load, memory, network."""
+"""Read the state of the board once a second: temperature, throttling, load, memory, network.
+
+It is read from /proc and /sys, because psutil would lengthen the slave's start (hil/slave/health/usage.py).
+"""
 
 import os
 from typing import TYPE_CHECKING

@@ -8,6 +8,7 @@ import pytest
 
 import boards
 from boards.health import recognise
+from boards.resources import find_openers
 from boards.tree import Tree, architecture
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_names
@@ -266,7 +267,7 @@ def test_odd_names_and_contents_are_nothing(tmp_path: Path) -> None:
     tree = Tree(str(tmp_path))
     assert architecture(tree) == "aarch64"
     assert boards.detect(str(tmp_path)) is None
-    assert tree.openers("/dev/ttyS0") == []
+    assert find_openers(tree, "/dev/ttyS0") == []
     assert (tree.text("a\0b"), tree.names("a\0b"), tree.link("a\0b"), tree.exists("a\0b")) == ("", [], "", False)
 
 

@@ -7,13 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from boards import load_board
+from boards.resources import available_memory_mib, describe_process, find_listeners
 from boards.tree import Tree
 from hil.commands import doctor
 from hil.doctor import links as doctor_links
-from hil.doctor import network as doctor_network
 from hil.doctor.findings import Case, User, may_open
 from hil.scenario.config import load_scenario
 from tests.support.boards.doctor_board import SERIAL, board, examine
@@ -105,10 +106,22 @@ def test_the_ports_and_processes_of_this_machine() -> None:
         listener.bind(("127.0.0.1", 0))
         listener.listen()
         port = listener.getsockname()[1]
-        taken = doctor_network.listeners(Tree("/"))
-        inode = Path(f"/proc/self/fd/{listener.fileno()}").readlink()
-        assert f"socket:[{taken[port]}]" == str(inode)
-    assert port not in doctor_network.listeners(Tree("/"))
+        assert (find_listeners(Tree("/")) or {})[port] == os.getpid()
+        assert sys.executable in describe_process(Tree("/"), os.getpid())
+    assert port not in (find_listeners(Tree("/")) or {port})
+
+
+def test_a_machine_whose_proc_is_missing(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What psutil cannot read is no problem, and psutil reads this machine again afterwards."""
+    for path in ("proc/meminfo", "proc/net/tcp"):
+        (board / path).unlink()
+    code, found = examine(board, capsys)
+    assert code == 0
+    texts = [row["text"] for row in found if row["topic"] == "network"]
+    assert texts == ["whether port 7447 is free cannot be determined: no /proc/net/tcp"]
+    assert available_memory_mib(Tree(str(board))) is None
+    assert available_memory_mib(Tree("/")) is not None
+    assert psutil.PROCFS_PATH == "/proc"
 
 
 def test_a_port_held_by_a_living_process() -> None:

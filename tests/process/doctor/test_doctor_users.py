@@ -214,13 +214,13 @@ def test_only_root_sees_who_has_the_port(port: str, monkeypatch: pytest.MonkeyPa
         rows = doctor_links.holders(Case(Tree("/"), None, scenario(port), user))
         return [(row.level, row.remedy) for row in rows]
 
-    monkeypatch.setattr(Tree, "openers", lambda *_: [])
+    monkeypatch.setattr(doctor_links, "find_openers", lambda *_: [])
     owner = User("pilot", os.stat(port).st_uid, ())
     assert found(owner, 0) == []
     assert found(owner, 1000) == [("note", "the same with sudo, --user pilot")]
     os.chmod(port, 0)
     assert found(User("outsider", 4711, ()), 1000) == [], "the port is not theirs anyway"
-    monkeypatch.setattr(Tree, "openers", lambda *_: [(812, "cat")])
+    monkeypatch.setattr(doctor_links, "find_openers", lambda *_: [os.getpid()])
     assert [level for level, _ in found(owner, 1000)] == ["problem"]
 
 

@@ -14,7 +14,7 @@ from boards.tree import Tree
 from hil.commands import doctor
 from hil.doctor.findings import Case, Finding, User
 from hil.scenario.config import Scenario, load_scenario
-from tests.support.boards.recorded import build, plant
+from tests.support.boards.recorded import build, plant, plant_process
 from tests.support.examples import examples
 
 IP = "commands/ip_-details_-json_link_show_can0"
@@ -152,6 +152,17 @@ def test_any_text_in_any_file(recorded: str, data: st.DataObject) -> None:
         text = doctor.line(finding)
         text.encode()
         assert text.isprintable(), "one line, and nothing that a terminal would obey"
+
+
+@examples(75)
+@given(meminfo=garbage, tcp=garbage, tcp6=garbage, stat=garbage, command=garbage)
+def test_any_text_in_the_files_that_psutil_reads(recorded: str, **texts: str) -> None:
+    root = Path(recorded)
+    plant_process(root, 812, "cat", fd9="/dev/ttyS0")
+    paths = {"meminfo": "meminfo", "tcp": "net/tcp", "tcp6": "net/tcp6", "stat": "812/stat", "command": "812/cmdline"}
+    for name, text in texts.items():
+        (root / "proc" / paths[name]).write_text(text, errors="surrogatepass")
+    assert "port in use" in {finding.topic for finding in examine(Tree(recorded))}
 
 
 def test_a_file_that_is_a_folder(board: Path) -> None:
