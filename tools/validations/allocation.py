@@ -21,7 +21,8 @@ def allocation(panels: Sequence[Axes]) -> list[Finding]:
     rays, turn = panels
     headings = [2.0 * i for i in range(181)]
     inverse, _ = pseudo_inverse(sharing.HEAVY)
-    scaled = [_made(sharing.make_allocator(sharing.HEAVY).allocate(_requested_wrench(heading))[0]) for heading in headings]
+    allocator = sharing.make_allocator(sharing.HEAVY)
+    scaled = [_made(allocator.allocate(_requested_wrench(heading))[0]) for heading in headings]
     clipped = [_made(clip(inverse, _requested_wrench(heading))) for heading in headings]
     for made, color, name in ((clipped, WRONG, "each thrust clipped"), (scaled, OURS, "ours")):
         for m in made[10:180:20]:

@@ -52,7 +52,8 @@ def test_the_closed_form_is_wrong_where_the_levers_differ() -> None:
 
 
 def test_the_closed_form_ignores_limits_that_the_allocator_keeps() -> None:
-    """For full yaw and full surge together the closed form gives 85 N for thrusters of 73.5 N and 49 N."""
+    """The closed form gives 85 N for thrusters of 73.5 N and 49 N when full yaw and full surge are commanded together.
+    """
     vehicle, _ = load_vehicle("paper_six")
     wrench = (150.0, 0.0, 0.0, 0.0, 0.0, 23.0)
     closed = four_vectored(150.0, 0.0, 23.0, (0.14 + 0.11) / sqrt(2.0))

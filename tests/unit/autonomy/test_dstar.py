@@ -43,7 +43,7 @@ def test_paths_stay_as_short_as_a_star_while_map_and_vehicle_change(seed: int) -
 
 
 def test_a_repair_expands_far_fewer_cells_than_a_plan() -> None:
-    """After a wall appears near the vehicle the search expands a small share of the first plan's cells."""
+    """The search expands a small share of the first plan's cells after a wall appears near the vehicle."""
     cells = np.zeros((150, 150), bool)
     cells[60:90, 40:110] = True
     grid, goal = OccupancyGrid(cells, 1.0, (0.0, 0.0)), (145.5, 75.5)

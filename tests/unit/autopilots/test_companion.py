@@ -1,4 +1,4 @@
-"""Positions for ArduSub: what is sent of which sensor, its units, the origin until it is confirmed, a second call."""
+"""Positions for ArduSub: which sensor gives which message, units, the origin until it is confirmed, reconnection."""
 
 import socket
 from collections.abc import Callable, Iterator
@@ -50,7 +50,7 @@ def scenario_of(folder: Path, positions: str, controller: str = "ardupilot", sen
 
 
 class Bench:
-    """A companion and the port that it calls, in one thread."""
+    """A companion and the port that it connects to, in one thread."""
 
     def __init__(self, folder: Path, positions: str) -> None:
         scenario = scenario_of(folder, positions, sensors="[sensors.gps]")
@@ -97,7 +97,7 @@ def names(messages: list[Any]) -> list[str]:
     return [message.get_type() for message in messages]
 
 
-def test_the_origin_is_set_until_it_is_confirmed(bench: Callable[[str], Bench]) -> None:
+def test_the_origin_is_sent_until_the_autopilot_confirms_it(bench: Callable[[str], Bench]) -> None:
     b = bench("odometry")
     beat, origin = b.messages(0)
     assert (beat.get_type(), beat.type) == ("HEARTBEAT", dialect.MAV_TYPE_ONBOARD_CONTROLLER)
@@ -110,7 +110,7 @@ def test_the_origin_is_set_until_it_is_confirmed(bench: Callable[[str], Bench]) 
     assert b.reports == [f"positions (odometry) go to ArduPilot's port {b.listener.getsockname()[1]}"]
 
 
-def test_odometry_goes_out_once_a_sample(bench: Callable[[str], Bench]) -> None:
+def test_odometry_is_sent_once_a_sample(bench: Callable[[str], Bench]) -> None:
     b = bench("odometry")
     b.messages(0)
     b.inputs.update("odom", TRUTH)
@@ -120,7 +120,7 @@ def test_odometry_goes_out_once_a_sample(bench: Callable[[str], Bench]) -> None:
     assert b.messages(60_000_000) == []
 
 
-def test_dvl_samples_are_deltas_between_neighbours_with_bottom_lock(bench: Callable[[str], Bench]) -> None:
+def test_dvl_deltas_are_between_successive_samples_with_bottom_lock(bench: Callable[[str], Bench]) -> None:
     b = bench("dvl")
     b.messages(0)
 
@@ -138,14 +138,14 @@ def test_dvl_samples_are_deltas_between_neighbours_with_bottom_lock(bench: Calla
     assert sample(1_600_000_000)[:1] == ["HEARTBEAT"]  # 0.61 s later: no neighbour
 
 
-def test_a_delta_is_velocity_and_turn_over_its_time() -> None:
+def test_a_position_delta_is_velocity_and_rate_times_its_duration() -> None:
     message = position_delta(7, DvlSample(0, (0.4, -0.2, 0.1), 5.0, True), (0.1, 0.0, -0.2), 125_000_000)
     assert (message.time_usec, message.time_delta_usec, message.confidence) == (7, 125_000, 100.0)
     assert message.position_delta == pytest.approx([0.05, -0.025, 0.0125])
     assert message.angle_delta == pytest.approx([0.0125, 0.0, -0.025])
 
 
-def test_a_fix_and_none(bench: Callable[[str], Bench]) -> None:
+def test_gps_input_reports_fix_and_lost_fix(bench: Callable[[str], Bench]) -> None:
     fix = FixSample(0, 50.1234567, -8.5, 12.3, (4.0, 9.0), True)
     message = gps_input(7, fix, (1.0, -1.0, 0.25))
     assert (message.fix_type, message.lat, message.lon, message.alt) == (3, 501_234_567, -85_000_000, 12.3)
@@ -158,7 +158,7 @@ def test_a_fix_and_none(bench: Callable[[str], Bench]) -> None:
     assert (lost.get_type(), lost.fix_type, lost.satellites_visible) == ("GPS_INPUT", 1, 0)
 
 
-def test_it_calls_again_when_the_autopilot_has_started_again(bench: Callable[[str], Bench]) -> None:
+def test_the_companion_reconnects_after_a_restart_of_the_autopilot(bench: Callable[[str], Bench]) -> None:
     b = bench("odometry")
     b.messages(0)
     assert b.peer
@@ -177,7 +177,7 @@ def test_a_receiver_measures_the_velocity_of_its_antenna(tmp_path: Path) -> None
     assert inputs.antenna_velocity(truth) == pytest.approx((0.5, 0.1, 0.0))
 
 
-def test_ardusub_is_told_by_parameters(tmp_path: Path) -> None:
+def test_ardusub_parameters_select_the_position_source(tmp_path: Path) -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")
     motors = map_motors("auto", vehicle)
     found = {
@@ -190,7 +190,7 @@ def test_ardusub_is_told_by_parameters(tmp_path: Path) -> None:
     assert found["gps"]["GPS1_TYPE"] == 14
 
 
-def test_positions_need_their_sensor_and_ardupilot(tmp_path: Path) -> None:
+def test_positions_need_their_sensor_and_an_ardupilot_controller(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"positions: 'gps' needs that sensor: add \[sensors.gps\]"):
         scenario_of(tmp_path, "gps")
     with pytest.raises(ConfigError, match="positions: 'dvl' is for controller"):

@@ -1,4 +1,4 @@
-"""Motors of a frame as thrusters of a vehicle: found by geometry, and right for every stick, motor by motor."""
+"""Motors of a frame as thrusters of a vehicle: matched by geometry, and correct for every stick, motor by motor."""
 
 import pytest
 
@@ -40,7 +40,7 @@ def assert_along(found: list[float], axis: int, sign: int) -> None:
 
 
 @pytest.mark.parametrize(("name", "frame"), FRAMES.items())
-def test_the_frame_is_found_and_every_stick_goes_its_way(name: str, frame: str) -> None:
+def test_the_frame_is_found_and_every_stick_moves_its_axis(name: str, frame: str) -> None:
     vehicle, _ = load_vehicle(name)
     motors = map_motors("auto", vehicle)
     assert motors.frame == frame
@@ -55,7 +55,7 @@ def test_the_frame_is_found_and_every_stick_goes_its_way(name: str, frame: str) 
             assert_along(wrench(vehicle, (*[1500] * 4, *four)), axis, sign)
 
 
-def test_a_mirrored_thruster_is_driven_mirrored() -> None:
+def test_a_reversed_thruster_gets_reversed_pulses() -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")  # as published its positive thrusts are the opposite of ArduSub's
     motors = map_motors("vectored_6dof", vehicle)
     assert {motor.sign for motor in motors.motors} == {-1}
@@ -70,7 +70,7 @@ def test_no_output_is_neutral_and_never_full_reverse(width: int) -> None:
         assert set(map_motors("auto", vehicle).pulses(())) == {1500}
 
 
-def test_a_frame_that_does_not_fit_names_the_motor() -> None:
+def test_a_frame_that_does_not_fit_is_refused_with_the_motor() -> None:
     vehicle, _ = load_vehicle("bluerov2")
     with pytest.raises(ConfigError, match=r"no thruster of bluerov2 pushes like motor 1 \(ahead"):
         map_motors("bluerov1", vehicle)
@@ -83,15 +83,15 @@ def test_a_frame_that_does_not_fit_names_the_motor() -> None:
         map_motors("vectord", vehicle)
 
 
-def test_two_thrusters_that_are_swapped_do_not_fit_unnoticed() -> None:
-    """A motor with its right and left wires swapped is another thruster: the frame finds it by its position."""
+def test_swapped_thrusters_are_matched_by_position() -> None:
+    """A motor with its right and left wires swapped is another thruster: it is matched by its position."""
     vehicle, _ = load_vehicle("bluerov2")
     first, second, *others = vehicle.thrusters
     swapped = map_motors("vectored", vehicle._replace(thrusters=(second, first, *others)))
     assert swapped.motors[:2] == (Motor(0, 1, 1), Motor(1, 0, 1))
 
 
-def test_custom_is_channel_by_channel() -> None:
+def test_the_custom_frame_maps_channels_one_to_one() -> None:
     vehicle, _ = load_vehicle("remus100")
     motors = map_motors(CUSTOM, vehicle)
     widths = tuple(1500 + 10 * i for i in range(len(vehicle.channels)))
@@ -105,6 +105,6 @@ def test_every_installed_frame_can_be_read() -> None:
         assert 6 <= len(load_frame(name).motors) <= 8
 
 
-def test_words_for_a_push() -> None:
+def test_the_text_of_a_wrench_names_its_directions() -> None:
     assert push_text((1.0, -1.0, 0.0, 0.0, 0.0, 0.2)) == "ahead, to the left, turn right"
     assert push_text((0.0,) * 6) == "nowhere"

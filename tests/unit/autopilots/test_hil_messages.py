@@ -1,4 +1,4 @@
-"""Messages for PX4: units, masks, what is left out; controls as pulse widths; and a recorded flight."""
+"""HIL messages for PX4: units, masks, omitted fields; controls as pulse widths; and a recorded flight."""
 
 import itertools
 from math import inf, nan
@@ -14,7 +14,7 @@ from sim.sensors.samples import OdometrySample
 from tests.support.autopilots.captured import needs_captures, rows
 
 
-def test_hil_sensor_has_gauss_and_hectopascal() -> None:
+def test_hil_sensor_has_units_gauss_and_hectopascal() -> None:
     message = hil.sensor(5_000_000, hil.Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), (2e-5, 0.0, 4.4e-5), 151_325.0))
     assert (message.time_usec, message.zacc, message.ygyro) == (5_000_000, -9.8, 0.02)
     assert (message.xmag, message.zmag) == pytest.approx((0.2, 0.44))
@@ -22,18 +22,18 @@ def test_hil_sensor_has_gauss_and_hectopascal() -> None:
     assert message.fields_updated == 0x007 | 0x038 | 0x1C0 | 0x1A00
 
 
-def test_what_was_not_measured_is_not_marked() -> None:
+def test_unmeasured_fields_are_not_marked_as_updated() -> None:
     assert hil.sensor(1, hil.Inertial(None, None, None, None)).fields_updated == 0
     assert hil.sensor(1, hil.Inertial((0.0,) * 3, (0.0,) * 3, None, None)).fields_updated == 0x03F
     assert hil.sensor(1, hil.Inertial(None, None, None, 1e5)).fields_updated == 0x1A00
 
 
-def test_the_altitude_of_a_pressure_in_air() -> None:
+def test_pressure_altitude_is_that_of_the_standard_atmosphere() -> None:
     assert hil.pressure_altitude(1013.25) == 0.0
     assert hil.pressure_altitude(898.745) == pytest.approx(1000.0, abs=1.0)  # standard atmosphere, ISO 2533
 
 
-def test_gps_with_a_fix_and_without() -> None:
+def test_hil_gps_reports_fix_and_no_fix() -> None:
     fix = FixSample(0, 50.1234567, -8.5, 12.3, (4.0, 9.0), True)
     message = hil.gps(7, fix, (1.0, -1.0, 0.25))
     assert (message.fix_type, message.lat, message.lon, message.alt) == (3, 501_234_567, -85_000_000, 12_300)
@@ -43,7 +43,7 @@ def test_gps_with_a_fix_and_without() -> None:
     assert (lost.fix_type, lost.lat, lost.satellites_visible) == (0, 0, 0)
 
 
-def test_odometry_is_one_that_px4_takes() -> None:
+def test_odometry_has_the_frames_that_px4_accepts() -> None:
     sample = OdometrySample(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3, 0.01, 0.02, 0.03))
     message = hil.odometry(9, sample)
     assert (message.frame_id, message.child_frame_id, message.estimator_type, message.quality) == (1, 12, 2, 100)
@@ -68,8 +68,8 @@ def test_controls_become_pulse_widths() -> None:
 
 @needs_captures
 @pytest.mark.parametrize("airframe", ["1021", "1022"])
-def test_a_recorded_flight(airframe: str) -> None:
-    """All messages of both directions decode; nothing is output before arming; thrusts are those recorded."""
+def test_a_recorded_flight_is_decoded_completely(airframe: str) -> None:
+    """All messages of both directions decode; nothing is output before arming; thrusts equal the recorded ones."""
     counters = Counters()
     streams = {way: MavlinkStream(255, 1, counters) for way in ("ap>sim", "sim>ap")}
     actuators, sensors = [], 0

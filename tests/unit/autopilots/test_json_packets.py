@@ -15,7 +15,7 @@ REST = JsonState(1.5, (0.1, -0.2, 0.3), (0.0, 0.0, -9.80665), (1.0, 2.0, 3.0), (
 
 
 @pytest.mark.parametrize("channels", MAGICS)
-def test_servo_packets(channels: int) -> None:
+def test_servo_packets_are_decoded(channels: int) -> None:
     pulses = tuple(range(1100, 1100 + channels))
     packet = encode_servos(ServoPacket(400, 70_000, pulses))
     assert decode_servos(packet) == ServoPacket(400, 70_000, pulses)
@@ -24,7 +24,9 @@ def test_servo_packets(channels: int) -> None:
 
 
 def scan(text: str, section: str, key: str) -> str:
-    """Return what ArduPilot finds: the section anywhere, the key anywhere behind it, the value two characters on."""
+    """Return what ArduPilot's parser finds: the section anywhere, the key anywhere behind it, the value two characters
+    on.
+    """
     start = text.index(section) + len(section) + 1
     start = text.index(key, start)
     return text[start + len(key) + 2 :]
@@ -47,12 +49,12 @@ def test_a_state_is_what_ardupilots_parser_reads() -> None:
     assert "attitude" not in text  # a quaternion is there, and this name would be found in others
 
 
-def test_what_is_not_fitted_is_left_out() -> None:
+def test_sensors_that_are_not_fitted_are_omitted() -> None:
     assert set(json.loads(encode_state(REST))) == {"timestamp", "imu", "position", "velocity", "quaternion"}
 
 
 @given(st.binary(max_size=100))
-def test_noise_is_no_packet(data: bytes) -> None:
+def test_noise_is_not_decoded_as_a_packet(data: bytes) -> None:
     found = decode_servos(data)
     assert found is None or encode_servos(found) == data
 
@@ -70,8 +72,8 @@ def test_damaged_packets_never_raise() -> None:
 
 @needs_captures
 @pytest.mark.parametrize("frame", ["vectored", "vectored_6dof"])
-def test_recorded_packets(frame: str) -> None:
-    """Every servo packet of a recorded flight decodes, and every recorded answer has our names."""
+def test_recorded_packets_are_decoded(frame: str) -> None:
+    """Every servo packet of a recorded flight decodes, and every recorded reply has our field names."""
     packets = [decode_servos(row.data) for row in rows(f"ardusub_{frame}_physics") if row.way == "ap>sim"]
     assert len(packets) > 8000
     assert all(packets)

@@ -1,4 +1,4 @@
-"""The motor test: each motor alone, judged against the frame; a thruster that pushes elsewhere is found."""
+"""The motor test: each motor alone, compared with the frame; a thruster that pushes another way is found."""
 
 import pytest
 
@@ -28,7 +28,7 @@ def test_a_motor_with_the_wrong_sign_is_found() -> None:
     assert [result.number for result in results if not result.agrees] == [3]
 
 
-def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_motors_and_parameters(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["autopilot", "motors", "ardusub"]) == 0
     assert "motor 1 (front_right, mirrored): astern, to the right, turn right" in capsys.readouterr().out
     assert main(["autopilot", "parameters", "ardusub"]) == 0

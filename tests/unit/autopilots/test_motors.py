@@ -1,4 +1,4 @@
-"""Checks between an autopilot's outputs and the thrusters: silence, arming, a frame that is contradicted."""
+"""Checks between an autopilot's outputs and the thrusters: timeout, arming, a frame that does not match."""
 
 from hil.autopilots.contract import Outputs
 from hil.autopilots.frames import map_motors
@@ -12,7 +12,7 @@ def make(reports: list[str], name: str = "bluerov2") -> MotorOutputs:
     return MotorOutputs(map_motors("auto", load_vehicle(name)[0]), 200 * MS, "ArduPilot", reports.append)
 
 
-def test_silence_turns_the_thrusters_to_neutral_once() -> None:
+def test_a_timeout_sets_the_thrusters_to_neutral_once() -> None:
     reports: list[str] = []
     motors = make(reports)
     assert motors.at(10**12).pwm_us == (1500,) * 6  # nothing has come: no silence to report
@@ -25,7 +25,7 @@ def test_silence_turns_the_thrusters_to_neutral_once() -> None:
     assert motors.update(Outputs((1600,) * 6, None, 900 * MS)).pwm_us == (1600,) * 6
 
 
-def test_disarmed_is_neutral_whatever_the_widths_say() -> None:
+def test_disarmed_thrusters_are_neutral_for_any_pulse_width() -> None:
     motors = make([])
     assert motors.update(Outputs((1700,) * 6, False, 0)) == ((1500,) * 6, False)
     assert motors.update(Outputs((1700,) * 6, True, 0)) == ((1700,) * 6, True)
@@ -42,7 +42,7 @@ def test_a_wrong_frame_is_reported_once() -> None:
     ]
 
 
-def test_no_output_at_boot_is_no_wrong_frame() -> None:
+def test_missing_outputs_at_boot_are_not_reported_as_a_wrong_frame() -> None:
     reports: list[str] = []
     motors = make(reports)
     for step in range(100):

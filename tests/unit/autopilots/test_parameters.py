@@ -1,4 +1,4 @@
-"""Parameter files: read with the line of a mistake, and the frame's own values."""
+"""Parameter files: errors with their line, and the frame's own values."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from sim.sensors.sensor_set import read_sensors
 from sim.vehicle.vehicle import load_vehicle
 
 
-def test_files(tmp_path: Path) -> None:
+def test_parameter_files_are_read_and_wrong_lines_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.parm"
     path.write_text("# all\nFRAME_CONFIG 1\nPSC_POSZ_P, 3.5 # gain\n\n")
     assert read_parameters(str(path)) == {"FRAME_CONFIG": 1.0, "PSC_POSZ_P": 3.5}
@@ -27,7 +27,7 @@ def test_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "frame"), [("bluerov2", 1), ("bluerov2_heavy", 2)])
-def test_ardusub_gets_its_frame_and_the_installed_file(name: str, frame: int) -> None:
+def test_ardusub_gets_its_frame_and_the_installed_parameter_file(name: str, frame: int) -> None:
     vehicle, _ = load_vehicle(name)
     found = all_parameters(AutopilotSettings(), "ardupilot", vehicle, map_motors("auto", vehicle))
     assert found["FRAME_CONFIG"] == frame
@@ -46,7 +46,7 @@ RENAMED = {
 
 
 @pytest.mark.parametrize("name", ["bluerov2", "bluerov2_heavy"])
-def test_older_and_newer_ardusub_get_the_same(name: str) -> None:
+def test_renamed_parameters_have_equal_values_for_older_and_newer_ardusub(name: str) -> None:
     vehicle, _ = load_vehicle(name)
     found = all_parameters(AutopilotSettings(), "ardupilot", vehicle, map_motors("auto", vehicle))
     renamed = [key for key in found if key.startswith(("PSC_", "RNGFND1_M"))]
@@ -65,7 +65,7 @@ def test_px4_gets_the_vehicles_geometry() -> None:
     assert found["PWM_MAIN_FUNC8"] == 108
 
 
-def test_a_file_that_is_not_there() -> None:
+def test_a_missing_parameter_file_is_reported() -> None:
     vehicle, _ = load_vehicle("bluerov2")
     with pytest.raises(ConfigError, match="no file 'bluerov3'; there are: ardupilot_bluerov2, "):
         all_parameters(AutopilotSettings(parameters="bluerov3"), "ardupilot", vehicle, map_motors("auto", vehicle))
@@ -81,7 +81,7 @@ def test_a_file_that_is_not_there() -> None:
         ("px4", "simulated", {"SENS_GPS0_OFF": (0, 0, -0.4)}),
     ],
 )
-def test_the_autopilot_knows_where_its_sensors_are(
+def test_parameters_give_the_positions_of_the_sensors(
     controller: str, positions: str, expected: dict[str, tuple[float, float, float]]
 ) -> None:
     mounted = {

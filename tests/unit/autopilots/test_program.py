@@ -1,10 +1,10 @@
-"""Starting an autopilot's program: values that PX4 would forget are made others."""
+"""Starting an autopilot's program: values that PX4 would drop are changed slightly."""
 
 from hil.autopilots.program import _stored
 
 
-def test_a_motors_pose_is_never_the_firmwares_default() -> None:
-    """PX4 drops a value that equals its compiled default, and then the airframe's own default holds."""
+def test_motor_parameters_never_equal_the_firmwares_default() -> None:
+    """PX4 drops a value that equals its compiled default, and then the airframe's own default applies."""
     for default in (-1.0, 0.0):
         assert _stored("CA_ROTOR5_AZ", default) != default
         assert abs(_stored("CA_ROTOR5_AZ", default) - default) < 1e-4

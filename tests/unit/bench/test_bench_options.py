@@ -1,4 +1,4 @@
-"""The options that benchmarks share: records, which replace earlier ones only when there is another."""
+"""The options that benchmarks share: a record replaces an earlier one only once it is complete."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -7,7 +7,7 @@ from hil.bench.record import Figure, load, new_record
 from hil.commands.bench.options import save_record
 
 
-def test_an_earlier_output_is_kept_until_there_is_another(tmp_path: Path) -> None:
+def test_a_new_record_replaces_an_earlier_output_file(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text("earlier")
     save_record(new_record("table", {}, {"x": Figure([1.0], "s")}), Namespace(output=str(path)))

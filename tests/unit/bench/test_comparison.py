@@ -1,4 +1,4 @@
-"""`uuv-hil bench compare`: real differences are found, chance is not, and what is no result is refused."""
+"""`uuv-hil bench compare`: real differences are found, random ones are not, and invalid results are refused."""
 
 import json
 import random
@@ -51,7 +51,7 @@ def write(path: Path, kind: str = "table", **figures: Figure) -> str:
         (1.0, "lower", "same"),
     ],
 )
-def test_verdicts(after: float, better: Better, verdict: str) -> None:
+def test_a_difference_has_the_expected_verdict(after: float, better: Better, verdict: str) -> None:
     before = starts(values(1.0, 1), "ms", better)
     found = difference("x", before, before._replace(values=values(after, 2)), 0.05, 0.95)
     assert found.verdict == verdict
@@ -59,19 +59,19 @@ def test_verdicts(after: float, better: Better, verdict: str) -> None:
     assert found.ratio == pytest.approx(after, rel=0.1)
 
 
-def test_a_real_difference_that_does_not_matter_is_none() -> None:
+def test_a_real_difference_below_the_threshold_is_reported_as_same() -> None:
     before, after = starts(values(1.0, 1, 400, 0.001)), starts(values(1.02, 2, 400, 0.001))
     assert difference("x", before, after, 0.05, 0.95).verdict == "same"
     assert difference("x", before, after, 0.01, 0.95).verdict == "worse"
 
 
-def test_chance_is_seldom_taken_for_real() -> None:
+def test_random_differences_are_seldom_reported_as_real() -> None:
     pairs = [(starts(values(1.0, seed)), starts(values(1.0, seed + 1000))) for seed in range(40)]
     wrong = [pair for pair in pairs if difference("x", *pair, 0.0, 0.95).verdict != "same"]
     assert len(wrong) <= 6
 
 
-def test_starts_are_counted_and_not_their_commands() -> None:
+def test_starts_count_as_independent_samples_and_commands_do_not() -> None:
     """Five starts of one program against five more are nearly never a real difference, though their commands differ."""
     pairs = [(runs(f"a{seed}", 5, 40), runs(f"b{seed}", 5, 40)) for seed in range(60)]
     wrong = [pair for pair in pairs if difference("x", *pair, 0.0, 0.95).verdict != "same"]
@@ -80,7 +80,7 @@ def test_starts_are_counted_and_not_their_commands() -> None:
     assert {found.verdict for found in slower} == {"worse"}
 
 
-def test_two_single_starts_are_never_called_better_or_worse(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_single_starts_are_never_reported_as_better_or_worse(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
     pairs = [(runs(f"a{seed}", 1, 200), runs(f"b{seed}", 1, 200)) for seed in range(30)]
     verdicts = [difference("x", *pair, 0.0, 0.95).verdict for pair in pairs]
@@ -91,7 +91,7 @@ def test_two_single_starts_are_never_called_better_or_worse(monkeypatch: pytest.
     assert difference("x", runs("a", 4, 9), runs("b", 9, 9, 40.0), 0.0, 0.95).verdict == "few starts"
 
 
-def test_a_table_has_a_value_a_start() -> None:
+def test_a_table_counts_one_value_a_start() -> None:
     """A record without `runs` counts one value a start too."""
     before, after = (Figure(values(middle, 1), "s") for middle in (1.0, 2.0))
     verdict = {
@@ -101,12 +101,12 @@ def test_a_table_has_a_value_a_start() -> None:
     assert verdict == {"table": "worse", "startup": "worse", "delay": "few starts"}
 
 
-def test_few_values_prove_nothing() -> None:
+def test_few_values_give_no_verdict() -> None:
     assert difference("x", Figure([1.0] * 4, "ms"), Figure([9.0] * 40, "ms"), 0.05, 0.95).verdict == "too few"
     assert difference("x", starts([1.0] * 4), starts([9.0] * 40), 0.05, 0.95).verdict == "too few"
 
 
-def test_a_median_of_zero() -> None:
+def test_differences_from_a_median_of_zero_have_a_direction() -> None:
     nothing, something = starts([0.0] * 9), starts([2.0] * 9)
     assert difference("losses", nothing, something, 0.05, 0.95).verdict == "worse"
     assert difference("losses", something, nothing, 0.05, 0.95).verdict == "better"
@@ -126,7 +126,7 @@ def test_only_common_figures_are_compared() -> None:
     assert [found.name for found in compare(one, two)] == ["both"]
 
 
-def test_the_exit_code_for_continuous_integration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_regression_sets_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = write(tmp_path / "a.json", delay=Figure(values(0.5, 1), "ms"))
     after = write(tmp_path / "b.json", delay=Figure(values(0.8, 2), "ms"))
     assert main(["bench", "compare", before, after]) == 0
@@ -141,7 +141,7 @@ def test_the_exit_code_for_continuous_integration(tmp_path: Path, capsys: pytest
     assert rows[0]["interval"][0] > 1.0
 
 
-def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_a_record_is_read_back_equal(tmp_path: Path) -> None:
     figures = {"delay": Figure([0.1, NAN, 0.3, NAN], "ms", runs=(1, 2, 1)), "rate": Figure([], "Hz", "higher")}
     record = new_record("table", {"repeat": 3}, figures, ["limited: processor 0 only"], {"more": float("inf")})
     save(record, str(tmp_path / "a.json"))
@@ -154,7 +154,7 @@ def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", '{"format": "uuv-hil bench 1"}', '{"format": "other"}', "\x00"])
-def test_what_is_no_result(tmp_path: Path, text: str) -> None:
+def test_files_that_are_not_results_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "a.json"
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"a\.json: is not a result"):
@@ -178,7 +178,7 @@ def test_what_is_no_result(tmp_path: Path, text: str) -> None:
         ("more", 1),
     ],
 )
-def test_a_field_of_another_type(tmp_path: Path, key: str, value: object) -> None:
+def test_a_field_of_a_wrong_type_is_refused(tmp_path: Path, key: str, value: object) -> None:
     path = write(tmp_path / "a.json", x=Figure([1.0], "s"))
     damage(path, key, value)
     with pytest.raises(ConfigError, match=r"a\.json: is not a result"):
@@ -203,7 +203,7 @@ def test_a_field_of_another_type(tmp_path: Path, key: str, value: object) -> Non
         ("runs", None),
     ],
 )
-def test_a_figure_that_is_none(tmp_path: Path, key: str, value: object) -> None:
+def test_a_malformed_figure_is_refused(tmp_path: Path, key: str, value: object) -> None:
     path = write(tmp_path / "a.json", x=Figure([1.0], "s"))
     damage(path, key, value, "figures", "x")
     with pytest.raises(ConfigError, match=r"a\.json: is not a result"):
@@ -218,7 +218,7 @@ def damage(path: str, key: str, value: object, *way: str) -> None:
     Path(path).write_text(json.dumps(root))
 
 
-def test_files_from_before_runs_were_reported(tmp_path: Path) -> None:
+def test_older_files_without_run_counts_are_read(tmp_path: Path) -> None:
     path = write(tmp_path / "a.json", x=Figure([1.0, 2.0], "s"))
     table = json.loads(Path(path).read_text())
     del table["figures"]["x"]["runs"]
@@ -226,7 +226,7 @@ def test_files_from_before_runs_were_reported(tmp_path: Path) -> None:
     assert load(path).figures == {"x": Figure([1.0, 2.0], "s")}
 
 
-def test_what_makes_two_results_unlike() -> None:
+def test_differences_between_machines_are_listed() -> None:
     one = Record(
         "table",
         {"repeat": 5},
@@ -257,7 +257,7 @@ def test_what_makes_two_results_unlike() -> None:
     assert unlike(one, one._replace(machine={**one.machine, "load": "much"})) == []
 
 
-def test_few_starts_are_marked_and_fail_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_few_starts_are_noted_and_do_not_fail(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = write(tmp_path / "a.json", "delay", delay=Figure(values(0.5, 1), "ms", runs=(30,)))
     after = write(tmp_path / "b.json", "delay", delay=Figure(values(0.8, 2), "ms", runs=(30,)))
     assert main(["bench", "compare", before, after, "--fail-on-regression"]) == 0
@@ -266,7 +266,7 @@ def test_few_starts_are_marked_and_fail_nothing(tmp_path: Path, capsys: pytest.C
     assert "0 worse, 0 better, 1 undecided, of 1" in output
 
 
-def test_results_of_different_benchmarks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_results_of_different_benchmarks_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = write(tmp_path / "a.json", "table", a=Figure([1.0], "s"))
     other = write(tmp_path / "b.json", "delay", b=Figure([1.0], "s"))
     assert main(["bench", "compare", one, other]) == 2
@@ -274,7 +274,7 @@ def test_results_of_different_benchmarks(tmp_path: Path, capsys: pytest.CaptureF
     assert "b.json of `bench delay`: they have no figure in common; give two results of one benchmark" in output
 
 
-def test_what_cannot_be_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_incomparable_files_and_wrong_options_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one, other = write(tmp_path / "a.json", a=Figure([1.0], "s")), write(tmp_path / "b.json", b=Figure([1.0], "s"))
     assert main(["bench", "compare", one, other]) == 2
     assert main(["bench", "compare", one, str(tmp_path / "none.json")]) == 2

@@ -1,4 +1,4 @@
-"""The statistics of benchmarks, against numbers worked out by hand or by others."""
+"""The statistics of benchmarks, against numbers worked out by hand or by other implementations."""
 
 import math
 import random
@@ -17,12 +17,12 @@ from hil.common.quantiles import quantile, rank
     ("share", "value"),
     [(0.0, 15.0), (0.05, 15.0), (0.3, 20.0), (0.4, 20.0), (0.5, 35.0), (1.0, 50.0)],
 )
-def test_nearest_rank(share: float, value: float) -> None:
+def test_quantiles_are_of_nearest_rank(share: float, value: float) -> None:
     assert quantile([15.0, 20.0, 35.0, 40.0, 50.0], share) == value  # the usual example of the method
 
 
 @pytest.mark.parametrize("count", [1, 7, 100, 1000, 4096])
-def test_every_share_of_whole_percents_is_that_rank(count: int) -> None:
+def test_every_whole_percentile_is_its_exact_rank(count: int) -> None:
     """Ranks are computed in whole numbers, which floats do not round: 0.07 * 100 is 7.000000000000001."""
     values = list(range(1, count + 1))
     for percent in range(101):
@@ -30,7 +30,7 @@ def test_every_share_of_whole_percents_is_that_rank(count: int) -> None:
         assert quantile(values, percent / 100) == rank(percent / 100, count) == exact
 
 
-def test_all_quantiles_are_of_one_definition() -> None:
+def test_all_quantile_functions_agree() -> None:
     """The histograms are those of measurements, cyclictest, loopback and delays: small whole numbers here."""
     for count, share in ((100, 0.07), (100, 0.55), (100, 0.99), (7, 0.5), (1000, 0.999)):
         histogram, values = Histogram(), [number % 8 for number in range(count)]
@@ -42,7 +42,7 @@ def test_all_quantiles_are_of_one_definition() -> None:
     assert quantiles(list(range(1_000_000, 101_000_000, 1_000_000)))[:3] == (50.0, 90.0, 99.0)
 
 
-def test_quantiles_of_a_hundred() -> None:
+def test_quantiles_of_100_values_are_exact() -> None:
     values = [float(value) for value in range(1, 101)]
     assert [quantile(values, share) for share in (0.5, 0.9, 0.99, 0.999, 1.0)] == [50.0, 90.0, 99.0, 100.0, 100.0]
 
@@ -54,12 +54,12 @@ def test_median_is_the_standard_librarys() -> None:
         assert median(values) == statistics.median(values)
 
 
-def test_spread_is_that_of_the_middle_half() -> None:
+def test_spread_is_the_interquartile_range() -> None:
     assert spread([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]) == 6.0 - 2.0
     assert spread([3.0]) == 0.0
 
 
-def test_nothing_has_no_median() -> None:
+def test_statistics_of_no_values_are_nan() -> None:
     assert all(math.isnan(value) for value in (median([]), quantile([], 0.5), spread([])))
     assert all(map(math.isnan, median_interval([])))
     assert all(map(math.isnan, ratio_interval([], [1.0])))
@@ -71,7 +71,7 @@ def test_the_interval_of_equal_values_is_that_value() -> None:
     assert ratio_interval([2.0] * 9, [3.0] * 9) == Interval(1.5, 1.5)
 
 
-def test_the_interval_holds_the_true_median_as_often_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_interval_contains_the_true_median_at_its_stated_rate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
     generator = random.Random(5)
     trials, held = 120, 0
@@ -88,7 +88,7 @@ def test_more_values_narrow_the_interval() -> None:
     assert narrow < wide / 3
 
 
-def wander(generator: random.Random, count: int, alike: float) -> list[float]:
+def autoregressive_series(generator: random.Random, count: int, alike: float) -> list[float]:
     """Return a first-order autoregressive series (AR(1)) around 20."""
     at, found = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - alike**2), []
     for _ in range(count):
@@ -97,20 +97,20 @@ def wander(generator: random.Random, count: int, alike: float) -> list[float]:
     return found
 
 
-def test_neighbours_that_are_alike_are_drawn_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_correlated_values_are_resampled_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two series of one process seem to differ in some five of a hundred pairs, not in a quarter."""
     monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 150)  # sooner done
     generator, trials = random.Random(7), 60
     wrong = {True: 0, False: 0}
     for _ in range(trials):
-        one, other = (wander(generator, 200, 0.54) for _ in range(2))
+        one, other = (autoregressive_series(generator, 200, 0.54) for _ in range(2))
         for block in wrong:
             wrong[block] += not ratio_interval(one, other, block=block).holds(1.0)
     assert wrong[False] / trials > 0.15, "the fault"
     assert wrong[True] / trials <= 0.12
 
 
-def test_blocks_of_equal_and_of_few_values() -> None:
+def test_block_intervals_of_equal_and_of_few_values_are_defined() -> None:
     assert median_interval([7.0] * 9, block=True) == Interval(7.0, 7.0)
     assert median_interval([7.0], block=True) == Interval(7.0, 7.0)
     assert all(map(math.isnan, median_interval([], block=True)))
@@ -121,6 +121,6 @@ def test_a_ratio_needs_medians_above_zero() -> None:
     assert all(map(math.isnan, ratio_interval([2.0] * 5, [-3.0] * 5)))
 
 
-def test_a_seed_gives_the_same_interval_again() -> None:
+def test_the_same_seed_gives_the_same_interval() -> None:
     values = [float(value % 7) for value in range(50)]
     assert median_interval(values, seed=3) == median_interval(values, seed=3)

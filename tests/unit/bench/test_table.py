@@ -1,4 +1,4 @@
-"""The HIL table: what it computes, and how it says what it could not measure."""
+"""The HIL table: what it computes, and how it shows what it could not measure."""
 
 import json
 import math
@@ -51,7 +51,7 @@ def build(dialled_ns: int = 0, offset_ns: int = 0, **health: Any) -> table.HilTa
     return table.build(client, OUTCOME, first)  # type: ignore[arg-type]  # a stand-in
 
 
-def test_figures() -> None:
+def test_the_table_computes_its_figures() -> None:
     result = build()
     assert result.master_cpu_core == 0.02
     assert result.slave_cpu_core == 0.05
@@ -62,12 +62,12 @@ def test_figures() -> None:
     assert result.notes == result.warnings == ()
 
 
-def test_a_label_of_the_slave_stands_below_the_figures() -> None:
+def test_the_slaves_label_is_printed_below_the_figures() -> None:
     assert "label: emulated: x" in table.render(build(labels=("emulated: x",))).splitlines()
     assert "label" not in table.render(build())
 
 
-def test_text() -> None:
+def test_the_table_is_rendered_as_text() -> None:
     text = table.render(build())
     words = " ".join(text.split())  # cells are broken into lines where the terminal is narrow
     for word in (
@@ -103,14 +103,14 @@ def test_text() -> None:
         ({"link_messages_out": 0}, ""),
     ],
 )
-def test_what_a_uart_would_add_where_there_is_none(health: dict[str, Any], added: str) -> None:
-    """The delays have it already on a wire that has the speed of a UART or is held to one."""
+def test_the_delay_that_a_uart_would_add_is_stated_where_there_is_none(health: dict[str, Any], added: str) -> None:
+    """The measured delays already contain it on a wire that has, or is limited to, the speed of a UART."""
     text = table.render(build(**health))
     assert ("would add" in text) == bool(added)
     assert added in text
 
 
-def test_what_could_not_be_had_is_no_number() -> None:
+def test_figures_that_were_not_measured_are_dashes() -> None:
     before = build(dialled_ns=2_000_000_000)
     nothing = quantiles([])
     text = table.render(before._replace(delay=nothing, hops=dict.fromkeys(before.hops, nothing)))
@@ -119,7 +119,7 @@ def test_what_could_not_be_had_is_no_number() -> None:
     assert re.search(r"start-up +3\.2 s +3\.6 s +- to the first sample", text)
 
 
-def test_a_mission_without_path_and_goal_says_nothing_of_them() -> None:
+def test_a_mission_without_path_and_goal_has_no_such_rows() -> None:
     there = OUTCOME._replace(path_length=math.nan, goal_error=math.nan, cross_track_max=math.nan)
     assert there.summary == "71.0 m travelled, its middle at least 0.80 m from every obstacle"
     assert "m from the goal" in OUTCOME.summary
@@ -141,7 +141,7 @@ def test_a_slave_that_was_started_again_has_no_share_of_a_core() -> None:
     assert "nan" not in table.render(result)
 
 
-def test_what_went_wrong_is_in_the_table() -> None:
+def test_run_events_are_in_the_table() -> None:
     hit = RunEvent("collision", 9_300_000_000, 10_200_000_000, (6.4, 5.7, 2.0), "the pile at (6.5, 7.5)")
     client = Client(0, reported(**HEALTH), 0)
     outcome = OUTCOME._replace(events=(hit,))
@@ -152,15 +152,15 @@ def test_what_went_wrong_is_in_the_table() -> None:
     assert not table.to_json(result, outcome)["outcome"]["success"]
 
 
-def test_two_machines_are_said_to_be_two() -> None:
+def test_two_machines_are_noted() -> None:
     result = build(boot_id="another")
     assert "two machines" in result.notes[0]
     assert result.clock_uncertainty_ms > 0
 
 
 @pytest.mark.parametrize("offset_ns", [-5_000_000, 5_000_000, 5_000_000_000])
-def test_a_clock_that_was_set_on_one_machine_is_said(offset_ns: int) -> None:
-    """A slave started before the clock was set reports the same boot and another time, and the table says so."""
+def test_a_clock_set_between_the_two_starts_is_noted(offset_ns: int) -> None:
+    """A slave started before the clock was set reports the same boot and another time, and the table notes it."""
     result = build(offset_ns=offset_ns)
     assert result.clock_offset_ms == pytest.approx(offset_ns / 1e6, abs=1.0)
     assert any(note.startswith("one machine whose clock was set between the two starts") for note in result.notes)

@@ -1,4 +1,4 @@
-"""Warmth, throttling and governors, read from recorded machines."""
+"""Temperature, throttling and governors, read from recorded machines."""
 
 from pathlib import Path
 
@@ -26,12 +26,12 @@ def tree_of(name: str, tmp_path: Path) -> Tree:
         ("laptop", 52.0),
     ],
 )
-def test_the_processors_temperature(tmp_path: Path, name: str, warmth: float | None) -> None:
+def test_the_processor_temperature_is_read(tmp_path: Path, name: str, warmth: float | None) -> None:
     tree = tree_of(name, tmp_path)
     assert temperature(tree, recognise(tree)) == warmth
 
 
-def test_zones_that_are_off_are_none(tmp_path: Path) -> None:
+def test_thermal_zones_that_are_off_are_ignored(tmp_path: Path) -> None:
     tree = tree_of("jetson_nano", tmp_path)
     assert temperatures(tree) == {"AO-therm": 41.5, "CPU-therm": 34.5, "PMIC-Die": 100.0}
     assert temperature(tree) == 41.5  # without knowing the board: the hottest, but not the PMIC's constant
@@ -49,14 +49,14 @@ def test_zones_that_are_off_are_none(tmp_path: Path) -> None:
         ("laptop", Throttling((), ("12 times too hot",), True)),
     ],
 )
-def test_throttling(tmp_path: Path, name: str, slow: Throttling) -> None:
+def test_throttling_is_decoded(tmp_path: Path, name: str, slow: Throttling) -> None:
     tree = tree_of(name, tmp_path)
     assert throttling(tree, recognise(tree)) == slow
 
 
 @pytest.mark.parametrize("kind", ["thermal-cpufreq-0", "cpufreq-cpu0"])  # of Linux 4.9, and of later ones
 @pytest.mark.parametrize(("state", "known"), [("0\n", True), ("", False), ("\xff\n", False)])
-def test_a_processor_that_is_not_held_back(tmp_path: Path, kind: str, state: str, known: bool) -> None:
+def test_an_idle_cooling_device_means_no_throttling(tmp_path: Path, kind: str, state: str, known: bool) -> None:
     tree = tree_of("jetson_nano", tmp_path)
     recorded.plant(tmp_path, "sys/class/thermal/cooling_device0/type", "pwm-fan\n")
     recorded.plant(tmp_path, "sys/class/thermal/cooling_device0/cur_state", "2\n")
@@ -67,7 +67,7 @@ def test_a_processor_that_is_not_held_back(tmp_path: Path, kind: str, state: str
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_the_limit_is_where_the_firmware_starts(tmp_path: Path, name: str) -> None:
+def test_the_boards_limit_is_not_above_the_firmwares(tmp_path: Path, name: str) -> None:
     """The firmware's limit must not lie below the board's own."""
     tree, board = tree_of(name, tmp_path), boards.load_board(recorded.expected_board(name))
     warmth = temperature(tree, board)
@@ -75,7 +75,7 @@ def test_the_limit_is_where_the_firmware_starts(tmp_path: Path, name: str) -> No
         assert warmth >= board.throttles_at
 
 
-def test_files_that_make_no_sense_are_unknown(tmp_path: Path) -> None:
+def test_unreadable_files_give_unknown_health(tmp_path: Path) -> None:
     odd = b"\xff\xfe\x80 \xc3"
     for name in (
         "sys/class/thermal/thermal_zone0/temp", "sys/class/thermal/thermal_zone0/type",
@@ -91,7 +91,7 @@ def test_files_that_make_no_sense_are_unknown(tmp_path: Path) -> None:
     assert throttling(tree) == Throttling(known=False)
 
 
-def test_the_kernels_alarm_when_the_firmware_is_not_asked(tmp_path: Path) -> None:
+def test_the_kernel_alarm_is_used_without_a_firmware_query(tmp_path: Path) -> None:
     tree = tree_of("raspberry_pi_4b", tmp_path)
     recorded.plant(tmp_path, "sys/class/hwmon/hwmon1/in0_lcrit_alarm", "1\n")
     recorded.plant(tmp_path, "commands/vcgencmd_get_throttled", "throttled=0xf0000\n")
@@ -101,7 +101,7 @@ def test_the_kernels_alarm_when_the_firmware_is_not_asked(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("soc", ["soc/soc:firmware", "soc@107c000000/soc@107c000000:firmware"])  # the latter of a Pi 5
-def test_the_log_of_the_kernel_when_the_firmware_is_not_asked(tmp_path: Path, soc: str) -> None:
+def test_the_kernel_log_is_used_without_a_firmware_query(tmp_path: Path, soc: str) -> None:
     tree = tree_of("raspberry_pi_4b", tmp_path)
     board, received = recognise(tree), f"sys/devices/platform/{soc}/get_throttled"
     assert not throttling(tree, board, ask_firmware=False).known
@@ -112,12 +112,12 @@ def test_the_log_of_the_kernel_when_the_firmware_is_not_asked(tmp_path: Path, so
     assert not throttling(tree, board, ask_firmware=False).known
 
 
-def test_governors(tmp_path: Path) -> None:
+def test_governors_are_counted(tmp_path: Path) -> None:
     tree = tree_of("raspberry_pi_4b", tmp_path)
     recorded.plant(tmp_path, "sys/devices/system/cpu/cpu3/cpufreq/scaling_governor", "ondemand\n")
     assert governors(tree) == {"performance": 3, "ondemand": 1}
 
 
-def test_an_empty_machine(tmp_path: Path) -> None:
+def test_an_empty_machine_has_no_health_data(tmp_path: Path) -> None:
     tree = Tree(str(tmp_path))
     assert (temperatures(tree), temperature(tree), throttling(tree), governors(tree)) == ({}, None, Throttling(), {})

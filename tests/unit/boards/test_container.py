@@ -1,4 +1,4 @@
-"""The compose file: each command is one that the project understands, and they find each other."""
+"""The compose file: each command is one that the project accepts, and the services connect to each other."""
 
 import argparse
 import shlex
@@ -17,37 +17,37 @@ FOLDER = Path(__file__).parents[3] / "boards" / "container"
 SERVICES: dict[str, dict[str, Any]] = YAML(typ="safe").load(FOLDER / "compose.yaml")["services"]
 
 
-def read(service: str) -> tuple[str, argparse.Namespace]:
-    """Return the command's name, and its options as its own parser reads them; it ends the test at a wrong word."""
+def read_command(service: str) -> tuple[str, argparse.Namespace]:
+    """Return the command's name, and its options as its own parser reads them; fail the test at an unknown word."""
     name, *words = shlex.split(SERVICES[service]["command"])
     return name, find_parser(COMMANDS[name][0]).parse_args(words)
 
 
 @pytest.mark.parametrize("service", SERVICES)
-def test_the_command_is_understood(service: str) -> None:
-    name, options = read(service)
+def test_each_service_command_is_accepted(service: str) -> None:
+    name, options = read_command(service)
     assert name == service
     if getattr(options, "scenario", None):
         network = load_scenario(options.scenario, changes_of(options)).network
         assert name == "view" or (network.mode, network.router) == ("routed", "tcp/router:7447")
 
 
-def test_all_dial_the_router_at_its_port() -> None:
-    router = read("router")[1].listen
+def test_all_services_connect_to_the_router() -> None:
+    router = read_command("router")[1].listen
     assert router == "tcp/0.0.0.0:7447"
     for service in ("master", "view"):
-        assert read(service)[1].connect in ("tcp/router:7447", ["tcp/router:7447"])
-    assert read("view")[1].routed
+        assert read_command(service)[1].connect in ("tcp/router:7447", ["tcp/router:7447"])
+    assert read_command("view")[1].routed
 
 
-def test_nothing_is_published_but_the_view_and_that_to_this_machine() -> None:
+def test_only_the_view_has_a_port_and_that_on_this_machine_only() -> None:
     assert {name: service["ports"] for name, service in SERVICES.items() if "ports" in service} == {
         "view": ["127.0.0.1:7480:7480"]
     }
-    assert str(read("view")[1].listen) in ("0.0.0.0:7480", "('0.0.0.0', 7480)")
+    assert str(read_command("view")[1].listen) in ("0.0.0.0:7480", "('0.0.0.0', 7480)")
 
 
-def test_every_folder_of_the_package_is_in_the_image() -> None:
+def test_every_package_folder_is_in_the_image() -> None:
     text = (FOLDER / "Containerfile").read_text()
     for folder in ("hil", "sim", "boards", "firmware_stub"):
         assert f"COPY {folder} /src/{folder}\n" in text

@@ -32,7 +32,7 @@ def run(hunt: SimulatedHunt, seconds: float) -> None:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_the_scenarios_are_the_papers(name: str) -> None:
+def test_the_scenarios_have_the_published_formations(name: str) -> None:
     plan = hunt_plan(load_scenario(SCENARIOS[name]))
     assert plan.starts == FORMATIONS[name]
     assert plan.target == TARGET
@@ -54,7 +54,7 @@ def test_a_hunt_surrounds_the_target(name: str) -> None:
     assert all(planner.malformed == 0 for planner in simulated.planners)
 
 
-def test_a_seed_says_all() -> None:
+def test_the_same_seed_gives_the_same_run() -> None:
     rows = []
     for seed in (3, 3, 4):
         simulated, watch = hunt("diamond", seed=seed)
@@ -64,7 +64,7 @@ def test_a_seed_says_all() -> None:
     assert rows[0] != rows[2]
 
 
-def test_the_ends_of_the_line_do_not_hear_each_other() -> None:
+def test_vehicles_out_of_range_do_not_receive_each_other() -> None:
     """Vehicles 3 m apart, with a range of 5 m, receive next neighbours only until the ring is smaller than that."""
     simulated, watch = hunt("line")
     run(simulated, 10.0)
@@ -80,8 +80,10 @@ def test_the_ends_of_the_line_do_not_hear_each_other() -> None:
     assert separation(watch.rows[-1].positions) > 2.5
 
 
-def test_what_is_said_out_of_range_changes_nothing() -> None:
-    """The flight is equal to the bit without the reports of the line's far end; without the next one's it is not."""
+def test_reports_from_out_of_range_change_nothing() -> None:
+    """The flight is bit for bit equal without the reports of the line's far end; without those of the next one it is
+    not.
+    """
     tracks = {}
     for unreceived in ("", "uuv4", "uuv2"):
         simulated, watch = hunt("line")
@@ -100,7 +102,7 @@ def test_what_is_said_out_of_range_changes_nothing() -> None:
     assert tracks["uuv2"] != tracks[""]
 
 
-def test_what_a_vehicle_says_of_itself_is_wrong_by_zero_mean_noise_of_its_own() -> None:
+def test_reported_positions_have_independent_zero_mean_noise() -> None:
     """The noise of each axis of each vehicle has mean 0, the stated 5 cm, and no relation to any other."""
     simulated, _ = hunt("line")
     still = {ODOMETRY: OdometrySample(0, (1.0, 2.0, 2.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)}
@@ -120,7 +122,7 @@ def test_what_a_vehicle_says_of_itself_is_wrong_by_zero_mean_noise_of_its_own() 
             assert abs(statistics.correlation(errors, others)) < 0.08
 
 
-def test_nobody_sets_out_before_all_neighbours_have_reported() -> None:
+def test_vehicles_wait_until_all_neighbours_have_reported() -> None:
     simulated, watch = hunt("diamond")
     modem, simulated.planners[2].report = simulated.planners[2].report, lambda: b""  # type: ignore[method-assign]
     run(simulated, 5.0)
@@ -133,8 +135,8 @@ def test_nobody_sets_out_before_all_neighbours_have_reported() -> None:
     assert min(watch.rows[-1].clocks) > 2.0
 
 
-def test_who_falls_silent_is_not_waited_for() -> None:
-    """The last report of a silent vehicle lapses after a second; the others go on without it."""
+def test_a_silent_vehicle_does_not_hold_up_the_others() -> None:
+    """The last report of a silent vehicle expires after a second; the others go on without it."""
     simulated, watch = hunt("diamond")
     run(simulated, 5.0)
     simulated.planners[2].report = lambda: b""  # type: ignore[method-assign]
@@ -145,8 +147,8 @@ def test_who_falls_silent_is_not_waited_for() -> None:
     assert watch.rows[-1].clocks[0] - before > 3.5
 
 
-def test_a_stray_vehicle_fails_the_hunt() -> None:
-    """The watch judges by true positions: one vehicle carried away is a ring with a gap, whatever its clock says."""
+def test_a_vehicle_carried_away_fails_the_hunt() -> None:
+    """The watch judges by true positions: one vehicle carried away is a ring with a gap, whatever its clock reports."""
     scenario = load_scenario("target_hunting_diamond")
     watch = HuntWatch(scenario)
     plan = watch.plan
@@ -161,7 +163,7 @@ def test_a_stray_vehicle_fails_the_hunt() -> None:
     assert (outcome.end_error, outcome.judgement.ring_error) == pytest.approx((0.75, 0.75))
 
 
-def test_a_hunt_that_does_not_end_is_over_at_the_limit() -> None:
+def test_a_hunt_ends_at_the_time_limit() -> None:
     scenario = load_scenario("target_hunting_diamond", {"master.time_limit": 2.0})
     watch = HuntWatch(scenario)
     simulated = SimulatedHunt(scenario, watch)
@@ -171,7 +173,7 @@ def test_a_hunt_that_does_not_end_is_over_at_the_limit() -> None:
     assert outcome.closed == math.inf
 
 
-def test_the_shortest_ways_by_hand() -> None:
+def test_the_shortest_assignment_has_the_distance_worked_out_by_hand() -> None:
     """Four on a circle of 5.5 m that go straight in to 1.5 m go 4 m each; turned by 45 degrees none is nearer."""
     starts = [(5.5, 0.0), (0.0, 5.5), (-5.5, 0.0), (0.0, -5.5)]
     assert shortest_paths(HuntPlan(starts, (0.0, 0.0), 1.5, 0.4)) == pytest.approx(16.0)
@@ -181,6 +183,6 @@ def test_the_shortest_ways_by_hand() -> None:
         assert shortest_paths(plan) <= places + 1e-9
 
 
-def test_the_cases_name_their_scenarios() -> None:
+def test_every_case_names_its_scenarios() -> None:
     assert load_scenario(TargetHunting.scenario).member[3].north == 9.0
     assert load_scenario(TargetHuntingDiamond.scenario).member[0].east == 2.0

@@ -1,4 +1,4 @@
-"""Planning and drawing in a world of 50 km x 50 km at 5 m: only what is near is looked at."""
+"""Planning and drawing in a world of 50 km x 50 km at 5 m: only the surroundings are read."""
 
 import os
 import tracemalloc
@@ -56,7 +56,7 @@ def peak_mb(work: Callable[[], Any]) -> float:
     return peak / 1e6
 
 
-def test_a_path_is_planned_on_the_part_about_start_and_goal(tmp_path: Path) -> None:
+def test_a_path_is_planned_on_the_part_around_start_and_goal(tmp_path: Path) -> None:
     """A map of the whole world would have 625 million cells, and was refused."""
     plan = prepare(scenario(tmp_path))
     assert path_length(plan.planner.path) == pytest.approx(800.0)
@@ -65,7 +65,7 @@ def test_a_path_is_planned_on_the_part_about_start_and_goal(tmp_path: Path) -> N
     assert peak_mb(lambda: prepare(load_scenario(str(tmp_path / "scenario.toml")))) < 60.0
 
 
-def test_a_part_has_the_cells_that_the_map_of_all_has(tmp_path: Path) -> None:
+def test_a_part_of_the_map_has_the_cells_of_the_whole_map(tmp_path: Path) -> None:
     loaded = scenario(tmp_path, wall=1500.0)
     world = load_world(loaded.world)
     small = world._replace(extent=(-500.0, 500.0, -600.0, 600.0))
@@ -86,15 +86,15 @@ def test_a_detour_beyond_the_first_part_is_found(tmp_path: Path) -> None:
     assert 2500.0 < path_length(plan.planner.path) < 2800.0
 
 
-def test_no_path_names_what_was_looked_at(tmp_path: Path) -> None:
+def test_a_missing_path_is_reported_with_the_extent_searched(tmp_path: Path) -> None:
     with pytest.raises(
         NoPathError, match=r"obstacles part them.*; the largest map shows 50000 m x .* in cells of 32 m"
     ):
         prepare(scenario(tmp_path, wall=3010.0))
 
 
-def test_far_places_are_planned_between_in_coarser_cells(tmp_path: Path) -> None:
-    """A map of the part about the places would have 19 million cells of 0.25 m."""
+def test_paths_between_distant_points_use_coarser_cells(tmp_path: Path) -> None:
+    """A map of the part around the points would have 19 million cells of 0.25 m."""
     far = scenario(tmp_path, wall=1300.0, goal=[-100.0, 700.0], resolution=0.25)
     plan = prepare(far)
     assert plan.request.map.resolution == 1.0
@@ -118,7 +118,7 @@ def test_far_places_are_planned_between_in_coarser_cells(tmp_path: Path) -> None
     )
 
 
-def test_the_view_thins_the_bed_out_before_it_computes(tmp_path: Path) -> None:
+def test_the_view_subsamples_the_bed_before_it_computes(tmp_path: Path) -> None:
     world = load_world(scenario(tmp_path).world)
     norths, easts, depths = nodes(world)
     assert depths.shape == (len(norths), len(easts))
@@ -128,7 +128,7 @@ def test_the_view_thins_the_bed_out_before_it_computes(tmp_path: Path) -> None:
     assert peak_mb(lambda: nodes(world)) < 8.0
 
 
-def test_a_picture_is_drawn_of_every_so_many_nodes(tmp_path: Path) -> None:
+def test_an_overview_subsamples_the_nodes(tmp_path: Path) -> None:
     world = load_world(scenario(tmp_path).world)
     assert world.terrain is not None
     thin = overview(world, 500)

@@ -1,4 +1,4 @@
-"""Map of a world that a planner gets: obstacles and relief at its depth, hidden things left out, files turned right."""
+"""The planner's map of a world: obstacles and relief at its depth, hidden obstacles omitted, map files oriented right."""
 
 from array import array
 from math import hypot, inf, sqrt
@@ -50,7 +50,7 @@ def hilly(folder: Path) -> Path:
     return folder / "mound.toml"
 
 
-def test_the_relief_is_on_the_map_where_it_is_too_shallow(tmp_path: Path) -> None:
+def test_relief_that_is_too_shallow_is_on_the_map(tmp_path: Path) -> None:
     world = load_world(str(hilly(tmp_path)))
     for depth in (4.0, 8.0, 12.0):
         grid = map_at(world, depth, 0.5, 0.5)
@@ -63,7 +63,7 @@ def test_the_relief_is_on_the_map_where_it_is_too_shallow(tmp_path: Path) -> Non
     assert map_at(world, 4.0, 0.5, 0.5).is_free((20.0, 32.0))  # it passes over
 
 
-def test_every_world_has_the_map_of_its_clearance() -> None:
+def test_every_worlds_map_agrees_with_its_clearance() -> None:
     for name, depth in (("harbour", 4.0), ("paper_field", 5.0), ("pool", 1.0), ("ridge", 14.0)):
         world = load_world(name)
         world = world._replace(cylinder=tuple(pile for pile in world.cylinder if pile.radius > 1.0))
@@ -73,8 +73,8 @@ def test_every_world_has_the_map_of_its_clearance() -> None:
             assert bool(grid.cells[row, column]) == (world.clearance(north, east, depth, 0.0) <= 0.0)
 
 
-def test_clearance_over_relief() -> None:
-    """The distance to the straight contours of a plane is known. Beyond `within` there is nothing."""
+def test_clearance_over_relief_is_the_distance_to_its_contour() -> None:
+    """The distance to the straight contours of a plane is known. Beyond `within` the clearance is infinite."""
     slope = load_world("slope")
     (to_north, to_east), here = slope.terrain.gradient(3.3, -7.1), slope.seabed(3.3, -7.1)  # type: ignore[union-attr]
     steep = hypot(to_north, to_east)
@@ -93,7 +93,7 @@ def test_clearance_over_relief() -> None:
     st.floats(6.0, 19.0),
     st.sampled_from([4.0, 30.0]),
 )
-def test_no_place_that_is_too_shallow_is_nearer_than_that(
+def test_no_shallow_point_is_nearer_than_the_reported_distance(
     depths: list[float], north: float, east: float, depth: float, outside: float
 ) -> None:
     """Nothing too shallow is nearer on any terrain, looked at densely, but for a contour's bend within a cell.
@@ -112,8 +112,8 @@ def test_no_place_that_is_too_shallow_is_nearer_than_that(
         assert found - 2.0 * sqrt(2.0) - 1e-6 < reported <= found + 2.0  # a cell
 
 
-def test_a_hill_is_gone_round(tmp_path: Path) -> None:
-    """The way round is planned, flown in simulated time, and judged by the terrain itself."""
+def test_a_path_goes_round_a_hill(tmp_path: Path) -> None:
+    """The path is planned, flown in simulated time, and judged by the terrain itself."""
     scenario = {
         "vehicle": "paper_six",
         "world": str(hilly(tmp_path)),
@@ -131,7 +131,7 @@ def test_a_hill_is_gone_round(tmp_path: Path) -> None:
     assert 0.24 < outcome.least_clearance < 1.6
 
 
-def test_what_is_hidden_is_on_no_map() -> None:
+def test_hidden_obstacles_are_not_on_the_map() -> None:
     pile, block = Cylinder(5.0, 5.0, 1.0, hidden=True), Box(15.0, 5.0, 2.0, 2.0)
     world = World("some", "made up", (0.0, 20.0, 0.0, 10.0), 10.0, cylinder=(pile,), box=(block,))
     known, unknown = (known_map(Master(depth=5.0, map=text), SIX, world) for text in ("known", "unknown"))
@@ -142,8 +142,8 @@ def test_what_is_hidden_is_on_no_map() -> None:
     assert world.clearance(5.0, 5.0, 5.0) == -1.0  # it is there all the same
 
 
-def test_a_map_from_a_file_is_planned_on(tmp_path: Path) -> None:
-    """A map that is written, named in a scenario and read gives the same way, round all that the file shows."""
+def test_a_path_is_planned_on_a_map_from_a_file(tmp_path: Path) -> None:
+    """A map that is written, named in a scenario and read gives the same path, round all that the file shows."""
     field = load_scenario("paper_field")
     straight = prepare(field)
     straight.request.map.write_pgm(str(tmp_path / "field.pgm"))
@@ -163,14 +163,14 @@ def test_a_map_from_a_file_is_planned_on(tmp_path: Path) -> None:
         prepare(load_scenario("paper_field", {"master.map": "nowhere.yaml"}))
 
 
-def test_too_deep_for_a_flat_seabed() -> None:
+def test_a_depth_below_a_flat_seabed_is_refused() -> None:
     with pytest.raises(
         ConfigError, match=r"at 9.8 m the vehicle has not its 0.42 m of water above the seabed of paper"
     ):
         prepare(load_scenario("paper_field", {"master.depth": 9.8}))
 
 
-def test_nothing_thin_slips_between_the_middles_of_cells() -> None:
+def test_thin_obstacles_always_occupy_a_cell() -> None:
     """A pile of 8 cm and a plate of 4 cm occupy cells of 1 m wherever they stand."""
     for shift in np.linspace(0.0, 1.0, 21):
         pile = Cylinder(5.0 + shift, 5.0 + 0.7 * shift, 0.04)
@@ -183,7 +183,7 @@ def test_nothing_thin_slips_between_the_middles_of_cells() -> None:
         assert grid.cells.sum() < 25
 
 
-def test_what_hangs_is_on_the_map_of_the_depths_that_it_reaches() -> None:
+def test_hanging_obstacles_are_on_the_map_at_the_depths_they_reach() -> None:
     pontoon = Box(10.0, 5.0, 4.0, 4.0, bottom=2.0)
     world = World("some", "made up", (0.0, 20.0, 0.0, 10.0), 10.0, box=(pontoon,))
     assert not map_at(world, 1.0, 0.3, 0.5).is_free((10.0, 5.0))

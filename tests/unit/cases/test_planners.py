@@ -1,4 +1,4 @@
-"""Planners by themselves: within limits whatever they get, and the same over the network as without."""
+"""Planners alone: within limits for any input, and equal over the network and without it."""
 
 import math
 from itertools import pairwise
@@ -79,8 +79,8 @@ def planners() -> list[Planner]:
 
 @examples(40)
 @given(piles, st.lists(st.tuples(places, st.floats(-4.0, 4.0), st.lists(ranges, min_size=2, max_size=40)), max_size=6))
-def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], reported: list[Any]) -> None:
-    """Any place, heading and scan comes, in any order, with echoes that are no numbers among them."""
+def test_commands_stay_within_limits_for_any_input(cylinders: list[Cylinder], reported: list[Any]) -> None:
+    """Any position, heading and scan comes, in any order, with non-finite echoes among them."""
     for planner in planners():
         try:
             planner.begin(request(pool(cylinders)))
@@ -105,7 +105,7 @@ def test_commands_stay_within_limits_whatever_comes(cylinders: list[Cylinder], r
 
 @examples(40)
 @given(piles, st.sampled_from(["astar", "any_angle", "dstar"]))
-def test_no_way_leads_through_an_obstacle_or_nearer_than_it_may(cylinders: list[Cylinder], search: str) -> None:
+def test_paths_keep_their_clearance_from_obstacles(cylinders: list[Cylinder], search: str) -> None:
     """The world's clearance along the whole path is the reference, within half the diagonal of a cell at each end."""
     world = pool(cylinders)
     reported = request(world)
@@ -125,7 +125,7 @@ def test_no_way_leads_through_an_obstacle_or_nearer_than_it_may(cylinders: list[
 
 @settings(examples(6), phases=(Phase.generate,))  # a flight is too long to shrink
 @given(piles.filter(bool), st.integers(0, 2**31), st.sampled_from(["known", "unknown"]))
-def test_a_vehicle_so_led_touches_nothing(cylinders: list[Cylinder], seed: int, text: str) -> None:
+def test_a_vehicle_led_by_a_planner_touches_nothing(cylinders: list[Cylinder], seed: int, text: str) -> None:
     """The vehicle flies in simulated time, with all noise on, among any piles with room between, on the map or not."""
     apart = [a for i, a in enumerate(cylinders) if all(gap(a, b) > 2.2 for b in cylinders[:i])]
     scenario = load_scenario("path_planning", {"master.goal": [19.0, 18.0], "master.map": text})._replace(seed=seed)
@@ -148,7 +148,7 @@ def gap(a: Cylinder, b: Cylinder) -> float:
     return math.dist(a[:2], b[:2]) - a.radius - b.radius
 
 
-class Sent(Planner):
+class SentPlanner(Planner):
     """A planner that passes samples on after they have been bytes on the network, and compares what comes of it.
 
     Only what the planner subscribes to is sent there.
@@ -180,25 +180,25 @@ class Sent(Planner):
         return answer
 
 
-def test_a_sample_that_has_not_come_is_named() -> None:
+def test_a_missing_sample_is_reported_by_name() -> None:
     received = ReceivedSamples({"odom": 1, "imu": 2})
     assert received.get("altimeter") is None
     with pytest.raises(KeyError, match=r"no sample of 'altimeter' yet.*There are: odom, imu"):
         received["altimeter"]
 
 
-def test_what_is_no_topic_is_refused_before_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unknown_topic_is_refused_before_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Follow, "subscriptions", ("altimetre",))
     with pytest.raises(ConfigError, match="Follow: subscriptions: no topic 'altimetre'; did you mean 'altimeter'"):
         prepare(load_scenario("paper_field"))
 
 
 @pytest.mark.parametrize("name", ["path_planning", "task_scheduling"])
-def test_over_the_network_the_planner_says_the_same(name: str) -> None:
-    """One planner gets the simulator's records, another of its class what comes of them out of ROS 2 messages."""
+def test_a_planner_gives_the_same_commands_over_the_network(name: str) -> None:
+    """One planner gets the simulator's records, another of its class the same decoded from ROS 2 messages."""
     scenario = load_scenario(name, {"master.time_limit": 40.0})
     plan, other = prepare(scenario), prepare(scenario)
-    both = Sent(plan.planner, other.planner)
+    both = SentPlanner(plan.planner, other.planner)
     flight, vehicle = Flight(scenario, plan._replace(planner=both)), SimulatedVehicle(scenario)
     while not flight.reason:
         for _ in range(20):
@@ -208,7 +208,7 @@ def test_over_the_network_the_planner_says_the_same(name: str) -> None:
     assert both.commands > 700
 
 
-def test_a_planner_without_eyes_stands_still() -> None:
+def test_a_planner_without_scans_commands_zero_speed() -> None:
     planner = Avoid()
     planner.begin(request(pool([])))
     still = VelocityCommand(depth=5.0)
@@ -220,7 +220,7 @@ def test_a_planner_without_eyes_stands_still() -> None:
     assert planner.command(3.0, {"odom": odometry((1.0, 1.0, 5.0), 0.7, 3 * NS), "laser": free}) == still
 
 
-def test_walled_in_it_gives_up_and_says_why() -> None:
+def test_an_enclosed_planner_gives_up_with_a_reason() -> None:
     planner = Avoid()
     planner.begin(request(pool([]), "unknown"))
     ring = (1.0,) * 120
@@ -238,8 +238,8 @@ def test_walled_in_it_gives_up_and_says_why() -> None:
     assert 190 < tick < 260
 
 
-def test_tasks_break_off_for_an_urgent_one() -> None:
-    """A battery below its limit on the way makes the vehicle charge first, then go on, and home at the end."""
+def test_an_urgent_task_interrupts_another() -> None:
+    """A battery below its limit on the way makes the vehicle charge first, then go on, and return home at the end."""
     planner = Tasks(home=[1.0, 1.0], task=TASKS)
     planner.begin(request(pool([])))
     place, heading, charge = [1.0, 1.0], 0.0, 7.0
@@ -269,7 +269,7 @@ def test_tasks_break_off_for_an_urgent_one() -> None:
 
 
 @given(numbers, numbers, st.floats(-4.0, 4.0))
-def test_keeping_a_place_leads_there(north: float, east: float, heading: float) -> None:
+def test_hold_position_commands_towards_the_position(north: float, east: float, heading: float) -> None:
     command = hold_position((north, east), heading, (3.0, -2.0))
     speed = math.hypot(command.surge, command.sway)
     assert speed <= 0.2 + 1e-9
@@ -280,7 +280,7 @@ def test_keeping_a_place_leads_there(north: float, east: float, heading: float) 
     )
 
 
-def test_depth_and_heading_are_held_before_they_travel() -> None:
+def test_depth_and_heading_holds_become_heave_and_yaw_rate_before_sending() -> None:
     here = odometry((0.0, 0.0, 4.0), 1.0, 0)
     command = held(VelocityCommand(surge=0.3, yaw_rate=0.1, depth=5.0, heading=1.2), here)
     assert command[:4] == pytest.approx((0.3, 0.0, 0.4, 0.3))
@@ -290,7 +290,7 @@ def test_depth_and_heading_are_held_before_they_travel() -> None:
     assert held(plain, here) == plain
 
 
-def test_distance_to_a_path_by_hand() -> None:
+def test_distance_to_a_path_has_the_value_worked_out_by_hand() -> None:
     path = [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0)]
     assert distance_to_path((2.0, -1.0), path) == 1.0
     assert distance_to_path((7.0, 7.0), path) == 5.0

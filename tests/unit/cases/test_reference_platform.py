@@ -28,7 +28,7 @@ STATIONS = {"charging": (5.0, 5.0), "acquisition": (53.0, 13.0), "transmission":
         ("target_hunting_diamond", FORMATIONS["diamond"]),
     ],
 )
-def test_formations_and_target(name: str, starts: tuple[tuple[float, float], ...]) -> None:
+def test_formations_and_target_are_as_published(name: str, starts: tuple[tuple[float, float], ...]) -> None:
     scenario = load_scenario(name)
     assert tuple((member.north, member.east) for member in scenario.member) == starts
     assert scenario.hunting is not None
@@ -36,7 +36,7 @@ def test_formations_and_target(name: str, starts: tuple[tuple[float, float], ...
     assert load_world(scenario.world).extent == (-1.0, 11.0, -1.0, 11.0)
 
 
-def test_the_path_planning_field() -> None:
+def test_the_path_planning_field_is_as_published() -> None:
     scenario = load_scenario("path_planning")
     assert (scenario.start.north, scenario.start.east) == (0.0, 0.0)
     assert tuple(scenario.master.goal or ()) == (50.0, 50.0)
@@ -44,7 +44,7 @@ def test_the_path_planning_field() -> None:
     assert max(south, west) <= 0.0 <= 50.0 <= min(north, east)
 
 
-def test_the_stations_of_task_scheduling() -> None:
+def test_the_stations_of_task_scheduling_are_as_published() -> None:
     scenario = load_scenario("task_scheduling")
     tasks = {task["name"]: tuple(task["at"]) for task in scenario.planner["task"]}
     assert tasks == STATIONS
@@ -53,7 +53,7 @@ def test_the_stations_of_task_scheduling() -> None:
     assert all(south < x < north and west < y < east for x, y in tasks.values())
 
 
-def test_table_1() -> None:
+def test_table_1_is_as_published() -> None:
     found = {board.title: board[2:] for board in PAPER_BOARDS}
     assert found == {"Jetson Nano": (0.42, 3.2, 0.37, 2.0), "Raspberry Pi 4B": (0.42, 3.6, 0.59, 1.9)}
     page = PAGE.read_text()
@@ -99,13 +99,13 @@ def test_equation_12_contradicts_equation_13() -> None:
         assert printed_13(angle, radius, *motion)[2] == pytest.approx(-twelve)
 
 
-def test_equation_5_is_ours_near_the_place() -> None:
+def test_equation_5_is_ours_near_the_target() -> None:
     settings = FieldSettings()
     pull = attraction((0.3, -0.2), (0.0, 0.0), settings.attraction, settings.conic)
     assert pull == pytest.approx((-0.3 * settings.attraction, 0.2 * settings.attraction))
 
 
-def test_equation_7_as_printed_attracts_and_ours_repels() -> None:
+def test_equation_7_attracts_as_printed_and_ours_repels() -> None:
     x, y, gain, reach = 0.4, 0.3, 0.12, 0.9
 
     def potential(x: float) -> float:
@@ -118,7 +118,7 @@ def test_equation_7_as_printed_attracts_and_ours_repels() -> None:
     assert printed < 0.0 < repulsion((x, y), (5.0, 0.3), Body((0.0, 0.0), 0.0), gain, reach)[0]
 
 
-def test_equation_8_as_printed_jumps_and_ours_does_not() -> None:
+def test_equation_8_is_discontinuous_as_printed_and_ours_is_not() -> None:
     settings = FieldSettings()
     reach, at = settings.communication_range, settings.comfortable
 
@@ -131,8 +131,8 @@ def test_equation_8_as_printed_jumps_and_ours_does_not() -> None:
     assert ours(reach + 1e-9) == 0.0, "who cannot be heard does not count"
 
 
-def test_equation_2_with_its_n_forgets_its_start() -> None:
-    """A bias of 1 would be at 1 - t / tau wherever it began, with n' = -1/tau as printed."""
+def test_the_bias_is_a_gauss_markov_process_unlike_equation_2() -> None:
+    """Equation 2 as printed, n' = -1/tau, gives a bias that falls by t / tau wherever it began."""
     process = ErrorProcess(ErrorModel(bias=1.0, bias_time=10.0), 1.0, Random(2))
     bias = [process.measure(0.0) for _ in range(20_000)]
     mean = sum(bias) / len(bias)

@@ -1,4 +1,4 @@
-"""Scenarios written to files again: what is written is read back."""
+"""Scenarios written to files: what is written is read back."""
 
 import math
 from pathlib import Path
@@ -29,13 +29,13 @@ tables = st.recursive(
 
 
 @given(tables)
-def test_any_table_comes_back(tmp_path_factory: pytest.TempPathFactory, table: dict[str, Any]) -> None:
+def test_any_table_is_read_back_equal(tmp_path_factory: pytest.TempPathFactory, table: dict[str, Any]) -> None:
     path = tmp_path_factory.getbasetemp() / "any.toml"
     write_toml(str(path), table)
     assert parse_toml(path.read_text()) == table
 
 
-def test_a_variant_is_the_scenario_but_for_the_changes(tmp_path: Path) -> None:
+def test_a_variant_equals_the_scenario_except_for_its_changes(tmp_path: Path) -> None:
     pile = {"north": 1.0, "east": 9.0, "radius": 0.5, "hidden": True}
     path = write_variant("task_scheduling", str(tmp_path), {"seed": 7, "slave.node": "other"}, {"cylinder": [pile]})
     whole, varied = load_scenario("task_scheduling"), load_scenario(path)
