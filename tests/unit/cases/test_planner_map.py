@@ -1,4 +1,4 @@
-"""The planner's map of a world: obstacles and relief at its depth, hidden obstacles omitted, map files oriented right."""
+"""The planner's map of a world: obstacles and relief at its depth, hidden obstacles left out, map files oriented."""
 
 from array import array
 from math import hypot, inf, sqrt

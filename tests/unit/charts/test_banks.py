@@ -1,4 +1,4 @@
-"""Edges of land and of raised areas that lie askew to the grid: straight in the bed between the nodes, not teeth."""
+"""Edges of land and of raised areas that lie askew to the grid: the bed between the nodes is straight, not jagged."""
 
 import numpy as np
 import pytest
@@ -19,13 +19,13 @@ MIDDLE = np.array([101.3, 98.9])
 
 
 def mole(half: float = HALF, start: float = -70.0, end: float = 70.0) -> Array:
-    """Return the corners of a rectangle along ALONG through MIDDLE, the first of them twice."""
+    """Return the corners of a rectangle along ALONG through MIDDLE, the first corner repeated at the end."""
     sides = ((start, -half), (end, -half), (end, half), (start, half), (start, -half))
     return np.array([MIDDLE + a * ALONG + b * ACROSS for a, b in sides])
 
 
 def built(*land: Array) -> Grid:
-    """Return the grid of a survey of 200 m x 200 m, level but for this land."""
+    """Return the grid of a survey of 200 m x 200 m, level except for this land."""
     everywhere = (np.array([(-9.0, -9.0), (-9.0, 209.0), (209.0, 209.0), (209.0, -9.0), (-9.0, -9.0)]),)
     soundings = np.array([(n, e, DEPTH) for n in range(0, 201, 40) for e in range(0, 201, 40)], float)
     sheet = Sheet("", everywhere, (DepthArea(everywhere, 5.0, 10.0),), tuple((ring,) for ring in land))
@@ -40,7 +40,7 @@ def offsets(grid: Grid, level: float, half: float = HALF) -> Array:
 
 
 def masked(top: float) -> Grid:
-    """Return what nodes that are either in the mole or not make of it."""
+    """Return the bed for nodes that are either inside the mole or not."""
     grid = Grid(np.full((41, 41), DEPTH, np.float32), 0.0, 0.0, CELL)
     part, inside = fill((mole(),), grid.north, grid.east)
     grid.depths[part][inside] = top
@@ -77,7 +77,7 @@ def test_the_distance_to_an_edge_is_that_to_the_nearest_of_its_pieces() -> None:
 
 
 @pytest.mark.parametrize(("grid", "most"), [(built(mole()), 0.1), (raised(OUT_OF_WATER), 0.25)], ids=["land", "hazard"])
-def test_a_mole_s_water_line_is_straight_where_it_is_charted(grid: Grid, most: float) -> None:
+def test_the_water_line_of_a_mole_is_straight_as_charted(grid: Grid, most: float) -> None:
     """The bed leaves the edge by so many cells at most; its line of half the depth runs along it to 0.1 of a cell."""
     assert abs(offsets(grid, 0.0)).max() < most
     assert np.ptp(offsets(grid, 0.5 * DEPTH)) < 0.1
@@ -88,7 +88,7 @@ def test_a_mole_s_water_line_is_straight_where_it_is_charted(grid: Grid, most: f
     assert away == pytest.approx(np.full(101, DEPTH)), "two cells and a half away the bed is as it was"
 
 
-def test_what_is_always_under_water_has_its_full_height_to_its_edge() -> None:
+def test_a_submerged_area_has_its_full_height_up_to_its_edge() -> None:
     grid = raised(2.0)
     part, inside = fill((mole(),), grid.north, grid.east)
     assert (grid.depths[part][inside] == 2.0).all()
@@ -102,7 +102,7 @@ def test_a_mole_narrower_than_a_cell_has_no_gaps() -> None:
     assert crest.max() < 0.5
 
 
-def test_no_shore_where_two_pieces_of_land_meet() -> None:
+def test_there_is_no_shore_where_two_land_areas_meet() -> None:
     """No bank is made where land ends with its chart, either."""
     whole, halves = built(mole()), built(mole(end=10.0), mole(start=10.0))
     assert halves.depths == pytest.approx(whole.depths, abs=1e-6)

@@ -1,3 +1,5 @@
+"""Depth limits of a survey: areas and sheets, limits of the bed, and hazards."""
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -27,7 +29,7 @@ def filled(edges: tuple[Array, ...], north: Array, east: Array) -> NDArray[np.bo
     return mask
 
 
-def test_filling_agrees_with_asking_each_point() -> None:
+def test_filling_an_area_agrees_with_testing_each_point() -> None:
     """The area is a star with a hole, its edges in pieces, of any order and direction; nodes lie on no edge."""
     angles = np.linspace(0.0, 2.0 * np.pi, 11)
     radius = np.where(np.arange(11) % 2, 40.0, 17.0)
@@ -44,14 +46,14 @@ def test_filling_agrees_with_asking_each_point() -> None:
     assert area == pytest.approx(shoelace - 13.5 * 9.5, rel=0.03)
 
 
-def test_nothing_in_an_area_off_the_grid() -> None:
+def test_areas_off_the_grid_contain_no_nodes() -> None:
     axis = np.arange(5.0)
     assert not filled((box(10.0, 10.0, 20.0, 20.0),), axis, axis).any()
     assert not filled((), axis, axis).any()
     assert not contains((), np.zeros((3, 2))).any()
 
 
-def test_the_finer_sheet_paints_over_the_coarser() -> None:
+def test_a_finer_sheet_overrides_a_coarser_one() -> None:
     everywhere = (box(-1.0, -1.0, 101.0, 101.0),)
     middle = (box(30.0, 30.0, 60.0, 60.0),)
     coarse = Sheet("coarse", everywhere, (DepthArea(everywhere, 5.0, 10.0),), (middle,))
@@ -70,7 +72,7 @@ def test_the_finer_sheet_paints_over_the_coarser() -> None:
     assert (low.tolist(), high.tolist()) == ([20.0, 5.0], [30.0, 10.0])
 
 
-def test_the_shoal_limit_is_hard_and_the_deep_one_yields_to_soundings() -> None:
+def test_the_shoal_limit_is_strict_and_the_deep_limit_allows_soundings() -> None:
     axis = np.arange(0.0, 100.0, 5.0)
     low, high = np.full((20, 20), 5.0), np.full((20, 20), 10.0)
     deep = np.array([[50.0, 50.0, 13.0]])
@@ -90,7 +92,7 @@ def jagged(depths: Array) -> float:
     return float(max(np.abs(np.diff(depths, axis=axis)).max() for axis in (0, 1)))
 
 
-def test_limits_make_no_cliff_along_their_border() -> None:
+def test_depth_limits_make_no_cliff_along_their_border() -> None:
     """The bed rises by a ramp, not a stair, from an oblique border of 10 m or more to a level of 6 m."""
     north, east = np.meshgrid(np.arange(60.0), np.arange(60.0), indexing="ij")
     beyond = north + 0.6 * east > 48.0
@@ -104,7 +106,7 @@ def test_limits_make_no_cliff_along_their_border() -> None:
     assert jagged(settled) < 2.0
 
 
-def test_a_dredged_channel_has_sides() -> None:
+def test_a_dredged_channel_has_sloping_sides() -> None:
     """The sides of a channel of at least 9 m in flats of at most 2 m slope, within what the chart is drawn to."""
     low = np.full((40, 40), 0.0)
     low[:, 15:25] = 9.0
@@ -136,7 +138,7 @@ def test_between_the_nodes_no_sounding_is_shoaler_than_the_grid() -> None:
     assert hard.depths.min() == 19.0
 
 
-def test_a_shoal_smaller_than_a_cell_is_kept() -> None:
+def test_a_shoal_smaller_than_a_cell_stays_on_the_grid() -> None:
     axis = np.arange(0.0, 101.0, 20.0)
     everywhere, knoll = (box(-1.0, -1.0, 101.0, 101.0),), (box(48.0, 48.0, 52.0, 52.0),)
     sheet = Sheet("", everywhere, (DepthArea(everywhere, 10.0, 20.0), DepthArea(knoll, 2.0, 10.0)), ())
@@ -173,7 +175,7 @@ def hazard(kind: str, places: list[tuple[float, float]], top: float | None, edge
     return Hazard(kind, np.array(places, float), 2.0, top, edges)
 
 
-def test_where_hazards_end_up() -> None:
+def test_hazards_become_piles_boxes_or_raised_areas() -> None:
     grid = Grid(np.full((21, 21), 12.0, np.float32), 0.0, 0.0, 5.0)
     grid.depths[:, 15:] = -3.0  # land
     area = box(8.0, 8.0, 32.0, 32.0)
@@ -200,13 +202,13 @@ def test_where_hazards_end_up() -> None:
     assert (grid.depths[:, :15] == 12.0).all()
 
 
-def test_what_is_only_known_to_be_there_has_some_height() -> None:
+def test_a_hazard_of_unknown_depth_has_the_least_height() -> None:
     grid = Grid(np.full((5, 5), 9.0, np.float32), 0.0, 0.0, 5.0)
     placed = place((hazard("WRECKS", [(10.0, 10.0)], None),), grid, np.full((5, 5), 9.0))
     assert placed.cylinders[0].top == 9.0 - LEAST_HEIGHT
 
 
-def test_samples_of_lines_and_blocks_of_points() -> None:
+def test_lines_are_resampled_and_points_averaged_by_block() -> None:
     line = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
     found = resample(line, 8.0)
     assert (found[0] == line[0]).all()
@@ -217,7 +219,7 @@ def test_samples_of_lines_and_blocks_of_points() -> None:
     assert first_in_cell(points, 10.0).tolist() == [0, 2]
 
 
-def test_the_grid_keeps_to_its_areas_and_the_shoaler_of_two_soundings_in_one_place() -> None:
+def test_the_grid_stays_within_its_areas_and_uses_the_shoaler_sounding() -> None:
     edges = (box(-5.0, -5.0, 205.0, 205.0),)
     slope = np.array([(n, e, 5.0 + 0.1 * n) for n in range(0, 201, 20) for e in range(0, 201, 20)], float)
     twice = np.array([[100.0, 100.0, 9.0]])

@@ -1,4 +1,4 @@
-"""Cables, pipelines, areas and natures of a chart: what a world gets of them, in its files and out of them again."""
+"""Cables, pipelines, areas and seabed natures of a chart: what a world gets of them, and its files both ways."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def feature(kind: str, is_area: bool = False, codes: dict[str, list[int]] | None
     return Feature(kind, numbers, NOWHERE, (), is_area, codes or {}, "its name")
 
 
-def test_pipelines_lie_on_the_bed_and_buried_ones_below_it() -> None:
+def test_pipelines_lie_on_the_bed_or_are_buried_below_it() -> None:
     (pipe,) = pipelines_of(feature("PIPSOL"), [LINE])
     assert (pipe.kind, pipe.diameter, pipe.height, pipe.name) == ("pipeline", 0.6, 0.0, "its name")
     assert pipe.points == ((0.0, 0.0), (30.0, 40.0), (60.0, 40.0))
@@ -36,7 +36,7 @@ def test_pipelines_lie_on_the_bed_and_buried_ones_below_it() -> None:
     assert pipelines_of(feature("DEPCNT"), [LINE]) == []
 
 
-def test_an_area_is_a_zone_with_its_rules_and_without_its_holes() -> None:
+def test_an_area_becomes_a_zone_with_its_rules_and_without_holes() -> None:
     (zone,) = zones_of(feature("RESARE", True, {"RESTRN": [1, 7, 999]}), HOLE, 1.0)
     assert (zone.kind, zone.name, zone.rule) == ("restricted", "its name", "anchoring prohibited, entry prohibited")
     assert sorted(zone.outline) == [(0.0, 0.0), (0.0, 100.0), (100.0, 0.0), (100.0, 100.0)]
@@ -49,7 +49,7 @@ def test_an_area_is_a_zone_with_its_rules_and_without_its_holes() -> None:
     assert within(Charted((), (zone,)), (200.0, 300.0, 0.0, 50.0)).zones == ()
 
 
-def test_the_nature_of_the_bed_counts_up_to_the_next_place_and_areas_before_places() -> None:
+def test_natures_apply_to_the_nearest_point_and_areas_take_precedence() -> None:
     mud = nature_of(feature("SBDARE", codes={"NATSUR": [1, 4]}), np.array([(20.0, 20.0)]), ())
     sand = nature_of(feature("SBDARE", codes={"NATSUR": [4]}), np.array([(180.0, 20.0)]), ())
     rock = nature_of(feature("SBDARE", True, {"NATSUR": [9]}), np.empty((0, 2)), SQUARE)
@@ -71,7 +71,7 @@ def test_the_nature_of_the_bed_counts_up_to_the_next_place_and_areas_before_plac
     assert paint_natures((Nature(4, np.array([(9e5, 9e5)])),), GRID, 1.0) is None
 
 
-def test_a_world_s_files_bring_all_back(tmp_path: Path) -> None:
+def test_a_worlds_files_are_read_back_equal(tmp_path: Path) -> None:
     zones = (Zone("restricted", ((0.0, 0.0), (0.0, 10.0), (10.0, 10.0)), 'the "old" reserve'),)
     pipes = tuple(pipelines_of(feature("PIPSOL"), [LINE]))
     painted = paint_natures((Nature(9, np.array([(20.0, 20.0)])),), GRID, 1.0)

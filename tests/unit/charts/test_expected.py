@@ -1,3 +1,5 @@
+"""The expected depth where soundings are uncertain and the chart sets limits."""
+
 import numpy as np
 import pytest
 
@@ -6,7 +8,7 @@ from hil.charts.expected import Limits, expected, from_borders
 from hil.charts.sources.survey import DepthArea, Sheet, Survey
 
 
-def test_the_mean_of_a_normal_distribution_that_is_cut_off() -> None:
+def test_the_mean_of_a_clipped_normal_distribution_equals_that_of_draws() -> None:
     """The mean equals that of draws: on a limit, beyond it (which counts as on it), between both, and with no limit."""
     draws = np.random.default_rng(1).standard_normal(400_000)
     for depth, low, high in ((10.0, 10.0, 50.0), (4.0, 10.0, 50.0), (12.0, 10.0, 13.0), (30.0, -np.inf, 31.0)):
@@ -17,7 +19,7 @@ def test_the_mean_of_a_normal_distribution_that_is_cut_off() -> None:
         assert found[0] == pytest.approx(possible.mean(), abs=0.02)
 
 
-def test_where_nothing_is_uncertain_or_limited_nothing_moves() -> None:
+def test_certain_or_unlimited_depths_stay_the_same() -> None:
     depths = np.array([5.0, 20.0, 7.0, np.nan])
     open_water = Limits(np.full(4, -np.inf), np.full(4, np.inf))
     assert expected(depths, np.full(4, 3.0), open_water) == pytest.approx(depths, nan_ok=True)

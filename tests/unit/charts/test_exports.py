@@ -1,3 +1,5 @@
+"""Exports of a world: grids, meshes, GeoTIFF, pictures and Gazebo worlds."""
+
 import json
 import struct
 import sys
@@ -27,7 +29,7 @@ NORTH, EAST = np.arange(12)[:, None], np.arange(17)
 
 
 def sloping(hole: bool = True) -> Grid:
-    """Return a bed that is deeper to the north and shoaler to the east, with land in the south-east."""
+    """Return a bed that deepens to the north and shoals to the east, with land in the south-east."""
     depths = (10.0 + 1.5 * NORTH - 1.0 * EAST).astype(np.float32)
     if hole:
         depths[9, 3] = np.nan
@@ -41,7 +43,7 @@ def read_png(path: Path) -> NDArray[np.uint16]:
         return np.asarray(image)
 
 
-def test_the_grid_of_a_world() -> None:
+def test_the_grid_of_a_world_is_extracted() -> None:
     ridge = load_world("ridge")
     grid = grid_of(ridge)
     assert grid.extent == (-150.0, 150.0, -150.0, 150.0)
@@ -54,8 +56,8 @@ def test_the_grid_of_a_world() -> None:
     assert flat.extent == (-10.0, 10.0, -10.0, 10.0)
 
 
-def test_a_mesh_of_too_many_triangles_is_refused_with_what_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A world of 10,001 x 10,001 nodes, 200 million triangles, is refused before memory ends."""
+def test_a_mesh_with_too_many_triangles_is_refused_with_a_size_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A world of 10,001 x 10,001 nodes, 200 million triangles, is refused before memory runs out."""
     large = Grid(np.broadcast_to(np.float32(5.0), (10_001, 10_001)), 0.0, 0.0, 5.0)
     with pytest.raises(ConfigError, match=r"--resolution: 5 m makes a mesh of 10001 x 10001 nodes.*take 26 m"):
         triangulate(large)
@@ -63,13 +65,13 @@ def test_a_mesh_of_too_many_triangles_is_refused_with_what_fits(monkeypatch: pyt
     assert len(triangulate(sloping(hole=False))[1]) == 2 * 11 * 16
 
 
-def test_grid_values_between_the_nodes_and_outside() -> None:
+def test_grid_values_are_interpolated_and_undefined_outside() -> None:
     grid = sloping()
     assert grid.at(np.array([[-20.0, 40.0], [-17.5, 42.5], [35.0, 120.0]])) == pytest.approx([10.0, 10.25, 10.5])
     assert np.isnan(grid.at(np.array([[-20.1, 40.0], [35.0, 120.1], [24.0, 56.0]]))).all()
 
 
-def test_stl_has_the_heights(tmp_path: Path) -> None:
+def test_an_stl_file_has_the_depths(tmp_path: Path) -> None:
     path = tmp_path / "bed.stl"
     grid = sloping()
     write_stl(grid, str(path))
@@ -83,12 +85,12 @@ def test_stl_has_the_heights(tmp_path: Path) -> None:
     assert area == pytest.approx((11 * 16 * 25.0 - 6 * 12.5) * np.sqrt(1.0 + 0.3**2 + 0.2**2), rel=1e-6)
 
 
-def test_no_mesh_of_nothing() -> None:
+def test_a_grid_without_known_cells_has_no_mesh() -> None:
     with pytest.raises(ConfigError, match="no cell with four known depths"):
         triangulate(Grid(np.full((4, 4), np.nan, np.float32), 0.0, 0.0, 1.0))
 
 
-def test_glb_says_the_same(tmp_path: Path) -> None:
+def test_a_glb_file_has_the_same_triangles(tmp_path: Path) -> None:
     path = tmp_path / "bed.glb"
     grid = sloping()
     write_glb(grid, str(path))
@@ -109,7 +111,7 @@ def test_glb_says_the_same(tmp_path: Path) -> None:
     assert (points == np.column_stack([corners[:, 0], corners[:, 2], -corners[:, 1]])).all()
 
 
-def test_geotiff(tmp_path: Path) -> None:
+def test_a_geotiff_has_its_depths_and_position(tmp_path: Path) -> None:
     path = tmp_path / "bed.tif"
     grid = sloping()
     write_geotiff(grid, (59.5, -151.25), str(path))
@@ -125,7 +127,7 @@ def test_geotiff(tmp_path: Path) -> None:
         assert (projection["lat_0"], projection["lon_0"]) == (59.5, -151.25)
 
 
-def test_geotiff_without_a_place_on_the_earth(tmp_path: Path) -> None:
+def test_a_geotiff_without_an_origin_is_local(tmp_path: Path) -> None:
     path = tmp_path / "bed.tif"
     write_geotiff(sloping(), None, str(path))
     with rasterio.open(path) as source:
@@ -142,14 +144,14 @@ def test_an_export_without_its_library_names_the_extra(tmp_path: Path, monkeypat
         write_png(np.zeros((2, 2), np.uint8), str(tmp_path / "p.png"))
 
 
-def test_png_of_colours(tmp_path: Path) -> None:
+def test_a_coloured_png_is_written(tmp_path: Path) -> None:
     mpl_image = pytest.importorskip("matplotlib.image")
     colours = np.random.default_rng(1).integers(0, 256, (5, 7, 3), dtype=np.uint8)
     write_png(colours, str(tmp_path / "c.png"))
     assert np.array_equal(np.rint(mpl_image.imread(tmp_path / "c.png") * 255), colours)
 
 
-def test_gazebo_world(tmp_path: Path) -> None:
+def test_a_gazebo_world_has_terrain_and_obstacles(tmp_path: Path) -> None:
     grid = sloping()
     world = World(
         "bay", "a chart -- and more", (-20.0, 35.0, 40.0, 120.0), 30.0, origin=(59.5, -151.25),
@@ -185,7 +187,7 @@ def test_gazebo_world(tmp_path: Path) -> None:
     assert metres[-1, -1] == pytest.approx(6.0, abs=rounding * 1.01)
 
 
-def test_walls_of_a_pool_in_gazebo(tmp_path: Path) -> None:
+def test_a_pool_has_walls_in_gazebo(tmp_path: Path) -> None:
     pool = load_world("pool")
     write_gazebo(pool, grid_of(pool), str(tmp_path / "pool.sdf"))
     root = ElementTree.parse(tmp_path / "pool.sdf").getroot()
@@ -194,13 +196,13 @@ def test_walls_of_a_pool_in_gazebo(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("nodes", "side"), [(2, 3), (17, 17), (18, 33), (300, 513)])
-def test_height_maps_are_square_and_one_more_than_a_power_of_two(nodes: int, side: int) -> None:
+def test_height_maps_are_square_with_a_side_of_a_power_of_two_plus_one(nodes: int, side: int) -> None:
     image, _, _ = height_map(Grid(np.random.default_rng(1).random((2, nodes)).astype(np.float32), 0.0, 0.0, 1.0))
     assert image.shape == (side, side)
     assert (image.min(), image.max()) == (0, 65535)
 
 
-def test_free_water(tmp_path: Path) -> None:
+def test_free_water_is_deep_enough_and_clear_of_obstacles(tmp_path: Path) -> None:
     grid = sloping()
     pile, sunk = Cylinder(20.0, 60.0, 2.0), Cylinder(30.0, 45.0, 3.0, 15.0)
     mole = Box(0.0, 50.0, 20.0, 0.5, 0.4, 1.0)
@@ -223,7 +225,7 @@ def test_free_water(tmp_path: Path) -> None:
     assert (OccupancyGrid.read(str(tmp_path / "map.yaml")).cells == found.cells).all()
 
 
-def test_a_height_map_says_when_it_is_coarser_than_the_grid() -> None:
+def test_a_height_map_has_at_most_2049_nodes_a_side() -> None:
     """Gazebo takes 2^n + 1 nodes a side, and we give it 2,049 at most."""
     for side, apart in ((100, 99.0 / 128.0), (2049, 1.0), (9999, 9998.0 / 2048.0)):
         assert spacing(Grid(np.broadcast_to(np.float32(9.0), (side, 2)), 0.0, 0.0, 1.0)) == pytest.approx(apart)

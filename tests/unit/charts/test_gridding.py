@@ -1,3 +1,5 @@
+"""Interpolation of soundings to a grid, and its estimated error."""
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -25,7 +27,7 @@ def scattered(count: int) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("count", [3, 4, 40, 700])
-def test_it_goes_through_every_point(count: int) -> None:
+def test_the_surface_passes_through_every_sounding(count: int) -> None:
     points, depths = scattered(count)
     surface = Surface(points, depths)
     order = np.argsort(points[:, 0])
@@ -34,7 +36,7 @@ def test_it_goes_through_every_point(count: int) -> None:
         assert at[0, 0] == pytest.approx(depths[index], abs=1e-5)
 
 
-def test_a_plane_stays_nearly_a_plane_and_a_level_bed_is_level() -> None:
+def test_planes_and_level_beds_are_reproduced() -> None:
     points, _ = scattered(400)
     axis = np.linspace(5.0, 95.0, 40)
     level = Surface(points, np.full(400, 7.0)).evaluate(axis, axis, np.ones((40, 40), bool))
@@ -44,7 +46,7 @@ def test_a_plane_stays_nearly_a_plane_and_a_level_bed_is_level() -> None:
     assert np.abs(found - (10.0 + 0.2 * axis[:, None] - 0.1 * axis)).max() < 0.35
 
 
-def test_no_creases_between_patches() -> None:
+def test_there_are_no_creases_between_patches() -> None:
     """A fine section through many patches has no step, and slopes that change little from one mm to the next."""
     points, depths = scattered(6 * LEAF)
     surface = Surface(points, depths)
@@ -60,7 +62,7 @@ def test_no_creases_between_patches() -> None:
         assert bends.max() < 4e-4
 
 
-def test_held_out_is_what_leaving_out_gives() -> None:
+def test_held_out_errors_equal_those_of_fits_without_the_points() -> None:
     """Held-out errors equal those of fits really made without the points, in one patch whose corners hold its frame."""
     points, depths = scattered(LEAF - 4)
     corners = np.array([[0.0, 0.0], [0.0, 100.0], [100.0, 0.0], [100.0, 100.0]])
@@ -78,8 +80,8 @@ def test_held_out_is_what_leaving_out_gives() -> None:
             assert doubt.roughness[index] == pytest.approx(there.roughness[0, 0], rel=1e-5)
 
 
-def test_how_far_it_may_be_off_is_how_far_it_is() -> None:
-    """Held-out errors over their deviations have the size of one, and are nothing at the points themselves."""
+def test_the_estimated_deviation_agrees_with_the_actual_error() -> None:
+    """Held-out errors divided by their deviations have a size of one, and the deviation is zero at the soundings."""
     bed = known_bed()
     soundings = sounded(bed, 300)
     surface = Surface(soundings[:, :2], soundings[:, 2])
@@ -91,7 +93,7 @@ def test_how_far_it_may_be_off_is_how_far_it_is() -> None:
     assert (doubt.deviation(np.zeros(300)) == 0.0).all()
 
 
-def test_patches_are_widened_less_where_points_are_dense(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_patches_are_smaller_where_points_are_dense(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousand points in one corner are in far fewer patches than they would be, and all is blended."""
     random = np.random.default_rng(3)
     points = np.vstack([random.uniform(0.0, 100.0, (60, 2)), random.uniform(0.0, 10.0, (1000, 2))])
@@ -105,7 +107,7 @@ def test_patches_are_widened_less_where_points_are_dense(monkeypatch: pytest.Mon
     assert held < 0.9 * unheld
 
 
-def test_points_in_one_line_and_only_two() -> None:
+def test_collinear_points_are_gridded_and_two_points_refused() -> None:
     line = np.column_stack([np.linspace(0.0, 50.0, 30), np.zeros(30)])
     found = Surface(line, line[:, 0] / 10.0).evaluate(np.array([12.0]), np.array([0.0, 3.0]), np.ones((1, 2), bool))
     assert found[0] == pytest.approx([1.2, 1.2], abs=0.1)
@@ -113,7 +115,7 @@ def test_points_in_one_line_and_only_two() -> None:
         Surface(line[:2], np.zeros(2))
 
 
-def test_only_what_is_wanted_is_found() -> None:
+def test_only_requested_nodes_are_evaluated() -> None:
     points, depths = scattered(300)
     axis = np.linspace(0.0, 100.0, 30)
     wanted = np.random.default_rng(2).random((30, 30)) < 0.3
@@ -122,7 +124,7 @@ def test_only_what_is_wanted_is_found() -> None:
     assert part[wanted] == pytest.approx(whole[wanted], abs=1e-9)
 
 
-def test_a_known_bed_is_found_better_than_by_triangles() -> None:
+def test_a_known_bed_is_reproduced_better_than_by_triangles() -> None:
     """A bed from 300 soundings with contours each 10 m is far better than their linear interpolation."""
     from scipy.interpolate import LinearNDInterpolator
 

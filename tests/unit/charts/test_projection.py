@@ -1,3 +1,5 @@
+"""The local plane of a chart against the ellipsoid and PROJ."""
+
 from math import cos, radians, sin, sqrt
 
 import numpy as np
@@ -15,7 +17,7 @@ def radii(latitude: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("latitude", [-77.0, -33.9, 0.0, 47.3, 59.6])
-def test_short_ways_are_those_of_the_radii_of_curvature(latitude: float) -> None:
+def test_short_distances_follow_the_radii_of_curvature(latitude: float) -> None:
     plane = LocalPlane(latitude, -151.4)
     step = 1e-3  # degrees: about 100 m
     north, east = plane.to_local(np.array([latitude + step, latitude]), np.array([-151.4, -151.4 + step]))
@@ -25,7 +27,7 @@ def test_short_ways_are_those_of_the_radii_of_curvature(latitude: float) -> None
     assert (abs(east[0]), abs(north[1])) == pytest.approx((0.0, 0.0), abs=2e-3)
 
 
-def test_arcs_come_out_as_their_sines() -> None:
+def test_long_arcs_are_projected_to_their_sines() -> None:
     plane = LocalPlane(0.0, 0.0)
     angle = radians(0.25)  # along the equator, a circle
     _, east = plane.to_local(np.array([0.0]), np.array([0.25]))
@@ -33,7 +35,7 @@ def test_arcs_come_out_as_their_sines() -> None:
     assert A * angle - east[0] == pytest.approx(0.0883, abs=1e-3)  # at 28 km
 
 
-def test_it_agrees_with_proj() -> None:
+def test_the_projection_agrees_with_proj() -> None:
     warp = pytest.importorskip("rasterio.warp", reason="PROJ comes with rasterio: pip install 'uuv-hil[raster]'")
     random = np.random.default_rng(3)
     for latitude, longitude in ((59.6, -151.4), (-45.0, 179.99), (0.0, 0.0), (89.0, 10.0)):

@@ -1,4 +1,4 @@
-"""Structures and floating things of a chart: which stand in the world, in which shape, and how deep they reach."""
+"""Structures and floating objects of a chart: which are in the world, in which shape, and how deep they reach."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def ring(*corners: tuple[float, float]) -> Lines:
     return ((*corners, corners[0]),)
 
 
-def test_a_pier_stands_in_the_water_and_a_quay_is_the_land_s_edge() -> None:
+def test_a_pier_stands_in_the_water_and_a_quay_is_the_edge_of_the_land() -> None:
     """The pier reaches from the shore 40 m to the south; the wall along the shore has water on one side alone."""
     pier, quay = ((58.0, 50.0), (20.0, 50.0)), ((59.0, 10.0), (59.0, 90.0))
     for kind in ("SLCONS", "CAUSWY", "DAMCON"):
@@ -40,7 +40,7 @@ def test_a_pier_stands_in_the_water_and_a_quay_is_the_land_s_edge() -> None:
         assert abs(np.sin(box.heading)) < 1e-3
 
 
-def test_what_covers_and_what_is_always_under_water() -> None:
+def test_structures_that_cover_or_stay_submerged_have_their_tops() -> None:
     pier: Lines = (((50.0, 50.0), (20.0, 50.0)),)
     assert placed("SLCONS", pier, WATLEV=4.0).boxes[0].top == 0.0
     assert placed("SLCONS", pier, WATLEV=3.0).boxes[0].top == 3.0, "up to the shoal limit, as of a wreck"
@@ -58,7 +58,7 @@ def test_a_pontoon_floats_above_the_bed() -> None:
     assert (point.top, point.bottom) == (OUT_OF_WATER, 1.0)
 
 
-def test_marks_stand_or_float_and_a_platform_stands() -> None:
+def test_beacons_and_platforms_stand_and_buoys_float() -> None:
     """A beacon and a platform reach from the bed into the air, a buoy, and a mooring that is one, a metre down."""
     for kind in ("BCNLAT", "BCNSPP", "OFSPLF", "FSHFAC", "LNDMRK", "BUISGL"):
         (mark,) = placed(kind).cylinders
@@ -91,7 +91,7 @@ def test_an_area_that_is_no_rectangle_keeps_its_outline() -> None:
     assert apart(11.0, 25.0) <= 0.0
 
 
-def test_a_line_of_many_corners_is_drawn_with_few() -> None:
+def test_a_line_with_many_corners_is_simplified() -> None:
     """An arc of 10 degrees in 50 pieces is within half a metre of its chord."""
     angles = np.linspace(0.0, np.radians(10.0), 51)
     arc = tuple(

@@ -1,4 +1,4 @@
-"""A client waits before it believes that a vehicle refuses its commands, by a clock of the test's own."""
+"""A client waits before it reports that a vehicle refuses its commands, by a clock of the test."""
 
 import pytest
 
@@ -48,27 +48,27 @@ def started(monkeypatch: pytest.MonkeyPatch) -> "type[Vehicle]":
     return Started
 
 
-def test_a_refusal_that_ends_soon_is_none(started: type[Vehicle]) -> None:
+def test_a_short_refusal_is_not_reported(started: type[Vehicle]) -> None:
     vehicle = started(REFUSED_NS - NS_PER_S)
     vehicle.require_acceptance(pause=vehicle.pass_time)
     assert REFUSED_NS - NS_PER_S <= vehicle.now < REFUSED_NS
 
 
-def test_a_refusal_that_lasts_is_raised_with_its_reason(started: type[Vehicle]) -> None:
+def test_a_lasting_refusal_is_raised_with_its_reason(started: type[Vehicle]) -> None:
     vehicle = started(10 * REFUSED_NS)
     with pytest.raises(NetworkError, match="obeys another master"):
         vehicle.require_acceptance(pause=vehicle.pass_time)
     assert REFUSED_NS <= vehicle.now < REFUSED_NS + NS_PER_S
 
 
-def test_a_client_that_has_commanded_is_refused_at_once(started: type[Vehicle]) -> None:
+def test_a_client_that_has_commanded_reports_a_refusal_at_once(started: type[Vehicle]) -> None:
     vehicle = started(10 * REFUSED_NS, commanded=True)
     with pytest.raises(NetworkError):
         vehicle.require_acceptance(pause=vehicle.pass_time)
     assert vehicle.now == 0
 
 
-def test_another_reason_and_the_end_of_the_wait_by_what_the_pause_raises(started: type[Vehicle]) -> None:
+def test_other_reasons_and_interrupts_end_the_wait(started: type[Vehicle]) -> None:
     vehicle = started(0)
     with pytest.raises(NetworkError, match="of its own"):
         vehicle.require_acceptance(lambda: "a reason of its own", vehicle.pass_time)

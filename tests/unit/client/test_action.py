@@ -21,7 +21,7 @@ from tests.support.flights.flying import Bench
 LIMITS = Limits(acceleration=0.3)
 
 
-class Spoken(VehicleClient):
+class DirectClient(VehicleClient):
     """A client whose messages go straight to a vehicle."""
 
     def __init__(self, bench: Bench) -> None:
@@ -35,14 +35,14 @@ class Spoken(VehicleClient):
 
 
 @pytest.fixture
-def client() -> Iterator[Spoken]:
+def client() -> Iterator[DirectClient]:
     bench = Bench()
-    yield Spoken(bench)
+    yield DirectClient(bench)
     bench.command_receiver.close()
 
 
-def fly(client: Spoken, reported: Action, seconds: float) -> list[State]:
-    """Advance until it is done; return where the vehicle was on the way."""
+def fly_until_done(client: DirectClient, reported: Action, seconds: float) -> list[State]:
+    """Advance until the action is done; return where the vehicle was on the way."""
     track: list[State] = []
 
     def say(state: State) -> bool:
@@ -59,9 +59,9 @@ def farthest(track: list[State], way: list[Position]) -> float:
     return max(min(dist(state.position, point) for point in way) for state in track)
 
 
-def test_depth_and_heading_are_done_when_they_are_there(client: Spoken) -> None:
+def test_depth_and_heading_actions_end_when_both_are_reached(client: DirectClient) -> None:
     reported = actions.drive(VelocityCommand(depth=3.0, heading=2.0), 0.1)
-    track = fly(client, reported, 20.0)
+    track = fly_until_done(client, reported, 20.0)
     assert reported.done
     assert abs(track[-1].depth - 3.0) <= 0.1
     assert abs(wrap(track[-1].heading - 2.0)) <= 0.1
@@ -69,20 +69,20 @@ def test_depth_and_heading_are_done_when_they_are_there(client: Spoken) -> None:
     assert client.topics == {"cmd_vel", "cmd_depth", "cmd_heading"}
 
 
-def test_a_pose_is_done_within_its_tolerance(client: Spoken) -> None:
+def test_a_pose_action_ends_within_its_tolerance(client: DirectClient) -> None:
     reported = actions.hold_pose(PoseCommand((6.0, 6.0, 2.5), pi / 2), 0.2)
-    track = fly(client, reported, 30.0)
+    track = fly_until_done(client, reported, 30.0)
     assert reported.done
     assert dist(track[-1].position, (6.0, 6.0, 2.5)) <= 0.2
     assert dist(track[-2].position, (6.0, 6.0, 2.5)) > 0.2 or abs(track[-2].heading - pi / 2) > 0.2
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-def test_a_way_is_followed_within_a_hand(client: Spoken, smooth: bool) -> None:
+def test_a_trajectory_is_followed_within_0_35_m(client: DirectClient, smooth: bool) -> None:
     points = [(4.0, 4.0, 2.0), (7.0, 4.0, 2.5), (7.0, 7.0, 3.0), (5.0, 7.0, 2.5)]
     curve = Spline(points) if smooth else polyline(points)
     reported = actions.run_trajectory(Trajectory(curve, 0.4, LIMITS), LIMITS, 0.3)
-    track = fly(client, reported, 80.0)
+    track = fly_until_done(client, reported, 80.0)
     assert reported.done
     assert dist(track[-1].position, points[-1]) <= 0.3
     way = [curve.at(curve.length * share / 400).position for share in range(401)]
@@ -90,19 +90,19 @@ def test_a_way_is_followed_within_a_hand(client: Spoken, smooth: bool) -> None:
     assert all(min(dist(state.position, point) for state in track) < 0.35 for point in points)
 
 
-def test_a_trajectory_takes_its_time(client: Spoken) -> None:
+def test_a_trajectory_takes_its_time(client: DirectClient) -> None:
     trajectory = Trajectory(circle((6.0, 4.0, 2.0), 2.0, turns=0.5, bearing=pi), 0.4, LIMITS)
     reported = actions.run_trajectory(trajectory, LIMITS, 0.3)
-    track = fly(client, reported, 80.0)
+    track = fly_until_done(client, reported, 80.0)
     took = (track[-1].time_ns - track[0].time_ns) / 1e9
     assert took == pytest.approx(trajectory.duration, abs=2.5)
     assert client.topics == {"cmd_vel", "cmd_pose"}, "at the end it stays"
 
 
-def test_a_pursuit_turns_and_sails_ahead(client: Spoken) -> None:
+def test_a_pursuit_turns_and_moves_ahead(client: DirectClient) -> None:
     points = [(4.0, 4.0, 2.0), (7.0, 5.0, 3.0), (8.0, 8.0, 3.0)]
     reported = actions.pursue(points, 0.4, 0.8, 0.4)
-    track = fly(client, reported, 60.0)
+    track = fly_until_done(client, reported, 60.0)
     assert reported.done
     assert dist(track[-1].position, points[-1]) < 0.6
     half = min(track, key=lambda state: abs(state.position[0] - 5.5))
@@ -110,16 +110,16 @@ def test_a_pursuit_turns_and_sails_ahead(client: Spoken) -> None:
     assert max(abs(state.velocity[1]) for state in track) < 0.15, "never sideways"
 
 
-def test_thrusts_are_done_at_once(client: Spoken) -> None:
+def test_a_thrust_action_is_done_at_once(client: DirectClient) -> None:
     reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
-    assert len(fly(client, reported, 5.0)) == 1
+    assert len(fly_until_done(client, reported, 5.0)) == 1
 
 
 def endless() -> Action:
     return actions.drive(VelocityCommand(depth=500.0), 0.1)
 
 
-def test_waiting_tells_why_it_is_over() -> None:
+def test_wait_raises_why_the_action_ended() -> None:
     reported = endless()
     with pytest.raises(MissionError, match=r"within 0\.01 s; give it more time"):
         reported.wait(0.01)
@@ -133,8 +133,8 @@ def test_waiting_tells_why_it_is_over() -> None:
         reported.wait()
 
 
-def test_what_is_done_may_come_to_grief(client: Spoken) -> None:
-    """The vehicle is held by nobody once another master has taken over."""
+def test_a_done_action_can_still_fail(client: DirectClient) -> None:
+    """No master holds the vehicle by this action once another master has taken over."""
     reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
     reported.step(client, client.bench.state)
     assert reported.wait(0.0).done
@@ -145,7 +145,7 @@ def test_what_is_done_may_come_to_grief(client: Spoken) -> None:
         reported.wait()
 
 
-def test_it_can_be_awaited(client: Spoken) -> None:
+def test_an_action_can_be_awaited(client: DirectClient) -> None:
     async def both() -> Action:
         reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
         asyncio.get_running_loop().call_later(0.05, reported.step, client, client.bench.state)

@@ -15,7 +15,7 @@ def trace(sequence: int, published: int, network: int, offset: int) -> list[int]
     return [sequence, published, received, received + 20_000, received + 100_000, received + 300_000]
 
 
-def test_one_clock() -> None:
+def test_delays_by_one_clock_are_split_into_hops() -> None:
     meter = DelayMeter()
     meter.add(trace(1, 1000 * MS, 200_000, 0), sent_ns=1001 * MS, received_ns=1002 * MS)
     assert meter.totals_ns() == [500_000]
@@ -38,7 +38,7 @@ def test_two_clocks_are_distinguished_from_delay(offset: int) -> None:
     assert 0 < quantiles(meter.totals_ns()).p50_ms < 10
 
 
-def test_only_the_newest_are_kept() -> None:
+def test_only_the_newest_samples_are_stored() -> None:
     meter, whole = DelayMeter(min_commands=10), DelayMeter(min_commands=0)
     for number in range(1005):
         for one in (meter, whole):
@@ -55,7 +55,7 @@ def test_malformed_traces_are_counted() -> None:
     assert len(meter) == 0
 
 
-def test_quantiles_are_of_nearest_rank_as_everywhere() -> None:
+def test_quantiles_are_of_nearest_rank() -> None:
     q = quantiles([value * MS for value in range(1, 101)])
     assert (q.p50_ms, q.p90_ms, q.p99_ms, q.max_ms) == (50, 90, 99, 100)
     assert math.isnan(quantiles([]).p50_ms)

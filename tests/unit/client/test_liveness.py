@@ -1,4 +1,4 @@
-"""Presence of a vehicle, and its loss, by a clock of the test."""
+"""Detection of a vehicle's presence and loss, by a clock of the test."""
 
 from collections.abc import Callable
 from typing import Any, cast
@@ -43,7 +43,7 @@ class Clock:
         return False
 
 
-class Nobody:
+class FakeSession:
     """A session with links to `peers`. `failures`: so often it cannot be opened again."""
 
     name = "tcp/bench"
@@ -82,7 +82,7 @@ def run(
     seconds: float,
     answers: Callable[[], bool],
     samples: Callable[[], bool] = lambda: True,
-    session: Nobody | None = None,
+    session: FakeSession | None = None,
     is_there: bool = True,
 ) -> list[tuple[float, str]]:
     """Ping for so long a vehicle that is there; it answers and sends samples when that is true.
@@ -92,7 +92,7 @@ def run(
     reported: list[tuple[float, str]] = []
     began_s = clock.now_s
     monitor = LivenessMonitor(
-        cast(Any, session or Nobody()),
+        cast(Any, session or FakeSession()),
         "uuv1",
         ClockOffset(),
         lambda: None,
@@ -121,29 +121,29 @@ def run(
     return reported
 
 
-def test_a_vehicle_that_falls_silent_is_gone_after_the_lease(clock: Clock) -> None:
+def test_a_silent_vehicle_is_reported_lost_after_the_lease(clock: Clock) -> None:
     silent_s = clock.now_s + 5.0
     ((at_s, line),) = run(clock, 60.0, lambda: clock.now_s < silent_s)
     assert line == "uuv1 at tcp/bench is gone; trying to reach it again"
     assert 5.0 + LEASE_S - 0.2 < at_s < 5.0 + LEASE_S + 2 * GRACE_S
 
 
-def test_it_is_back_with_its_first_answer(clock: Clock) -> None:
+def test_a_lost_vehicle_is_reported_back_with_its_first_reply(clock: Clock) -> None:
     began_s = clock.now_s
     gone, back = run(clock, 60.0, lambda: not 5.0 < clock.now_s - began_s < 10.0)
     assert back[1] == f"uuv1 is back after {back[0] - gone[0]:.1f} s"
     assert 10.0 <= back[0] < 10.4
 
 
-def test_a_process_that_is_held_up_has_not_lost_it(clock: Clock) -> None:
+def test_a_pause_of_this_process_is_not_a_loss_of_the_vehicle(clock: Clock) -> None:
     """A process that is held up sends and reads nothing; the answer to its next ping is the first that can come."""
     began_s = clock.now_s
     clock.held_up = {began_s + 5.0: 0.95, began_s + 10.0: 30.0, began_s + 50.0: 2.0}
     assert run(clock, 60.0, lambda: True) == []
 
 
-def test_answers_without_samples_open_the_session_again(clock: Clock) -> None:
-    session, silent_s = Nobody("slave"), clock.now_s + 30.0
+def test_replies_without_samples_reopen_the_session(clock: Clock) -> None:
+    session, silent_s = FakeSession("slave"), clock.now_s + 30.0
     reported = run(clock, 90.0, lambda: True, lambda: clock.now_s < silent_s, session)
     assert 2 <= session.reopened <= 8, "each attempt waits longer than the one before"
     assert len(reported) == session.reopened
@@ -151,9 +151,9 @@ def test_answers_without_samples_open_the_session_again(clock: Clock) -> None:
     assert 30.0 + 2 * LEASE_S < reported[0][0] < 30.0 + 2 * LEASE_S + 2.0
 
 
-def test_samples_without_answers_open_the_session_again(clock: Clock) -> None:
-    """The other end has lost a part of what was declared: the key of the answers, and perhaps those of other topics."""
-    session, silent_s = Nobody("slave"), clock.now_s + 30.0
+def test_samples_without_replies_reopen_the_session(clock: Clock) -> None:
+    """The peer has lost a part of the declarations: the key of the replies, and perhaps those of other topics."""
+    session, silent_s = FakeSession("slave"), clock.now_s + 30.0
     gone, opened, *_ = run(clock, 60.0, lambda: clock.now_s < silent_s, session=session)
     assert "is gone" in gone[1]
     assert "had a link, but no answer came of it" in opened[1]
@@ -162,17 +162,17 @@ def test_samples_without_answers_open_the_session_again(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize(("known", "reopens"), [("uuv1", True), ("uuv2", False), ("", True)])
-def test_a_vehicle_that_a_router_knows_of_opens_the_session_again(clock: Clock, known: str, reopens: bool) -> None:
-    """A router has a link to us whether the vehicle is there or not; one that knows of none may have lost them."""
-    session, silent_s = Nobody("router"), clock.now_s + 30.0
+def test_a_silent_vehicle_behind_a_router_reopens_the_session(clock: Clock, known: str, reopens: bool) -> None:
+    """A router has a link to us whether the vehicle runs or not; a router without its token may have lost it."""
+    session, silent_s = FakeSession("router"), clock.now_s + 30.0
     session.reported = [presence_key(Presence(known, "slave", 0, "ab", "board:1"))] if known else []
     run(clock, 90.0, lambda: clock.now_s < silent_s, lambda: clock.now_s < silent_s, session)
     assert (session.reopened > 0) == reopens
 
 
-def test_another_client_of_the_session_may_open_it_again(clock: Clock) -> None:
-    """The silence from before that is no reason for another attempt."""
-    session, began_s = Nobody("slave"), clock.now_s
+def test_the_session_is_not_reopened_after_another_client_did(clock: Clock) -> None:
+    """The silence from before that reopening is no reason for another attempt."""
+    session, began_s = FakeSession("slave"), clock.now_s
 
     def samples() -> bool:
         session.openings = 1 + int((clock.now_s - began_s) / 3.0)
@@ -182,17 +182,19 @@ def test_another_client_of_the_session_may_open_it_again(clock: Clock) -> None:
     assert not session.reopened
 
 
-def test_a_session_that_could_not_be_opened_again_is_tried_at_each_look(clock: Clock) -> None:
-    session, silent_s = Nobody("slave"), clock.now_s + 30.0
+def test_a_failed_reopening_is_retried_at_each_check(clock: Clock) -> None:
+    session, silent_s = FakeSession("slave"), clock.now_s + 30.0
     session.failures = 5
     run(clock, 34.0, lambda: True, lambda: clock.now_s < silent_s, session)
     assert session.reopened == 1 + 5
 
 
 @pytest.mark.parametrize(("peers", "reopens"), [((), False), (("a",), False), (("a", "b"), True)])
-def test_a_vehicle_of_two_that_never_appears(clock: Clock, peers: tuple[str, ...], reopens: bool) -> None:
-    """It may not run; but where each that we dial has a link, one of them is it."""
-    session = Nobody(*peers)
+def test_a_vehicle_that_never_appeared_reopens_the_session_only_if_all_are_linked(
+    clock: Clock, peers: tuple[str, ...], reopens: bool
+) -> None:
+    """The vehicle may not run; but if each dialled endpoint has a link, one of them is the vehicle."""
+    session = FakeSession(*peers)
     session.has_pairs, session.dialled = True, 2
     run(clock, 20.0, lambda: False, lambda: False, session, is_there=False)
     assert (session.reopened > 0) == reopens

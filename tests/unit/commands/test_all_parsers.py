@@ -1,4 +1,4 @@
-"""One option has one name, one meaning and one default in every command, and every help fits a terminal."""
+"""Each option has one name, one meaning and one default in every command, and every help text fits a terminal."""
 
 import argparse
 import ast
@@ -62,14 +62,14 @@ def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
     return {action.option_strings[-1]: action for action in parser._actions if action.option_strings}
 
 
-def test_all_commands_are_looked_at() -> None:
+def test_all_commands_are_checked() -> None:
     names = {parser.prog.split()[1] for parser in ALL}
     assert names == set(COMMANDS)
     assert len(LEAVES) > 45
 
 
 @pytest.mark.parametrize("width", [40, 60, 80])
-def test_a_help_fits_a_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_help_fits_a_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Only one word of an example, which a shell reads as one, may be longer than a line."""
     monkeypatch.setenv("COLUMNS", str(width))
     for parser in ALL:
@@ -79,7 +79,7 @@ def test_a_help_fits_a_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> 
         assert " ".join(text.split()).endswith(" ".join(EXIT_CODES.split())), "the exit codes are in every help"
 
 
-def test_a_narrow_usage_keeps_an_option_and_its_value_together(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_narrow_usage_does_not_separate_an_option_from_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "40")
     usage = find_parser("hil.commands.tune").format_usage()
     assert " ".join(usage.split()).replace(", ", ",") == (
@@ -90,7 +90,7 @@ def test_a_narrow_usage_keeps_an_option_and_its_value_together(monkeypatch: pyte
     assert re.search(r"\[-o FILE.toml\] \[--plot FILE.png\]$", usage, flags=re.MULTILINE)
 
 
-def test_a_file_that_is_written_says_that_its_folder_must_exist() -> None:
+def test_help_of_an_output_file_states_that_its_folder_must_exist() -> None:
     for parser in LEAVES:
         for name, option in options(parser).items():
             is_checked = option.type is OUTPUT_FILE
@@ -99,7 +99,7 @@ def test_a_file_that_is_written_says_that_its_folder_must_exist() -> None:
 
 
 @pytest.mark.parametrize("words", [["--help"], ["help"], ["bench", "--help"]])
-def test_the_lists_of_commands_fit_a_terminal(
+def test_lists_of_commands_fit_a_terminal(
     words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
@@ -110,7 +110,7 @@ def test_the_lists_of_commands_fit_a_terminal(
 
 
 @pytest.mark.parametrize("words", ["sim", "bench delay", "scenario check", "topic"])
-def test_help_of_a_command(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_of_a_command_is_printed(words: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["help", *words.split()])
     assert ended.value.code == 0
@@ -125,7 +125,7 @@ def test_every_help_has_a_purpose_and_its_examples() -> None:
         assert re.search(example, text, flags=re.MULTILINE), parser.prog
 
 
-def test_every_example_is_understood(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_example_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each example is parsed by its command as typed; a comment stands behind two spaces or behind #."""
     monkeypatch.setenv("COLUMNS", "500")
     roots = {" ".join(root.prog.split()[1:]): root for root in map(find_parser, MODULES)}
@@ -141,7 +141,7 @@ def test_every_example_is_understood(monkeypatch: pytest.MonkeyPatch) -> None:
     assert understood > 150
 
 
-def test_every_option_says_what_it_is() -> None:
+def test_every_option_has_a_description() -> None:
     for parser in LEAVES:
         for action in parser._actions:
             assert action.help, f"{parser.prog} {action.option_strings or action.metavar or action.dest}"
@@ -157,20 +157,20 @@ def test_no_option_repeats_its_name_as_its_value() -> None:
             assert words == "SCENARIO" or words != name.lstrip("-").replace("-", "_").upper(), f"{parser.prog} {name}"
 
 
-def test_every_default_stands_in_the_help() -> None:
+def test_every_default_is_in_the_help() -> None:
     for parser in LEAVES:
         for action in parser._actions:
             if action.default not in (None, False, True, "", 0, 0.0, argparse.SUPPRESS, [], ()):
                 assert "[" in (action.help or ""), f"{parser.prog} {action.dest}: [{action.default}]"
 
 
-def test_one_name_for_one_thing() -> None:
+def test_the_same_option_has_the_same_name_everywhere() -> None:
     for parser in LEAVES:
         for name in options(parser):
             assert name not in OTHER_NAMES, f"{parser.prog}: {name} is called {OTHER_NAMES[name]}"
 
 
-def test_one_meaning_of_one_name() -> None:
+def test_the_same_name_has_the_same_meaning_everywhere() -> None:
     """Two commands with an option of one name read its value alike, and show it alike."""
     found: dict[str, dict[object, list[str]]] = defaultdict(lambda: defaultdict(list))
     for parser in LEAVES:
@@ -183,7 +183,7 @@ def test_one_meaning_of_one_name() -> None:
     assert not several
 
 
-def test_one_definition_of_one_option() -> None:
+def test_each_shared_option_is_defined_once() -> None:
     """An option that several commands offer with one meaning is defined once, in a function that adds it."""
     places: dict[tuple[str, str], list[str]] = defaultdict(list)
     for path in sorted(FOLDER.rglob("*.py")):
@@ -198,7 +198,7 @@ def test_one_definition_of_one_option() -> None:
     assert {option: where for option, where in places.items() if len(where) > 1} == {}
 
 
-def test_one_definition_of_the_scenario() -> None:
+def test_the_scenario_argument_is_defined_once() -> None:
     """SCENARIO, the argument of most commands, is defined in one place."""
     found = [
         path.relative_to(FOLDER.parent).as_posix()
@@ -212,7 +212,7 @@ def test_one_definition_of_the_scenario() -> None:
 ALLOWED = {"--baud", "--protocol", "--stm32", "--connect"}
 
 
-def test_the_common_options() -> None:
+def test_common_options_have_their_usual_form() -> None:
     for parser in LEAVES:
         found = options(parser)
         if "--output" in found:
@@ -227,7 +227,7 @@ def test_the_common_options() -> None:
             assert found["--listen"].metavar in ("ENDPOINT", "[HOST:]PORT", "ADDRESS")
 
 
-def test_who_reads_a_scenario_lets_it_be_changed() -> None:
+def test_every_command_that_reads_a_scenario_offers_set() -> None:
     for parser in LEAVES:
         reads = "--scenario" in options(parser) or any(action.metavar == "SCENARIO" for action in parser._actions)
         if reads and parser.prog not in UNCHANGED:
@@ -241,7 +241,7 @@ def test_who_reads_a_scenario_lets_it_be_changed() -> None:
 
 
 @pytest.mark.parametrize("command", ["sim", "campaign", "vehicle", "top", "doctor", "loopback", "board"])
-def test_json_for_other_programs(command: str) -> None:
+def test_commands_with_results_offer_json(command: str) -> None:
     (parser,) = [parser for parser in LEAVES if parser.prog == f"uuv-hil {command}"]
     assert "--json" in options(parser)
 
@@ -249,12 +249,12 @@ def test_json_for_other_programs(command: str) -> None:
 @pytest.mark.parametrize(
     "action", ["topic list", "topic echo", "topic hz", "topic call", "scenario list", "world list"]
 )
-def test_json_of_subcommands(action: str) -> None:
+def test_subcommands_with_results_offer_json(action: str) -> None:
     (parser,) = [parser for parser in LEAVES if parser.prog == f"uuv-hil {action}"]
     assert "--json" in options(parser)
 
 
-def test_the_help_names_each_command_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_help_lists_each_command_once(capsys: pytest.CaptureFixture[str]) -> None:
     assert sorted(name for names in GROUPS.values() for name in names) == sorted(COMMANDS)
     assert main([]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -1,4 +1,4 @@
-"""`uuv-hil frame`: byte tables, wire times, and bytes taken apart."""
+"""`uuv-hil frame`: byte tables, transmission times, and bytes decoded field by field."""
 
 import io
 from pathlib import Path
@@ -32,7 +32,7 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
     assert "uuv-hil frame check aa55" in capsys.readouterr().out
 
 
-def test_list(capsys: pytest.CaptureFixture[str]) -> None:
+def test_frames_are_listed_with_their_sizes(capsys: pytest.CaptureFixture[str]) -> None:
     code, text = output(capsys, "list")
     assert code == 0
     rows = {line.split()[0]: line.split() for line in text.splitlines()[1:]}
@@ -41,7 +41,7 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert rows["cobs_thrust"][1:] == ["33", "B", "39", "B", "crc32", "cobs"]
 
 
-def test_byte_tables_and_wire_times(capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_show_bytes_and_transmission_times(capsys: pytest.CaptureFixture[str]) -> None:
     code, text = output(capsys, "check", "aa55", "--thrusters", "2", "--rate", "100")
     assert code == 0
     assert "sum8 from byte 2 up to itself" in text
@@ -56,7 +56,7 @@ def test_byte_tables_and_wire_times(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_table_is_as_long_as_its_frame(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_byte_table_is_as_long_as_its_frame(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     protocol = opened(name)
     stuffing = 2 if name == "cobs_thrust" else 0  # the code byte and the delimiter
     for thrusters in (1, 7, 16):
@@ -64,7 +64,7 @@ def test_every_table_is_as_long_as_its_frame(name: str, capsys: pytest.CaptureFi
         assert f"command, {size} bytes" in output(capsys, "check", name, "--thrusters", str(thrusters))[1]
 
 
-def test_a_sound_message(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_valid_message_is_decoded(capsys: pytest.CaptureFixture[str]) -> None:
     for words in ([SOUND], SOUND.split(), ["0xAA,0x55 0x5", "0x1007", "01:f4:01", r"\x12"]):
         code, text = output(capsys, "check", "aa55", *words)
         assert code == 0
@@ -72,12 +72,14 @@ def test_a_sound_message(capsys: pytest.CaptureFixture[str]) -> None:
         assert text.endswith("9 bytes, 1 messages, 0 bytes wrong\n")
 
 
-def test_from_standard_input(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bytes_are_read_from_standard_input(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("aa5505100701\nf40112\n"))
     assert output(capsys, "check", "aa55", "-")[0] == 0
 
 
-def test_the_one_wrong_byte_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_single_wrong_byte_is_located(capsys: pytest.CaptureFixture[str]) -> None:
     data = bytearray(opened("uuv_hil").encode(ThrusterCommand(9, True, (1500, 1600))))
     data[6] = 0x03
     code, text = output(capsys, "check", "uuv_hil", data.hex())
@@ -86,7 +88,7 @@ def test_the_one_wrong_byte_is_named(capsys: pytest.CaptureFixture[str]) -> None
     assert "right if byte 6 (flags) were 0x01, not 0x03" in text
 
 
-def test_noise_cuts_and_unknown_senders(capsys: pytest.CaptureFixture[str]) -> None:
+def test_noise_cut_frames_and_unknown_messages_are_distinguished(capsys: pytest.CaptureFixture[str]) -> None:
     protocol = opened("uuv_hil")
     good = protocol.encode(ThrusterCommand(9, True, (1500,)))
     unknown = bytes.fromhex("a5 5a 03 7f 01 02 03 74 08")
@@ -105,7 +107,7 @@ def test_noise_cuts_and_unknown_senders(capsys: pytest.CaptureFixture[str]) -> N
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_byte_is_in_one_part(name: str) -> None:
+def test_every_byte_belongs_to_exactly_one_part(name: str) -> None:
     good = opened(name).encode(ThrusterCommand(9, True, (1500, 1600)))
     damaged = bytes([*good[:-3], good[-3] ^ 0x10, *good[-2:]])
     data = b"\xff\xaa" + good + damaged + good[:4] + good + b"\x00\x00" + good + good[:5]
@@ -128,7 +130,7 @@ def test_every_byte_is_in_one_part(name: str) -> None:
         (["check", "aa55", "--rate", "0"], ["--rate"]),
     ],
 )
-def test_mistakes(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+def test_wrong_arguments_are_reported(arguments: list[str], words: list[str], tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         frame.main(arguments)
     assert all(word in str(caught.value) for word in words), caught.value

@@ -1,4 +1,4 @@
-"""The dashboard for Grafana: only figures that are served, and panels that do not cover each other."""
+"""The dashboard for Grafana: it uses served metrics only, and its panels do not overlap."""
 
 import json
 from itertools import combinations
@@ -13,7 +13,7 @@ OTHERS = {"up", "cpu_share", "throttled"}  # served beside the table
 TYPES = "grafana_foundation_sdk"
 
 
-def test_every_curve_is_a_figure_that_is_served() -> None:
+def test_every_query_uses_a_metric_that_is_served() -> None:
     drawn = {figure for panel in PANELS for figure in panel.curves.values()}
     assert drawn - METRICS.keys() - OTHERS == set()
     # rates of totals only, and totals that grow for hours only as rates or as counts of rare events
@@ -21,13 +21,13 @@ def test_every_curve_is_a_figure_that_is_served() -> None:
         assert not panel.over or all(figure.endswith("_total") for figure in panel.curves.values()), panel.title
 
 
-def test_queries_are_of_the_chosen_vehicles() -> None:
+def test_queries_select_the_chosen_vehicles() -> None:
     texts = [text for panel in PANELS for text in expressions(panel).values()]
     assert all('{node=~"$node"}' in text for text in texts)
     assert 'rate(uuv_hil_commands_received_total{node=~"$node"}[1m])' in texts
 
 
-def test_panels_do_not_cover_each_other() -> None:
+def test_panels_do_not_overlap() -> None:
     places = [panel["gridPos"] for panel in json.loads(dashboard())["panels"]]
     for one, other in combinations(places, 2):
         beside = one["x"] + one["w"] <= other["x"] or other["x"] + other["w"] <= one["x"]
@@ -36,31 +36,31 @@ def test_panels_do_not_cover_each_other() -> None:
     assert max(place["x"] + place["w"] for place in places) <= 24
 
 
-def test_grafana_knows_every_key_and_unit() -> None:
-    """Grafana's own types read the dashboard and write it again: a key that they do not know would be lost."""
+def test_grafanas_types_accept_every_key_and_unit() -> None:
+    """Grafana's own types read the dashboard and write it again: a key that they do not have would be lost."""
     types = pytest.importorskip(f"{TYPES}.models.dashboard", reason="needs grafana-foundation-sdk, of Python 3.11")
     plugins, encoder = (pytest.importorskip(f"{TYPES}.cog.{name}") for name in ("plugins", "encoder"))
     plugins.register_default_plugins()
     written = json.loads(dashboard())
     read = types.Dashboard.from_json(written)
-    assert lost(written, json.loads(json.dumps(read, cls=encoder.JSONEncoder))) == []
+    assert lost_values(written, json.loads(json.dumps(read, cls=encoder.JSONEncoder))) == []
     query = pytest.importorskip(f"{TYPES}.models.prometheus").Dataquery
     assert all(isinstance(target, query) for panel in read.panels for target in panel.targets)
     units = vars(pytest.importorskip(f"{TYPES}.models.units")).values()
     assert {panel.unit for panel in PANELS} - {unit for unit in units if isinstance(unit, str)} == set()
 
 
-def lost(written: Any, read: Any, where: str = "") -> list[str]:
+def lost_values(written: Any, read: Any, where: str = "") -> list[str]:
     """Return the places whose values the reader does not have."""
     if isinstance(written, dict):
         return [
             place for key, value in written.items()
-            for place in (lost(value, read[key], f"{where}.{key}") if key in read else [f"{where}.{key}"])
+            for place in (lost_values(value, read[key], f"{where}.{key}") if key in read else [f"{where}.{key}"])
         ]  # fmt: skip
     if isinstance(written, list) and len(written) == len(read):
         return [
             place
             for row, (one, other) in enumerate(zip(written, read, strict=True))
-            for place in lost(one, other, f"{where}[{row}]")
+            for place in lost_values(one, other, f"{where}[{row}]")
         ]
     return [] if written == read else [where]

@@ -25,23 +25,23 @@ def endpoints_of(*words: str) -> list[str]:
     return scenario_and_endpoints(parser.parse_args(words))[1]
 
 
-def test_a_scenario_is_reached_where_its_slave_listens(tmp_path: Path) -> None:
+def test_a_scenario_gives_the_endpoint_of_its_slave(tmp_path: Path) -> None:
     path, port = scenario(tmp_path)
     assert endpoints_of("--scenario", path) == [f"tcp/127.0.0.1:{port}"]
 
 
-def test_a_scenario_with_a_router_is_reached_there(tmp_path: Path) -> None:
+def test_a_scenario_with_a_router_gives_the_routers_endpoint(tmp_path: Path) -> None:
     path, _ = scenario(tmp_path, ROUTER)
     assert endpoints_of("--scenario", path) == ["tcp/127.0.0.1:7448"]
 
 
-def test_what_is_named_is_dialled(tmp_path: Path) -> None:
+def test_the_connect_option_overrides_the_scenario(tmp_path: Path) -> None:
     path, _ = scenario(tmp_path, ROUTER)
     assert endpoints_of("--scenario", path, "--connect", "10.0.0.1") == ["tcp/10.0.0.1:7447"]
     assert endpoints_of() == [LOCAL_SLAVE]
 
 
-def test_a_fleet_without_a_router_names_the_endpoints_of_its_vehicles() -> None:
+def test_a_fleet_without_a_router_gives_its_vehicles_endpoints() -> None:
     with pytest.raises(ConfigError, match="--connect"):
         endpoints_of("--scenario", "target_hunting")
 
@@ -52,7 +52,7 @@ def reach(*words: str) -> Reach:
     return reach_of(parser.parse_args(words))[1]
 
 
-def test_a_fleet_is_reached_by_the_options_or_else_by_the_scenario(tmp_path: Path) -> None:
+def test_a_fleets_endpoint_is_the_option_or_else_the_scenarios(tmp_path: Path) -> None:
     path, port = scenario(tmp_path, '[security]\nslave = "keys/rov"\nmaster = "keys/base"\nmay_command = ["base"]\n')
     assert reach() == Reach([LOCAL_SLAVE], routed=False, keys="")
     assert reach("--routed", "--keys", "mine") == Reach([LOCAL_SLAVE], routed=True, keys="mine")

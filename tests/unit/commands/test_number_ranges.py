@@ -1,4 +1,4 @@
-"""Every number that a person can write in a file has a range, and what is outside it is refused by its key."""
+"""Every number in a file that a person writes has a range, and a value outside it is refused by its key."""
 
 import importlib
 import math
@@ -62,13 +62,13 @@ def keys() -> list[tuple[type[Any], str]]:
     ]
 
 
-def test_the_records_are_found(keys: list[tuple[type[Any], str]]) -> None:
+def test_the_records_with_ranges_are_found(keys: list[tuple[type[Any], str]]) -> None:
     names = {record.__name__ for record, _ in keys}
     assert names >= {"Vehicle", "Thruster", "Fin", "World", "Scenario", "Master", "Slave", "Start", "Member", "Network"}
     assert len(keys) > 250
 
 
-def test_no_number_of_a_file_is_without_a_range(keys: list[tuple[type[Any], str]]) -> None:
+def test_every_number_of_a_file_has_a_range(keys: list[tuple[type[Any], str]]) -> None:
     bare = {
         f"{record.__module__}.{record.__name__}.{key}"
         for record, key in keys
@@ -90,7 +90,7 @@ def filled(annotation: Any, value: Any) -> Any:
     return value
 
 
-def test_what_is_no_size_of_anything_is_refused_by_its_key(keys: list[tuple[type[Any], str]]) -> None:
+def test_values_out_of_range_are_refused_by_their_key(keys: list[tuple[type[Any], str]]) -> None:
     for record, key in keys:
         annotation = annotations(record)[key]
         alone: Any = NamedTuple("alone", [(key, annotation)])  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""`uuv-hil tune` from the outside: the table, the file that a scenario can use, the picture, and what it refuses."""
+"""`uuv-hil tune` as a command: the table, the file that a scenario can use, the picture, and its errors."""
 
 from pathlib import Path
 
@@ -16,7 +16,9 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     return code, out.out, out.err
 
 
-def test_a_table_a_vehicle_file_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tune_prints_a_table_and_writes_a_vehicle_file_and_a_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     output, picture = tmp_path / "tuned.toml", tmp_path / "steps.png"
     code, out, err = run(capsys, "paper_six", "--axis", "heave", "--axis", "depth", "-o", output, "--plot", picture)
     assert (code, err) == (0, "")
@@ -55,14 +57,16 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
         (("paper_six", "--seed", "one"), 2, "expected a whole number from 0"),
     ],
 )
-def test_what_it_refuses(arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_arguments_are_refused(
+    arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     found, _, err = run(capsys, *arguments)
     assert found == code
     assert words in err
     assert "Traceback" not in err
 
 
-def test_a_scenario_is_no_vehicle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scenario_in_place_of_a_vehicle_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "mine.toml"
     path.write_text('vehicle = "paper_six"\nworld = "pool"\n')
     code, _, err = run(capsys, path)

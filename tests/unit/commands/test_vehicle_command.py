@@ -1,4 +1,4 @@
-"""`uuv-hil vehicle` as a person and a program see it."""
+"""`uuv-hil vehicle` as a person and a program see its output."""
 
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, 
     return code, captured.out, captured.err
 
 
-def test_alone_it_lists_every_preset(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_arguments_every_preset_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys)
     assert code == 0
     names = [line.split()[0] for line in out.splitlines()[1:] if line.startswith("  ") and line[2] != " "]
@@ -29,7 +29,7 @@ def test_alone_it_lists_every_preset(capsys: pytest.CaptureFixture[str]) -> None
 
 
 @pytest.mark.parametrize("name", preset_names("sim/vehicles"))
-def test_a_preset_as_text(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_preset_is_printed_as_text(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, name)
     vehicle, _ = load_vehicle(name)
     assert code == 0
@@ -40,7 +40,7 @@ def test_a_preset_as_text(name: str, capsys: pytest.CaptureFixture[str]) -> None
     assert (f"cannot be driven alone: {', '.join(idle)}\n" in out) == bool(idle)
 
 
-def test_what_is_printed_of_one(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_preset_is_printed_with_mass_size_weight_and_rank(capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = run(capsys, "bluerov2_heavy")
     for words in ("13.5 kg", "0.457 x 0.575 x 0.254 m", "0.98 N heavy in water of 1000", "rank 6 of 6", "51.44 N"):
         assert words in out
@@ -48,7 +48,7 @@ def test_what_is_printed_of_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert "2.70 N light in water of 1028" in out
 
 
-def test_json_is_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_output_has_the_same_figures(capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = run(capsys, "paper_six", "--json")
     table = json.loads(out)
     assert table["mass"] == 9.7
@@ -57,7 +57,7 @@ def test_json_is_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert table["reach"]["surge"]["speed"][0] == pytest.approx(2.208, abs=1e-3)
 
 
-def test_the_picture_is_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_plot_is_a_png_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     image = pytest.importorskip("matplotlib.image")
     path = tmp_path / "seven.png"
     code, _, _ = run(capsys, "paper_seven", "--plot", str(path))
@@ -80,7 +80,7 @@ def test_import_writes_a_vehicle_file(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "cannot be driven alone: sway, roll, pitch, yaw" in out
 
 
-def test_import_writes_both_files_or_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_import_writes_both_files_or_neither(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, flight = tmp_path / "mine.toml", tmp_path / "folder"
     flight.mkdir()
     for bad in (flight, Path("/proc/no/flight.toml")):
@@ -89,7 +89,9 @@ def test_import_writes_both_files_or_none(tmp_path: Path, capsys: pytest.Capture
         assert list(tmp_path.iterdir()) == [flight]
 
 
-def test_import_asks_for_what_is_missing_and_takes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_import_lists_missing_keys_and_accepts_them_from_a_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     code, _, err = run(capsys, "--import", str(VECTORS / "hydra_gz.urdf"))
     assert code == 2
     assert "does not say volume" in err
@@ -115,7 +117,7 @@ def test_import_asks_for_what_is_missing_and_takes_it(tmp_path: Path, capsys: py
         (["--import", str(VECTORS / "hydra.urdf"), "-o", "/proc/no/such"], "/proc/no/such: cannot be written"),
     ],
 )
-def test_errors_are_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_error_is_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = run(capsys, *arguments)
     assert (code, out) == (2, "")
     assert err.startswith("uuv-hil vehicle: ")

@@ -1,4 +1,4 @@
-"""Tables fit the terminal and lose nothing."""
+"""Tables fit the terminal and lose no text."""
 
 import pytest
 from hypothesis import given
@@ -11,13 +11,13 @@ TABLES = st.integers(1, 6).flatmap(lambda n: st.lists(st.lists(CELL, min_size=n,
 
 
 @given(TABLES, st.integers(60, 120))
-def test_no_line_is_longer_than_the_terminal_and_no_letter_is_lost(rows: list[list[str]], width: int) -> None:
+def test_no_line_exceeds_the_terminal_and_no_character_is_lost(rows: list[list[str]], width: int) -> None:
     lines = aligned(rows, width=width)
     assert max(map(len, lines)) <= max(width, len(rows[0]) * (LEAST + len(GAP)))
     assert sorted("".join(map("".join, rows)).replace(" ", "")) == sorted("".join(lines).replace(" ", ""))
 
 
-def test_words_stay_whole_while_there_is_room() -> None:
+def test_words_are_not_broken_while_there_is_room() -> None:
     rows = [("topic", "type"), ("/uuv1/dvl", "marine_acoustic_msgs/msg/Dvl"), ("/uuv1/imu", "sensor_msgs/msg/Imu")]
     assert aligned(rows, rule=True, width=34) == [
         "topic      type",
@@ -28,17 +28,17 @@ def test_words_stay_whole_while_there_is_room() -> None:
     ]
 
 
-def test_numbers_at_the_right_and_an_indent() -> None:
+def test_numbers_are_right_aligned_and_rows_indented() -> None:
     assert aligned([("a", "1.50"), ("bb", "22.75")], right=True, indent="  ") == ["   a   1.50", "  bb  22.75"]
 
 
 @pytest.mark.parametrize(("columns", "longest"), [("40", 40), ("200", 100)])
-def test_the_terminal_says_how_wide(columns: str, longest: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_width_is_that_of_the_terminal(columns: str, longest: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", columns)
     assert max(map(len, aligned([("word " * 20,)]))) == pytest.approx(longest, abs=6)
 
 
-def test_without_a_terminal_there_are_eighty(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_terminal_the_width_is_80(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setattr("sys.__stdout__", None)
     assert 75 <= max(map(len, aligned([("word " * 30,)]))) <= 80

@@ -1,4 +1,4 @@
-"""Every option of every command takes only what it can mean: checked for all of them by asking the parsers."""
+"""Every option of every command accepts only valid values: checked for all of them through their parsers."""
 
 import argparse
 import re
@@ -26,7 +26,7 @@ VALUES = ["nan", "inf", "-inf", "-1", "0", "1e12", "x", "", "9" * 5000, "0x10", 
 
 
 class CapturedError(Exception):
-    """An error that holds the parser of a command, before it reads anything."""
+    """An error that holds the parser of a command, raised before it reads anything."""
 
 
 class AcceptedError(Exception):
@@ -54,7 +54,7 @@ def commands() -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def parser_of(module: str) -> Parser:
-    """Return the parser that a command reads its command line with, caught as it is about to."""
+    """Return the parser that a command reads its command line with, intercepted before it does."""
 
     def catch(self: Parser, *_: Any) -> None:
         raise CapturedError(self)
@@ -85,7 +85,7 @@ NUMBERS = [
 ]
 
 
-def test_every_option_is_a_text_a_choice_or_has_a_checked_type() -> None:
+def test_every_option_is_text_a_choice_or_has_a_checked_type() -> None:
     for option in OPTIONS:
         kind = option.action.type
         assert kind not in (int, float), f"{option.words} {option.name}: use a type of hil/common/options.py"
@@ -96,7 +96,7 @@ def test_every_option_is_a_text_a_choice_or_has_a_checked_type() -> None:
 
 
 def command_line(option: Option, value: str) -> list[str]:
-    """Return a command line with that option, and a word for everything that has to be there."""
+    """Return a command line with that option, and a value for every required argument."""
     inner = option.parser
     required = [action for action in inner._actions if action.required and action is not option.action]
     words = [*option.words, f"{option.name}={value}"]
@@ -113,7 +113,7 @@ def accept(self: Parser, *arguments: Any) -> None:
 original_parse_args = Parser.parse_args
 
 
-def test_a_number_is_in_its_range_or_a_line_with_exit_code_2(
+def test_a_number_out_of_range_gives_one_line_and_exit_code_2(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Parser, "parse_args", accept)
@@ -163,7 +163,7 @@ def check_numbers(option: Option, capsys: pytest.CaptureFixture[str]) -> None:
         (parser.place, "59.6,-151.4", (59.6, -151.4)),
     ],
 )
-def test_what_is_meant(kind: Any, text: str, value: Any) -> None:
+def test_valid_texts_are_parsed(kind: Any, text: str, value: Any) -> None:
     assert kind(text) == value
 
 
@@ -189,14 +189,16 @@ def test_what_is_meant(kind: Any, text: str, value: Any) -> None:
         (List(parser.whole(0, 9), most=2), "1,2,3"),
     ],
 )
-def test_what_cannot_be_meant(kind: Any, text: str) -> None:
+def test_invalid_texts_are_refused_in_a_short_message(kind: Any, text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError) as error:
         kind(text)
     assert len(str(error.value)) < 300
 
 
 @pytest.mark.parametrize("more", [[], ["--member="]], ids=["without argparse", "with argparse"])
-def test_the_slave_checks_its_endpoint_either_way(more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_slave_checks_its_endpoint_with_and_without_argparse(
+    more: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert cli.main(["slave", "paper_field", "--listen", "tcp/127.0.0.1:99999", *more]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("uuv-hil slave: --listen: endpoint 'tcp/127.0.0.1:99999' is not of the form tcp/HOST:PORT")
@@ -223,7 +225,7 @@ def test_the_slave_checks_its_endpoint_either_way(more: list[str], capsys: pytes
         (["bench", "delay", "--stm32", "pyton"], "python"),
     ],
 )
-def test_did_you_mean(words: list[str], meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_similar_name_is_suggested(words: list[str], meant: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"did you mean '{meant}'?" in line
@@ -239,12 +241,12 @@ def test_did_you_mean(words: list[str], meant: str, capsys: pytest.CaptureFixtur
         (["keys", "ad"], "ACTION: 'ad' is not one of init, add; did you mean 'add'?; see"),
     ],
 )
-def test_what_is_not_known_is_named_once(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_name_is_reported_once(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(words) == 2
     assert capsys.readouterr().err.startswith(f"uuv-hil {words[0]}: {line}")
 
 
-def test_long_examples_are_broken_as_a_shell_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_examples_are_wrapped_as_a_shell_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "62")
     examples = "examples:\n  uuv-hil topic pub /uuv1/cmd_vel geometry_msgs/msg/Twist '{linear: {x: 0.5}}'    drive\n"
     text = new_parser("x", "", examples).format_help()
@@ -256,7 +258,7 @@ def test_long_examples_are_broken_as_a_shell_reads_them(monkeypatch: pytest.Monk
     ]
 
 
-def test_help_breaks_no_word_at_its_hyphens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_help_does_not_break_words_at_hyphens(monkeypatch: pytest.MonkeyPatch) -> None:
     """A file name or a command that goes over two lines cannot be copied."""
     monkeypatch.setenv("COLUMNS", "60")
     about = "Write what each member of the fleet says to ~/.cache/uuv-hil/fleet.log."
@@ -267,15 +269,15 @@ def test_help_breaks_no_word_at_its_hyphens(monkeypatch: pytest.MonkeyPatch) -> 
         assert word in text
 
 
-def test_help_sets_no_table_as_prose() -> None:
+def test_help_does_not_wrap_tables_as_prose() -> None:
     """A paragraph of an epilog is wrapped; rows with columns in it would run together."""
     for words, module in commands():
         prose = [line for line in (parser_of(module).epilog or "").splitlines() if line[:1] not in ("", " ")]
         assert not [line for line in prose if re.search(r"\w   *\w", line)], words
 
 
-def test_every_file_that_is_written_is_tried_first() -> None:
-    """The metavar of an option tells that it names a file to write."""
+def test_every_output_file_is_checked_first() -> None:
+    """The metavar of an option shows that it names a file to write."""
     written = [
         option for option in OPTIONS if option.action.dest in ("output", "plot", "csv", "markdown")
         and str(option.action.metavar).startswith("FILE") and option.action.metavar != "FILE|DIR"

@@ -1,4 +1,4 @@
-"""Classes of a user's own: what is none is not made, and none is loaded where that is refused."""
+"""Classes of a user: an invalid class is not instantiated, and none is loaded where loading is refused."""
 
 import re
 import threading
@@ -31,7 +31,7 @@ def load(name: str, **arguments: Any) -> Any:
     ("name", "words"),
     [("subprocess:Popen", "has no method 'begin'"), ("subprocess:check_call", "is no class"), ("os:path", "no class")],
 )
-def test_what_does_not_follow_the_contract_is_never_called(tmp_path: Path, name: str, words: str) -> None:
+def test_a_class_that_does_not_follow_the_contract_is_never_called(tmp_path: Path, name: str, words: str) -> None:
     trace = tmp_path / "trace"
     key = "args" if name == "subprocess:Popen" else "popenargs"
     with pytest.raises(ConfigError, match=rf"mine\.toml: force: {name} .*{words}"):
@@ -39,7 +39,7 @@ def test_what_does_not_follow_the_contract_is_never_called(tmp_path: Path, name:
     assert not trace.exists()
 
 
-def test_where_it_is_refused_nothing_is_imported() -> None:
+def test_nothing_is_imported_while_loading_is_refused() -> None:
     here = f"{__name__}:Good"
     reported = re.escape(f"mine.toml: force: class {here!r} is not loaded: because")
     with refusing("because"):
@@ -64,7 +64,7 @@ def test_where_it_is_refused_nothing_is_imported() -> None:
         ("from os import nothing_there", "mend its imports"), ("def x(", "was never closed"),
     ],
 )  # fmt: skip
-def test_a_module_that_does_not_load_says_why(
+def test_a_module_that_fails_to_load_is_reported_with_the_cause(
     text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The error names the cause; such a module is not reported as missing."""
@@ -75,12 +75,14 @@ def test_a_module_that_does_not_load_says_why(
     assert "PYTHONPATH" not in str(error.value)
 
 
-def test_a_module_that_is_missing_says_where_it_is_looked_for() -> None:
+def test_a_missing_module_is_reported_with_the_search_path() -> None:
     with pytest.raises(ConfigError, match="No module named 'nowhere_at_all'; it has to be on PYTHONPATH"):
         load("nowhere_at_all:Class")
 
 
-def test_an_error_as_a_module_loads_is_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_while_a_module_loads_is_attributed_to_that_module(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(plugins, "loaded", set())  # without the names of other tests
     (tmp_path / "unfinished.py").write_text("import json\njson.loads('{')\n")
     monkeypatch.syspath_prepend(tmp_path)
@@ -91,7 +93,7 @@ def test_an_error_as_a_module_loads_is_its_own(tmp_path: Path, monkeypatch: pyte
     assert (Path(own.tb_frame.f_code.co_filename).name, own.tb_lineno) == ("unfinished.py", 2)
 
 
-def test_an_error_of_the_project_is_no_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_of_the_project_is_not_attributed_to_a_user_module(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "loaded", {"hil.common.plugins", "json"})
     with pytest.raises(ConfigError) as caught:
         load("no_such_module:Good")

@@ -30,7 +30,7 @@ class Thing(NamedTuple):
         return "name is empty" if not self.name else None
 
 
-def test_reads_numbers_text_units_tables_and_arrays() -> None:
+def test_numbers_text_units_tables_and_arrays_are_read() -> None:
     table = {
         "name": "a",
         "link": {"watchdog": "500 ms", "angle": "90 deg"},
@@ -77,7 +77,7 @@ def test_reads_numbers_text_units_tables_and_arrays() -> None:
         ({"name": ""}, ["name is empty"]),
     ],
 )
-def test_mistakes_are_named(table: dict[str, Any], words: list[str]) -> None:
+def test_mistakes_are_reported_with_file_and_key(table: dict[str, Any], words: list[str]) -> None:
     with pytest.raises(ConfigError) as caught:
         parse(table, Thing, "thing.toml")
     message = str(caught.value)
@@ -86,7 +86,7 @@ def test_mistakes_are_named(table: dict[str, Any], words: list[str]) -> None:
     assert all(word in message for word in words), message
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_files_are_reported(tmp_path: Path) -> None:
     broken = tmp_path / "broken.toml"
     broken.write_text("name = \n")
     binary = tmp_path / "binary.toml"

@@ -1,4 +1,4 @@
-"""A TOML file that was read is cached parsed, and never used when it should not be."""
+"""The cache of parsed TOML files: used when valid, and never when the file has changed."""
 
 import os
 import sys
@@ -23,14 +23,14 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_second_reading_needs_no_parser(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_second_read_uses_the_cache(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert read_table(str(file)) == {"a": 1}
     monkeypatch.setitem(sys.modules, "tomllib" if sys.version_info >= (3, 11) else "tomli", None)
     assert read_table(str(file)) == {"a": 1}
 
 
 @pytest.mark.parametrize(("most", "most_bytes"), [(10, 1 << 20), (1000, 600)], ids=["number", "size"])
-def test_the_oldest_go_when_there_are_too_many(
+def test_the_oldest_cached_tables_are_removed_beyond_the_limits(
     most: int, most_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tables, "MOST_CACHED", most)
@@ -51,7 +51,7 @@ def test_the_oldest_go_when_there_are_too_many(
     assert program.exists(), "is no file that was parsed"
 
 
-def test_what_is_large_is_not_cached(tmp_path: Path) -> None:
+def test_large_files_are_not_cached(tmp_path: Path) -> None:
     path = tmp_path / "large.toml"
     path.write_text(f"a = '{'x' * tables.LARGEST_CACHED}'\n")
     read_table(str(path))
@@ -67,14 +67,14 @@ def test_a_changed_file_is_read_again(file: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [b"", b"\xff", b"i\x01\x00\x00\x00", b"(\x00\x00\x00\x00"])
-def test_a_damaged_copy_is_not_used(file: Path, damage: bytes) -> None:
+def test_a_damaged_cache_entry_is_not_used(file: Path, damage: bytes) -> None:
     read_table(str(file))
     Path(cache_path(str(file))).write_bytes(damage)
     assert read_table(str(file)) == {"a": 1}
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can give a file away")
-def test_the_copy_of_another_user_is_not_used(file: Path) -> None:
+def test_a_cache_entry_of_another_user_is_not_used(file: Path) -> None:
     read_table(str(file))
     copy = Path(cache_path(str(file)))
     os.chown(copy, 12345, 12345)
@@ -82,7 +82,7 @@ def test_the_copy_of_another_user_is_not_used(file: Path) -> None:
     assert read_table(str(file)) == {"a": 1}
 
 
-def test_what_cannot_be_cached_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_that_cannot_be_cached_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     dated = tmp_path / "dated.toml"
     dated.write_text("day = 2026-01-01\n")
     assert read_table(str(dated))["day"].year == 2026
@@ -91,7 +91,7 @@ def test_what_cannot_be_cached_is_read_all_the_same(tmp_path: Path, monkeypatch:
     assert read_table(str(dated)) == {"a": 3}
 
 
-def test_a_file_that_went_is_missed(file: Path) -> None:
+def test_a_deleted_file_is_reported_although_cached(file: Path) -> None:
     read_table(str(file))
     file.unlink()
     with pytest.raises(ConfigError, match="no such file"):
@@ -101,7 +101,7 @@ def test_a_file_that_went_is_missed(file: Path) -> None:
 # -- files that are written --------------------------------------------------------------------------------------------
 
 
-def test_an_output_is_tried_and_not_left_behind(tmp_path: Path) -> None:
+def test_checking_an_output_file_leaves_no_file_behind(tmp_path: Path) -> None:
     there = tmp_path / "there.json"
     there.write_text("earlier")
     assert [output_file(str(path)) for path in (tmp_path / "new.json", there)]
@@ -120,7 +120,7 @@ def test_an_output_is_tried_and_not_left_behind(tmp_path: Path) -> None:
         ("a\0b", "a zero byte is in its name"),
     ],
 )
-def test_an_output_that_cannot_be(tmp_path: Path, place: str, reason: str) -> None:
+def test_an_output_that_cannot_be_written_is_refused(tmp_path: Path, place: str, reason: str) -> None:
     """The output is refused at once, also a pipe that nobody reads; and no folder is made."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("")
@@ -133,7 +133,7 @@ def test_an_output_that_cannot_be(tmp_path: Path, place: str, reason: str) -> No
     assert set(tmp_path.iterdir()) == before
 
 
-def test_what_others_read_meanwhile_is_no_such_pipe() -> None:
+def test_a_pipe_with_a_reader_is_accepted_as_output() -> None:
     """The pipe may be `>(gzip > flight.csv.gz)` of a shell, or /dev/stdout."""
     reader, writer = os.pipe()
     try:

@@ -1,4 +1,4 @@
-"""Foreign text cannot drive a terminal, forge a line of a log, or fill it."""
+"""Text from others cannot control a terminal, forge a log line, or fill a log."""
 
 import pytest
 
@@ -20,12 +20,12 @@ from hil.slave.log import Log
         ("x" * 300, "x" * 197 + "..."),
     ],
 )
-def test_text_of_others_is_cleaned(text: str, shown: str) -> None:
+def test_text_from_others_is_cleaned(text: str, shown: str) -> None:
     assert clean(text) == shown
     assert aligned([[text]], width=300) == [shown]
 
 
-def test_a_line_of_the_log_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_message_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     written = Log("slave")
     written.write_line("master evil\n[    0.000] slave: ready\x1b]0;owned\x07 is there")
     written.write_line("y" * 5000)
@@ -35,7 +35,7 @@ def test_a_line_of_the_log_is_one_line(capsys: pytest.CaptureFixture[str]) -> No
     assert len(second) < 1100
 
 
-def test_a_flood_of_lines_is_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_flood_of_log_lines_is_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     now = [0]
     monkeypatch.setattr(log, "now_ns", lambda: now[0])
     written = Log("slave")
@@ -51,7 +51,7 @@ def test_a_flood_of_lines_is_counted(monkeypatch: pytest.MonkeyPatch, capsys: py
     assert capsys.readouterr().err.splitlines()[0].endswith("calm again")
 
 
-def test_a_presence_of_others_is_plain_and_short() -> None:
+def test_presence_names_from_others_are_cleaned_and_shortened() -> None:
     honest = Presence("uuv1", "master", 0, "ab" * 16, "laptop:42")
     assert read_presence(presence_key(honest)) == honest
     evil = read_presence("uuv_hil/uuv\x1b1/alive/master/0/" + "ab" * 16 + "/\x1b[31m\nslave: ready" + "z" * 500)

@@ -1,4 +1,4 @@
-"""Whatever stands in the files of a machine: the doctor says that it cannot tell, or leaves it out."""
+"""Garbage in the files of a machine: the doctor reports that it cannot determine a fact, or omits it."""
 
 import json
 import os
@@ -82,8 +82,8 @@ def can(details: object) -> str:
         ("sys/fs/cgroup/cgroup.controllers", "\0memory\0"),
     ],
 )
-def test_odd_files(board: Path, path: str, text: str) -> None:
-    """There is no traceback, and no problem out of what cannot be understood."""
+def test_unreadable_files_cause_no_problem_report(board: Path, path: str, text: str) -> None:
+    """There is no traceback, and no problem is reported for text that cannot be parsed."""
     healthy = {row.topic for row in examine(Tree(str(board))) if row.level == "problem"}
     assert {"CAN"}.isdisjoint(healthy)
     plant(board, path, text)
@@ -98,7 +98,7 @@ def test_odd_files(board: Path, path: str, text: str) -> None:
         ({"bittiming": {"bitrate": 250_000}}, ["bit rate and state are unknown", "runs at 250000 bit/s"]),
     ],
 )
-def test_half_of_what_there_is_to_know_of_a_can_bus(board: Path, details: object, texts: list[str]) -> None:
+def test_incomplete_can_details_are_reported_as_far_as_known(board: Path, details: object, texts: list[str]) -> None:
     plant(board, IP, can(details))
     found = [row.text for row in examine(Tree(str(board))) if row.topic == "CAN"]
     assert len(found) == len(texts)
@@ -106,7 +106,7 @@ def test_half_of_what_there_is_to_know_of_a_can_bus(board: Path, details: object
 
 
 @pytest.mark.parametrize("answer", ["", "Power save: perhaps", "odd"])
-def test_a_wlan_that_says_nothing_understandable(board: Path, answer: str) -> None:
+def test_unreadable_wlan_power_saving_is_reported_as_undetermined(board: Path, answer: str) -> None:
     plant(board, "commands/iw_dev_wlan0_get_power_save", answer)
     (found, _) = [row for row in examine(Tree(str(board))) if row.topic == "wlan"]
     assert (found.level, found.text) == ("note", "wlan0: power saving cannot be determined")
@@ -147,7 +147,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @examples(75)
 @given(data=st.data())
-def test_any_text_in_any_file(recorded: str, data: st.DataObject) -> None:
+def test_any_text_in_any_file_gives_printable_lines(recorded: str, data: st.DataObject) -> None:
     for finding in examine(Garbled(recorded, lambda: data.draw(st.none() | garbage))):
         text = doctor.line(finding)
         text.encode()
@@ -165,7 +165,7 @@ def test_any_text_in_the_files_that_psutil_reads(recorded: str, **texts: str) ->
     assert "port in use" in {finding.topic for finding in examine(Tree(recorded))}
 
 
-def test_a_file_that_is_a_folder(board: Path) -> None:
+def test_a_folder_in_place_of_a_file_is_no_error(board: Path) -> None:
     for path in ("proc/meminfo", "proc/self/limits", "proc/net/tcp", FLAGS):
         (board / path).unlink(missing_ok=True)
         os.makedirs(board / path)
