@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from hil.common.errors import ConfigError, DivergenceError
+from hil.common.errors import ConfigError, DivergenceError, StartPositionError
 from sim.arguments import require_events, require_numbers, require_parts, require_wrenches
 from sim.assembly import (
     make_dynamics,
@@ -95,7 +95,7 @@ class Simulation:
         self._contact = Contact(vehicle, world, self._dynamics.inverse_mass, self._dt)
         if self._contact.is_inside(self.state):
             at = ", ".join(f"{x:g}" for x in position)
-            raise ConfigError(
+            raise StartPositionError(
                 f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there; "
                 "move the start"
             )

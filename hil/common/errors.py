@@ -2,6 +2,7 @@
 
     HilError                  any error of ours; the command line prints it as one line
     ├── ConfigError           a value in a file or option is invalid
+    │   └── StartPositionError  the start is inside an obstacle or the seabed
     ├── DeviceError           a serial port, pty or bus cannot be opened, is busy, or was lost
     ├── NetworkError          a session cannot listen or connect, or the peer was lost
     ├── MissingExtraError     a package that this feature needs is not installed
@@ -34,6 +35,10 @@ class ConfigError(HilError):
     exit_code = 2
 
 
+class StartPositionError(ConfigError):
+    """The start position of a vehicle is inside an obstacle or the seabed."""
+
+
 class DeviceError(HilError):
     """A device of this machine (serial port, pty, bus) cannot be used."""
 
@@ -53,9 +58,16 @@ class MissingExtraError(HilError):
 
 
 class MissionError(HilError):
-    """The mission ended without reaching the scenario's goal."""
+    """The mission ended without reaching the scenario's goal.
+
+    `subject` is "start", "goal" or "path" if one of these is the reason.
+    """
 
     exit_code = 6
+
+    def __init__(self, message: str = "", subject: str = "") -> None:
+        super().__init__(message)
+        self.subject = subject
 
 
 class NoPathError(MissionError):

@@ -83,8 +83,7 @@ def line_rate(case: Case) -> Iterator[Finding]:
     try:
         check_line_rate(link, len(load_vehicle(scenario.vehicle)[0].channels), 1.0 / scenario.slave.control_period)
     except ConfigError as error:
-        problem, _, remedy = str(error).partition(": use ")
-        yield Finding("problem", "line rate", problem, f"use {remedy}")
+        yield Finding("problem", "line rate", str(error))  # it names the remedy
     except MissingExtraError:
         return  # `software` reports the missing package
 

@@ -8,7 +8,7 @@ from math import ceil, dist, hypot
 from hil.autonomy.control.allocation import pseudo_inverse
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.endpoint import split_endpoint
-from hil.common.errors import ConfigError, MissingExtraError, MissionError
+from hil.common.errors import ConfigError, MissingExtraError, MissionError, StartPositionError
 from hil.doctor.scenario_findings import ScenarioFinding
 from hil.doctor.scenario_sections import check_sections
 from hil.master.flight import Plan, prepare
@@ -24,8 +24,8 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 SCANS = ("laser", "scanning_sonar")  # a planner that needs one of these topics does not move without it
 
-# beginning of a planner's error -> the key that causes it
-KEYS = {"the goal ": "master: goal: ", "the start ": "start: ", "no path ": "master: margin: "}
+# The subject of a MissionError -> the key that causes it.
+KEYS = {"goal": "master: goal: ", "start": "start: ", "path": "master: margin: "}
 
 
 def check_scenario(scenario: Scenario) -> Iterator[ScenarioFinding]:
@@ -70,10 +70,11 @@ def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
         return
     try:
         plan = prepare(scenario, world)
-    except (ConfigError, MissionError) as error:
-        text = str(error)
-        key = next((key for words, key in KEYS.items() if text.startswith(words)), "")
-        yield ScenarioFinding("problem", f"{key}{text}")
+    except ConfigError as error:
+        yield ScenarioFinding("problem", str(error))
+        return
+    except MissionError as error:
+        yield ScenarioFinding("problem", f"{KEYS.get(error.subject, '')}{error}")
         return
     yield from _check_plan(scenario, plan, min(scenario.master.speed, top_speed or scenario.master.speed))
 
@@ -197,9 +198,10 @@ def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -
         return
     try:
         build_simulation(scenario, vehicle, world)
+    except StartPositionError as error:
+        yield ScenarioFinding("problem", f"{key}: {error}")
     except ConfigError as error:
-        text = str(error)
-        yield ScenarioFinding("problem", f"{key}: {text}" if "cannot start" in text else text)
+        yield ScenarioFinding("problem", str(error))
 
 
 def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[ScenarioFinding]:

@@ -152,26 +152,29 @@ def _plan(scenario: Scenario) -> None:
 
 def step(case: Case) -> Iterator[Finding]:
     """Report whether the step of the dynamics runs in C or Python and why, and its processor time for a scenario."""
-    from sim.native import COMPILE_AGAIN, REMEDY, SWITCH, choose, load
+    from sim.native import COMPILE_AGAIN, REMEDY, SWITCH, NativeDynamics, StaleExtensionError, choose, load
 
     try:
-        _, text = choose()
-    except ConfigError as error:
-        yield Finding(case.severity, "step", str(error), f"unset {SWITCH}" if SWITCH in str(error) else COMPILE_AGAIN)
+        dynamics, text = choose()
+    except StaleExtensionError as error:
+        yield Finding(case.severity, "step", str(error), COMPILE_AGAIN)
         return
-    if text.startswith("C"):
+    except ConfigError as error:  # the variable is invalid, or requires an extension that is not installed
+        yield Finding(case.severity, "step", str(error), f"unset {SWITCH}")
+        return
+    if dynamics is NativeDynamics:
         yield Finding("ok", "step", text)
     else:
-        unwanted = os.environ.get(SWITCH) == "0"
-        yield Finding("note", "step", text, f"unset {SWITCH}" if unwanted else REMEDY)
+        is_switched_off = os.environ.get(SWITCH) == "0"
+        yield Finding("note", "step", text, f"unset {SWITCH}" if is_switched_off else REMEDY)
     for name in EXTENSIONS:
         topic = name.rpartition("._")[2]
         try:
             load(name)
-        except ConfigError as error:
+        except StaleExtensionError as error:
             yield Finding(case.severity, topic, str(error), COMPILE_AGAIN)
         except ImportError as error:
-            yield Finding("note", topic, f"Python; the C is not there: {error}", REMEDY)
+            yield Finding("note", topic, f"Python; the C extension is not installed: {error}", REMEDY)
     if scenario := case.scenario:
         share = case.board.recommended.core_share if case.board else 0.5
         try:

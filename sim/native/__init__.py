@@ -31,6 +31,10 @@ COMPILE_AGAIN = "install uuv-hil again; in a clone: python c_extensions.py"
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
+class StaleExtensionError(ConfigError):
+    """A C extension was compiled from other sources than this version's."""
+
+
 class NativeDynamics(Dynamics):
     """`Dynamics` with its step in C. Raises ImportError where there is none.
 
@@ -132,10 +136,15 @@ class NativeErrorBank(ErrorBank):
 
 
 def load(name: str) -> ModuleType:
-    """Return a module in C. Raises ImportError if it is not there, ConfigError if its sources have changed since."""
+    """Return a module in C.
+
+    Raises ImportError if it is not installed, StaleExtensionError if its sources have changed since.
+    """
     module = import_module(name)
     if not (module.__doc__ or "").endswith(_source_bytes(name.rpartition(".")[0])):
-        raise ConfigError(f"{module.__file__} was compiled from other sources than this version's; {COMPILE_AGAIN}")
+        raise StaleExtensionError(
+            f"{module.__file__} was compiled from other sources than this version's; {COMPILE_AGAIN}"
+        )
     return module
 
 

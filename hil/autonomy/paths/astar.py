@@ -90,7 +90,8 @@ def check_ends(grid: OccupancyGrid, start: Point, goal: Point) -> None:
 def no_path_error(start: Point, goal: Point) -> NoPathError:
     """Return the error to raise if there is no path from `start` to `goal`."""
     return NoPathError(
-        f"no path from {_text(start)} to {_text(goal)}: obstacles part them; lessen the margin, or the map's cells"
+        f"no path from {_text(start)} to {_text(goal)}: obstacles part them; lessen the margin, or the map's cells",
+        "path",
     )
 
 
@@ -105,8 +106,8 @@ def _check(grid: OccupancyGrid, point: Point, what: str) -> None:
     nearest = grid.nearest_free(point)
     remedy = f"the nearest free point is {_text(nearest)}" if nearest else "the map has no free cell"
     if not grid.contains(point):
-        raise NoPathError(f"the {what} {_text(point)} is outside the map; {remedy}")
-    raise MissionError(f"the {what} {_text(point)} is inside an obstacle; {remedy}")
+        raise NoPathError(f"the {what} {_text(point)} is outside the map; {remedy}", what)
+    raise MissionError(f"the {what} {_text(point)} is inside an obstacle; {remedy}", what)
 
 
 def _text(point: Point) -> str:

@@ -80,6 +80,13 @@ def test_the_step_in_c_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "python c_extensions.py" in found.remedy
 
 
+def test_the_environment_requires_a_missing_extension(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "sim.native._native", None)
+    monkeypatch.setenv("UUV_HIL_NATIVE", "1")
+    (found,) = doctor_software.step(here())
+    assert (found.topic, found.remedy) == ("step", "unset UUV_HIL_NATIVE")
+
+
 @pytest.mark.parametrize("module", doctor_software.EXTENSIONS)
 def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
     monkeypatch.setitem(sys.modules, module, None)
@@ -99,7 +106,7 @@ def test_a_binary_of_other_sources(monkeypatch: pytest.MonkeyPatch, package: str
     (found,) = [found for found in doctor_software.step(here()) if found.level != "ok"]
     assert found.topic == topic
     assert "was compiled from other sources" in found.text
-    assert "python c_extensions.py" in found.remedy
+    assert found.remedy == native.COMPILE_AGAIN
 
 
 def test_help_by_the_one_command(capsys: pytest.CaptureFixture[str]) -> None:
