@@ -19,7 +19,7 @@ def test_the_mean_of_a_clipped_normal_distribution_equals_that_of_draws() -> Non
         assert found[0] == pytest.approx(possible.mean(), abs=0.02)
 
 
-def test_certain_or_unlimited_depths_stay_the_same() -> None:
+def test_unlimited_depths_stay_and_certain_depths_are_clipped() -> None:
     depths = np.array([5.0, 20.0, 7.0, np.nan])
     open_water = Limits(np.full(4, -np.inf), np.full(4, np.inf))
     assert expected(depths, np.full(4, 3.0), open_water) == pytest.approx(depths, nan_ok=True)

@@ -1,4 +1,4 @@
-"""A board gets the right image by the chip's own number, or a refusal that names both."""
+"""A board gets the right image by the chip's own number, or is refused with both named."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ F405, HALF = dfu.DfuBoard("1-1.2", "357436", 1024), dfu.DfuBoard("1-4", "A", 512
 
 
 @pytest.mark.parametrize("chip", CHIPS)
-def test_the_chips_number_decides_the_image(chip: str) -> None:
+def test_the_chips_number_selects_the_image(chip: str) -> None:
     image = load_image(chip)
     assert choose_image(image.device_ids[0], None) == choose_image(image.device_ids[0], chip) == image
 
@@ -48,13 +48,13 @@ def test_the_chips_number_decides_the_image(chip: str) -> None:
         (0x7FF, "f405", r"an unknown chip \(device id 0x7ff\)"),
     ],
 )
-def test_a_chip_that_does_not_match_is_refused_by_name(device_id: int, chip: str | None, refusal: str) -> None:
+def test_a_chip_that_does_not_match_is_refused_with_its_name(device_id: int, chip: str | None, refusal: str) -> None:
     with pytest.raises(ConfigError, match=refusal):
         choose_image(device_id, chip)
 
 
 @pytest.mark.parametrize("chip", CHIPS)
-def test_the_wiring_names_every_pin(chip: str) -> None:
+def test_the_wiring_text_names_every_pin(chip: str) -> None:
     image, text = load_image(chip), wiring(load_image(chip))
     for pin in (*image.outputs, image.serial["tx"], image.serial["rx"]):
         assert f" {pin} " in text
@@ -62,7 +62,7 @@ def test_the_wiring_names_every_pin(chip: str) -> None:
     assert ("CAN TX" in text) == (chip != "f411")
 
 
-def test_parameters_are_written_behind_the_image() -> None:
+def test_parameters_are_written_after_the_image() -> None:
     image = load_image("f103")
     alone, both = load_content(image, None), load_content(image, parameters(4))
     assert [(address, len(data)) for address, data in alone.pieces] == [(0x0800_0000, image.size)]
@@ -79,7 +79,7 @@ def test_a_damaged_image_is_not_written(tmp_path: Path) -> None:
         load_content(image._replace(path=str(tmp_path / "none.bin")), None)
 
 
-def test_boards_in_dfu_mode_as_dfu_util_lists_them() -> None:
+def test_boards_in_dfu_mode_are_read_from_dfu_utils_list() -> None:
     assert dfu.parse_list(LISTED) == [F405]
     assert dfu.parse_list("dfu-util 0.11\n") == []
 
@@ -87,7 +87,7 @@ def test_boards_in_dfu_mode_as_dfu_util_lists_them() -> None:
 @pytest.mark.parametrize(
     ("board", "chip", "name"), [(F405, None, "f405"), (F405, "f405", "f405"), (HALF, "f446", "f446")]
 )
-def test_the_size_of_the_flash_narrows_the_image(board: dfu.DfuBoard, chip: str | None, name: str) -> None:
+def test_the_flash_size_narrows_the_choice_of_image(board: dfu.DfuBoard, chip: str | None, name: str) -> None:
     assert dfu.choose_image(board, chip).name == name
 
 

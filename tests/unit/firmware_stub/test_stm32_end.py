@@ -1,4 +1,4 @@
-"""The STM32 on its end of a link: answers, errors of the line, instants."""
+"""The STM32 on its end of a link: replies, line errors, time stamps."""
 
 from collections.abc import Iterator
 
@@ -50,7 +50,7 @@ def frame(sequence: int, pwm_us: tuple[int, ...] = FULL) -> bytes:
     return uuv_hil().encode(ThrusterCommand(sequence, True, pwm_us))
 
 
-def test_each_command_is_answered_with_its_number(bench: Bench) -> None:
+def test_each_command_is_acknowledged_with_its_sequence_number(bench: Bench) -> None:
     bench.send(frame(7), frame(8, (1600, 1600)), frame(9))
     assert bench.end.service(1 * MS) == 3
     answers = bench.received(3)
@@ -62,7 +62,7 @@ def test_each_command_is_answered_with_its_number(bench: Bench) -> None:
     assert (bench.end.stm32.sequence, bench.end.stm32.applied_ns) == (9, 1 * MS)
 
 
-def test_it_tells_on_the_machines_clock_when_its_outputs_took_a_command(bench: Bench) -> None:
+def test_the_time_at_which_the_outputs_apply_a_command_is_on_the_machines_clock(bench: Bench) -> None:
     before = now_ns()
     bench.send(frame(7))
     bench.end.service(1 * MS)
@@ -73,7 +73,7 @@ def test_it_tells_on_the_machines_clock_when_its_outputs_took_a_command(bench: B
     assert (bench.end.stm32.refused, bench.end.command_ns) == (1, obeyed), "one that comes too late is none"
 
 
-def test_a_report_each_period_tells_the_age(bench: Bench) -> None:
+def test_periodic_reports_have_the_age_of_the_command(bench: Bench) -> None:
     bench.send(frame(7))
     bench.end.service(5 * MS)
     bench.received(1)
@@ -84,7 +84,7 @@ def test_a_report_each_period_tells_the_age(bench: Bench) -> None:
     assert bench.received(1)[0].age_us == 20_000
 
 
-def test_errors_of_the_line_are_in_the_telemetry_and_get_no_answer(bench: Bench) -> None:
+def test_line_errors_are_in_the_telemetry_and_get_no_reply(bench: Bench) -> None:
     damaged = frame(7)[:-1] + b"\0"
     report = uuv_hil().encode(ThrusterTelemetry(1, True, False, FULL, 0, 0, 0, 0))
     bench.send(damaged, frame(8, (1500,) * 3), report)
@@ -96,7 +96,7 @@ def test_errors_of_the_line_are_in_the_telemetry_and_get_no_answer(bench: Bench)
     assert (reported.errors, reported.frames) == (3, 0)
 
 
-def test_a_command_that_waits_is_taken_before_the_watchdog_is_looked_at(bench: Bench) -> None:
+def test_a_waiting_command_is_read_before_the_watchdog_is_checked(bench: Bench) -> None:
     bench.send(frame(1))
     bench.end.service(0)
     bench.send(frame(2))

@@ -1,4 +1,4 @@
-"""The STM32's behaviour, on a clock of integers."""
+"""The STM32's behaviour, by a clock of integers."""
 
 import pytest
 
@@ -38,7 +38,7 @@ def test_outputs_follow_only_while_armed(stm32: Stm32) -> None:
 @pytest.mark.parametrize(
     ("requested", "pulse"), [(800, 800), (2200, 2200), (799, 0), (2201, 0), (0, 0), (65535, 0), (1500, 1500)]
 )
-def test_a_pulse_outside_the_range_is_no_pulse(stm32: Stm32, requested: int, pulse: int) -> None:
+def test_pulses_out_of_range_are_replaced_by_neutral(stm32: Stm32, requested: int, pulse: int) -> None:
     stm32.command(armed(1, (requested, 1500)), 0)
     assert stm32.pwm_us == [pulse, 1500]
 
@@ -67,7 +67,7 @@ def test_the_watchdog_trips_at_its_instant_and_once(stm32: Stm32) -> None:
     assert stm32.watchdog_trips == 1
 
 
-def test_every_command_winds_the_watchdog(stm32: Stm32) -> None:
+def test_every_command_resets_the_watchdog(stm32: Stm32) -> None:
     for sequence in range(100):
         now = sequence * 199 * MS
         stm32.tick(now)
@@ -77,18 +77,18 @@ def test_every_command_winds_the_watchdog(stm32: Stm32) -> None:
     assert stm32.watchdog_trips == 1
 
 
-def test_the_watchdog_watches_a_disarmed_host_too(stm32: Stm32) -> None:
+def test_the_watchdog_also_trips_while_disarmed(stm32: Stm32) -> None:
     stm32.command(ThrusterCommand(1, False, FULL), 0)
     stm32.tick(200 * MS)
     assert stm32.timed_out
 
 
-def test_no_host_yet_is_not_a_time_out(stm32: Stm32) -> None:
+def test_without_a_first_command_there_is_no_timeout(stm32: Stm32) -> None:
     stm32.tick(10_000 * MS)
     assert not stm32.timed_out
 
 
-def test_recovery_after_a_trip(stm32: Stm32) -> None:
+def test_any_sequence_number_is_accepted_after_a_trip(stm32: Stm32) -> None:
     stm32.command(armed(500), 0)
     stm32.tick(200 * MS)
     assert stm32.command(armed(499), 300 * MS), "after a trip every sequence number is welcome"
@@ -112,7 +112,9 @@ def test_recovery_after_a_trip(stm32: Stm32) -> None:
         (255, 0, True),  # a frame whose sequence has eight bits
     ],
 )
-def test_sequence_numbers(stm32: Stm32, last: int, sequence: int, applied: bool) -> None:
+def test_commands_with_older_sequence_numbers_are_refused(
+    stm32: Stm32, last: int, sequence: int, applied: bool
+) -> None:
     stm32.command(armed(last), 0)
     assert stm32.command(armed(sequence, (1700, 1700)), 1) == applied
     assert stm32.pwm_us == ([1700, 1700] if applied else list(FULL))
@@ -120,7 +122,7 @@ def test_sequence_numbers(stm32: Stm32, last: int, sequence: int, applied: bool)
     assert stm32.refused == (not applied)
 
 
-def test_a_host_that_does_not_count_is_obeyed(stm32: Stm32) -> None:
+def test_commands_with_a_constant_sequence_number_are_executed(stm32: Stm32) -> None:
     for width in range(1500, 1600):
         assert stm32.command(armed(0, (width, width)), width * MS)
         stm32.tick(width * MS)
@@ -151,7 +153,7 @@ def test_telemetry_keeps_its_period_without_drift(stm32: Stm32) -> None:
     assert all(i * 20 * MS <= now < i * 20 * MS + 300_000 for i, now in enumerate(sent))
 
 
-def test_missed_telemetry_is_skipped(stm32: Stm32) -> None:
+def test_missed_telemetry_periods_are_skipped(stm32: Stm32) -> None:
     stm32.tick(0)
     stm32.telemetry(0)
     assert stm32.tick(95 * MS)
@@ -160,7 +162,7 @@ def test_missed_telemetry_is_skipped(stm32: Stm32) -> None:
     assert stm32.deadline_ns == 115 * MS
 
 
-def test_an_answer_puts_off_the_next_report(stm32: Stm32) -> None:
+def test_a_reply_postpones_the_next_report(stm32: Stm32) -> None:
     stm32.telemetry(0)
     stm32.command(armed(1), 15 * MS)
     stm32.telemetry(15 * MS)
@@ -168,7 +170,7 @@ def test_an_answer_puts_off_the_next_report(stm32: Stm32) -> None:
     assert stm32.tick(35 * MS)
 
 
-def test_the_deadline_is_whatever_comes_first() -> None:
+def test_the_deadline_is_the_earlier_of_telemetry_and_watchdog() -> None:
     stm32 = Stm32(2, watchdog_ns=30 * MS, telemetry_period_ns=20 * MS)
     assert stm32.deadline_ns == 0
     stm32.telemetry(0)

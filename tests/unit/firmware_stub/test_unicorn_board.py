@@ -1,4 +1,4 @@
-"""The shipped images, each on its emulated STM32: the same behaviour on all."""
+"""The shipped images, each on its emulated STM32: the same behaviour on all chips."""
 
 import hashlib
 import random
@@ -49,7 +49,7 @@ def board(chip: str) -> UnicornBoard:
     return power_up(chip)
 
 
-def test_it_starts_neutral_and_reports_each_20_ms(board: UnicornBoard) -> None:
+def test_the_image_starts_neutral_and_reports_each_20_ms(board: UnicornBoard) -> None:
     assert board.pwm_us == NEUTRAL
     board.run_until(1000 * MS)
     reports = decode(board.transmitted())
@@ -61,7 +61,7 @@ def test_it_starts_neutral_and_reports_each_20_ms(board: UnicornBoard) -> None:
 
 
 @pytest.mark.parametrize("channels", [1, 5, 8])
-def test_it_drives_as_many_thrusters_as_configured(chip: str, channels: int) -> None:
+def test_the_image_drives_as_many_thrusters_as_configured(chip: str, channels: int) -> None:
     board = power_up(chip, channels)
     board.transmitted()
     pulses = tuple(1200 + 50 * i for i in range(channels))
@@ -75,7 +75,7 @@ def test_more_thrusters_than_outputs_are_refused() -> None:
         power_up("f405", 9)
 
 
-def test_a_command_is_answered_at_once(board: UnicornBoard) -> None:
+def test_a_command_is_acknowledged_at_once(board: UnicornBoard) -> None:
     board.run_until(12_345_678)
     board.transmitted()
     board.receive(encode(41))
@@ -85,7 +85,7 @@ def test_a_command_is_answered_at_once(board: UnicornBoard) -> None:
 
 
 @pytest.mark.parametrize("watchdog_ms", [50, 1000])
-def test_silence_stops_the_thrusters_in_the_registers(chip: str, watchdog_ms: int) -> None:
+def test_a_timeout_stops_the_thrusters_in_the_timer_registers(chip: str, watchdog_ms: int) -> None:
     board = power_up(chip, 6, watchdog_ms * MS)
     board.run_until(7 * MS)
     board.receive(encode(1))
@@ -117,14 +117,14 @@ def test_a_hung_program_is_reset_by_the_watchdog_and_comes_back_neutral(board: U
     assert [(r.sequence, r.frames) for r in decode(board.transmitted())] == [(2, 1)], "it counts again"
 
 
-def test_what_a_program_cannot_do_ends_it_with_a_message(board: UnicornBoard) -> None:
+def test_an_illegal_access_ends_the_program_with_a_message(board: UnicornBoard) -> None:
     board.write_memory(board.pc, bytes.fromhex("4ff0c0400168"))  # mov.w r0,#0x60000000; ldr r1,[r0]
     with pytest.raises(DeviceError, match=r"read 4 bytes at 0x60000000.*pc 0x080.*addr2line"):
         board.run_until(2 * MS)
 
 
 @pytest.mark.parametrize("access", ["read", "write"])
-def test_what_goes_wrong_in_a_peripheral_is_raised_to_the_caller(
+def test_an_error_in_a_peripheral_is_raised_to_the_caller(
     board: UnicornBoard, access: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Unicorn would lose the exception of its callback; afterwards the board goes on."""
@@ -142,7 +142,7 @@ def test_what_goes_wrong_in_a_peripheral_is_raised_to_the_caller(
     assert decode(board.transmitted())
 
 
-def test_garbage_neither_stops_it_nor_moves_a_thruster(board: UnicornBoard) -> None:
+def test_garbage_neither_stops_the_image_nor_moves_a_thruster(board: UnicornBoard) -> None:
     noise = random.Random(3).randbytes(1_000_000)
     board.run_until(10 * MS)
     board.receive(noise)  # a line holds 4096 of them
@@ -164,13 +164,13 @@ def test_garbage_neither_stops_it_nor_moves_a_thruster(board: UnicornBoard) -> N
 
 
 class Event(NamedTuple):
-    """Bytes that arrive at an instant (ms)."""
+    """Bytes that arrive at a given time (ms)."""
 
     at_ms: float
     data: bytes
 
 
-def life(seed: int) -> Iterator[Event]:
+def host_history(seed: int) -> Iterator[Event]:
     """Yield a random history of a host: commands of all kinds, damage, and pauses that trip the watchdog."""
     chance, at_ms, sequence = random.Random(seed), 3.5, 0
     for _ in range(60):
@@ -191,7 +191,7 @@ def life(seed: int) -> Iterator[Event]:
 
 
 class MemoryWire(Wire):
-    """Bytes in lists."""
+    """A wire in memory: bytes in lists."""
 
     name = "memory"
 
@@ -241,8 +241,8 @@ def run_image(chip: str, events: list[Event], end_ms: int, slice_ms: float = 0.0
 
 
 @pytest.mark.parametrize(("chip", "seed"), list(zip(CHIPS, range(4), strict=True)))
-def test_it_does_what_its_specification_in_python_does(chip: str, seed: int) -> None:
-    events = list(life(seed))
+def test_the_image_behaves_as_its_python_specification(chip: str, seed: int) -> None:
+    events = list(host_history(seed))
     end_ms = round(events[-1].at_ms) + 500
     specified, pulses = run_python(events, end_ms)
     output, moved, _ = run_image(chip, events, end_ms)
@@ -256,8 +256,8 @@ def test_it_does_what_its_specification_in_python_does(chip: str, seed: int) -> 
 
 
 @pytest.mark.parametrize("chip", ["f405"])  # that is the emulator's doing, not the image's
-def test_the_same_input_gives_the_same_bits_however_time_is_sliced(chip: str) -> None:
-    events = list(life(9))
+def test_the_result_does_not_depend_on_how_time_is_sliced(chip: str) -> None:
+    events = list(host_history(9))
     end_ms = round(events[-1].at_ms) + 300
     whole = run_image(chip, events, end_ms)
     assert len(whole[0]) > 2000
@@ -265,7 +265,7 @@ def test_the_same_input_gives_the_same_bits_however_time_is_sliced(chip: str) ->
     assert run_image(chip, events, end_ms, slice_ms=0.37) == whole
 
 
-def test_paced_bytes_delay_the_answer_by_their_time_on_the_line(chip: str) -> None:
+def test_paced_bytes_delay_the_reply_by_their_transmission_time(chip: str) -> None:
     board = power_up(chip, paced=True)
     board.run_until(25 * MS)
     board.transmitted()
@@ -283,7 +283,7 @@ def test_paced_bytes_delay_the_answer_by_their_time_on_the_line(chip: str) -> No
 
 
 @pytest.mark.parametrize("chip", WITH_CAN)
-def test_as_motor_controllers_on_a_can_bus(chip: str) -> None:
+def test_the_image_acts_as_vesc_controllers_on_a_can_bus(chip: str) -> None:
     board = power_up(chip)
     host = open_protocol("vesc", "host", 6)
     reports: list[ThrusterTelemetry] = []
@@ -322,14 +322,14 @@ def pin_modes(board: UnicornBoard) -> dict[str, str]:
     return modes
 
 
-def test_the_emulated_chip_is_the_one_that_is_described(chip: str, board: UnicornBoard) -> None:
+def test_the_emulated_chip_agrees_with_its_description(chip: str, board: UnicornBoard) -> None:
     image, model = load_image(chip), board._chip.model
     assert model.device_id in image.device_ids
     assert model.flash_size == image.flash_kib * 1024
     assert ("CAN1" in model.places) == bool(image.can)
 
 
-def test_the_pins_are_those_of_the_wiring_that_people_are_told(chip: str, board: UnicornBoard) -> None:
+def test_the_configured_pins_equal_the_documented_wiring(chip: str, board: UnicornBoard) -> None:
     image = load_image(chip)
     timers, serial, can = ("", "", "") if chip == "f103" else (", function 2", ", function 7", ", function 9")
     wiring = dict.fromkeys(image.outputs, f"driven{timers}")
@@ -340,7 +340,7 @@ def test_the_pins_are_those_of_the_wiring_that_people_are_told(chip: str, board:
 
 
 @pytest.mark.parametrize("crystal", [True, False])
-def test_all_clocks_are_right_with_the_crystal_and_without(
+def test_all_clocks_are_right_with_and_without_the_crystal(
     chip: str, crystal: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The chip's times are as the program sets it: a pulse of 1500 us, a bit of serial and of CAN, a millisecond."""
@@ -364,7 +364,7 @@ def test_all_clocks_are_right_with_the_crystal_and_without(
         assert rcc.apb1_hz / ((timing & 0x3FF) + 1) / quanta == 500_000
 
 
-def test_half_of_the_smallest_stack_is_never_used() -> None:
+def test_half_of_the_smallest_stack_stays_unused() -> None:
     """The F103's 5 KiB hold frames, MAVLink with its answers, noise, the watchdog and CAN."""
     chip = "f103"
     board = power_up(chip)
@@ -372,7 +372,7 @@ def test_half_of_the_smallest_stack_is_never_used() -> None:
     top = int.from_bytes(shipped_image(chip)[:4], "little")
     assert top - bottom > 4096
     board.write_memory(bottom, b"\xa5" * ((top - bottom) // 2))
-    for event in life(5):
+    for event in host_history(5):
         board.run_until(round(event.at_ms * MS))
         board.receive(event.data)
     mavlink, vesc = open_protocol("mavlink", "host", 6), open_protocol("vesc", "host", 6)
@@ -385,7 +385,7 @@ def test_half_of_the_smallest_stack_is_never_used() -> None:
     assert board.read_memory(bottom, (top - bottom) // 2).strip(b"\xa5") == b""
 
 
-def test_a_chip_without_can_has_no_register_of_it_touched() -> None:
+def test_no_can_register_is_accessed_on_a_chip_without_can() -> None:
     """The emulated F411 has nothing at that address: the image would have ended with a message."""
     board = power_up("f411")
     assert "CAN1" not in board._chip.peripherals

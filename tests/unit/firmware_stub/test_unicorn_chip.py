@@ -1,4 +1,4 @@
-"""The emulated peripherals, register by register, against the reference manual (RM0090). The test is the program."""
+"""The emulated peripherals, register by register, against the reference manual (RM0090); the test is the program."""
 
 import pytest
 
@@ -26,7 +26,7 @@ SYSTICK_CSR, NVIC_ISER, NVIC_ICPR, NVIC_IABR, NVIC_IPR, ICSR = (
 )
 
 
-def test_clocks_after_a_reset_and_at_full_speed(program: Program) -> None:
+def test_clocks_are_right_after_a_reset_and_at_full_speed(program: Program) -> None:
     rcc = program.chip.rcc
     assert (rcc.core_hz, rcc.apb1_hz, rcc.apb1_timer_hz, rcc.apb2_hz) == (16_000_000,) * 4
     program.full_speed()
@@ -38,7 +38,7 @@ def test_clocks_after_a_reset_and_at_full_speed(program: Program) -> None:
     assert rcc.core_hz == 4_000_000
 
 
-def test_a_peripheral_without_its_clock_is_dead() -> None:
+def test_a_peripheral_without_its_clock_ignores_writes() -> None:
     chip = Chip(paced=False)
     chip.write(GPIOA + 0x14, 4, 5)
     assert chip.read(GPIOA + 0x14, 4) == 0
@@ -49,7 +49,7 @@ def test_a_peripheral_without_its_clock_is_dead() -> None:
     assert chip.read(GPIOA + 0x14, 4) == 0
 
 
-def test_bytes_and_halfwords_of_a_register(program: Program) -> None:
+def test_registers_can_be_accessed_by_byte_and_halfword(program: Program) -> None:
     program.put(GPIOA + 0x14, 0x1122_3344)
     program.put(GPIOA + 0x15, 0xAA, size=1)
     program.put(GPIOA + 0x16, 0xBBCC, size=2)
@@ -58,7 +58,7 @@ def test_bytes_and_halfwords_of_a_register(program: Program) -> None:
 
 
 @pytest.mark.parametrize("address", [0x4000_7800, 0x4007_0000])
-def test_a_register_that_does_not_exist_is_named(program: Program, address: int) -> None:
+def test_access_to_a_register_that_does_not_exist_is_reported(program: Program, address: int) -> None:
     with pytest.raises(DeviceError, match=f"no register is at 0x{address:08x}"):
         program.get(address)
     with pytest.raises(DeviceError, match=f"no register is at 0x{address:08x}"):
@@ -71,7 +71,7 @@ def start_systick(program: Program, reload: int, csr: int = 7) -> None:
     program.put(SYSTICK_CSR, csr)
 
 
-def test_systick_counts_down_and_asks_each_time(program: Program) -> None:
+def test_systick_counts_down_and_raises_its_exception(program: Program) -> None:
     program.full_speed()
     start_systick(program, 168_000 - 1)
     program.wait_until(MS - 1)
@@ -91,7 +91,7 @@ def test_systick_does_not_drift(program: Program) -> None:
     assert program.chip.due_ns == -(-1_000_003 * 16800 * 1000 // 168)
 
 
-def test_a_change_of_clock_changes_what_is_left_to_count(program: Program) -> None:
+def test_a_clock_change_scales_the_remaining_count(program: Program) -> None:
     start_systick(program, 16_000 - 1)
     program.wait_until(MS // 2)
     program.full_speed()
@@ -99,7 +99,7 @@ def test_a_change_of_clock_changes_what_is_left_to_count(program: Program) -> No
     assert program.chip.due_ns == MS // 2 + -(-8000 * 1000 // 168)
 
 
-def test_interrupts_are_enabled_chosen_and_shown(program: Program) -> None:
+def test_interrupts_are_enabled_prioritised_and_shown_in_registers(program: Program) -> None:
     nvic = program.chip.nvic
     program.put(NVIC_ISER + 4, 1 << 5)  # 37
     program.put(NVIC_ISER, 1 << 29 | 1 << 20)
@@ -125,7 +125,7 @@ def start_pwm(program: Program, timer: int = TIM3) -> None:
         program.put(timer + offset, value)
 
 
-def test_pulses_are_what_the_registers_say(program: Program) -> None:
+def test_pulse_widths_follow_the_timer_registers(program: Program) -> None:
     program.full_speed()
     timer = program.chip.timers["TIM3"]
     assert timer.pulse_us(0) == 0
@@ -148,14 +148,14 @@ def test_pulses_are_what_the_registers_say(program: Program) -> None:
         (0x34, 0, "always low"),
     ],
 )
-def test_no_pulses(program: Program, offset: int, value: int, why: str) -> None:
+def test_disabled_timers_give_no_pulses(program: Program, offset: int, value: int, why: str) -> None:
     start_pwm(program)
     assert program.chip.timers["TIM3"].pulse_us(0) > 0
     program.put(TIM3 + offset, value)
     assert program.chip.timers["TIM3"].pulse_us(0) == 0, why
 
 
-def test_an_advanced_timer_has_a_main_switch(program: Program) -> None:
+def test_an_advanced_timer_needs_main_output_enable(program: Program) -> None:
     program.full_speed()
     start_pwm(program, TIM1)
     assert program.chip.timers["TIM1"].pulse_us(0) == 0
@@ -163,7 +163,7 @@ def test_an_advanced_timer_has_a_main_switch(program: Program) -> None:
     assert program.chip.timers["TIM1"].pulse_us(0) == 800, "it is fed with 168 MHz"
 
 
-def test_a_timer_counts_flags_and_asks(program: Program) -> None:
+def test_a_timer_counts_sets_its_flag_and_raises_its_interrupt(program: Program) -> None:
     program.full_speed()
     start_pwm(program)  # 1 MHz, 20 ms
     program.wait_until(5_000_500)
@@ -181,7 +181,7 @@ def test_a_timer_counts_flags_and_asks(program: Program) -> None:
     assert program.get(TIM3 + 0x24) == 0
 
 
-def test_the_watchdog_needs_its_keys_and_ends_in_a_reset(program: Program) -> None:
+def test_the_watchdog_needs_its_keys_and_resets_the_chip(program: Program) -> None:
     chip = program.chip
     program.put(IWDG + 8, 100)
     assert program.get(IWDG + 8) == 0xFFF, "locked"

@@ -78,7 +78,7 @@ def trace(board: UnicornBoard) -> int:
     return words(board, RAM, 1)[0]
 
 
-def test_systick_wakes_a_sleeping_core_each_millisecond() -> None:
+def test_systick_wakes_a_sleeping_core_every_millisecond() -> None:
     sleeper = board(SETUP + SYSTICK_1MS + COUNT_WAKES, systick=NOTE_1 + RETURN)
     for end_ns, wakes in ((MS - 1, 0), (MS, 1), (10 * MS + 1, 10), (1000 * MS, 1000)):
         sleeper.run_until(end_ns)
@@ -96,14 +96,14 @@ def test_systick_wakes_a_sleeping_core_each_millisecond() -> None:
         (CPSID + PEND_SYSTICK + MASK_AGAIN + NOTE_1, 0x1),
     ],
 )
-def test_masks_hold_an_exception_back_until_they_are_lifted(main: bytes, order: int) -> None:
+def test_masks_hold_an_exception_pending_until_cleared(main: bytes, order: int) -> None:
     assert trace(board(SETUP + main, systick=NOTE_2 + RETURN)) == order
 
 
 @pytest.mark.parametrize(
     ("awake", "order"), [(NOTE_1 + CPSIE + NOTE_3, 0x123), (CPSIE + NOTE_1 + NOTE_3, 0x213), (NOTE_1 + NOTE_3, 0x13)]
 )
-def test_a_masked_exception_wakes_the_core_but_waits(awake: bytes, order: int) -> None:
+def test_a_masked_exception_wakes_the_core_but_stays_pending(awake: bytes, order: int) -> None:
     masked = board(SETUP + SYSTICK_1MS + CPSID + WFI + awake, systick=NOTE_2 + RETURN)
     assert trace(masked) == 0
     masked.run_until(MS)
@@ -111,7 +111,7 @@ def test_a_masked_exception_wakes_the_core_but_waits(awake: bytes, order: int) -
 
 
 @pytest.mark.parametrize(("priority", "order"), [(SYSTICK_LAST, 0x1232), (SYSTICK_LAST + PENDSV_LAST, 0x1223)])
-def test_a_more_urgent_exception_interrupts_a_handler_and_an_equal_one_follows_it(priority: bytes, order: int) -> None:
+def test_a_higher_priority_exception_preempts_and_an_equal_one_waits(priority: bytes, order: int) -> None:
     nested = board(
         SETUP + priority + NOTE_1 + PEND_SYSTICK, systick=NOTE_2 + PEND_PENDSV + NOTE_2 + RETURN, pendsv=NOTE_3 + RETURN
     )
@@ -119,7 +119,7 @@ def test_a_more_urgent_exception_interrupts_a_handler_and_an_equal_one_follows_i
 
 
 @pytest.mark.parametrize(("before", "stack"), [(b"", STACK_TOP), (SUB_SP_4, STACK_TOP - 4)])
-def test_an_exception_leaves_no_trace_in_the_interrupted_program(before: bytes, stack: int) -> None:
+def test_an_exception_preserves_the_interrupted_programs_registers(before: bytes, stack: int) -> None:
     interrupted = board(SETUP + before + KEEP_REGISTERS, systick=CLOBBER_REGISTERS)
     *registers, flags, sp = words(interrupted, RAM, 8)
     assert registers == [10, 11, 12, 13, 14, 15]
@@ -128,7 +128,7 @@ def test_an_exception_leaves_no_trace_in_the_interrupted_program(before: bytes, 
     assert words(interrupted, RAM + 0x40, 2) == (SYSTICK, 0xFFFF_FFF9)
 
 
-def test_an_exception_raised_inside_an_it_block_comes_with_nothing_skipped_or_done_twice() -> None:
+def test_an_exception_in_an_it_block_skips_and_repeats_nothing() -> None:
     conditional = board(SETUP + PEND_IN_IT_BLOCK + WFI, systick=NOTE_2 + RETURN)
     conditional.run_until(2 * MS)
     assert words(conditional, RAM + 8, 1) == (3,)
@@ -136,18 +136,18 @@ def test_an_exception_raised_inside_an_it_block_comes_with_nothing_skipped_or_do
 
 
 @pytest.mark.parametrize(("before", "returns_with"), [(b"", 0xFFFF_FFF9), (USE_PROCESS_STACK, 0xFFFF_FFFD)])
-def test_a_supervisor_call_is_answered_through_the_stack_it_came_from(before: bytes, returns_with: int) -> None:
+def test_a_supervisor_call_uses_the_callers_stack(before: bytes, returns_with: int) -> None:
     caller = board(SETUP + before + SVC_5, svcall=ANSWER_SVC)
     assert words(caller, RAM + 12, 2) == (105, returns_with)
 
 
-def test_floats_outlive_a_handler_that_uses_them() -> None:
+def test_float_registers_survive_a_handler_that_uses_them() -> None:
     interrupted = board(SETUP + KEEP_FLOATS, systick=CLOBBER_FLOATS)
     assert words(interrupted, RAM + 4, 3) == (7, 7, STACK_TOP)
     assert words(interrupted, RAM + 0x40, 2) == (0xFFFF_FFE9, STACK_TOP - 0x68)
 
 
-def test_sleep_on_exit_never_comes_back_to_the_program() -> None:
+def test_sleep_on_exit_does_not_return_to_the_program() -> None:
     handler_only = board(SETUP + SYSTICK_1MS + SLEEP_ON_EXIT + WFI + NOTE_3, systick=NOTE_1 + RETURN)
     handler_only.run_until(5 * MS)
     assert trace(handler_only) == 0x11111
@@ -193,7 +193,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("code", FAULTS)
-def test_a_fault_says_what_happened_and_where(code: str) -> None:
+def test_a_fault_is_reported_with_its_kind_and_address(code: str) -> None:
     with pytest.raises(DeviceError) as caught:
         board(SETUP + thumb(code), systick=RETURN)
     message = str(caught.value)
@@ -202,7 +202,7 @@ def test_a_fault_says_what_happened_and_where(code: str) -> None:
     assert "\n" not in message
 
 
-def test_without_unicorn_the_error_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_unicorn_the_error_names_the_package_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "unicorn", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[unicorn\]'"):
         board(SPIN)

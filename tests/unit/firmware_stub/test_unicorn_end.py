@@ -64,7 +64,7 @@ def command(sequence: int) -> bytes:
     return uuv_hil().encode(ThrusterCommand(sequence, True, FULL))
 
 
-def test_a_command_is_answered_and_moves_the_timers(bench: Bench) -> None:
+def test_a_command_is_acknowledged_and_sets_the_timers(bench: Bench) -> None:
     assert bench.end.pwm_us == NEUTRAL
     bench.pass_time(10)
     assert bench.send(command(7)) == 22
@@ -73,8 +73,8 @@ def test_a_command_is_answered_and_moves_the_timers(bench: Bench) -> None:
     assert bench.end.pwm_us == list(FULL)
 
 
-def test_it_is_seen_when_the_outputs_take_a_command(bench: Bench) -> None:
-    """The instant is read on the machine's own clock, by the timers' registers; bytes that mean nothing change none."""
+def test_the_time_at_which_the_outputs_apply_a_command_is_recorded(bench: Bench) -> None:
+    """The time is on the machine's own clock, from writes to the timers' registers; invalid bytes do not change it."""
     before = now_ns()
     bench.send(command(1))
     obeyed = bench.end.command_ns
@@ -94,7 +94,7 @@ def test_a_command_does_not_wait_until_the_board_has_caught_up(bench: Bench) -> 
     assert [(report.sequence, report.age_us) for report in reports] == [(3, 20_000 * i) for i in range(5)]
 
 
-def test_it_reports_and_fails_safe_on_the_callers_clock(bench: Bench) -> None:
+def test_reports_and_the_watchdog_follow_the_callers_clock(bench: Bench) -> None:
     bench.send(command(1))
     bench.received(1)
     bench.pass_time(195)
@@ -106,12 +106,12 @@ def test_it_reports_and_fails_safe_on_the_callers_clock(bench: Bench) -> None:
     assert reports[-1].timed_out
 
 
-def test_it_is_to_be_served_every_few_milliseconds(bench: Bench) -> None:
+def test_the_deadline_is_every_5_ms(bench: Bench) -> None:
     assert bench.end.deadline_ns == START_NS + 5 * MS
     assert bench.end.fileno() == bench.end.wire.fileno()
 
 
-def test_a_machine_that_slept_is_no_silent_host(bench: Bench) -> None:
+def test_a_pause_of_the_machine_does_not_trip_the_watchdog(bench: Bench) -> None:
     bench.send(command(1))
     bench.now_ns += 10_000 * MS
     began_ns = bench.end.board.now_ns
@@ -121,8 +121,8 @@ def test_a_machine_that_slept_is_no_silent_host(bench: Bench) -> None:
     assert bench.received(7)[-1].watchdog_trips == 0
 
 
-def test_a_flood_is_taken_in_portions(bench: Bench) -> None:
-    """A service never takes long however much comes, and a command behind it all is received."""
+def test_a_flood_is_processed_in_portions(bench: Bench) -> None:
+    """A service call never takes long however much arrives, and a command behind it all is received."""
     taken = bench.send(random.Random(4).randbytes(3500) + bytes(300) + command(9))
     assert taken == UnicornEnd.AT_ONCE
     assert bench.end.deadline_ns == bench.now_ns, "there is more"
@@ -146,7 +146,7 @@ def test_closing_stops_the_thrusters() -> None:
         bench.host.close()
 
 
-def test_frames_of_a_can_bus_even_when_they_come_in_pieces() -> None:
+def test_can_frames_are_received_even_in_pieces() -> None:
     near, far = socket.socketpair()
     with near, far:
         near.setblocking(False)

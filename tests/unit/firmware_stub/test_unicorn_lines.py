@@ -24,7 +24,7 @@ def open_usart(program: Program, interrupts: int = 1 << 5) -> None:
     program.put(USART1 + 0xC, 1 << 13 | 1 << 3 | 1 << 2 | interrupts)
 
 
-def test_bytes_wait_for_the_program_that_reads_them(program: Program) -> None:
+def test_received_bytes_wait_until_the_program_reads_them(program: Program) -> None:
     port = program.chip.usarts["USART1"]
     open_usart(program)
     port.receive(bytes(range(20)))
@@ -40,7 +40,7 @@ def test_bytes_wait_for_the_program_that_reads_them(program: Program) -> None:
     assert not port.deliver()
 
 
-def test_a_byte_that_nobody_reads_is_overrun(program: Program) -> None:
+def test_an_unread_byte_is_overrun(program: Program) -> None:
     port = program.chip.usarts["USART1"]
     open_usart(program)
     port.receive(b"ab")
@@ -52,7 +52,7 @@ def test_a_byte_that_nobody_reads_is_overrun(program: Program) -> None:
     assert port.lost == 1
 
 
-def test_a_port_that_is_off_hears_and_says_nothing(program: Program) -> None:
+def test_a_disabled_port_neither_receives_nor_sends(program: Program) -> None:
     port = program.chip.usarts["USART1"]
     program.put(USART1 + 4, ord("x"))
     port.receive(b"abc")
@@ -61,7 +61,7 @@ def test_a_port_that_is_off_hears_and_says_nothing(program: Program) -> None:
     assert (port.take_output(), port.lost, program.get(USART1) & 1 << 5) == (b"", 3, 0)
 
 
-def test_sending_asks_for_more(program: Program) -> None:
+def test_an_empty_transmit_register_raises_its_interrupt(program: Program) -> None:
     open_usart(program, interrupts=1 << 7)
     assert program.is_pending(USART1_IRQ)
     program.put(USART1 + 4, ord("o"), size=1)
@@ -70,7 +70,7 @@ def test_sending_asks_for_more(program: Program) -> None:
 
 
 @pytest.mark.parametrize(("cr1", "cr2", "bits"), [(0, 0, 10), (1 << 12, 0, 11), (0, 2 << 12, 11)])
-def test_paced_bytes_take_their_time_both_ways(cr1: int, cr2: int, bits: int) -> None:
+def test_paced_bytes_take_their_transmission_time_both_ways(cr1: int, cr2: int, bits: int) -> None:
     program = Program(paced=True)
     port = program.chip.usarts["USART1"]
     open_usart(program, cr1)
@@ -93,7 +93,7 @@ def test_paced_bytes_take_their_time_both_ways(cr1: int, cr2: int, bits: int) ->
     assert program.get(USART1) & 0x10, "idle, one byte's time after the last"
 
 
-def test_a_paced_byte_too_late_to_be_read_is_lost() -> None:
+def test_a_paced_byte_that_is_read_too_late_is_lost() -> None:
     program = Program(paced=True)
     open_usart(program)
     program.chip.usarts["USART1"].receive(b"abc")
@@ -134,7 +134,7 @@ def read_fifo(program: Program, fifo: int = 0) -> list[CanFrame]:
 EXTENDED, STANDARD = CanFrame(0x1234_5678, b"12345678"), CanFrame(0x123, b"ab", extended=False)
 
 
-def test_frames_come_in_through_the_fifo_and_none_is_lost(program: Program) -> None:
+def test_received_frames_pass_the_fifo_without_loss(program: Program) -> None:
     open_can(program, scale=1, mode=0, first=0)
     frames = [CanFrame(i, bytes([i])) for i in range(10)] + [STANDARD]
     program.chip.can.receive(frames)
@@ -157,14 +157,16 @@ def test_frames_come_in_through_the_fifo_and_none_is_lost(program: Program) -> N
         (0, 1, (0x1234_5678 >> 18) << 5 | 8 | 0x1234_5678 >> 15 & 7, 0, [EXTENDED]),
     ],
 )
-def test_filters(program: Program, scale: int, mode: int, first: int, second: int, let_in: list[CanFrame]) -> None:
+def test_filters_accept_the_configured_identifiers(
+    program: Program, scale: int, mode: int, first: int, second: int, let_in: list[CanFrame]
+) -> None:
     open_can(program, scale, mode, first, second)
     program.chip.can.receive([EXTENDED, STANDARD])
     program.chip.can.deliver()
     assert read_fifo(program) == let_in
 
 
-def test_a_filter_chooses_the_fifo(program: Program) -> None:
+def test_a_filter_selects_the_fifo(program: Program) -> None:
     open_can(program, 1, 0, 0, fifo=1)
     program.chip.can.receive([EXTENDED])
     program.chip.can.deliver()
@@ -176,7 +178,7 @@ def test_a_filter_chooses_the_fifo(program: Program) -> None:
 @pytest.mark.parametrize(
     ("btr", "out", "back"), [(0, 1, 0), (1 << 30, 1, 1), (3 << 30, 0, 1), (1 << 31, 0, 0)], ids=str
 )
-def test_frames_go_out_of_three_mailboxes(program: Program, btr: int, out: int, back: int) -> None:
+def test_frames_are_sent_from_three_mailboxes(program: Program, btr: int, out: int, back: int) -> None:
     open_can(program, 1, 0, 0, btr=btr)
     sent = [EXTENDED, STANDARD, CanFrame(7, b"")]
     assert program.get(CAN1 + 8) >> 26 & 7 == 7
@@ -196,7 +198,7 @@ def test_frames_go_out_of_three_mailboxes(program: Program, btr: int, out: int, 
     assert program.get(CAN1 + 8) & 0xFFFFFF == 0
 
 
-def test_a_controller_that_is_not_on_the_bus_takes_no_part(program: Program) -> None:
+def test_a_controller_off_the_bus_neither_receives_nor_sends(program: Program) -> None:
     program.chip.can.receive([EXTENDED])
     assert not program.chip.can.deliver()
     program.put(CAN1 + 0x180, 7 << 21 | 1)

@@ -1,4 +1,4 @@
-"""Foxglove's websocket protocol: bytes as its specification has them, and whatever comes off the wire."""
+"""Foxglove's websocket protocol: bytes as its specification has them, and any bytes off the network."""
 
 import json
 import re
@@ -26,7 +26,7 @@ from sim.sensors.sensor_set import fit, load_sensor
 SENSORS = {name: load_sensor(name).Model() for name in ("camera", "forward_sonar", "laser", "battery")}
 
 
-def test_binary_messages_are_those_of_the_specification() -> None:
+def test_binary_messages_have_the_bytes_of_the_specification() -> None:
     assert encode_message(7, 1_000, b"data") == b"\x01\x07\0\0\0\xe8\x03\0\0\0\0\0\0data"
     assert decode_binary(b"\x01\x09\0\0\0payload") == ClientMessage(9, b"payload")
     request = ServiceRequest(3, 5, "cdr", b"body")
@@ -35,18 +35,18 @@ def test_binary_messages_are_those_of_the_specification() -> None:
 
 
 @given(st.binary(max_size=64))
-def test_any_bytes_are_a_message_or_none(data: bytes) -> None:
+def test_any_bytes_are_decoded_as_a_message_or_refused(data: bytes) -> None:
     message = decode_binary(data)
     assert message is None or data.endswith(message.data)
 
 
 @given(st.text(max_size=64))
-def test_any_text_is_an_object_with_an_op_or_none(text: str) -> None:
+def test_any_text_is_parsed_as_an_operation_or_refused(text: str) -> None:
     message = decode_text(text)
     assert message is None or isinstance(message["op"], str)
 
 
-def test_a_length_beyond_the_end_is_no_message() -> None:
+def test_a_length_beyond_the_end_is_refused() -> None:
     assert decode_binary(b"\x02" + pack("<III", 1, 2, 100) + b"cdr") is None
     assert decode_text("[" * 100_000) is None
 
@@ -57,7 +57,7 @@ def test_the_layout_names_the_topics_of_its_vehicle() -> None:
     assert "/uuv1/" not in text
 
 
-def test_the_layout_has_panels_for_what_the_vehicle_has() -> None:
+def test_the_layout_has_panels_for_the_vehicles_sensors_only() -> None:
     """A vehicle without a camera, sonar or battery has no panel for it."""
     usual = json.loads(layout("uuv1"))["configById"]
     assert not any(panel.startswith("Image!") for panel in usual)

@@ -1,4 +1,4 @@
-"""The scene for Foxglove, read by the schema that it goes with: meshes, shapes, pipelines and zones in ENU."""
+"""The scene for Foxglove, decoded by its own schema: meshes, shapes, pipelines and zones in ENU."""
 
 from base64 import b64decode
 from pathlib import Path
@@ -56,7 +56,7 @@ def points(primitive: Any) -> Any:
     return np.array([(point.x, point.y, point.z) for point in primitive.points])
 
 
-def test_meshes_pipelines_and_zones_are_where_they_are(tmp_path: Path) -> None:
+def test_meshes_pipelines_and_zones_have_their_positions(tmp_path: Path) -> None:
     trimesh.creation.box((4.0, 2.0, 1.0)).export(str(tmp_path / "block.stl"))
     (tmp_path / "w.toml").write_text(WORLD)
     data = encode_scene(

@@ -1,4 +1,4 @@
-"""Messages as JSON, as mavlink2rest has them: there and back again, and what is none."""
+"""MAVLink messages as JSON in the form of mavlink2rest: round trips, and invalid input."""
 
 import json
 import math
@@ -20,20 +20,20 @@ MESSAGES = (
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=[message.get_type() for message in MESSAGES])
-def test_a_message_comes_back_as_it_was(message: dialect.MAVLink_message) -> None:
+def test_a_message_survives_a_round_trip(message: dialect.MAVLink_message) -> None:
     sender = dialect.MAVLink(None, 9, 7)
     sender.seq = 5
     packet = message.pack(sender)
     assert decode_message(encode_message((9, 7, 5), plain_fields(message), message)) == packet
 
 
-def test_what_json_does_not_have_is_null() -> None:
+def test_non_finite_numbers_are_null() -> None:
     message = dialect.MAVLink_attitude_message(1, math.nan, math.inf, 0.5, 0.0, 0.0, 0.0)
     fields = plain_fields(message)
     assert (fields["roll"], fields["pitch"], fields["yaw"]) == (None, None, 0.5)
 
 
-def test_letters_may_be_a_list_as_older_ones_send_them() -> None:
+def test_texts_may_be_lists_of_characters() -> None:
     name = [*"SYSID_THISMAV", "\0", "\0", "\0"]
     text = json.dumps(
         {
@@ -47,7 +47,7 @@ def test_letters_may_be_a_list_as_older_ones_send_them() -> None:
     assert (requested.param_id, requested.param_index, requested.target_component) == ("SYSID_THISMAV", -1, 0)
 
 
-def test_nothing_else_makes_a_packet_or_raises() -> None:
+def test_invalid_input_gives_no_packet_and_no_exception() -> None:
     good = encode_message((1, 1, 0), plain_fields(MESSAGES[0]), MESSAGES[0])
     for bad in (b"", b"[]", b"null", b"{}", b"[" * 100_000, b'{"header":{},"message":{"type":"HEARTBEAT"}}'):
         assert decode_message(bad) is None

@@ -1,4 +1,4 @@
-"""Missions of the MAVLink gateway: sent up, read back, flown."""
+"""Missions of the MAVLink gateway: uploaded, read back, flown."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from tests.support.clients.mavlink_vehicle import Bench
 LOCAL = dialect.MAV_FRAME_LOCAL_NED
 
 
-def test_a_mission_goes_up_and_comes_down_again() -> None:
+def test_a_mission_is_uploaded_and_downloaded_equal() -> None:
     bench = Bench()
     rows = [HOME_ROW, (LOCAL, 16, 5.0, 0.0, 3.0), (LOCAL, 16, 5.0, -5.0, 3.0, 2.0), (LOCAL, 20, 0.0, 0.0, 0.0)]
     assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
@@ -55,7 +55,7 @@ def test_items_that_cannot_be_flown_are_refused(row: tuple[Any, ...], result: in
     assert bench.core.flight.total == 0
 
 
-def test_places_on_the_earth_need_an_origin() -> None:
+def test_global_positions_need_an_origin() -> None:
     bench = Bench(origin=None)
     rows = [HOME_ROW, (6, 16, 45e3, 10e3, -2.0)]
     assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_INVALID_PARAM5_X
@@ -63,7 +63,7 @@ def test_places_on_the_earth_need_an_origin() -> None:
     assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
 
 
-def test_an_upload_that_stalls_is_asked_for_and_then_given_up() -> None:
+def test_a_stalled_upload_is_requested_again_and_then_abandoned() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
     assert len(bench.partner.take("MISSION_REQUEST_INT")) == 1
@@ -74,7 +74,7 @@ def test_an_upload_that_stalls_is_asked_for_and_then_given_up() -> None:
     assert upload_mission(bench.partner, [HOME_ROW]) == dialect.MAV_MISSION_ACCEPTED
 
 
-def test_what_missions_do_not_have_is_answered() -> None:
+def test_unsupported_mission_requests_are_answered() -> None:
     bench = Bench()
     other = bench.add_partner(system=254)
     send, take = bench.partner.send, bench.partner.take
@@ -117,7 +117,7 @@ def test_a_mission_is_flown_item_by_item() -> None:
     assert bench.partner.take("MISSION_CURRENT")[-1].mission_state == COMPLETE
 
 
-def test_a_mission_pauses_goes_on_and_jumps() -> None:
+def test_a_mission_pauses_continues_and_jumps() -> None:
     bench = Bench()
     rows = [HOME_ROW, (LOCAL, 16, 50.0, 0.0, 3.0), (LOCAL, 16, 0.0, 5.0, 3.0)]
     upload_mission(bench.partner, rows)
@@ -144,7 +144,7 @@ def test_auto_needs_a_mission() -> None:
     assert "no mission" in bench.partner.texts()
 
 
-def test_jumps_for_ever_do_not_hang() -> None:
+def test_endless_jumps_do_not_hang() -> None:
     bench = Bench()
     upload_mission(bench.partner, [HOME_ROW, (LOCAL, 201, 0, 0, 0.0), (LOCAL, 177, 0, 0, 0.0, 1.0, -1.0)])
     bench.arm(Mode.AUTO)

@@ -1,4 +1,4 @@
-"""Modes of the MAVLink vehicle: what each sends, what is held, and what stops it."""
+"""Modes of the MAVLink vehicle: what each commands, what it holds, and what stops it."""
 
 from math import pi
 
@@ -16,13 +16,13 @@ ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
 POSITION_ONLY, VELOCITY_ONLY = 0b110111111000, 0b110111000111
 
 
-def test_disarmed_nothing_is_sent() -> None:
+def test_nothing_is_sent_while_disarmed() -> None:
     bench = Bench()
     bench.run(1.0, lambda: bench.partner.sticks(x=1000))
     assert bench.vehicle.commands == []
 
 
-def test_manual_turns_sticks_into_forces() -> None:
+def test_manual_mode_turns_sticks_into_forces() -> None:
     bench = Bench()
     bench.arm()
     bench.run(0.2, lambda: bench.partner.sticks(x=500, y=-500, z=750, r=1000))
@@ -33,7 +33,7 @@ def test_manual_turns_sticks_into_forces() -> None:
 
 
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode != Mode.AUTO])
-def test_a_silent_joystick_is_a_centred_one(mode: Mode) -> None:
+def test_a_silent_joystick_counts_as_centred(mode: Mode) -> None:
     bench = Bench()
     bench.arm(mode)
     bench.run(1.0, lambda: bench.partner.sticks(x=1000, r=1000))
@@ -48,14 +48,14 @@ def test_a_silent_joystick_is_a_centred_one(mode: Mode) -> None:
     assert ("joystick silent" in bench.partner.texts()) == (mode in (0, 2, 16, 19))
 
 
-def test_a_stick_that_is_no_axis_is_centred() -> None:
+def test_an_invalid_stick_value_counts_as_centred() -> None:
     bench = Bench()
     bench.arm()
     bench.run(0.2, lambda: bench.partner.sticks(x=0x7FFF, y=0x7FFF, z=0x7FFF, r=0x7FFF))
     assert bench.vehicle.commands[-1] == NEUTRAL
 
 
-def test_the_first_of_two_joysticks_counts_until_it_is_silent() -> None:
+def test_the_first_of_two_joysticks_commands_until_it_is_silent() -> None:
     bench = Bench()
     other = bench.add_partner(system=254)
     bench.arm()
@@ -71,7 +71,7 @@ def test_the_first_of_two_joysticks_counts_until_it_is_silent() -> None:
     assert bench.vehicle.pushed()[0] < 0.0
 
 
-def test_sticks_that_waited_too_long_are_not_obeyed() -> None:
+def test_stale_stick_messages_are_ignored() -> None:
     bench = Bench()
     bench.arm()
     bench.dispatcher.stale = True
@@ -80,7 +80,7 @@ def test_sticks_that_waited_too_long_are_not_obeyed() -> None:
     assert bench.core.pilot.joystick.stale == 25
 
 
-def test_depth_hold_holds_the_depth_where_the_stick_was_let_go() -> None:
+def test_depth_hold_holds_the_depth_at_stick_release() -> None:
     bench = Bench()
     bench.arm(Mode.ALT_HOLD)
     bench.run(2.0, lambda: bench.partner.sticks(z=0))
@@ -93,7 +93,7 @@ def test_depth_hold_holds_the_depth_where_the_stick_was_let_go() -> None:
     assert held.depth == pytest.approx(bench.vehicle.depth, abs=0.01)
 
 
-def test_position_hold_comes_back_when_it_is_pushed_away() -> None:
+def test_position_hold_returns_after_a_disturbance() -> None:
     bench = Bench()
     bench.arm(Mode.POSHOLD)
     bench.run(0.5, bench.partner.sticks)
@@ -102,7 +102,7 @@ def test_position_hold_comes_back_when_it_is_pushed_away() -> None:
     assert abs(bench.vehicle.north) < 0.05
 
 
-def test_guided_goes_to_a_place_and_stays() -> None:
+def test_guided_mode_goes_to_a_position_and_holds_it() -> None:
     bench = Bench()
     bench.arm(Mode.GUIDED)
     bench.partner.send(
@@ -116,7 +116,7 @@ def test_guided_goes_to_a_place_and_stays() -> None:
     assert abs(bench.vehicle.depth - 3.0) < 0.3
 
 
-def test_guided_goes_to_a_place_on_the_earth() -> None:
+def test_guided_mode_goes_to_a_global_position() -> None:
     bench = Bench()
     bench.arm(Mode.GUIDED)
     north, east, _ = bench.core.plane.geodetic((5.0, 2.0, 0.0))  # type: ignore[union-attr]
@@ -132,7 +132,7 @@ def test_guided_goes_to_a_place_on_the_earth() -> None:
     assert abs(bench.vehicle.depth - 4.0) < 0.3
 
 
-def test_a_velocity_target_ends_by_itself() -> None:
+def test_a_velocity_target_expires() -> None:
     bench = Bench()
     bench.arm(Mode.GUIDED)
     bench.partner.send(
@@ -147,7 +147,7 @@ def test_a_velocity_target_ends_by_itself() -> None:
     assert "timed out" in bench.partner.texts()
 
 
-def test_surface_rises() -> None:
+def test_surface_mode_rises() -> None:
     bench = Bench()
     bench.vehicle.depth = 5.0
     bench.arm(Mode.SURFACE)
@@ -155,7 +155,7 @@ def test_surface_rises() -> None:
     assert bench.vehicle.depth == pytest.approx(bench.table["SURFACE_DEPTH"], abs=0.05)
 
 
-def test_no_target_is_deeper_than_the_limit() -> None:
+def test_targets_are_limited_in_depth() -> None:
     bench = Bench()
     bench.table.set("DEPTH_MAX", 5.0)
     bench.arm(Mode.GUIDED)
@@ -168,7 +168,7 @@ def test_no_target_is_deeper_than_the_limit() -> None:
     assert bench.vehicle.depth <= 5.01
 
 
-def test_arming_waits_for_the_slave_and_fails_in_words() -> None:
+def test_arming_waits_for_the_slave_and_fails_with_a_reason() -> None:
     bench = Bench()
     bench.vehicle.refused = "uuv1 obeys another master"
     assert bench.partner.command(ARM, 1) is None
@@ -179,7 +179,7 @@ def test_arming_waits_for_the_slave_and_fails_in_words() -> None:
     assert not bench.core.pilot.armed
 
 
-def test_arming_that_waited_is_acknowledged_once_the_slave_obeys() -> None:
+def test_delayed_arming_is_acknowledged_once_the_slave_accepts() -> None:
     bench = Bench()
     bench.vehicle.refused = "uuv1 is disarmed"
     assert bench.partner.command(ARM, 1) is None
@@ -214,7 +214,7 @@ def test_disarming_sends_neutral_and_then_nothing() -> None:
 
 
 @pytest.mark.parametrize(("action", "armed", "mode"), [(0, True, 19), (1, True, 19), (2, False, 19), (4, True, 9)])
-def test_silence_of_all_ground_stations(action: int, armed: bool, mode: int) -> None:
+def test_silence_of_all_ground_stations_triggers_the_failsafe(action: int, armed: bool, mode: int) -> None:
     bench = Bench()
     bench.table.set("FS_GCS_ENABLE", action)
     bench.arm()
@@ -224,14 +224,14 @@ def test_silence_of_all_ground_stations(action: int, armed: bool, mode: int) -> 
     assert (bench.core.pilot.armed, bench.core.pilot.mode) == (armed, mode)
 
 
-def test_without_a_ground_station_its_silence_means_nothing() -> None:
+def test_without_a_ground_station_there_is_no_failsafe() -> None:
     bench = Bench()
     bench.arm()
     bench.run(10.0)
     assert bench.core.pilot.armed
 
 
-def test_a_vehicle_that_is_gone_has_no_heartbeat_and_is_disarmed() -> None:
+def test_a_lost_vehicle_sends_no_heartbeat_and_is_disarmed() -> None:
     bench = Bench()
     bench.arm()
     bench.vehicle.is_present = False
@@ -242,7 +242,7 @@ def test_a_vehicle_that_is_gone_has_no_heartbeat_and_is_disarmed() -> None:
     assert not bench.core.pilot.armed
 
 
-def test_a_leak_is_reported_and_brings_it_up_if_asked_for() -> None:
+def test_a_leak_is_reported_and_surfaces_the_vehicle_if_configured() -> None:
     bench = Bench()
     bench.table.set("FS_LEAK_ENABLE", 2)
     bench.arm(Mode.ALT_HOLD)
@@ -268,7 +268,7 @@ def test_all_modes_are_listed() -> None:
     assert [message.mode_index for message in listed] == list(range(1, len(MODES) + 1))
 
 
-def test_targets_that_cannot_be_meant() -> None:
+def test_invalid_targets_are_refused() -> None:
     state = PointVehicle().state
 
     def read(frame: int, mask: int, *values: float) -> None:
@@ -291,7 +291,7 @@ def test_targets_that_cannot_be_meant() -> None:
             read(frame, mask, *values)
 
 
-def test_frames_of_local_targets() -> None:
+def test_local_targets_are_read_in_their_frames() -> None:
     vehicle = PointVehicle()
     vehicle.heading, vehicle.north = pi / 2, 10.0
     message = dialect.MAVLink_set_position_target_local_ned_message

@@ -30,7 +30,7 @@ def test_every_command_is_acknowledged() -> None:
     assert [ack.result for ack in bench.partner.take("COMMAND_ACK")] == [UNSUPPORTED]
 
 
-def test_commands_for_others_are_not_answered() -> None:
+def test_commands_to_other_systems_are_not_acknowledged() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_command_long_message(7, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
     bench.partner.send(dialect.MAVLink_command_long_message(1, 154, 400, 0, 1, 0, 0, 0, 0, 0, 0))
@@ -38,7 +38,7 @@ def test_commands_for_others_are_not_answered() -> None:
     assert not bench.core.pilot.armed
 
 
-def test_all_parameters_come_once_with_their_places() -> None:
+def test_all_parameters_are_sent_once_with_their_indices() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_param_request_list_message(1, 1))
     bench.run(0.2)
@@ -50,7 +50,7 @@ def test_all_parameters_come_once_with_their_places() -> None:
     assert all(len(name) <= 16 for name in names)
 
 
-def test_parameters_by_name_and_index_and_what_there_is_not() -> None:
+def test_parameters_are_read_by_name_and_index_and_unknown_ones_ignored() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, b"WP_SPEED", -1))
     (value,) = bench.partner.take("PARAM_VALUE")
@@ -62,7 +62,7 @@ def test_parameters_by_name_and_index_and_what_there_is_not() -> None:
     assert bench.partner.take("PARAM_VALUE") == []
 
 
-def test_setting_a_parameter_tells_everybody_what_it_is() -> None:
+def test_a_set_parameter_is_reported_to_all_ground_stations() -> None:
     bench = Bench()
     other = bench.add_partner(system=254)
 
@@ -82,7 +82,7 @@ def test_setting_a_parameter_tells_everybody_what_it_is() -> None:
     assert bench.vehicle.values["G_SURGE_P"] == 2.5
 
 
-def test_parameters_are_stored_and_a_broken_file_is_named(tmp_path: Path) -> None:
+def test_parameters_are_saved_and_a_broken_file_is_reported(tmp_path: Path) -> None:
     path = str(tmp_path / "deep" / "vehicle.toml")
     assert ParameterTable(path).set("WP_RADIUS", 2.0) == ""
     assert ParameterTable(path)["WP_RADIUS"] == 2.0
@@ -110,7 +110,7 @@ def _ftp(
     return answers
 
 
-def test_parameters_as_one_file() -> None:
+def test_parameters_can_be_read_as_one_file() -> None:
     bench = Bench()
     ((kind, session, _, size),) = _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck?withdefaults=1\0")
     assert kind == ftp.ACK
@@ -139,7 +139,7 @@ def _unpacked(data: bytes) -> dict[str, float]:
     return values
 
 
-def test_logs_are_read_and_nothing_else(tmp_path: Path) -> None:
+def test_only_logs_can_be_read(tmp_path: Path) -> None:
     (tmp_path / "logs").mkdir()
     (tmp_path / "logs" / "run.mcap").write_bytes(bytes(range(256)) * 4)
     (tmp_path / "secret").write_text("x", encoding="ascii")
@@ -163,12 +163,12 @@ def test_logs_are_read_and_nothing_else(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("opcode", [*ftp.WRITING, 77])
-def test_what_files_do_not_do_is_refused_at_once(opcode: int) -> None:
+def test_unsupported_file_operations_are_refused_at_once(opcode: int) -> None:
     bench = Bench()
     assert [kind for kind, *_ in _ftp(bench, opcode, b"/logs/new\0")] == [ftp.NAK]
 
 
-def test_sessions_are_few_and_close_by_themselves() -> None:
+def test_file_sessions_are_limited_and_expire() -> None:
     bench = Bench()
     opened = [_ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0", session=n)[0] for n in range(40, 49)]
     assert [session for _, session, _, _ in opened] == list(range(40, 49))  # MAVProxy numbers its sessions itself
@@ -177,7 +177,7 @@ def test_sessions_are_few_and_close_by_themselves() -> None:
     assert _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0")[0][0] == ftp.ACK
 
 
-def test_logs_by_the_old_protocol(tmp_path: Path) -> None:
+def test_logs_are_read_by_the_log_protocol(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(bytes(1000))
     bench = Bench(folder=str(tmp_path))
     bench.partner.send(dialect.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF))
@@ -192,7 +192,7 @@ def test_logs_by_the_old_protocol(tmp_path: Path) -> None:
     assert bench.partner.take("LOG_DATA")[0].count == 0
 
 
-def test_rates_of_messages() -> None:
+def test_message_intervals_can_be_set() -> None:
     bench = Bench()
     number = dialect.MAVLINK_MSG_ID_ATTITUDE
     command = bench.partner.command
@@ -214,7 +214,7 @@ def test_rates_of_messages() -> None:
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, float("nan")) == DENIED
 
 
-def test_escs_of_all_thrusters_are_reported() -> None:
+def test_esc_reports_cover_all_thrusters() -> None:
     bench = Bench()
     bench.vehicle.battery = BatterySample(0, 15.9, 2.0, 100.0, 50.0, False)
     bench.run(2.0)
@@ -226,7 +226,7 @@ def test_escs_of_all_thrusters_are_reported() -> None:
     assert not bench.partner.take("ESC_TELEMETRY_9_TO_12")
 
 
-def test_escs_report_turns_and_currents_where_they_are_known() -> None:
+def test_esc_reports_have_speed_and_current_where_known() -> None:
     bench = Bench()
     known, astern = MotorState(1700.0, 200.0, 3.25), MotorState(1400.0, -100.0, 1.5)
     bench.vehicle.motors = (known, astern, *[MotorState(1500.0, math.nan, math.nan)] * 3)
@@ -241,7 +241,7 @@ def test_escs_report_turns_and_currents_where_they_are_known() -> None:
     assert list(telemetry.voltage) == [0] * 4
 
 
-def test_nothing_is_said_of_escs_of_which_nothing_is_known() -> None:
+def test_escs_without_data_are_not_reported() -> None:
     bench = Bench()
     bench.vehicle.motors = (MotorState(1500.0, math.nan, math.nan),) * 6
     bench.run(2.0)
@@ -262,8 +262,8 @@ def test_each_stream_of_the_camera_is_described() -> None:
     assert [one.stream_id for one in bench.partner.take("VIDEO_STREAM_STATUS")] == [1, 2]
 
 
-def test_what_is_asked_of_the_camera_the_camera_answers() -> None:
-    """The device answers the old commands of QGroundControl's camera manager, which takes no other's answer."""
+def test_camera_requests_are_answered_by_the_camera_component() -> None:
+    """The device answers the old commands of QGroundControl's camera manager, which accepts no other sender's reply."""
     bench = Bench()
     bench.dispatcher.picture = camera.CameraInfo((camera.h264(5600),), 640, 480, 5.0, 60.0)
     expected = {
@@ -285,14 +285,14 @@ def test_what_is_asked_of_the_camera_the_camera_answers() -> None:
 
 
 @pytest.mark.parametrize("text", ["5600", "host", "host:0", "host:70000", ":5600"])
-def test_a_wrong_target_of_the_video_is_named(text: str) -> None:
+def test_a_wrong_video_target_is_reported(text: str) -> None:
     words = Mavlink(rtp=text).validate()
     assert words
     assert repr(text) in words
     assert Mavlink(rtp="192.168.2.1:5600").validate() is None
 
 
-def test_groups_of_messages_and_messages_once() -> None:
+def test_message_groups_and_single_messages_can_be_requested() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_request_data_stream_message(1, 1, dialect.MAV_DATA_STREAM_ALL, 0, 0))
     bench.run(1.0)
@@ -309,7 +309,7 @@ def test_groups_of_messages_and_messages_once() -> None:
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 147) == UNSUPPORTED  # it has no battery
 
 
-def test_signs_of_positions_and_velocities() -> None:
+def test_depth_is_negative_altitude_and_positive_down() -> None:
     bench = Bench()
     bench.vehicle.depth = 7.5
     bench.run(0.6)
@@ -319,7 +319,7 @@ def test_signs_of_positions_and_velocities() -> None:
     assert bench.partner.take("LOCAL_POSITION_NED")[-1].z == 7.5
 
 
-def test_clocks_are_compared() -> None:
+def test_timesync_and_ping_requests_are_answered() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_timesync_message(0, 1234))
     (answer,) = bench.partner.take("TIMESYNC")
@@ -330,7 +330,7 @@ def test_clocks_are_compared() -> None:
     assert bench.partner.take("PING")[0].target_system == 255
 
 
-def test_who_may_only_look_changes_nothing() -> None:
+def test_an_observer_cannot_change_anything() -> None:
     bench = Bench()
     guest = bench.add_partner(system=250, may_command=False)
     assert guest.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == DENIED

@@ -108,7 +108,7 @@ def test_random_file_requests_never_raise(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "kind", [newer.AvailableModes, newer.CurrentMode, newer.AvailableModesMonitor, newer.EscStatus]
 )
-def test_newer_messages_have_the_checksum_of_their_definition(kind: type[newer._NewerMessage]) -> None:
+def test_own_definitions_of_newer_messages_have_the_right_checksum(kind: type[newer._NewerMessage]) -> None:
     mavparse = pytest.importorskip("pymavlink.generator.mavparse")
     size = {"uint64_t": 8, "float": 4, "uint32_t": 4, "int32_t": 4, "uint8_t": 1, "char": 1}
     definitions = {
@@ -144,7 +144,7 @@ def _sender(key: str, wall: list[int]) -> MavlinkStream:
     return stream
 
 
-def test_with_a_key_only_signed_packets_count_and_all_are_signed() -> None:
+def test_with_a_key_only_signed_packets_are_accepted_and_sent() -> None:
     wall, sent = [1_800_000_000 * 10**9], []  # type: ignore[var-annotated]
     peer = _signed_peer("secret", wall, sent)
     beat = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
@@ -156,7 +156,7 @@ def test_with_a_key_only_signed_packets_count_and_all_are_signed() -> None:
     assert sent[0][2] & 1
 
 
-def test_a_signed_packet_counts_once() -> None:
+def test_replayed_and_stale_signed_packets_are_refused() -> None:
     wall = [1_800_000_000 * 10**9]
     peer = _signed_peer("secret", wall, [])
     packet = _sender("secret", wall).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
@@ -166,8 +166,8 @@ def test_a_signed_packet_counts_once() -> None:
     assert peer.unpack(_sender("secret", late).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))) == []
 
 
-class _Crowded(Link):
-    """An endpoint that refuses one more each turn."""
+class _Overloaded(Link):
+    """An endpoint that refuses one more ground station at each receive."""
 
     name = "udpin:crowd"
 
@@ -189,11 +189,11 @@ class _Crowded(Link):
     def close(self) -> None: ...
 
 
-def test_refused_ground_stations_are_reported_now_and_then() -> None:
+def test_refused_ground_stations_are_reported_at_intervals() -> None:
     lines = list[str]()
     times = iter(range(0, 4 * SILENT_NS, SILENT_NS // 10))
     gateway = Gateway(
-        PointVehicle(), Mavlink(), ParameterTable(""), [_Crowded()], report=lines.append, clock=times.__next__
+        PointVehicle(), Mavlink(), ParameterTable(""), [_Overloaded()], report=lines.append, clock=times.__next__
     )
     for _ in range(30):
         gateway.poll()

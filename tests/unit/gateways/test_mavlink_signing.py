@@ -36,7 +36,7 @@ def is_received(partner: Partner, packet: bytes) -> bool:
     return bool(partner.peer.unpack(packet))
 
 
-def test_a_key_is_used_for_all_stored_and_used_again(tmp_path: Path) -> None:
+def test_a_key_applies_to_all_and_is_saved_until_zeroed(tmp_path: Path) -> None:
     path = tmp_path / "state" / "mavlink-uuv1.toml.key"
     bench = bench_with(SigningKey(str(path)))
     other = bench.add_partner(254)
@@ -55,7 +55,7 @@ def test_a_key_is_used_for_all_stored_and_used_again(tmp_path: Path) -> None:
     assert SigningKey(str(path)).secret == b""
 
 
-def test_who_may_not_set_it_gets_the_reason(tmp_path: Path) -> None:
+def test_setting_a_key_without_permission_is_refused_with_a_reason(tmp_path: Path) -> None:
     path = tmp_path / "key"
     bench = bench_with(SigningKey(str(path)))
     bench.arm()
@@ -79,13 +79,13 @@ def test_who_may_not_set_it_gets_the_reason(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stored", ["", "no key", "ab" * 31, "zz" * 32])
-def test_a_stored_key_that_cannot_be_is_none(tmp_path: Path, stored: str) -> None:
+def test_an_invalid_saved_key_is_ignored(tmp_path: Path, stored: str) -> None:
     path = tmp_path / "key"
     path.write_text(stored)
     assert SigningKey(str(path)).secret == b""
 
 
-def test_a_key_that_cannot_be_stored_is_used_and_reported(tmp_path: Path) -> None:
+def test_a_key_that_cannot_be_saved_is_used_and_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     signing = SigningKey(str(tmp_path / "file" / "key"))
     assert "not stored" in signing.set(KEY)

@@ -1,4 +1,4 @@
-"""Messages of rosbridge: JSON and CBOR of every type, there and back, and what no client can break."""
+"""Messages of rosbridge: JSON and CBOR of every type, round trips, and any client input."""
 
 import json
 import math
@@ -28,14 +28,14 @@ JSON = st.recursive(
 IMAGE: dict[str, Any] = {"header": {"frame_id": "camera"}, "height": 1, "width": 3, "step": 3, "data": b"\x00\x7f\xff"}
 
 
-def test_a_message_comes_back_from_json() -> None:
+def test_a_message_survives_a_json_round_trip() -> None:
     for name in MESSAGES:
         message = ros_message.empty(name)
         back = from_json(name, json.loads(json_text(to_json(name, message))))
         assert ros_message.encode(name, back) == ros_message.encode(name, message), name
 
 
-def test_a_message_is_cbor() -> None:
+def test_every_message_type_is_encoded_as_cbor_with_all_fields() -> None:
     for name in TYPES:
         message = ros_message.empty(name)
         assert set(cbor2.loads(cbor2.dumps(to_cbor(name, message)))) == set(message), name
@@ -51,7 +51,7 @@ def test_bytes_are_base64_in_json_and_bytes_in_cbor() -> None:
         assert from_json(kind, {"data": given_data})["data"] == IMAGE["data"]
 
 
-def test_numbers_in_cbor_are_typed_arrays() -> None:
+def test_number_arrays_in_cbor_are_typed_arrays() -> None:
     """RFC 8746 says: 85 is float32, 86 float64, each little-endian."""
     scan = ros_message.decode(
         "sensor_msgs/msg/LaserScan", ros_message.encode("sensor_msgs/msg/LaserScan", {"ranges": (1.0, 2.5)})
@@ -63,13 +63,13 @@ def test_numbers_in_cbor_are_typed_arrays() -> None:
     assert (imu.tag, len(imu.value)) == (86, 72)
 
 
-def test_what_is_not_finite_is_null() -> None:
+def test_non_finite_numbers_are_null_in_json() -> None:
     kind = "std_msgs/msg/Float64"
     assert json_text(to_json(kind, {"data": math.inf})) == '{"data": null}'
     assert math.isnan(from_json(kind, {"data": None})["data"])
 
 
-def test_names_of_ros_1_are_understood() -> None:
+def test_ros_1_names_are_accepted() -> None:
     header = from_json("std_msgs/msg/Header", {"seq": 4, "stamp": {"secs": 5, "nsecs": 6}, "frame_id": "a"})
     assert header == {"stamp": {"sec": 5, "nanosec": 6}, "frame_id": "a"}
     assert whole_type("geometry_msgs/Twist") == "geometry_msgs/msg/Twist"
@@ -90,7 +90,7 @@ def test_names_of_ros_1_are_understood() -> None:
         ("std_msgs/msg/Float64MultiArray", {"data": 3.0}, "expected an array"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(kind: str, values: Any, words: str) -> None:
+def test_invalid_values_are_refused_with_their_field(kind: str, values: Any, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         from_json(kind, values)
 
@@ -115,7 +115,7 @@ def test_noise_in_known_fields_is_encoded_or_refused(kind: str, data: st.DataObj
     assert ros_message.decode(kind, payload) is not None
 
 
-def test_arguments_are_named_or_in_order() -> None:
+def test_service_arguments_are_named_or_positional() -> None:
     kind = "std_srvs/srv/SetBool_Request"
     assert arguments(kind, [True]) == arguments(kind, {"data": True}) == {"data": True}
     assert arguments(kind, None) == {}
@@ -123,7 +123,7 @@ def test_arguments_are_named_or_in_order() -> None:
         arguments(kind, [True, False])
 
 
-def test_types_are_told_with_all_that_they_are_made_of() -> None:
+def test_typedefs_contain_all_nested_types() -> None:
     found = {each["type"]: each for each in typedefs("geometry_msgs/msg/PoseStamped")}
     assert set(found) == {
         "geometry_msgs/msg/PoseStamped", "std_msgs/msg/Header", "builtin_interfaces/msg/Time",
@@ -137,7 +137,7 @@ def test_types_are_told_with_all_that_they_are_made_of() -> None:
 MS = 1_000_000
 
 
-def test_a_throttle_without_a_queue_leaves_out() -> None:
+def test_a_throttle_without_a_queue_drops_messages() -> None:
     subscription = Subscription()
     subscription.add("a", read_options({"throttle_rate": 100}))
     taken = [subscription.admit(number, number * 40 * MS) for number in range(6)]
@@ -145,7 +145,7 @@ def test_a_throttle_without_a_queue_leaves_out() -> None:
     assert subscription.due_ns is None
 
 
-def test_a_queue_is_sent_at_the_throttles_pace_and_drops_its_oldest() -> None:
+def test_a_throttled_queue_drops_its_oldest_messages() -> None:
     subscription = Subscription()
     subscription.add("a", SubscriptionOptions(100 * MS, 2, "none"))
     assert [subscription.admit(number, 0) for number in range(4)] == [0, None, None, None]
@@ -155,7 +155,7 @@ def test_a_queue_is_sent_at_the_throttles_pace_and_drops_its_oldest() -> None:
     assert subscription.due_ns is None
 
 
-def test_of_two_subscriptions_the_faster_counts_until_it_goes() -> None:
+def test_the_faster_of_two_subscriptions_applies_until_removed() -> None:
     subscription = Subscription()
     subscription.add("slow", SubscriptionOptions(1000 * MS, 0, "none"))
     subscription.add("fast", SubscriptionOptions(0, 0, "cbor"))
@@ -169,7 +169,7 @@ def test_of_two_subscriptions_the_faster_counts_until_it_goes() -> None:
 
 
 @given(st.dictionaries(st.sampled_from(["throttle_rate", "queue_length", "compression"]), JSON))
-def test_noise_in_a_subscription_is_bounded_or_refused(message: dict[str, Any]) -> None:
+def test_invalid_subscription_options_are_bounded_or_refused(message: dict[str, Any]) -> None:
     try:
         options = read_options(message)
     except ConfigError:

@@ -11,7 +11,7 @@ from hil.gateways.websocket_client import SendQueue, SocketClient
 
 
 class Socket:
-    """A socket that takes what is sent to it while it is `read`."""
+    """A socket that accepts what is sent to it once `read` is set."""
 
     def __init__(self) -> None:
         self.read = asyncio.Event()
@@ -29,7 +29,7 @@ def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(websocket_client, "MOST_BYTES", 10)
 
 
-def test_who_does_not_read_its_answers_is_not_read() -> None:
+def test_a_client_that_does_not_read_replies_is_not_read_from() -> None:
     async def run() -> None:
         socket = Socket()
         queue = SendQueue(cast(Any, socket))
@@ -47,7 +47,7 @@ def test_who_does_not_read_its_answers_is_not_read() -> None:
     asyncio.run(run())
 
 
-def test_behind_what_must_be_kept_the_new_one_is_dropped() -> None:
+def test_a_new_message_is_dropped_when_the_queue_holds_undroppable_ones() -> None:
     async def run() -> None:
         socket = Socket()
         queue = SendQueue(cast(Any, socket))
@@ -76,8 +76,8 @@ def test_the_oldest_is_dropped_first() -> None:
     asyncio.run(run())
 
 
-class Gone(SocketClient):
-    """A client that sends nothing more, and to whom nothing can be sent."""
+class DisconnectedClient(SocketClient):
+    """A client that sends nothing more, and to which nothing can be sent."""
 
     async def _read(self) -> None:
         await asyncio.sleep(0)
@@ -91,12 +91,12 @@ class Gone(SocketClient):
     _on_text = _on_binary = cast(Any, None)
 
 
-def test_a_client_that_leaves_while_something_is_sent_leaves_no_error_behind() -> None:
+def test_a_client_that_disconnects_while_sending_leaves_no_error() -> None:
     reported: list[dict[str, Any]] = []
 
     async def run() -> None:
         asyncio.get_running_loop().set_exception_handler(lambda _, context: reported.append(context))
-        await Gone(cast(Any, Socket())).serve()
+        await DisconnectedClient(cast(Any, Socket())).serve()
 
     asyncio.run(run())
     gc.collect()

@@ -1,4 +1,4 @@
-"""TCPROS by its bytes, what waits for a subscriber, and who commands."""
+"""TCPROS byte by byte, messages that wait for a subscriber, and which publisher commands."""
 
 import asyncio
 from typing import Any, cast
@@ -29,14 +29,14 @@ WIKI = bytes.fromhex(
 TWIST = kind_of("geometry_msgs/msg/Twist")
 
 
-def test_a_header_is_that_of_the_wiki() -> None:
+def test_a_header_has_the_bytes_of_the_ros_wiki() -> None:
     fields = decode_header(WIKI)
     assert (fields["topic"], fields["latching"], fields["type"]) == ("/chatter", "1", "std_msgs/String")
     assert encode_header(fields) == b"\xb0\x00\x00\x00" + WIKI  # the 176 bytes that the page shows
 
 
 @given(st.binary(max_size=200))
-def test_any_bytes_are_a_header_or_refused(data: bytes) -> None:
+def test_any_bytes_are_decoded_as_a_header_or_refused(data: bytes) -> None:
     try:
         fields = decode_header(data)
     except PeerError:
@@ -44,7 +44,7 @@ def test_any_bytes_are_a_header_or_refused(data: bytes) -> None:
     assert bool(fields) == bool(data)
 
 
-def test_types_are_compared_and_any_is_taken() -> None:
+def test_types_must_match_unless_a_wildcard_is_given() -> None:
     require_type({"md5sum": "*", "type": "*"}, "/x", "a/B", "1")
     require_type({"md5sum": "1"}, "/x", "a/B", "1")
     for fields in ({"md5sum": "2"}, {"md5sum": "1", "type": "a/C"}, {"type": "a/B"}):
@@ -52,7 +52,7 @@ def test_types_are_compared_and_any_is_taken() -> None:
             require_type(fields, "/x", "a/B", "1")
 
 
-def test_a_frame_too_large_is_refused_before_it_comes() -> None:
+def test_a_frame_that_is_too_large_is_refused_by_its_length() -> None:
     async def run() -> None:
         reader = asyncio.StreamReader()
         reader.feed_data(b"\xff\xff\xff\x7f")
@@ -62,7 +62,7 @@ def test_a_frame_too_large_is_refused_before_it_comes() -> None:
     asyncio.run(run())
 
 
-def test_who_does_not_read_loses_the_oldest() -> None:
+def test_a_slow_subscriber_loses_the_oldest_messages() -> None:
     async def run() -> None:
         subscriber = Subscriber("/slow")
         for number in range(MOST_WAITING + 20):
@@ -74,7 +74,7 @@ def test_who_does_not_read_loses_the_oldest() -> None:
     asyncio.run(run())
 
 
-def test_messages_that_are_none_are_counted_and_latched_ones_kept() -> None:
+def test_unreadable_messages_are_counted_and_latched_ones_stored() -> None:
     publication = Publication("/tf", kind_of("std_msgs/msg/String"), 2, lambda _topic: None)
     publication.subscribers.add(cast(Any, None))
 
@@ -89,7 +89,7 @@ def test_messages_that_are_none_are_counted_and_latched_ones_kept() -> None:
     assert [each.data[8:9] for each in publication._last] == [b"b", b"c"]
 
 
-def test_one_commands_and_what_is_stale_is_not_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_one_publisher_commands_and_stale_commands_are_not_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     now, sent, lines = [0], list[bytes](), list[str]()
     monkeypatch.setattr(subscription, "now_ns", lambda: now[0])
 
@@ -115,7 +115,7 @@ def test_one_commands_and_what_is_stale_is_not_sent(monkeypatch: pytest.MonkeyPa
     assert sent[0][4:] == b"\x02" * 48
 
 
-def test_where_the_master_and_this_node_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_addresses_of_master_and_node_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROS_MASTER_URI", raising=False)
     assert bridge.master_uri() == "http://localhost:11311"
     for uri in ("localhost:11311", "http://host", "http://host:port", "tcp/1:2"):
@@ -132,5 +132,5 @@ def test_where_the_master_and_this_node_are(monkeypatch: pytest.MonkeyPatch) -> 
     assert bridge.own_host("0.0.0.0", "http://127.0.0.1:11311") == "127.0.0.1"
 
 
-def test_a_tree_of_parameters_has_leaves() -> None:
+def test_a_parameter_tree_is_flattened_to_leaves() -> None:
     assert list(leaves("/a", {"b": {"c": 1, "d": ""}, "e": 2.0})) == [("/a/b/c", 1), ("/a/b/d", ""), ("/a/e", 2.0)]

@@ -32,7 +32,7 @@ NOETIC = get_typestore(Stores.ROS1_NOETIC)
 CARRIED = sorted({topic.type for topic in TOPICS.values() if not topic.type.startswith("rcl_interfaces")})
 
 
-def test_sums_are_those_of_noetic() -> None:
+def test_md5_sums_equal_those_of_noetic() -> None:
     assert {name: kind_of(name).md5sum for name in MD5} == MD5
     assert {name: service_of(name).md5sum for name in SERVICES} == SERVICES
     assert kind_of("sensor_msgs/msg/Imu").definition.startswith("std_msgs/Header header\n")
@@ -40,13 +40,13 @@ def test_sums_are_those_of_noetic() -> None:
 
 
 @pytest.mark.parametrize("kind", CARRIED)
-def test_every_topic_has_a_type_there_and_comes_back(kind: str) -> None:
+def test_every_topic_has_a_ros_1_type_and_a_round_trip(kind: str) -> None:
     payload = ros_message.encode(kind, {})
     there = to_ros1(kind, payload)
     assert ros_message.decode(kind, to_cdr(kind, there)) == ros_message.decode(kind, payload)
 
 
-def test_values_arrive_where_releases_differ() -> None:
+def test_fields_that_differ_between_releases_are_converted() -> None:
     camera: Any = NOETIC.deserialize_ros1(
         to_ros1(
             "sensor_msgs/msg/CameraInfo",
@@ -68,7 +68,7 @@ def test_values_arrive_where_releases_differ() -> None:
 
 
 @given(st.binary(max_size=300))
-def test_no_bytes_do_more_than_be_refused(data: bytes) -> None:
+def test_any_bytes_are_decoded_or_refused(data: bytes) -> None:
     for name in COMMANDS:
         try:
             payload = to_cdr(TOPICS[name].type, data)
@@ -77,7 +77,7 @@ def test_no_bytes_do_more_than_be_refused(data: bytes) -> None:
         assert ros_message.decode(TOPICS[name].type, payload) is not None
 
 
-def test_what_ros_1_has_not_is_said() -> None:
+def test_types_without_a_ros_1_counterpart_are_refused() -> None:
     for name in ("rcl_interfaces/msg/ParameterEvent", "nobody_msgs/msg/Thing"):
         with pytest.raises(ConfigError, match=name):
             kind_of(name)
