@@ -47,7 +47,10 @@ def endpoints_of(scenario: Scenario) -> list[str]:
 def hunting_of(scenario: Scenario) -> Hunting:
     """Return the [hunting] section. Raises ConfigError if there is none."""
     if scenario.hunting is None:
-        raise ConfigError(f"{scenario.path}: a hunt needs a [hunting] section, with a target")
+        raise ConfigError(
+            f"{scenario.path}: there is no [hunting], so its vehicles have no target: add one with a target, or use a "
+            "scenario that has one, such as target_hunting"
+        )
     return scenario.hunting
 
 

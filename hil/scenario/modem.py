@@ -29,9 +29,13 @@ REPORT_BYTES = _REPORT.size
 
 def modem_of(scenario: Scenario) -> Modem:
     """Return the [modem] section, checked against the fleet. Raises ConfigError if they do not fit."""
-    modem, hunting = scenario.modem, hunting_of(scenario)
+    modem = scenario.modem
     if modem is None:
-        raise ConfigError(f"{scenario.path}: there is no [modem]: its vehicles talk over the network")
+        raise ConfigError(
+            f"{scenario.path}: there is no [modem], so its vehicles report over the network: add one, or use the "
+            "scenario of a fleet that has one, such as target_hunting_acoustic"
+        )
+    hunting = hunting_of(scenario)
     airtime = modem.model.airtime_ns(REPORT_BYTES) / NS_PER_S
     if 0.0 < modem.slot < airtime:
         raise ConfigError(

@@ -1,6 +1,7 @@
 """`uuv-hil stm32 flash`: write the firmware's image to a board."""
 
 import argparse
+import os
 from collections.abc import Callable
 
 from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, describe_image, load_image, parameters
@@ -37,6 +38,11 @@ def run(options: argparse.Namespace) -> int:
     """Recognise the board, show the wiring, write; return the exit code. Raises HilError."""
     from firmware_stub.flash.content import load_content, wiring
 
+    if options.image and not os.path.isfile(options.image):
+        fault = "a folder" if os.path.isdir(options.image) else "no such file"
+        raise ConfigError(
+            f"--image {options.image}: {fault}; name a FILE.bin of python -m firmware_stub.build --output"
+        )
     own = describe_image(options.image) if options.image else None
     chip = _named_chip(options.chip, own)
     write = None

@@ -82,9 +82,11 @@ def test_the_case_reports_what_became_of_messages() -> None:
 
 
 def test_the_command_says_what_it_needs(tmp_path: Path) -> None:
-    with Program(tmp_path, "channel", "target_hunting") as water:
-        assert water.wait() == 2
-        assert "there is no [modem]" in water.output
+    for scenario in ("target_hunting", "paper_field"):  # with and without a fleet
+        with Program(tmp_path, "channel", scenario) as water:
+            assert water.wait() == 2
+            assert "there is no [modem]" in water.output
+            assert "such as target_hunting_acoustic" in water.output
     with Program(tmp_path, "channel", SCENARIO) as water:
         water.expect("acoustic modems of 4 vehicles, slots of 0.25 s")
         assert water.stop(15) == 0, water.output

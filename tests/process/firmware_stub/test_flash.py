@@ -118,6 +118,10 @@ def test_an_own_image_that_does_not_fit(
     assert "is for an STM32F722; boards with f103, f405, f411, f446 are written" in refusal()
     own_image.with_suffix(".toml").unlink()
     assert "no valid description beside it" in refusal()
+    own_image.unlink()
+    assert "mine.bin: no such file" in refusal()
+    own_image.mkdir()
+    assert "mine.bin: a folder; name a FILE.bin" in refusal()
     assert not board.erased
 
 

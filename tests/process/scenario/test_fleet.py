@@ -110,7 +110,7 @@ def test_a_hunt_is_a_table() -> None:
 
 
 def test_a_plan_needs_a_hunt_and_three(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"needs a \[hunting\] section"):
+    with pytest.raises(ConfigError, match=r"there is no \[hunting\].*such as target_hunting"):
         hunting_of(fleet(tmp_path))
     with pytest.raises(MissionError, match="it takes three"):
         hunt_plan(fleet(tmp_path, nodes="a b", tail="[hunting]\ntarget = [5, 8]"))
