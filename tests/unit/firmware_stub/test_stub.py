@@ -38,7 +38,7 @@ def test_outputs_follow_only_while_armed(stm32: Stm32) -> None:
 @pytest.mark.parametrize(
     ("requested", "pulse"), [(800, 800), (2200, 2200), (799, 0), (2201, 0), (0, 0), (65535, 0), (1500, 1500)]
 )
-def test_pulses_out_of_range_are_replaced_by_neutral(stm32: Stm32, requested: int, pulse: int) -> None:
+def test_a_pulse_width_out_of_range_gives_no_pulse(stm32: Stm32, requested: int, pulse: int) -> None:
     stm32.command(armed(1, (requested, 1500)), 0)
     assert stm32.pwm_us == [pulse, 1500]
 

@@ -11,7 +11,7 @@ from tests.support.links.link_contract import nothing_leaks
 
 @pytest.fixture
 def opened() -> Iterator[ExitStack]:
-    """Close what a test opens; nothing leaks."""
+    """Close what a test opens, and check that nothing leaks."""
     with nothing_leaks(), ExitStack() as stack:
         yield stack
 

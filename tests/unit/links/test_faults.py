@@ -1,4 +1,4 @@
-"""Each fault does what it says, as often as it says, and is counted."""
+"""Each fault does what its key states, as often as stated, and is counted."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -19,7 +19,7 @@ CHUNKS = [number.to_bytes(2, "big") * 8 for number in range(2000)]
 Open = Callable[..., tuple[Wire, FaultyWire]]
 
 
-def struck(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list[bytes], Tally]:
+def sent_through(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list[bytes], Tally]:
     """Return what comes out of CHUNKS, sent one by one."""
     far, near = instant_pair(opened, faults, seed)
     received = []
@@ -35,28 +35,28 @@ def near_share(count: int, share: float, of: int) -> bool:
 
 
 class TestDamage:
-    def test_drop(self, opened: ExitStack) -> None:
-        received, tally = struck(opened, Faults(drop=0.2))
+    def test_chunks_are_dropped_at_the_stated_rate(self, opened: ExitStack) -> None:
+        received, tally = sent_through(opened, Faults(drop=0.2))
         assert [chunk for chunk in received if chunk] == [CHUNKS[i] for i, chunk in enumerate(received) if chunk]
         assert tally.dropped == received.count(b"")
         assert near_share(tally.dropped, 0.2, len(CHUNKS))
 
-    def test_corrupt_flips_one_bit_of_so_many_bytes(self, opened: ExitStack) -> None:
-        received, tally = struck(opened, Faults(corrupt=0.01))
+    def test_corruption_flips_one_bit_at_the_stated_rate(self, opened: ExitStack) -> None:
+        received, tally = sent_through(opened, Faults(corrupt=0.01))
         flips = [a ^ b for a, b in zip(b"".join(received), b"".join(CHUNKS), strict=True)]
         assert all(flip.bit_count() <= 1 for flip in flips)
         assert sum(map(bool, flips)) == tally.corrupted_bytes
         assert near_share(tally.corrupted_bytes, 0.01, len(flips))
         assert len(set(flips)) == 9, "each of the eight bits, and none"
 
-    def test_duplicate(self, opened: ExitStack) -> None:
-        received, tally = struck(opened, Faults(duplicate=0.1))
+    def test_chunks_are_duplicated_at_the_stated_rate(self, opened: ExitStack) -> None:
+        received, tally = sent_through(opened, Faults(duplicate=0.1))
         assert set(received) <= {*CHUNKS, *[chunk + chunk for chunk in CHUNKS]}
         assert sum(len(chunk) == 32 for chunk in received) == tally.duplicated
         assert near_share(tally.duplicated, 0.1, len(CHUNKS))
 
-    def test_reorder_changes_places_with_the_next(self, opened: ExitStack) -> None:
-        received, tally = struck(opened, Faults(reorder=0.1))
+    def test_reordering_swaps_a_chunk_with_the_next(self, opened: ExitStack) -> None:
+        received, tally = sent_through(opened, Faults(reorder=0.1))
         order = [int.from_bytes(received_at[:2], "big") for received_at in split(b"".join(received), 16)]
         swaps = [i for i in range(len(order) - 1) if order[i] == order[i + 1] + 1]
         assert tally.reordered - len(swaps) in (0, 1), "the very last one has no next"
@@ -65,13 +65,13 @@ class TestDamage:
             order[i], order[i + 1] = order[i + 1], order[i]
         assert order == sorted(order)
 
-    def test_what_nothing_follows_is_not_lost(self, opened: ExitStack) -> None:
+    def test_a_reordered_chunk_without_a_successor_is_sent_later(self, opened: ExitStack) -> None:
         far, near = instant_pair(opened, Faults(reorder=1.0))
         received, took_ns = cross(near, far, b"alone")
         assert received == b"alone"
         assert took_ns > 0.09 * NS_PER_S
 
-    def test_what_is_received_is_struck_too(self, opened: ExitStack) -> None:
+    def test_faults_apply_to_received_bytes(self, opened: ExitStack) -> None:
         far, near = instant_pair(opened, Faults(drop=0.5))
         received = 0
         for chunk in CHUNKS:
@@ -82,7 +82,9 @@ class TestDamage:
         assert near.sent.chunks == 0
 
     @pytest.mark.parametrize(("direction", "sent", "received"), [("sent", 1, 0), ("received", 0, 1), ("both", 1, 1)])
-    def test_direction(self, opened: ExitStack, direction: str, sent: int, received: int) -> None:
+    def test_faults_apply_to_the_configured_direction(
+        self, opened: ExitStack, direction: str, sent: int, received: int
+    ) -> None:
         faults = parse({"direction": direction, "drop": 1.0}, Faults, "link.faults")
         far, near = instant_pair(opened, faults)
         near.write(b"down")
@@ -91,14 +93,14 @@ class TestDamage:
         assert near.read() == (b"" if received else b"up")
         assert (near.sent.dropped, near.received.dropped) == (sent, received)
 
-    def test_the_seed_decides(self, opened: ExitStack) -> None:
+    def test_the_seed_determines_the_faults(self, opened: ExitStack) -> None:
         faults = Faults(drop=0.1, corrupt=0.02, duplicate=0.1, reorder=0.1)
-        first, again, other = (struck(opened, faults, seed)[0] for seed in (5, 5, 6))
+        first, again, other = (sent_through(opened, faults, seed)[0] for seed in (5, 5, 6))
         assert first == again
         assert first != other
 
-    def test_what_comes_back_does_not_disturb_what_goes(self, opened: ExitStack) -> None:
-        alone = struck(opened, Faults(drop=0.5))[0]
+    def test_faults_of_one_direction_do_not_depend_on_the_other(self, opened: ExitStack) -> None:
+        alone = sent_through(opened, Faults(drop=0.5))[0]
         far, near = instant_pair(opened, Faults(drop=0.5))
         received = []
         for chunk in CHUNKS:
@@ -110,7 +112,7 @@ class TestDamage:
 
 
 class TestGone:
-    def test_disconnect_and_return(self, opened: ExitStack, clock: Clock) -> None:
+    def test_a_link_disconnects_and_returns(self, opened: ExitStack, clock: Clock) -> None:
         far, near = instant_pair(opened, Faults(disconnect=1.0, disconnect_time=0.1))
         near.write(b"cut")
         near.faults = near.faults._replace(disconnect=0.0)
@@ -125,7 +127,7 @@ class TestGone:
         assert near.read() == b"and here"
         assert (near.sent.disconnects, near.sent.lost, near.received.lost) == (1, 2, 1)
 
-    def test_unplugged_and_plugged_in_again(self, opened: ExitStack) -> None:
+    def test_a_device_can_be_unplugged_and_plugged_in_again(self, opened: ExitStack) -> None:
         far, near = instant_pair(opened)
         assert not wait_readable(near, 0)
         near.faults = Faults(unplugged=True)
@@ -139,14 +141,14 @@ class TestGone:
         near.write(b"x")
         assert far.read() == b"x"
 
-    def test_a_wire_that_is_really_gone(self, opened: ExitStack) -> None:
+    def test_a_lost_wire_raises_an_error(self, opened: ExitStack) -> None:
         far, near = instant_pair(opened, Faults(delay=0.01))
         far.close()
         assert wait_readable(near)
         with pytest.raises(DeviceError, match="host: went away"):
             near.read()
 
-    def test_what_the_wire_beneath_refuses_is_counted(self, opened: ExitStack) -> None:
+    def test_bytes_refused_by_the_underlying_wire_are_counted(self, opened: ExitStack) -> None:
         _, near = instant_pair(opened, Faults(duplicate=1.0))
         taken = sum(near.write(bytes(4096)) for _ in range(200))
         assert taken == 200 * 4096, "a delayed byte cannot be refused any more"
@@ -154,7 +156,7 @@ class TestGone:
 
 
 class TestOnCan:
-    def test_frames_stay_whole(self, opened: ExitStack) -> None:
+    def test_can_frames_stay_whole(self, opened: ExitStack) -> None:
         far, near = can_pair(opened, Faults(drop=0.1, corrupt=0.05, duplicate=0.1, reorder=0.1))
         sent = records(EVERY_BYTE)
         received = b""
@@ -171,7 +173,7 @@ class TestOnCan:
         assert near_share(tally.dropped, 0.1, 640)
         assert near_share(tally.corrupted_bytes, 0.05, (640 - tally.dropped) * 8)
 
-    def test_a_frame_takes_its_bits(self, opened: ExitStack) -> None:
+    def test_a_can_frame_takes_the_time_of_its_bits(self, opened: ExitStack) -> None:
         """An extended frame with 8 bytes, 131 bits, takes 6.55 ms at 20 kbit/s, and a standard empty one 2.35 ms."""
         far, near = can_pair(opened, Faults(baud=20_000))
         for frame, wire_time_ms in ((CanFrame(1, bytes(8)), 6.55), (CanFrame(1, b"", extended=False), 2.35)):
@@ -192,7 +194,7 @@ class TestOnCan:
 
 
 class TestSettings:
-    def test_they_stand_in_a_scenario(self) -> None:
+    def test_faults_are_read_from_a_scenario(self) -> None:
         table = {"baud": 115_200, "delay": "20 ms", "drop": 0.02, "stall_time": 1.5}
         assert parse(table, Faults, "x.toml: link.faults") == Faults(115_200, delay=0.02, drop=0.02, stall_time=1.5)
 
@@ -205,11 +207,11 @@ class TestSettings:
             ("direction", "up", "direction: 'up' is not one of both, sent, received"),
         ],
     )
-    def test_mistakes_are_named(self, key: str, value: object, fault: str) -> None:
+    def test_mistakes_are_reported_with_their_key(self, key: str, value: object, fault: str) -> None:
         with pytest.raises(ConfigError, match=fault):
             parse({key: value}, Faults, "x.toml: link.faults")
 
-    def test_they_change_while_it_runs(self, opened: ExitStack) -> None:
+    def test_faults_can_change_during_a_run(self, opened: ExitStack) -> None:
         far, near = instant_pair(opened)
         near.write(b"one")
         assert far.read() == b"one"

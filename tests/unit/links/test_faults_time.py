@@ -1,4 +1,4 @@
-"""Time on a wire with faults is that of the line: by a clock of the test's own, and in three tests by the machine's."""
+"""Timing on a wire with faults: by a clock of the test, and in three tests by the machine's clock."""
 
 import os
 import statistics
@@ -28,7 +28,7 @@ def one_cpu() -> Iterator[None]:
 
 @pytest.mark.parametrize("downward", [True, False])
 @retried_when_busy("when bytes come, by the clock", attempts=10)
-def test_a_frame_takes_its_time_on_the_wire(opened: ExitStack, downward: bool) -> None:
+def test_a_frame_takes_its_transmission_time(opened: ExitStack, downward: bool) -> None:
     paced, bare = (least_ns(opened, baud, downward) for baud in (115_200, 0))
     wire_time_ns = 32 * 10 * NS_PER_S / 115_200
     assert abs(paced - bare - wire_time_ns) < 0.05 * wire_time_ns
@@ -44,8 +44,8 @@ def least_ns(opened: ExitStack, baud: int, downward: bool) -> int:
 
 @pytest.mark.parametrize("downward", [True, False])
 @retried_when_busy("when bytes come, by the clock", attempts=10)
-def test_throughput_is_that_of_the_baud_rate(opened: ExitStack, downward: bool) -> None:
-    """The best of five counts: a machine that others use too may be late, never early."""
+def test_throughput_equals_the_baud_rate(opened: ExitStack, downward: bool) -> None:
+    """The best of five counts, because a shared machine may be late but never early."""
     far, near = pty_pair(opened, Faults(baud=230_400))
     data = EVERY_BYTE * 40
     sender, receiver = (near, far) if downward else (far, near)
@@ -59,7 +59,7 @@ def test_throughput_is_that_of_the_baud_rate(opened: ExitStack, downward: bool) 
 
 
 @pytest.mark.parametrize("downward", [True, False])
-def test_a_frame_is_there_when_the_line_has_carried_it(opened: ExitStack, clock: Clock, downward: bool) -> None:
+def test_a_frame_arrives_after_its_transmission_time(opened: ExitStack, clock: Clock, downward: bool) -> None:
     far, near = instant_pair(opened, Faults(baud=115_200))
     sender, receiver = (near, far) if downward else (far, near)
     assert sender.write(bytes(32)) == 32
@@ -70,7 +70,7 @@ def test_a_frame_is_there_when_the_line_has_carried_it(opened: ExitStack, clock:
     assert near.read() + receiver.read() == bytes(32)
 
 
-def test_bytes_come_as_the_line_carries_them(opened: ExitStack, clock: Clock) -> None:
+def test_bytes_arrive_one_by_one_at_the_line_rate(opened: ExitStack, clock: Clock) -> None:
     far, near = instant_pair(opened, Faults(baud=9600))
     far.write(bytes(96))
     assert near.read() == b""
@@ -87,7 +87,7 @@ def test_a_paced_line_refuses_what_its_buffer_cannot_hold(opened: ExitStack, clo
     assert near.sent.chunks == 2
 
 
-def test_a_flood_is_held_back_without_a_busy_loop(opened: ExitStack, clock: Clock) -> None:
+def test_a_flood_is_limited_without_a_busy_loop(opened: ExitStack, clock: Clock) -> None:
     far, near = instant_pair(opened, Faults(baud=115_200))
     far.write(bytes(3 * BACKLOG))
     received = len(near.read())
@@ -98,7 +98,7 @@ def test_a_flood_is_held_back_without_a_busy_loop(opened: ExitStack, clock: Cloc
         assert not wait_readable(near, 0), "it wakes for what is due, not for what waits beneath"
 
 
-def test_delay_and_jitter(opened: ExitStack, clock: Clock) -> None:
+def test_delay_and_jitter_have_their_stated_size(opened: ExitStack, clock: Clock) -> None:
     far, near = instant_pair(opened, Faults(delay=0.01, jitter=0.01))
     took_ms = []
     for _ in range(30):
@@ -126,7 +126,7 @@ def test_a_wire_with_jitter_does_not_overtake_itself(opened: ExitStack, clock: C
     assert received + near.read() == EVERY_BYTE
 
 
-def test_it_wakes_when_something_is_due_and_not_before(opened: ExitStack) -> None:
+def test_the_wire_wakes_its_reader_only_when_bytes_are_due(opened: ExitStack) -> None:
     """The machine's clock is used, so lateness is not judged."""
     far, near = instant_pair(opened, Faults(delay=0.05))
     due_ns = now_ns() + NS_PER_S // 20
@@ -138,7 +138,7 @@ def test_it_wakes_when_something_is_due_and_not_before(opened: ExitStack) -> Non
     assert not wait_readable(near, 0)
 
 
-def test_stall(opened: ExitStack, clock: Clock) -> None:
+def test_a_stall_holds_bytes_for_its_time(opened: ExitStack, clock: Clock) -> None:
     far, near = instant_pair(opened, Faults(stall=1.0, stall_time=0.1))
     near.write(b"stood")
     near.faults = Faults()

@@ -1,4 +1,4 @@
-"""The contract on a wire with faults around it that has none: it must be as if it were not there."""
+"""The link contract on a fault-injecting wire without faults, which must be transparent."""
 
 from hil.links.contract import Wire
 from hil.links.wires.faults import FaultyWire

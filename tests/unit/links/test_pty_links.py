@@ -1,4 +1,4 @@
-"""The contract on pseudo terminals, with each of the two ways a host opens one."""
+"""The link contract on pseudo terminals, with each of the two ways a host opens one."""
 
 from hil.links.contract import Wire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire

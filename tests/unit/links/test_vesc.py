@@ -52,7 +52,7 @@ def one(command: int, controller: int, argument: int | bytes) -> bytes:
 
 
 @pytest.mark.parametrize("vector", GOLDEN["commands"], ids=lambda vector: vector["name"])
-def test_golden_commands(vector: dict[str, Any]) -> None:
+def test_commands_have_the_golden_bytes(vector: dict[str, Any]) -> None:
     command = ThrusterCommand(5, vector["armed"], tuple(vector["pwm_us"]))
     assert hexed(host(3, command=vector["command"]).encode(command)) == vector["frames"]
     shown = tuple(pulse if pulse in range(800, 2201) else 0 for pulse in command.pwm_us)
@@ -61,7 +61,7 @@ def test_golden_commands(vector: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("vector", GOLDEN["reports"], ids=lambda vector: vector["name"])
-def test_golden_reports(vector: dict[str, Any]) -> None:
+def test_reports_have_the_golden_bytes(vector: dict[str, Any]) -> None:
     pulses = tuple(vector["pwm_us"])
     assert hexed(device(3).encode(report(pulses))) == vector["frames"]
     (received,) = host(3).feed(golden_records(vector))
@@ -69,7 +69,7 @@ def test_golden_reports(vector: dict[str, Any]) -> None:
     assert received.pwm_us == pulses
 
 
-def test_the_documents_example() -> None:
+def test_the_example_of_the_protocol_document_is_refused() -> None:
     """The example, 51 A to VESC 23, is 0x0117 with 00 00 C7 38; no thruster is set by amperes: it is refused."""
     receiver = device(1, first_id=23)
     assert receiver.feed(records([CanFrame(0x0117, bytes.fromhex("0000c738"))])) == []
@@ -78,7 +78,7 @@ def test_the_documents_example() -> None:
 
 @pytest.mark.parametrize("command", ["duty", "rpm", "current_rel"])
 @pytest.mark.parametrize("full_erpm", [800.0, 24_500.0, 1e6])
-def test_there_and_back_at_every_microsecond(command: str, full_erpm: float) -> None:
+def test_every_pulse_width_survives_a_round_trip(command: str, full_erpm: float) -> None:
     settings = {"command": command, "full_erpm": full_erpm}
     master, end = host(3, **settings), device(3, **settings)
     for sequence, pulse in enumerate(range(1100, 1901)):
@@ -92,7 +92,7 @@ def test_there_and_back_at_every_microsecond(command: str, full_erpm: float) -> 
 
 
 @pytest.mark.parametrize("channels", range(1, MAX_THRUSTERS + 1))
-def test_every_number_of_thrusters(channels: int) -> None:
+def test_every_number_of_thrusters_is_supported(channels: int) -> None:
     master, end = host(channels, first_id=40), device(channels, first_id=40)
     for sequence in range(1, 30):
         pulses = tuple(1600 + (sequence * 7 + i) % 300 for i in range(channels))
@@ -100,12 +100,12 @@ def test_every_number_of_thrusters(channels: int) -> None:
         assert exchange(end, report(pulses), master) == [report(pulses, sequence=sequence, frames=sequence)]
 
 
-def test_what_cannot_be_said_is_the_nearest() -> None:
+def test_unrepresentable_pulses_become_the_nearest_value() -> None:
     (received,) = exchange(host(), ThrusterCommand(1, True, (0, 800, 2200, 1901, 65535, 1099)), device())
     assert received == ThrusterCommand(0, True, (0, 1100, 1900, 1900, 0, 1100))
 
 
-def test_a_command_is_whole_when_each_has_come() -> None:
+def test_a_command_is_complete_with_one_frame_a_controller() -> None:
     end = device(3)
     assert end.feed(one(0, 1, 100_000)) == []
     assert end.feed(one(0, 3, -100_000)) == []
@@ -116,7 +116,7 @@ def test_a_command_is_whole_when_each_has_come() -> None:
 
 
 @pytest.mark.parametrize("status_period", [0.01, 0.1, 1.0, 10.0])
-def test_a_controller_that_hears_nothing_lets_go(status_period: float) -> None:
+def test_a_controller_without_commands_releases_its_motor(status_period: float) -> None:
     now_ns = 0
     end = device(3, status_period=status_period, clock=lambda: now_ns)
     end.feed(one(0, 1, 100_000) + one(0, 2, 100_000) + one(0, 3, 100_000))
@@ -129,13 +129,13 @@ def test_a_controller_that_hears_nothing_lets_go(status_period: float) -> None:
             assert received == [ThrusterCommand(0, True, (held, 1700, held))]
 
 
-def test_the_address_of_all() -> None:
+def test_the_broadcast_address_commands_all_controllers() -> None:
     assert device(3).feed(one(0, 255, 50_000)) == [ThrusterCommand(0, True, (1700,) * 3)]
     assert device(3).feed(one(1, 255, 0)) == [ThrusterCommand(0, False, (1500,) * 3)]
     assert device(1).feed(one(0, 255, 10**9)) == [ThrusterCommand(0, True, (1900,))], "beyond full is full"
 
 
-def test_others_are_let_be() -> None:
+def test_frames_of_others_are_ignored() -> None:
     end, master = device(3), host(3)
     assert end.feed(one(0, 4, 5) + one(0, 0, 5) + one(9, 77, bytes(8))) == []
     assert master.feed(one(9, 4, bytes(8)) + one(0, 1, 0) + one(14, 1, bytes(8)) + one(15, 2, bytes(8))) == []
@@ -144,7 +144,7 @@ def test_others_are_let_be() -> None:
     assert (end.counters.malformed, master.counters.malformed) == (0, 0)
 
 
-def test_what_is_not_obeyed_is_counted() -> None:
+def test_unsupported_and_malformed_commands_are_counted() -> None:
     end, master = device(3), host(3)
     for number in (2, 4, 11, 12, 13, 99):
         assert end.feed(one(number, 1, 5)) == []
@@ -154,7 +154,7 @@ def test_what_is_not_obeyed_is_counted() -> None:
     assert master.counters.malformed == 3
 
 
-def test_ping() -> None:
+def test_a_ping_is_answered() -> None:
     end = device(2, first_id=10)
     assert end.feed(one(17, 11, b"\xfe")) == []
     assert hexed(end.replies()) == [["000012fe", "0b00"]]
@@ -163,7 +163,7 @@ def test_ping() -> None:
     assert [data for _, data in hexed(end.replies())] == ["0a00", "0b00"]
 
 
-def test_slow_status() -> None:
+def test_slow_status_frames_carry_voltage_temperature_and_tachometer() -> None:
     def values(thruster: int, _pulse_us: int) -> MotorValues:
         return MotorValues(14.8, 2.5 + thruster, 273.15 + 31.5)
 
@@ -180,7 +180,7 @@ def test_slow_status() -> None:
     assert (first.tachometer, second.tachometer) == (600, -300), "6 a turn, 100 and -50 turns in a second"
 
 
-def test_status_5_goes_as_the_firmware_sends_it() -> None:
+def test_status_5_has_the_firmwares_layout() -> None:
     end = device(1)
     *_, (can_id, data) = hexed(end.tick(0))
     assert (can_id, data) == ("00001b01", "00000000" + "00a0" + "0000")
@@ -189,7 +189,7 @@ def test_status_5_goes_as_the_firmware_sends_it() -> None:
     assert (master.motors[0].tachometer, master.motors[0].voltage_v) == (-12, 16.0)
 
 
-def test_true_controllers_ruled_by_speed_are_seen_by_speed() -> None:
+def test_controllers_commanded_by_rpm_are_read_by_rpm() -> None:
     master = host(1, command="rpm")
     (received,) = master.feed(one(9, 1, pack(">ihh", 12_250, 30, 617)))
     assert cast("ThrusterTelemetry", received).pwm_us == (1700,)
@@ -209,7 +209,7 @@ def test_a_lost_status_never_mixes_two_reports() -> None:
         assert reported == [(1600 + count,) * 6 for count in (0, 1, 3, 4)]
 
 
-def test_the_stm32_on_the_bus() -> None:
+def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
     bus = MemoryBus()
     master = ThrusterLink(bus.wire(), host())
     end = Stm32End(Stm32(6), ThrusterLink(bus.wire(), device()))
@@ -257,12 +257,14 @@ def test_the_stm32_on_the_bus() -> None:
     ],
 )
 @pytest.mark.parametrize("role", ["host", "device"])
-def test_wrong_settings_are_named(role: Any, channels: int, settings: dict[str, Any], words: str) -> None:
+def test_wrong_settings_are_refused_with_a_reason(
+    role: Any, channels: int, settings: dict[str, Any], words: str
+) -> None:
     with pytest.raises(ConfigError, match=words):
         open_vesc(role, channels, **settings)
 
 
-def test_many_bad_records() -> None:
+def test_noise_neither_stops_the_ends_nor_fills_memory() -> None:
     end, master = device(), host()
     sound = frames(host().encode(ThrusterCommand(1, True, PULSES)) + device().encode(report()) + device().tick(0))
     sound += frames(one(17, 1, b"\xfe") + one(0, 255, 7))
@@ -283,7 +285,7 @@ def test_many_bad_records() -> None:
     assert end.counters.dropped_bytes == 1
 
 
-def test_the_tachometer_goes_round() -> None:
+def test_the_tachometer_wraps_around() -> None:
     end = device(1, full_erpm=1e6)
     end.encode(report((1900,)))
     end.tick(0)

@@ -1,4 +1,4 @@
-"""Properties of ptys and serial devices alone: names, locks, speeds, and every way they cannot be opened."""
+"""Properties of ptys and serial devices alone: names, locks, speeds, and every reason that they cannot be opened."""
 
 import fcntl
 import os
@@ -44,7 +44,7 @@ def test_the_link_is_another_name_of_the_pty(link_path: Path) -> None:
     assert os.listdir(link_path.parent) == []
 
 
-def test_one_process_at_a_time_holds_a_name(link_path: Path) -> None:
+def test_one_process_at_a_time_holds_a_link_name(link_path: Path) -> None:
     first = PtyWire(str(link_path))
     with pytest.raises(DeviceError) as caught:
         PtyWire(str(link_path))
@@ -55,8 +55,8 @@ def test_one_process_at_a_time_holds_a_name(link_path: Path) -> None:
     PtyWire(str(link_path)).close()
 
 
-def test_the_name_is_never_held_twice(link_path: Path) -> None:
-    """Many processes come and go at once: removing the lock file must not let two of them in."""
+def test_a_link_name_is_never_held_twice(link_path: Path) -> None:
+    """Many processes start and end at once: removing the lock file must not let two of them hold it."""
     holders, most, opened = 0, 0, 0
     guard = threading.Lock()
 
@@ -84,7 +84,7 @@ def test_the_name_is_never_held_twice(link_path: Path) -> None:
     assert os.listdir(link_path.parent) == []
 
 
-def test_what_a_killed_run_left_is_replaced(link_path: Path) -> None:
+def test_leftovers_of_a_killed_run_are_replaced(link_path: Path) -> None:
     link_path.symlink_to("/dev/pts/987654")
     link_path.with_name("stm32.new").symlink_to("/dev/pts/987653")
     link_path.with_name("stm32.lock").touch()
@@ -94,7 +94,7 @@ def test_what_a_killed_run_left_is_replaced(link_path: Path) -> None:
     assert os.listdir(link_path.parent) == []
 
 
-def test_what_is_not_ours_is_not_touched(link_path: Path) -> None:
+def test_files_of_others_are_not_replaced(link_path: Path) -> None:
     link_path.write_text("my thesis")
     with pytest.raises(DeviceError, match="not a link to a pty"):
         PtyWire(str(link_path))
@@ -107,7 +107,7 @@ def test_what_is_not_ours_is_not_touched(link_path: Path) -> None:
     assert os.listdir(link_path.parent) == ["stm32"]
 
 
-def test_a_link_that_another_took_over_stays(link_path: Path) -> None:
+def test_a_link_replaced_by_others_is_not_removed(link_path: Path) -> None:
     wire = PtyWire(str(link_path))
     link_path.unlink()
     link_path.write_text("not ours any more")
@@ -115,7 +115,7 @@ def test_a_link_that_another_took_over_stays(link_path: Path) -> None:
     assert link_path.read_text() == "not ours any more"
 
 
-def test_a_lock_that_was_cleaned_away_is_not_taken_from_the_next(link_path: Path) -> None:
+def test_a_deleted_lock_file_does_not_release_the_next_holder(link_path: Path) -> None:
     first = PtyWire(str(link_path))
     lock = link_path.with_name("stm32.lock")
     lock.unlink()
@@ -129,7 +129,7 @@ def test_a_lock_that_was_cleaned_away_is_not_taken_from_the_next(link_path: Path
     assert os.listdir(link_path.parent) == []
 
 
-def test_a_link_in_a_folder_that_is_not_there(tmp_path: Path) -> None:
+def test_a_link_in_a_missing_folder_is_refused(tmp_path: Path) -> None:
     path = str(tmp_path / "nowhere" / "stm32")
     with pytest.raises(DeviceError, match="cannot be made: No such file or directory; choose another") as caught:
         PtyWire(path)
@@ -137,14 +137,14 @@ def test_a_link_in_a_folder_that_is_not_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("baud", [9600, 115_200, 921_600, 250_000, 123_456])
-def test_the_device_sees_the_speed_the_host_asked_for(baud: int) -> None:
+def test_the_device_reads_the_speed_that_the_host_set(baud: int) -> None:
     wire = PtyWire()
     with serial.Serial(wire.path, baud):
         assert wire.baud == baud
     wire.close()
 
 
-def test_programs_come_and_go_unnoticed() -> None:
+def test_programs_may_open_and_close_the_port_repeatedly() -> None:
     wire = PtyWire()
     for word in (b"one", b"two"):
         with serial.Serial(wire.path, 115_200, timeout=PATIENCE_S) as program:
@@ -179,10 +179,10 @@ def fill(wire: PtyWire) -> int:
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
-def test_a_terminal_without_bytes_is_not_asked(
+def test_a_terminal_without_bytes_is_not_read(
     open_host: Callable[[str], Wire], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A read or a poll of one makes the kernel wait for a thread of normal priority, and a real-time loop with it."""
+    """Reading or polling one makes the kernel wait for a thread of normal priority, and a real-time loop with it."""
     with closing(PtyWire()) as device, closing(open_host(device.path)) as host:
         host.write(b"ping")
         assert read_bytes(device, 4) == b"ping"
@@ -195,7 +195,7 @@ def test_a_terminal_without_bytes_is_not_asked(
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
-def test_bytes_that_come_while_others_are_read_wake_again(open_host: Callable[[str], Wire]) -> None:
+def test_bytes_that_arrive_during_a_read_wake_the_reader_again(open_host: Callable[[str], Wire]) -> None:
     with closing(PtyWire()) as device, closing(open_host(device.path)) as host:
         sent = bytes(range(256)) * 16
         received, written = bytearray(), 0
@@ -206,7 +206,7 @@ def test_bytes_that_come_while_others_are_read_wake_again(open_host: Callable[[s
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
-def test_each_read_after_a_hang_up_says_so(open_host: Callable[[str], Wire]) -> None:
+def test_each_read_after_a_hang_up_raises(open_host: Callable[[str], Wire]) -> None:
     device = PtyWire()
     with closing(open_host(device.path)) as host:
         device.close()
@@ -217,7 +217,7 @@ def test_each_read_after_a_hang_up_says_so(open_host: Callable[[str], Wire]) -> 
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
-def test_a_program_that_opens_the_port_reads_nothing_old(open_host: Callable[[str], Wire]) -> None:
+def test_a_program_that_opens_the_port_reads_no_old_bytes(open_host: Callable[[str], Wire]) -> None:
     with closing(PtyWire()) as wire:
         assert fill(wire) == UNREAD_LIMIT
         with closing(open_host(wire.path)) as host:
@@ -225,7 +225,7 @@ def test_a_program_that_opens_the_port_reads_nothing_old(open_host: Callable[[st
             assert read_bytes(host, 3) == b"new"
 
 
-def test_what_has_been_read_makes_room_again() -> None:
+def test_reading_makes_room_for_new_bytes() -> None:
     with closing(PtyWire()) as wire, closing(PtyHostWire(wire.path)) as host:
         for frame in (b"%032d" % number for number in range(200)):
             assert wire.write(frame) == 32, "three times the limit, but never unread at once"
@@ -248,19 +248,19 @@ class TestCannotOpen:
         assert "\n" not in message
         return message
 
-    def test_no_such_device(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+    def test_a_missing_device_is_reported(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
         message = self.failure(open_host, tmp_path / "ttyUSB7")
         assert "no such device" in message
         assert ("serial ports here: " in message) == (open_host is UartWire)
 
-    def test_not_a_terminal(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+    def test_a_file_that_is_not_a_terminal_is_refused(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
         file = tmp_path / "notes.txt"
         file.write_text("kept")
         self.failure(open_host, file)
         assert file.read_text() == "kept"
 
     @pytest.mark.parametrize("holder", [PtyHostWire, UartWire])
-    def test_busy(self, open_host: Callable[[str], Wire], holder: Callable[[str], Wire]) -> None:
+    def test_a_busy_device_is_reported(self, open_host: Callable[[str], Wire], holder: Callable[[str], Wire]) -> None:
         device = PtyWire()
         first = holder(device.path)
         assert "already in use by another process" in self.failure(open_host, device.path)
@@ -268,7 +268,7 @@ class TestCannotOpen:
         open_host(device.path).close()
         device.close()
 
-    def test_not_permitted(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
+    def test_a_device_without_permission_is_reported(self, open_host: Callable[[str], Wire], tmp_path: Path) -> None:
         device = tmp_path / "ttyACM0"
         device.touch(mode=0)
         user = os.geteuid()
@@ -282,7 +282,7 @@ class TestCannotOpen:
 
 
 @pytest.mark.parametrize("when", ["__init__", "_reset_input_buffer"])
-def test_a_device_that_is_pulled_out_while_it_is_opened(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_unplugged_while_it_is_opened_is_reported(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pyserial's set-up finds no terminal any more, and so do we behind it; both give an error of their own."""
     device = PtyWire()
     step = getattr(serial.Serial, when)
@@ -300,7 +300,7 @@ def test_a_device_that_is_pulled_out_while_it_is_opened(when: str, monkeypatch: 
         UartWire(device.path)
 
 
-def test_rs485_where_the_driver_has_none() -> None:
+def test_rs485_without_driver_support_is_refused() -> None:
     device = PtyWire()
     with pytest.raises(DeviceError, match=rf"^{device.path}: its driver has no RS-485 mode; use an adapter"):
         UartWire(device.path, rs485=True)

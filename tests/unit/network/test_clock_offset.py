@@ -1,4 +1,4 @@
-"""Two clocks compared through a network that delays at random, one way more than the other."""
+"""Comparison of two clocks over a network with random, asymmetric delays."""
 
 import random
 
@@ -10,7 +10,7 @@ S = 1_000_000_000
 MS = 1_000_000
 
 
-class Other:
+class OtherClock:
     """A clock that is wrong by `offset` ns at time 0 and gains `drift` ns a ns."""
 
     def __init__(self, offset: int, drift: float = 0.0) -> None:
@@ -23,13 +23,13 @@ class Other:
         return self.offset + round(self.drift * time_ns)
 
 
-def exchange(clock: ClockOffset, other: Other, sent: int, there: int, back: int, thinking: int = 100_000) -> None:
+def exchange(clock: ClockOffset, other: OtherClock, sent: int, there: int, back: int, thinking: int = 100_000) -> None:
     """Do one exchange that takes `there` and `back` ns on its way."""
     received = sent + there + thinking + back
     clock.add(sent, other.read(sent + there), other.read(sent + there + thinking), received)
 
 
-def compare(other: Other, seconds: int, seed: int, least: int = 300_000, jitter_ms: float = 5.0) -> ClockOffset:
+def compare(other: OtherClock, seconds: int, seed: int, least: int = 300_000, jitter_ms: float = 5.0) -> ClockOffset:
     """Return the offsets of four exchanges a second whose way back takes three times as long as the way there."""
     clock, generator = ClockOffset(), random.Random(seed)
     for tick in range(4 * seconds):
@@ -45,14 +45,14 @@ def estimate(clock: ClockOffset, time_ns: int) -> Estimate:
     return found
 
 
-def test_nothing_is_known_before_the_first_exchange() -> None:
+def test_there_is_no_estimate_before_the_first_exchange() -> None:
     assert ClockOffset().at(0) is None
 
 
 @pytest.mark.parametrize("offset", [0, 5 * S, -3600 * S])
 @pytest.mark.parametrize("drift", [0.0, 40e-6, -80e-6])
-def test_the_truth_lies_within_the_uncertainty(offset: int, drift: float) -> None:
-    other = Other(offset, drift)
+def test_the_true_offset_lies_within_the_uncertainty(offset: int, drift: float) -> None:
+    other = OtherClock(offset, drift)
     for seed in range(5):
         for seconds in (1, 5, 20, 100):
             now = seconds * S
@@ -61,8 +61,8 @@ def test_the_truth_lies_within_the_uncertainty(offset: int, drift: float) -> Non
             assert found.uncertainty_ns < (6 if seconds == 1 else 4) * MS
 
 
-def test_the_shortest_round_trip_decides() -> None:
-    clock, other = ClockOffset(), Other(7 * MS)
+def test_the_shortest_round_trip_gives_the_estimate() -> None:
+    clock, other = ClockOffset(), OtherClock(7 * MS)
     exchange(clock, other, 0, 300 * MS, 1 * MS)
     assert estimate(clock, 0).uncertainty_ns > 100 * MS
     exchange(clock, other, S // 2, 100_000, 100_000)
@@ -74,8 +74,8 @@ def test_the_shortest_round_trip_decides() -> None:
 
 
 @pytest.mark.parametrize("drift", [30e-6, -60e-6])
-def test_drift_is_measured_and_bridges_silence(drift: float) -> None:
-    other = Other(S, drift)
+def test_drift_is_measured_and_extrapolated(drift: float) -> None:
+    other = OtherClock(S, drift)
     clock = compare(other, 60, seed=3, jitter_ms=1.0)
     found = estimate(clock, 60 * S)
     assert found.drift == pytest.approx(drift, abs=10e-6)
@@ -85,14 +85,14 @@ def test_drift_is_measured_and_bridges_silence(drift: float) -> None:
     assert found.uncertainty_ns < round(MOST_DRIFT * 30 * S) / 2 + MS, "less than without knowing the drift"
 
 
-def test_uncertainty_grows_with_silence() -> None:
-    clock = compare(Other(0), 2, seed=1)
+def test_uncertainty_grows_without_exchanges() -> None:
+    clock = compare(OtherClock(0), 2, seed=1)
     assert estimate(clock, 60 * S).uncertainty_ns > estimate(clock, 2 * S).uncertainty_ns + 5 * MS
 
 
 @pytest.mark.parametrize("step", [3600 * S, -20 * MS])
-def test_a_clock_that_is_set_is_noticed_at_once(step: int) -> None:
-    other = Other(4 * S)
+def test_a_clock_step_is_detected_at_once(step: int) -> None:
+    other = OtherClock(4 * S)
     clock = compare(other, 10, seed=2)
     other.offset += step
     exchange(clock, other, 11 * S, 400_000, 400_000)
@@ -112,8 +112,8 @@ def test_impossible_exchanges_are_counted(sent: int, there: int, answered: int, 
     assert clock.at(0) is None
 
 
-def test_memory_is_bounded_and_the_past_is_kept_as_far_as_asked() -> None:
-    other = Other(0, 50e-6)
+def test_memory_is_bounded_to_the_requested_number_of_points() -> None:
+    other = OtherClock(0, 50e-6)
     short, long = ClockOffset(8), ClockOffset(1000)
     for second in range(500):
         for clock in (short, long):

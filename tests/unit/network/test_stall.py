@@ -1,4 +1,4 @@
-"""Detection of a stall, answers without samples, by a clock of the test."""
+"""Detection of a stall, replies without samples, by a clock of the test."""
 
 from hil.common.clock import NS_PER_MS, NS_PER_S
 from hil.network.stall import FIRST_GAP_NS, GAPS, StallDetector
@@ -27,7 +27,7 @@ class Bed:
         return reported
 
 
-def test_answers_without_samples_for_two_leases_are_a_stall() -> None:
+def test_replies_without_samples_for_two_leases_are_a_stall() -> None:
     bed = Bed()
     assert bed.run(60.0, samples=4) == []
     first, *_ = bed.run(3.0)
@@ -36,7 +36,7 @@ def test_answers_without_samples_for_two_leases_are_a_stall() -> None:
     assert 2 * LEASE_S <= bed.detector.lasted_s <= first
 
 
-def test_each_attempt_waits_longer_until_a_sample_comes() -> None:
+def test_the_wait_grows_with_each_attempt_until_a_sample_arrives() -> None:
     bed = Bed()
     bed.run(60.0, samples=4)
     reported = bed.run(600.0)
@@ -49,13 +49,13 @@ def test_each_attempt_waits_longer_until_a_sample_comes() -> None:
     assert bed.run(3.0)[0] < 2 * LEASE_S + 0.5
 
 
-def test_a_vehicle_of_which_nothing_comes_at_all_is_gone_and_not_stalled() -> None:
+def test_a_vehicle_without_any_messages_is_not_a_stall() -> None:
     bed = Bed()
     bed.run(10.0, samples=4)
     assert bed.run(600.0, answers=0) == []
 
 
-def test_a_link_without_answers_is_a_stall_too() -> None:
+def test_a_link_without_replies_is_a_stall() -> None:
     bed = Bed()
     bed.run(10.0, samples=4)
     first, second, *_ = bed.run(60.0, answers=0, is_deaf=True)
@@ -64,7 +64,7 @@ def test_a_link_without_answers_is_a_stall_too() -> None:
     assert second - first > 1.8 * first
 
 
-def test_figures_of_health_once_a_second_are_enough() -> None:
+def test_one_sample_a_second_prevents_a_stall() -> None:
     bed = Bed()
     for _ in range(100):
         assert bed.run(0.8) == bed.run(0.2, samples=1) == []

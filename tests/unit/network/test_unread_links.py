@@ -1,4 +1,4 @@
-"""Links that are not read, or that have lost the other of two, by a clock of the test's own."""
+"""Links that are not read, or that have lost the other of two, by a clock of the test."""
 
 import itertools
 
@@ -11,7 +11,7 @@ LEASE_S = 0.8
 LOOK_NS = NS_PER_S // 2
 
 
-def test_a_link_is_unread_when_nothing_is_taken_for_two_leases() -> None:
+def test_a_link_is_unread_after_two_leases_without_a_read() -> None:
     links, alive, stuck = UnreadLinks(LEASE_S), (1, 2), (1, 4)
     for tick in range(20):
         found = links.find_unread(LOOK_NS, {alive: 40 * tick, stuck: 30})
@@ -19,7 +19,7 @@ def test_a_link_is_unread_when_nothing_is_taken_for_two_leases() -> None:
     assert links.find_unread(LOOK_NS, {stuck: 31}) == set()
 
 
-def test_a_process_that_was_held_up_has_not_read_a_sound_link() -> None:
+def test_a_pause_of_this_process_does_not_mark_a_link_as_unread() -> None:
     """A check after the pause counts as one second, however long it was, and by the next something was read."""
     links, sound = UnreadLinks(LEASE_S), (1, 2)
     assert LONGEST_CHECK_NS < 2 * LEASE_S * NS_PER_S
@@ -28,8 +28,8 @@ def test_a_process_that_was_held_up_has_not_read_a_sound_link() -> None:
         assert links.find_unread(LONGEST_CHECK_NS, {sound: pause}) == set()
 
 
-def test_a_link_on_which_nothing_waits_is_read() -> None:
-    """A link on which no bytes wait counts as read: the peer or the network is held up."""
+def test_a_link_without_waiting_bytes_counts_as_read() -> None:
+    """Without waiting bytes the peer or the network is held up, not the reader."""
     links, idle = UnreadLinks(LEASE_S), (1, 2)
     for _ in range(3):
         for _ in range(3):
@@ -37,7 +37,7 @@ def test_a_link_on_which_nothing_waits_is_read() -> None:
         assert links.find_unread(LOOK_NS, {}) == set()
 
 
-def test_one_link_of_two_for_two_leases_is_half_a_session() -> None:
+def test_one_missing_link_of_two_for_two_leases_is_half_a_session() -> None:
     """A session that only listens never had two links, so one is not half of it."""
     links = UnreadLinks(LEASE_S)
     assert links.find_halves(LOOK_NS, ["whole", "half", "whole", "half", "listener"]) == set()
@@ -49,8 +49,8 @@ def test_one_link_of_two_for_two_leases_is_half_a_session() -> None:
 
 
 @pytest.mark.parametrize("is_seen_lost", [True, False], ids=["seen lost", "back by the next look"])
-def test_a_master_has_two_links_or_half_a_session(is_seen_lost: bool) -> None:
-    """The session is half from the beginning; it waits twice as long each time, as a port may be out of reach."""
+def test_a_master_with_one_link_has_half_a_session(is_seen_lost: bool) -> None:
+    """The session is half from the beginning; each report waits twice as long, as a port may be out of reach."""
     links, reported = UnreadLinks(LEASE_S, has_pairs=True), []
     for tick in range(1200):
         if links.find_halves(LOOK_NS, ["half"]) == {"half"}:

@@ -1,3 +1,5 @@
+"""The table and the picture of a simulated flight."""
+
 import csv
 from pathlib import Path
 from typing import Any
@@ -30,7 +32,7 @@ def rows_of(flight: Flight, path: Path) -> list[dict[str, float]]:
         return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
 
 
-def test_the_table_tells_why_it_moves(flown: Flight, tmp_path: Path) -> None:
+def test_the_forces_in_the_table_explain_the_acceleration(flown: Flight, tmp_path: Path) -> None:
     """The table has 20 rows a second; the forces add up, and their sum over the mass is the change of speed."""
     rows = rows_of(flown, tmp_path / "flight.csv")
     assert [row["time_s"] for row in rows] == pytest.approx([0.0025, *(k * 0.05 for k in range(1, 41))])
@@ -44,7 +46,7 @@ def test_the_table_tells_why_it_moves(flown: Flight, tmp_path: Path) -> None:
     assert rows[-1]["thrust_front_right_n"] > rows[-1]["thrust_front_left_n"] > 1.0
 
 
-def test_in_contact_the_forces_still_add_up_to_mass_times_acceleration(tmp_path: Path) -> None:
+def test_forces_in_contact_add_up_to_mass_times_acceleration(tmp_path: Path) -> None:
     """A vehicle pushes into the north wall for seconds: no force is missing, not even that of the first contact."""
     vehicle = load_vehicle("paper_six")[0]
     simulation = Simulation(vehicle, load_world("pool"), {}, position=(7.5, 0.0, 2.0))
@@ -72,7 +74,7 @@ def test_in_contact_the_forces_still_add_up_to_mass_times_acceleration(tmp_path:
     assert pressed["thrusters_x_n"] > 10.0
 
 
-def test_the_picture(flown: Flight, tmp_path: Path) -> None:
+def test_the_flight_picture_is_drawn_and_errors_are_reported(flown: Flight, tmp_path: Path) -> None:
     drawn: list[Any] = []
     flown.draw(str(tmp_path / "flight.png"), drawn.append)
     assert [axes.get_title() for axes in drawn] == ["track from above"]

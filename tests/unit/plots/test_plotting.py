@@ -1,4 +1,4 @@
-"""Properties of all pictures: legends beside the axes, gaps in silences, errors of a file that cannot be written."""
+"""Properties of all pictures: legends beside the axes, gaps in missing data, errors of unwritable files."""
 
 from math import isnan
 from pathlib import Path
@@ -31,7 +31,7 @@ def test_there_is_no_legend_where_no_curve_has_a_label() -> None:
     plt.close(figure)
 
 
-def test_nothing_is_drawn_across_a_silence() -> None:
+def test_curves_have_gaps_where_data_are_missing() -> None:
     late = 0.2 + 2.0 * GAP_S
     times, (network, control) = with_gaps([0.0, 0.1, 0.2, late], [[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]])
     assert times == [0.0, 0.1, 0.2, 0.2, late]
@@ -40,7 +40,7 @@ def test_nothing_is_drawn_across_a_silence() -> None:
         assert row[:3] + row[4:] == values
 
 
-def test_a_picture_that_cannot_be_written_is_an_error_that_names_the_file(tmp_path: Path) -> None:
+def test_an_unwritable_picture_is_an_error_with_its_file(tmp_path: Path) -> None:
     path = str(tmp_path / "none" / "x.png")
     plt = pyplot()
     with pytest.raises(ConfigError, match=r"none/x.png: cannot be written: No such file"):

@@ -1,3 +1,5 @@
+"""STL meshes: binary and text files, a vehicle's meshes from URDF, and its picture."""
+
 import struct
 from pathlib import Path
 
@@ -27,13 +29,13 @@ def text() -> bytes:
 
 
 @pytest.mark.parametrize("data", [binary(), text()], ids=["binary", "text"])
-def test_triangles(data: bytes, tmp_path: Path) -> None:
+def test_binary_and_text_files_have_the_same_triangles(data: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.stl"
     path.write_bytes(data)
     assert read_stl(str(path)).tolist() == [[list(corner) for corner in triangle] for triangle in CORNERS]
 
 
-def test_what_is_none(tmp_path: Path) -> None:
+def test_invalid_and_missing_files_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.stl"
     path.write_bytes(text().replace(b"vertex 1.0 0.0 0.0", b"vertex 1.0 0.0", 1))
     with pytest.raises(ConfigError, match=r"a\.stl: is no STL file"):
@@ -42,7 +44,7 @@ def test_what_is_none(tmp_path: Path) -> None:
         read_stl(str(tmp_path / "b.stl"))
 
 
-def test_a_mesh_comes_with_the_urdf(tmp_path: Path) -> None:
+def test_a_mesh_is_imported_with_its_urdf(tmp_path: Path) -> None:
     """The mesh is on a turned link; its corners in FRD are those of FLU with two signs changed, also through TOML."""
     (tmp_path / "pack" / "meshes").mkdir(parents=True)
     stl = tmp_path / "pack" / "meshes" / "hull.stl"
@@ -70,7 +72,7 @@ def test_a_mesh_comes_with_the_urdf(tmp_path: Path) -> None:
     assert again._replace(orientation=mesh.orientation) == mesh
 
 
-def test_the_picture_shows_it(tmp_path: Path) -> None:
+def test_the_vehicle_picture_shows_its_mesh(tmp_path: Path) -> None:
     stl = tmp_path / "hull.stl"
     stl.write_bytes(binary())
     vehicle, _ = load_vehicle("paper_six")

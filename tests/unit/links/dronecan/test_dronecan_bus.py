@@ -1,4 +1,4 @@
-"""DroneCAN on a bus with others: node numbers, foreign controllers, noise."""
+"""DroneCAN on a shared bus: node numbers, foreign controllers, noise."""
 
 from typing import cast
 
@@ -26,12 +26,12 @@ from tests.support.links.can_bench import exchange, frames, noise, records
 from tests.support.links.dronecan_ends import MS, NEUTRAL, PULSES, Board, device, host, report, transfers
 
 
-def test_others_controllers_are_let_be() -> None:
+def test_controllers_of_others_are_ignored() -> None:
     end, master = device(6), host(2)
     assert exchange(end, report(), master) == [report(PULSES[:2])]
 
 
-def test_a_foreign_controller_is_believed_as_far_as_it_goes() -> None:
+def test_reports_of_a_foreign_controller_are_accepted() -> None:
     end, master = device(), host(own_device=False)
     exchange(master, ThrusterCommand(7, True, PULSES), end)
     assert exchange(end, report(armed=False), master) == [report(PULSES, sequence=7, frames=1)]
@@ -40,7 +40,7 @@ def test_a_foreign_controller_is_believed_as_far_as_it_goes() -> None:
     assert (off.sequence, off.pwm_us) == (7, tuple(p + 1 for p in PULSES))
 
 
-def test_the_stm32_on_the_bus() -> None:
+def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
     board = Board()
     board.run(0.1)
     assert board.received
@@ -63,7 +63,7 @@ def test_the_stm32_on_the_bus() -> None:
         assert (link.counters.malformed, link.counters.checksum_errors, link.counters.dropped_bytes) == (0, 0, 0)
 
 
-def test_battery_info() -> None:
+def test_battery_info_is_received() -> None:
     board = Board(battery={"voltage_v": 14.75, "state_of_charge_pct": 42}, battery_period=0.5)
     output: list[bytes] = []
     board.bus.taps.append(output.append)
@@ -88,7 +88,7 @@ def test_our_allocator_gives_our_device_a_number(preferred: int) -> None:
     assert board.received[-1] == ThrusterTelemetry(9, True, False, PULSES, 0, 1, 0, 0)
 
 
-def test_the_allocatee_keeps_the_rules() -> None:
+def test_the_allocatee_follows_the_allocation_rules() -> None:
     unique_id = bytes(range(16))
     drawn = [0.0]
     asking = Allocatee(unique_id, 5, lambda: drawn[0])
@@ -131,7 +131,7 @@ def ask(allocator: Allocator, unique_id: bytes, preferred: int = 0) -> int:
     return last.node_id
 
 
-def test_the_allocator_gives_each_its_own() -> None:
+def test_the_allocator_gives_each_node_its_own_number() -> None:
     allocator = Allocator()
     allocator.see(125)
     allocator.see(50)
@@ -145,7 +145,7 @@ def test_the_allocator_gives_each_its_own() -> None:
     assert rest[-1] == 0
 
 
-def test_the_allocator_forgets_half_an_exchange() -> None:
+def test_the_allocator_discards_an_unfinished_exchange() -> None:
     allocator = Allocator()
     assert allocator.answer(Allocation(0, False, b"6bytes")) is None
     assert allocator.answer(Allocation(0, True, b"short")) is None
@@ -156,7 +156,7 @@ def test_the_allocator_forgets_half_an_exchange() -> None:
     assert allocator.answer(Allocation(0, False, b"ghijkl")) is None
 
 
-def test_many_bad_records() -> None:
+def test_noise_neither_stops_the_nodes_nor_fills_memory() -> None:
     end, master = device(node_id=0), host(allocate=True)
     talker = device(battery={})
     sound = frames(host().encode(ThrusterCommand(1, True, PULSES)) + host().tick(0))
@@ -181,13 +181,13 @@ def test_many_bad_records() -> None:
     assert master.counters.dropped_bytes == 5
 
 
-def test_11_bit_frames_are_others() -> None:
+def test_11_bit_frames_are_ignored() -> None:
     output = host().encode(ThrusterCommand(1, True, PULSES))
     short = records(frame._replace(extended=False, id=frame.id & 0x7FF) for frame in unpack_frames(output))
     assert device().feed(short) == []
 
 
-def test_what_each_second_of_six_thrusters_takes_of_a_bus() -> None:
+def test_six_thrusters_use_a_stated_number_of_frames_a_second() -> None:
     """Six thrusters at 50 Hz take 2 frames a command, 3 a status, and little besides."""
     board = Board()
     output: list[bytes] = []

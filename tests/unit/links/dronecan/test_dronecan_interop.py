@@ -56,7 +56,7 @@ def test_a_node_commands_our_stm32(bench: Bench) -> None:
     assert end.link.counters.malformed == end.link.counters.checksum_errors == 0
 
 
-def test_a_node_that_falls_silent(bench: Bench) -> None:
+def test_a_node_that_stops_sending_trips_the_watchdog(bench: Bench) -> None:
     end, node = bench.device(), bench.node(99)
     nodes = listen(node, uavcan.protocol.NodeStatus)
     arm(node)
@@ -67,7 +67,7 @@ def test_a_node_that_falls_silent(bench: Bench) -> None:
     assert (last.vendor_specific_status_code, last.health) == (2 | 1 << 2, last.HEALTH_WARNING)
 
 
-def test_many_commands_none_lost(bench: Bench) -> None:
+def test_many_commands_are_received_without_loss(bench: Bench) -> None:
     end, node = bench.device(), bench.node(99)
     status = listen(node, uavcan.equipment.esc.Status)
     arm(node)
@@ -79,7 +79,7 @@ def test_many_commands_none_lost(bench: Bench) -> None:
     assert end.stm32.frames == 100
 
 
-def test_get_node_info(bench: Bench) -> None:
+def test_get_node_info_is_answered(bench: Bench) -> None:
     bench.device(unique_id="00112233445566778899aabbccddeeff")
     host, node = bench.host(), bench.node(99)
     answers: list[Any] = []
@@ -99,7 +99,7 @@ def test_get_node_info(bench: Bench) -> None:
     assert (stm32.software_version.major, stm32.software_version.minor) == version
 
 
-def test_battery_info(bench: Bench) -> None:
+def test_our_battery_info_is_read_by_the_reference_node(bench: Bench) -> None:
     bench.device(battery={"voltage_v": 15.25, "model_name": "Li-Ion 4S6P", "state_of_charge_pct": 66})
     node = bench.node(99)
     received = listen(node, uavcan.equipment.power.BatteryInfo)
@@ -113,7 +113,7 @@ def test_battery_info(bench: Bench) -> None:
     )
 
 
-def test_their_battery_reaches_our_host(bench: Bench) -> None:
+def test_battery_info_of_a_reference_node_reaches_our_host(bench: Bench) -> None:
     host, node = bench.host(), bench.node(99)
     node.broadcast(uavcan.equipment.power.BatteryInfo(voltage=12.5, model_name="x", state_of_charge_pct=9))
     host.receive()
@@ -122,7 +122,7 @@ def test_their_battery_reaches_our_host(bench: Bench) -> None:
     assert (battery.voltage_v, battery.model_name, battery.state_of_charge_pct) == (12.5, "x", 9)
 
 
-def test_our_host_commands_their_controllers(bench: Bench) -> None:
+def test_our_host_commands_reference_controllers(bench: Bench) -> None:
     """Two nodes of three controllers each behave as DroneCAN motor controllers do."""
     host = bench.host(own_device=False)
     armings = []
@@ -151,7 +151,7 @@ def test_our_host_commands_their_controllers(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("preferred", [0, 42])
-def test_their_allocator_gives_our_device_a_number(bench: Bench, preferred: int) -> None:
+def test_the_reference_allocator_gives_our_device_a_number(bench: Bench, preferred: int) -> None:
     end, node = bench.device(node_id=0, preferred_node_id=preferred), bench.node(99)
     server = dynamic_node_id.CentralizedServer(node, node_monitor.NodeMonitor(node))
     nodes = listen(node, uavcan.protocol.NodeStatus)
@@ -167,8 +167,8 @@ def test_their_allocator_gives_our_device_a_number(bench: Bench, preferred: int)
     server.close()
 
 
-def test_our_allocator_gives_their_request_a_number(bench: Bench) -> None:
-    """The frames of a request are the package's, which has no asking node."""
+def test_our_allocator_gives_a_reference_node_a_number(bench: Bench) -> None:
+    """The frames of the request are the package's, which has no requesting node."""
     host, unique_id = bench.host(allocate=True), list(range(1, 17))
     wire, received = bench.bus.wire(), listen(bench.node(99), uavcan.protocol.dynamic_node_id.Allocation)
     host.receive()
@@ -185,8 +185,10 @@ def test_our_allocator_gives_their_request_a_number(bench: Bench) -> None:
     assert list(granted[-1].unique_id) == unique_id
 
 
-def test_an_exchange_costs_a_fraction_of_the_packages() -> None:
-    """A command to six thrusters and its reports, both ways, are judged by functions called. Printed with -s."""
+def test_an_exchange_costs_a_fraction_of_the_reference_implementation() -> None:
+    """A command to six thrusters and its reports, both ways, are compared by the number of function calls. Printed with
+    -s.
+    """
     master, end = open_dronecan("host", 6), open_dronecan("device", 6)
     command = ThrusterCommand(1, True, PULSES)
     report = ThrusterTelemetry(0, True, False, PULSES, 0, 0, 0, 0)

@@ -23,7 +23,7 @@ from tests.support.links.link_contract import CanLinkContract
 
 
 @pytest.mark.parametrize("channels", range(1, MAX_THRUSTERS + 1))
-def test_a_command_crosses_exactly(channels: int) -> None:
+def test_a_command_is_transferred_exactly(channels: int) -> None:
     sender, receiver = host(channels), device(channels)
     for sequence in range(801):
         pulses = tuple(1100 + (sequence + 7 * i) % 801 for i in range(channels))
@@ -33,7 +33,7 @@ def test_a_command_crosses_exactly(channels: int) -> None:
 
 
 @pytest.mark.parametrize("full_rpm", [800, 3500, 74_000])
-def test_a_report_crosses_exactly(full_rpm: float) -> None:
+def test_a_report_is_transferred_exactly(full_rpm: float) -> None:
     sender, receiver = device(3, full_rpm=full_rpm), host(3, full_rpm=full_rpm)
     for pulse in range(800, 2201):
         pulses = (pulse, 3000 - pulse, 1500)
@@ -41,12 +41,12 @@ def test_a_report_crosses_exactly(full_rpm: float) -> None:
         assert received == [report(pulses, errors=70_000 & 0xFFFF, watchdog_trips=9)]
 
 
-def test_what_cannot_be_said_is_the_nearest() -> None:
+def test_unrepresentable_pulses_become_the_nearest_value() -> None:
     (received,) = exchange(host(), ThrusterCommand(1, True, (0, 800, 2200, 1901, 65535, 1099)), device())
     assert received == ThrusterCommand(0, True, (1500, 1100, 1900, 1900, 1500, 1100))
 
 
-def test_sequence_and_frames_are_inferred() -> None:
+def test_sequence_and_frame_count_are_inferred() -> None:
     end, master = device(), host()
     for sequence in (65_534, 65_535, 0, 1):
         pulses = (1600 + sequence % 100, *PULSES[1:])
@@ -60,7 +60,7 @@ def test_sequence_and_frames_are_inferred() -> None:
     assert again == answer, "the same report answers no new command"
 
 
-def test_clamped_commands_are_answered_too() -> None:
+def test_clamped_commands_are_acknowledged() -> None:
     end, master = device(1), host(1)
     for sequence, pulse in enumerate((0, 1000, 2100, 1700), 5):
         (command,) = exchange(master, ThrusterCommand(sequence, True, (pulse,)), end)
@@ -69,7 +69,7 @@ def test_clamped_commands_are_answered_too() -> None:
         assert answer.sequence == sequence
 
 
-def test_arming() -> None:
+def test_arming_and_disarming_are_transferred() -> None:
     end, master = device(), host()
     armed, disarmed = ThrusterCommand(1, True, PULSES), ThrusterCommand(2, False, PULSES)
     assert exchange(master, disarmed, end) == [ThrusterCommand(0, False, NEUTRAL)]
@@ -79,7 +79,7 @@ def test_arming() -> None:
     assert ended == [ThrusterCommand(0, False, NEUTRAL)] * 2, "one from ArmingStatus, one from RawCommand"
 
 
-def test_a_host_that_knows_no_arming() -> None:
+def test_a_host_without_arming_drives_controllers_that_require_none() -> None:
     """The ESC is AM32's, with REQUIRE_ARMING 1 and 0."""
     master = host()
     raw_only = records(f for f in frames(master.encode(ThrusterCommand(1, True, PULSES))) if f.id >> 8 & 0xFFFF == 1030)
@@ -100,7 +100,7 @@ def test_arming_status_is_repeated() -> None:
     assert {transfer.source for transfer in repeated} == {10}
 
 
-def test_short_and_long_commands() -> None:
+def test_commands_of_any_length_are_transferred() -> None:
     master = host(8)
     arming_and_raw = master.encode(ThrusterCommand(1, True, (*range(1200, 1900, 100), 1234)))
     assert device(3).feed(arming_and_raw) == [ThrusterCommand(0, True, (1200, 1300, 1400))]
@@ -118,7 +118,7 @@ def test_node_status_is_sent_at_once_when_arming_changes() -> None:
     assert unpack_node_status(transfer.payload) == NodeStatus(0, types.HEALTH_WARNING, 0, 2 | 3 << 2)
 
 
-def test_nodes_say_once_a_second_that_they_live() -> None:
+def test_node_status_is_sent_once_a_second() -> None:
     board = Board()
     output: list[bytes] = []
     board.bus.taps.append(output.append)
@@ -129,7 +129,7 @@ def test_nodes_say_once_a_second_that_they_live() -> None:
         assert uptimes == [0, 1, 2, 3, 4]
 
 
-def test_esc_status_is_filled() -> None:
+def test_esc_status_has_its_fields() -> None:
     def values(thruster: int, pulse_us: int) -> MotorValues:
         return MotorValues(12.5, thruster + pulse_us / 1000, 280.0 + thruster)
 
@@ -159,7 +159,7 @@ def test_a_lost_frame_never_mixes_two_reports(lost: int) -> None:
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (2, 1, 0), (1, 0, 2)])
 @pytest.mark.parametrize("rare", [None, 0, 1, 2])
-def test_controllers_in_any_order_and_at_different_rates(order: tuple[int, ...], rare: int | None) -> None:
+def test_reports_of_controllers_combine_in_any_order_and_rate(order: tuple[int, ...], rare: int | None) -> None:
     master = host(3, own_device=False)
     single = [device(1, node_id=30 + index) for index in range(3)]
     reported = []
@@ -191,7 +191,9 @@ def test_controllers_in_any_order_and_at_different_rates(order: tuple[int, ...],
         ("device", 6, {"battery": {"volts": 3}}, "volts"),
     ],
 )
-def test_wrong_settings_are_named(role: Any, channels: int, settings: dict[str, Any], words: str) -> None:
+def test_wrong_settings_are_refused_with_a_reason(
+    role: Any, channels: int, settings: dict[str, Any], words: str
+) -> None:
     with pytest.raises(ConfigError, match=words):
         open_dronecan(role, channels, **settings)
 

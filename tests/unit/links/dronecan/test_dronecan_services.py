@@ -50,7 +50,7 @@ def get(bench: Bench, node: Any, name: str = "", index: int = 0, **value: Any) -
     return ask(bench, node, request)
 
 
-def test_their_parameter_calls_list_ours(bench: Bench) -> None:
+def test_a_reference_node_lists_our_parameters(bench: Bench) -> None:
     bench.device()
     node = bench.node(99)
     found: list[tuple[str, Any]] = []
@@ -65,7 +65,7 @@ def test_their_parameter_calls_list_ours(bench: Bench) -> None:
     assert dronecan.get_active_union_field(arming.min_value) == "empty"
 
 
-def test_a_set_value_holds_at_once_and_limits_are_kept(bench: Bench) -> None:
+def test_a_set_value_applies_at_once_within_its_limits(bench: Bench) -> None:
     end = bench.device()
     node = bench.node(99)
     status, extended = listen(node, esc.Status), listen(node, esc.StatusExtended)
@@ -88,7 +88,7 @@ def test_a_set_value_holds_at_once_and_limits_are_kept(bench: Bench) -> None:
     assert {each.input_pct for each in last.values()} <= {0, 100}
 
 
-def test_stored_values_outlive_a_restart_and_others_do_not(bench: Bench, tmp_path: Path) -> None:
+def test_saved_values_survive_a_restart_and_others_do_not(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "parameters.json"
     end = bench.device(stored=str(path))
     node = bench.node(99)
@@ -141,7 +141,7 @@ def test_a_device_that_was_given_no_number_requests_one_again_after_a_restart(be
     assert answers in ([], [None]), "the old number answers no more"
 
 
-def test_transport_statistics_count(bench: Bench) -> None:
+def test_transport_statistics_are_counted(bench: Bench) -> None:
     bench.device()
     node = bench.node(99)
     bench.run(0.1)
@@ -156,7 +156,7 @@ def test_transport_statistics_count(bench: Bench) -> None:
     assert after.frames_rx > before.frames_rx
 
 
-def test_the_master_side_answers_and_does_not_restart(bench: Bench) -> None:
+def test_the_host_node_answers_services_and_does_not_restart(bench: Bench) -> None:
     link, node = bench.host(), bench.node(99)
     answers: list[Any] = []
     link.tick(bench.now_ns)
@@ -174,7 +174,7 @@ def test_the_master_side_answers_and_does_not_restart(bench: Bench) -> None:
     assert (restart.ok, opcode.ok) == (False, True)
 
 
-def test_a_speed_commands_our_stm32(bench: Bench) -> None:
+def test_an_rpm_command_drives_our_stm32(bench: Bench) -> None:
     end, node = bench.device(), bench.node(99)
     arm(node)
     node.broadcast(esc.RPMCommand(rpm=[round((pulse - 1500) * 8.75) for pulse in PULSES]))
@@ -185,7 +185,7 @@ def test_a_speed_commands_our_stm32(bench: Bench) -> None:
     assert end.stm32.pwm_us == [1900, 1100, 1500, 1500, 1500, 1500]
 
 
-def test_our_host_commands_speeds_of_controllers_behind_others(bench: Bench) -> None:
+def test_our_host_sends_rpm_commands_to_controllers_with_higher_indices(bench: Bench) -> None:
     link, node = bench.host(own_device=False, command="rpm", esc_index=8), bench.node(50)
     received = listen(node, esc.RPMCommand)
 
@@ -208,7 +208,7 @@ def payload_of(message: Any) -> bytes:
     return bytes(dronecan.transport.Transfer(payload=message, source_node_id=1).payload)
 
 
-def test_fields_of_any_width_are_theirs() -> None:
+def test_payloads_equal_those_of_the_reference_implementation() -> None:
     source = random.Random(5)
     for count in range(21):
         rpm = [source.randrange(-(1 << 17), 1 << 17) for _ in range(count)]
@@ -223,7 +223,7 @@ def test_fields_of_any_width_are_theirs() -> None:
         assert unpack_status_extended(pack_status_extended(status)) == status
 
 
-def test_signatures_and_sizes_are_theirs() -> None:
+def test_signatures_and_sizes_equal_those_of_the_reference_implementation() -> None:
     kinds = {
         "GET_SET": protocol.param.GetSet, "EXECUTE_OPCODE": protocol.param.ExecuteOpcode,
         "RESTART_NODE": protocol.RestartNode, "GET_TRANSPORT_STATS": protocol.GetTransportStats,
@@ -235,7 +235,7 @@ def test_signatures_and_sizes_are_theirs() -> None:
         assert ours.max_size == (kind.get_max_bitlen_request() + 7) // 8
 
 
-def test_any_bytes_are_a_request_or_none() -> None:
+def test_any_bytes_are_decoded_as_a_request_or_refused() -> None:
     source = random.Random(3)
     ends: list[Any] = [host(), device()]
     for _ in range(3000):
@@ -250,7 +250,7 @@ def test_any_bytes_are_a_request_or_none() -> None:
 
 
 @pytest.mark.parametrize("text", ["{", '{"ESC_INDEX": 99}', '{"ESC_INDEX": "x"}', '{"FLY": 1}', "[" * 10_000])
-def test_a_file_of_no_parameters_is_refused(tmp_path: Path, text: str) -> None:
+def test_an_invalid_parameter_file_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "parameters.json"
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"stored: .*parameters\.json"):
@@ -258,7 +258,7 @@ def test_a_file_of_no_parameters_is_refused(tmp_path: Path, text: str) -> None:
     assert not ParameterStore((), str(tmp_path / "none" / "file")).execute(SAVE), "no folder is there"
 
 
-def test_their_node_monitor_sees_both_ends(bench: Bench) -> None:
+def test_the_reference_node_monitor_detects_both_ends(bench: Bench) -> None:
     bench.device()
     link, node = bench.host(), bench.node(99)
     monitor = node_monitor.NodeMonitor(node)

@@ -1,4 +1,4 @@
-"""DroneCAN transfers: cut into frames as others cut them, and put together whatever the bus does to them."""
+"""DroneCAN transfers: split into the reference implementation's frames, and reassembled from an unreliable bus."""
 
 import json
 import random
@@ -54,7 +54,7 @@ def counted(receiver: Receiver) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("vector", GOLDEN, ids=lambda vector: vector["name"])
-def test_golden_frames(vector: dict[str, Any]) -> None:
+def test_transfers_have_the_golden_frames(vector: dict[str, Any]) -> None:
     kind, payload = KINDS[vector["type"]], bytes.fromhex(vector["payload"])
     if kind is GET_NODE_INFO_RESPONSE:
         key, priority = service_key(kind, 127, request=False), 16
@@ -71,7 +71,7 @@ def test_golden_frames(vector: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("size", range(18))
-def test_sizes(receiver: Receiver, size: int) -> None:
+def test_transfers_of_any_size_survive_a_round_trip(receiver: Receiver, size: int) -> None:
     receiver.kinds[KEY] = ESC_STATUS._replace(max_size=17)
     cut = transfer(3, bytes(range(size)))
     assert len(cut) == (1 if size <= 7 else -(-(size + 2) // 7))
@@ -79,14 +79,14 @@ def test_sizes(receiver: Receiver, size: int) -> None:
     assert received(receiver, cut) == [bytes(range(size))]
 
 
-def test_transfer_ids_go_round(receiver: Receiver) -> None:
+def test_transfer_ids_wrap_around(receiver: Receiver) -> None:
     for count in range(100):
         payload = bytes([count]) * 14
         assert received(receiver, transfer(count % 32, payload)) == [payload]
     assert counted(receiver) == (0, 0)
 
 
-def test_two_nodes_and_two_priorities_may_mix(receiver: Receiver) -> None:
+def test_transfers_of_two_nodes_and_priorities_may_interleave(receiver: Receiver) -> None:
     mine, other = transfer(3), transfer(3, b"x" * 14, frame_id(KEY, 8, 43))
     mixed = [frame for pair in zip(mine, other, strict=True) for frame in pair]
     assert received(receiver, mixed) == [PAYLOAD, b"x" * 14]
@@ -104,14 +104,14 @@ def test_a_lost_frame_costs_its_transfer_only(receiver: Receiver, lost: int) -> 
 
 
 @pytest.mark.parametrize("doubled", range(3))
-def test_a_doubled_frame_is_dropped(receiver: Receiver, doubled: int) -> None:
+def test_a_duplicated_frame_is_dropped(receiver: Receiver, doubled: int) -> None:
     cut = transfer(1)
     cut.insert(doubled, cut[doubled])
     assert received(receiver, cut + transfer(2)) == [PAYLOAD] * 2
     assert counted(receiver) == (1, 0)
 
 
-def test_a_doubled_single_frame_is_dropped(receiver: Receiver) -> None:
+def test_a_duplicated_single_frame_transfer_is_dropped(receiver: Receiver) -> None:
     (frame,) = transfer(1, b"abc")
     assert received(receiver, [frame, frame]) == [b"abc"]
     assert received(receiver, [frame], TRANSFER_TIMEOUT_NS + 1) == [b"abc"], "a node that began again"
@@ -129,7 +129,7 @@ def test_a_wrong_crc_is_counted(receiver: Receiver) -> None:
     assert received(receiver, transfer(3)) == [PAYLOAD]
 
 
-def test_the_crc_knows_the_type(receiver: Receiver) -> None:
+def test_the_crc_depends_on_the_data_type(receiver: Receiver) -> None:
     assert received(receiver, frames(pack_transfer(CAN_ID, PAYLOAD, 0, RAW_COMMAND.seed))) == []
     assert counted(receiver) == (0, 1)
 
@@ -143,7 +143,7 @@ def test_a_wrong_toggle_is_dropped(receiver: Receiver) -> None:
     assert received(receiver, transfer(9)) == [PAYLOAD]
 
 
-def test_an_old_beginning_is_forgotten(receiver: Receiver) -> None:
+def test_an_unfinished_transfer_expires(receiver: Receiver) -> None:
     first, second, last = transfer(1)
     assert received(receiver, [first, second], 0) == []
     assert received(receiver, [last], TRANSFER_TIMEOUT_NS + 1) == []
@@ -161,12 +161,12 @@ def test_a_transfer_without_end_is_bounded(receiver: Receiver) -> None:
     assert counted(receiver)[0] > 990
 
 
-def test_frames_that_cannot_be(receiver: Receiver) -> None:
+def test_malformed_frames_are_counted(receiver: Receiver) -> None:
     assert received(receiver, [CanFrame(CAN_ID, b""), CanFrame(CAN_ID, b"ab" + bytes([START]))]) == []
     assert counted(receiver) == (2, 0)
 
 
-def test_what_is_not_wanted_is_not_counted(receiver: Receiver) -> None:
+def test_frames_of_other_types_are_ignored_and_not_counted(receiver: Receiver) -> None:
     others = [
         frame_id(message_key(GET_NODE_INFO_RESPONSE) + 8, 8, 42),
         frame_id(service_key(ESC_STATUS, 5, True), 8, 42),
@@ -177,7 +177,7 @@ def test_what_is_not_wanted_is_not_counted(receiver: Receiver) -> None:
     assert not receiver._sessions
 
 
-def test_anonymous_frames(receiver: Receiver) -> None:
+def test_anonymous_frames_are_received(receiver: Receiver) -> None:
     (frame,) = frames(pack_anonymous(ALLOCATION, 24, b"abcdefg", 5))
     assert frame.id & 0xFF == 0
     assert frame.id >> 8 & 3 == ALLOCATION.id
@@ -190,7 +190,7 @@ def test_anonymous_frames(receiver: Receiver) -> None:
     assert counted(receiver) == (4, 0)
 
 
-def test_many_bad_frames(receiver: Receiver) -> None:
+def test_noise_is_survived_without_growing_memory(receiver: Receiver) -> None:
     sound = [frame for number in range(32) for frame in transfer(number)]
     sound += frames(pack_anonymous(ALLOCATION, 24, b"abcdefg", 5))
     source = random.Random(5)

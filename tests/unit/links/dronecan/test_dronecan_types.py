@@ -1,4 +1,4 @@
-"""DroneCAN payloads by hand, against those of the reference implementation."""
+"""DroneCAN payloads by hand, compared with those of the reference implementation."""
 
 import json
 import math
@@ -51,26 +51,26 @@ def vectors(name: str) -> list[Any]:
 
 
 @pytest.mark.parametrize("vector", GOLDEN, ids=lambda vector: vector["name"])
-def test_seeds_and_sizes_are_those_of_the_types(vector: dict[str, Any]) -> None:
+def test_crc_seeds_and_sizes_equal_those_of_the_types(vector: dict[str, Any]) -> None:
     kind = KINDS[vector["type"]]
     assert data_type(0, int(vector["signature"], 16), 0).seed == kind.seed != CRC_START
     assert len(vector["payload"]) // 2 <= kind.max_size
 
 
 @pytest.mark.parametrize(("raw", "payload"), vectors("RawCommand"))
-def test_raw_command(raw: list[int], payload: bytes) -> None:
+def test_raw_commands_have_the_golden_bytes(raw: list[int], payload: bytes) -> None:
     assert pack_raw_command(raw) == payload
     assert unpack_raw_command(payload) == raw
 
 
-def test_raw_command_of_every_length() -> None:
+def test_raw_commands_of_every_length_survive_a_round_trip() -> None:
     source = random.Random(2)
     for count in range(21):
         raw = [source.randint(-8192, 8191) for _ in range(count)]
         assert unpack_raw_command(pack_raw_command(raw)) == raw
 
 
-def test_every_pulse_is_a_raw_output_of_its_own() -> None:
+def test_every_pulse_width_has_its_own_raw_value() -> None:
     for microseconds in range(-SPAN_US, SPAN_US + 1):
         raw = round(microseconds * types.FULL_RAW / SPAN_US)
         assert abs(raw) <= types.FULL_RAW
@@ -78,7 +78,7 @@ def test_every_pulse_is_a_raw_output_of_its_own() -> None:
 
 
 @pytest.mark.parametrize(("fields", "payload"), vectors("Status"))
-def test_esc_status(fields: dict[str, Any], payload: bytes) -> None:
+def test_esc_status_has_the_golden_bytes(fields: dict[str, Any], payload: bytes) -> None:
     status = EscStatus(*fields.values())
     assert pack_esc_status(status) == payload
     assert unpack_esc_status(payload) == status
@@ -86,7 +86,7 @@ def test_esc_status(fields: dict[str, Any], payload: bytes) -> None:
     assert unpack_esc_status(payload + b"\0") is None
 
 
-def test_an_esc_status_keeps_to_its_fields() -> None:
+def test_esc_status_values_are_limited_to_their_fields() -> None:
     packed = pack_esc_status(EscStatus(2**32 + 5, 1e9, -1e9, math.nan, 10**6, 400, 7))
     status = unpack_esc_status(packed)
     assert status is not None
@@ -97,14 +97,14 @@ def test_an_esc_status_keeps_to_its_fields() -> None:
 
 
 @pytest.mark.parametrize(("fields", "payload"), vectors("NodeStatus"))
-def test_node_status(fields: list[int], payload: bytes) -> None:
+def test_node_status_has_the_golden_bytes(fields: list[int], payload: bytes) -> None:
     assert pack_node_status(NodeStatus(*fields)) == payload
     assert unpack_node_status(payload) == NodeStatus(*fields)
     assert unpack_node_status(payload[1:]) is None
 
 
 @pytest.mark.parametrize(("fields", "payload"), vectors("BatteryInfo"))
-def test_battery_info(fields: dict[str, Any], payload: bytes) -> None:
+def test_battery_info_has_the_golden_bytes(fields: dict[str, Any], payload: bytes) -> None:
     names = dict(zip(BatteryInfo._fields, (
         "voltage", "current", "temperature", "average_power_10sec", "remaining_capacity_wh", "full_charge_capacity_wh",
         "hours_to_full_charge", "status_flags", "state_of_health_pct", "state_of_charge_pct",
@@ -118,13 +118,13 @@ def test_battery_info(fields: dict[str, Any], payload: bytes) -> None:
 
 
 @pytest.mark.parametrize(("name", "payload"), vectors("GetNodeInfo"))
-def test_node_info(name: str, payload: bytes) -> None:
+def test_node_info_has_the_golden_bytes(name: str, payload: bytes) -> None:
     info = NodeInfo(name, UNIQUE_ID, (3, 9), (1, 2))
     assert pack_node_info(NodeStatus(77, 1, 0, 6), info) == payload
 
 
 @pytest.mark.parametrize(("node_id", "payload"), vectors("Allocation"))
-def test_allocation(node_id: int, payload: bytes) -> None:
+def test_allocation_has_the_golden_bytes(node_id: int, payload: bytes) -> None:
     allocation = Allocation(node_id, False, UNIQUE_ID[: len(payload) - 1])
     assert pack_allocation(allocation) == payload
     assert unpack_allocation(payload) == allocation
@@ -132,7 +132,7 @@ def test_allocation(node_id: int, payload: bytes) -> None:
     assert unpack_allocation(bytes(18)) is None
 
 
-def test_decoders_take_any_bytes() -> None:
+def test_decoders_accept_any_bytes() -> None:
     source = random.Random(3)
     decoders = [getattr(types, name) for name in dir(types) if name.startswith("unpack_")]
     assert len(decoders) == 7

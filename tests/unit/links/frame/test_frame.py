@@ -1,4 +1,4 @@
-"""The binary frame: golden bytes, round trips, and whatever a bad line can do to it."""
+"""The binary frame: golden bytes, round trips, and noise on the line."""
 
 import json
 from pathlib import Path
@@ -57,7 +57,7 @@ def counts(counters: Counters) -> dict[str, int]:
 
 
 @pytest.mark.parametrize("vector", GOLDEN["sound"], ids=lambda vector: vector["name"])
-def test_golden_bytes(vector: dict[str, Any]) -> None:
+def test_frames_have_the_golden_bytes(vector: dict[str, Any]) -> None:
     protocol, data = uuv_hil(), bytes.fromhex(vector["hex"])
     assert protocol.encode(message_of(vector)).hex(" ") == vector["hex"]
     assert protocol.feed(data) == [message_of(vector)]
@@ -66,7 +66,7 @@ def test_golden_bytes(vector: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("vector", GOLDEN["refused"], ids=lambda vector: vector["name"])
-def test_refused_bytes(vector: dict[str, Any]) -> None:
+def test_invalid_bytes_are_refused_and_counted(vector: dict[str, Any]) -> None:
     protocol = uuv_hil()
     assert protocol.feed(bytes.fromhex(vector["hex"])) == []
     assert getattr(protocol.counters, vector["counter"]) == 1
@@ -74,20 +74,20 @@ def test_refused_bytes(vector: dict[str, Any]) -> None:
     assert protocol.feed(protocol.encode(command(1))) == [command(1)]
 
 
-def test_the_check_value_of_the_checksum() -> None:
+def test_the_checksum_has_its_check_value() -> None:
     check = GOLDEN["crc_check"]
     assert crc_bit_by_bit(check["ascii"].encode()) == int(check["crc"], 16) == 0x29B1
 
 
 @given(messages)
-def test_round_trip(message: Message) -> None:
+def test_any_message_survives_a_round_trip(message: Message) -> None:
     sender, receiver = uuv_hil(), uuv_hil()
     data = sender.encode(message)
     assert receiver.feed(data) == [message]
     assert int.from_bytes(data[-2:], "little") == crc_bit_by_bit(data[2:-2])
 
 
-def test_numbers_too_big_for_their_field() -> None:
+def test_numbers_too_large_for_their_field_wrap_or_saturate() -> None:
     """Counters wrap; pulse widths and ages stop at the limit."""
     protocol = uuv_hil()
     report = ThrusterTelemetry(65536, True, True, (-5, 70_000), 2**32 + 9, 65_537, -1, 2**20 + 3)
@@ -96,14 +96,14 @@ def test_numbers_too_big_for_their_field() -> None:
 
 
 @pytest.mark.parametrize("channels", [0, 17])
-def test_no_frame_for_so_many_channels(channels: int) -> None:
+def test_a_number_of_channels_out_of_range_is_refused(channels: int) -> None:
     with pytest.raises(ValueError, match=f"not {channels}"):
         uuv_hil().encode(ThrusterCommand(0, True, (1500,) * channels))
 
 
 @examples(200)
 @given(st.lists(st.one_of(st.binary(max_size=600), noise), max_size=12))
-def test_whatever_comes_in_is_counted_and_never_raises(chunks: list[bytes]) -> None:
+def test_any_input_is_counted_and_never_raises(chunks: list[bytes]) -> None:
     protocol = uuv_hil()
     understood = 0
     for chunk in chunks:
@@ -117,8 +117,8 @@ def test_whatever_comes_in_is_counted_and_never_raises(chunks: list[bytes]) -> N
 
 @settings(max_examples=200, derandomize=True)  # one noise in 65536 has the right checksum by chance
 @given(st.lists(st.tuples(noise, commands), min_size=1, max_size=5), st.integers(1, 40))
-def test_a_sound_frame_is_never_held_back(stream: list[tuple[bytes, ThrusterCommand]], chunk: int) -> None:
-    """A frame is there with its last byte, whatever came before and however the bytes were cut up."""
+def test_a_valid_frame_is_decoded_with_its_last_byte(stream: list[tuple[bytes, ThrusterCommand]], chunk: int) -> None:
+    """A frame is decoded with its last byte, whatever came before and however the bytes were split."""
     protocol, sender = uuv_hil(), uuv_hil()
     for before, message in stream:
         data = before + sender.encode(message)
@@ -130,8 +130,8 @@ def test_a_sound_frame_is_never_held_back(stream: list[tuple[bytes, ThrusterComm
 
 
 @pytest.mark.parametrize("vector", GOLDEN["sound"], ids=lambda vector: vector["name"])
-def test_one_wrong_byte_never_passes(vector: dict[str, Any]) -> None:
-    """Every byte of a frame is replaced by every other value; and the frame behind it always arrives at once."""
+def test_a_frame_with_one_wrong_byte_is_never_accepted(vector: dict[str, Any]) -> None:
+    """Every byte of a frame is replaced by every other value; the frame after it is always decoded at once."""
     data, good = bytes.fromhex(vector["hex"]), command(77)
     behind = uuv_hil().encode(good)
     protocol = uuv_hil()
@@ -143,7 +143,7 @@ def test_one_wrong_byte_never_passes(vector: dict[str, Any]) -> None:
     assert protocol.counters.checksum_errors > 0
 
 
-def test_a_cut_frame_costs_only_itself() -> None:
+def test_a_truncated_frame_loses_only_itself() -> None:
     protocol = uuv_hil()
     data = protocol.encode(command(1))
     for size in range(1, len(data)):
@@ -154,7 +154,7 @@ def test_a_cut_frame_costs_only_itself() -> None:
     assert counts(protocol.counters) == wanted
 
 
-def test_a_doubled_and_a_lost_byte() -> None:
+def test_the_frame_after_a_duplicated_or_lost_byte_is_decoded() -> None:
     protocol = uuv_hil()
     data = protocol.encode(command(1))
     for place in range(len(data)):
@@ -172,7 +172,7 @@ def test_a_frame_that_lies_inside_a_damaged_one_is_found() -> None:
     assert protocol.counters.dropped_bytes == 6
 
 
-def test_two_ends_share_nothing() -> None:
+def test_two_protocol_objects_share_no_state() -> None:
     one, other = uuv_hil(), uuv_hil()
     one.feed(SYNC)
     assert other.feed(b"\x10\x01") == []

@@ -1,4 +1,4 @@
-"""Checksums: the catalogue's check values, and each against its definition bit by bit."""
+"""Checksums: the catalogue's check values, and each compared with its definition bit by bit."""
 
 import pytest
 from hypothesis import given
@@ -19,12 +19,12 @@ bytes_of = st.binary(max_size=64)
 
 
 @pytest.mark.parametrize("name", CRCS)
-def test_check_value(name: str) -> None:
+def test_each_crc_has_its_check_value(name: str) -> None:
     assert crc_checksum(CRCS[name]).of(CHECK_BYTES) == CHECK_VALUES[name]
 
 
 @given(st.sampled_from(sorted(CRCS)), bytes_of, bytes_of)
-def test_a_crc_is_its_definition_and_goes_on(name: str, first: bytes, second: bytes) -> None:
+def test_a_crc_equals_its_definition_and_can_be_continued(name: str, first: bytes, second: bytes) -> None:
     crc = CRCS[name]
     checksum = crc_checksum(crc)
     wanted = crc_bit_by_bit(first + second, crc.width, crc.polynomial, crc.start_value, crc.reflected, crc.final_xor)
@@ -32,8 +32,8 @@ def test_a_crc_is_its_definition_and_goes_on(name: str, first: bytes, second: by
 
 
 @given(st.sampled_from([8, 16, 32]), st.data(), bytes_of)
-def test_any_parameters(width: int, data: st.DataObject, body: bytes) -> None:
-    """Start values are drawn of those that read the same both ways: the catalogue gives them unreflected."""
+def test_a_crc_of_any_parameters_equals_its_definition(width: int, data: st.DataObject, body: bytes) -> None:
+    """Start values are drawn of those that read the same both ways, because the catalogue gives them unreflected."""
     polynomial, final_xor = (data.draw(st.integers(0, (1 << width) - 1)) for _ in range(2))
     start = data.draw(st.sampled_from([0, (1 << width) - 1]))
     crc = Crc(width, polynomial, start, data.draw(st.booleans()), final_xor)
@@ -42,7 +42,7 @@ def test_any_parameters(width: int, data: st.DataObject, body: bytes) -> None:
 
 
 @given(bytes_of)
-def test_sums(data: bytes) -> None:
+def test_sums_equal_their_definitions(data: bytes) -> None:
     total, parity = sum(data), 0
     for byte in data:
         parity ^= byte

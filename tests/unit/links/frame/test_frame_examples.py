@@ -1,4 +1,4 @@
-"""Every frame that is shipped: golden bytes against an independent peer, and what a bad line can do to it."""
+"""Every shipped frame: golden bytes against an independent peer, and noise on the line."""
 
 import json
 from pathlib import Path
@@ -48,7 +48,7 @@ def test_each_example_has_vectors() -> None:
 
 
 @pytest.mark.parametrize(("frame", "vector"), GOLDEN)
-def test_golden_bytes(frame: str, vector: dict[str, Any]) -> None:
+def test_frames_have_the_golden_bytes(frame: str, vector: dict[str, Any]) -> None:
     protocol, data, fields = opened(frame), bytes.fromhex(vector["hex"]), vector["fields"]
     sent = message_of(vector["message"], fields)
     rest = {key: value for key, value in fields.items() if key != "pwm_us"}
@@ -61,7 +61,7 @@ def test_golden_bytes(frame: str, vector: dict[str, Any]) -> None:
 @pytest.mark.parametrize("name", NAMES)
 @examples(40)
 @given(commands)
-def test_commands_cross_as_the_peer_packs_them(name: str, command: ThrusterCommand) -> None:
+def test_commands_packed_by_the_peer_are_decoded(name: str, command: ThrusterCommand) -> None:
     host, device = open_frame("host", len(command.pwm_us), name), open_frame("device", len(command.pwm_us), name)
     data = host.encode(command)
     peer = PEERS.get((name, "command"))
@@ -74,8 +74,10 @@ def test_commands_cross_as_the_peer_packs_them(name: str, command: ThrusterComma
 @pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=40, derandomize=True)  # a sum of 8 bits is right by chance once in 256
 @given(st.lists(st.tuples(noise, commands), min_size=1, max_size=4), st.integers(1, 40))
-def test_a_sound_frame_is_never_held_back(name: str, stream: list[tuple[bytes, ThrusterCommand]], chunk: int) -> None:
-    """A frame is there with its last byte, whatever came before and however the bytes were cut up."""
+def test_a_valid_frame_is_decoded_with_its_last_byte(
+    name: str, stream: list[tuple[bytes, ThrusterCommand]], chunk: int
+) -> None:
+    """A frame is decoded with its last byte, whatever came before and however the bytes were split."""
     protocol, sender = opened(name), opened(name)
     for before, command in stream:
         data = before + sender.encode(command)
@@ -85,8 +87,8 @@ def test_a_sound_frame_is_never_held_back(name: str, stream: list[tuple[bytes, T
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_one_wrong_byte_never_passes(name: str) -> None:
-    """Every byte of a frame is replaced by every other value; and the frame behind it always arrives at once."""
+def test_a_frame_with_one_wrong_byte_is_never_accepted(name: str) -> None:
+    """Every byte of a frame is replaced by every other value; the frame after it is always decoded at once."""
     protocol, good = opened(name), ThrusterCommand(77, True, (1400, 1500, 1600))
     behind = protocol.encode(good)
     for message in (
@@ -103,7 +105,7 @@ def test_one_wrong_byte_never_passes(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 @examples(40)
 @given(st.lists(st.one_of(st.binary(max_size=300), noise), max_size=8))
-def test_every_byte_is_accounted_for(name: str, chunks: list[bytes]) -> None:
+def test_every_byte_is_decoded_dropped_or_pending(name: str, chunks: list[bytes]) -> None:
     protocol = opened(name)
     understood = 0
     for chunk in chunks:
@@ -118,8 +120,8 @@ def test_every_byte_is_accounted_for(name: str, chunks: list[bytes]) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_host_learns_which_command_a_report_answers(name: str) -> None:
-    """The STM32's twin answers, also past a wrap of the sequence number, whatever the frame carries of it."""
+def test_a_report_names_the_command_that_it_acknowledges(name: str) -> None:
+    """The STM32's twin replies, also past a wrap of the sequence number, whatever part of it the frame carries."""
     host, device, stm32 = open_frame("host", 4, name), open_frame("device", 4, name), Stm32(4)
     for number in range(65_500, 65_600):
         sequence = number % 65_536
@@ -143,8 +145,8 @@ def test_disarmed_means_neutral(name: str) -> None:
     assert stm32.pwm_us == [1500, 1500]
 
 
-def test_modbus_request_and_acknowledgement() -> None:
-    """Both are passed over, and not counted as an error, by the end that receives them; the request gives its count."""
+def test_modbus_requests_and_acknowledgements_are_ignored_by_their_receivers() -> None:
+    """Both are ignored, and not counted as an error, by the end that receives them; the request has its count."""
     host, device = open_frame("host", 6, "modbus_like"), open_frame("device", 6, "modbus_like")
     assert host.deadline_ns == 0
     request = host.tick(0)
@@ -155,7 +157,7 @@ def test_modbus_request_and_acknowledgement() -> None:
     assert device.deadline_ns > 1 << 62, "only the host asks"
 
 
-def test_a_keep_alive_breaks_silence_only() -> None:
+def test_a_keep_alive_is_sent_only_without_commands() -> None:
     host, device = open_frame("host", 2, "aa55"), open_frame("device", 2, "aa55")
     spoken, step, silence, longest = [], 5_000_000, 0, 0
     for now in range(0, 2_000_000_000, step):
@@ -174,7 +176,7 @@ def test_a_keep_alive_breaks_silence_only() -> None:
     assert lost(device) == 0
 
 
-def test_extra_fields_are_passed_over() -> None:
+def test_extra_fields_are_ignored() -> None:
     """A report with voltage, temperature and currents is a report like any other; a constant must be right."""
     data = bytearray(opened("aa55").encode(ThrusterTelemetry(1, True, False, (1600, 1400), 700, 0, 0, 0)))
     data[8:11] = b"\x80\x3e\xf6"  # 16 V, -10 degC
@@ -184,7 +186,7 @@ def test_extra_fields_are_passed_over() -> None:
     assert protocol.feed(bytes(data)) == [ThrusterTelemetry(1, True, False, (1600, 1400), 700, 0, 0, 0)]
 
 
-def test_floats_that_are_no_number_are_malformed() -> None:
+def test_non_finite_floats_are_malformed() -> None:
     protocol = opened("cobs_thrust")
     for bad in (b"\0\0\xc0\x7f", b"\0\0\x80\x7f", b"\0\0\x80\xff"):
         assert protocol.feed(cobs(crc32(b"C\x01\x00" + bad))) == []

@@ -1,4 +1,4 @@
-"""Frame files: another lab's layout works without code, and a wrong file is named with its key."""
+"""Frame files: another lab's layout works without code, and an invalid file is reported with its key."""
 
 from pathlib import Path
 
@@ -51,7 +51,7 @@ def protocol(folder: Path, text: str) -> FrameProtocol:
     return FrameProtocol(str(path))
 
 
-def test_a_fixed_size_frame(tmp_path: Path) -> None:
+def test_a_fixed_size_frame_is_described(tmp_path: Path) -> None:
     lab = protocol(tmp_path, FIXED)
     assert lab.channels == [2]
     data = lab.encode(ThrusterCommand(513, True, (1500, -2)))
@@ -67,7 +67,7 @@ def test_a_fixed_size_frame(tmp_path: Path) -> None:
     assert lab.counters.dropped_bytes == 2
 
 
-def test_a_length_that_counts_more_than_the_payload(tmp_path: Path) -> None:
+def test_a_length_may_count_more_than_the_payload(tmp_path: Path) -> None:
     lab = protocol(tmp_path, COUNTED)
     assert lab.channels == list(range(1, 17))
     data = lab.encode(ThrusterCommand(0, True, (1500, 1600)))
@@ -79,7 +79,7 @@ def test_a_length_that_counts_more_than_the_payload(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", preset_names("firmware_stub/frames"))
-def test_every_frame_that_is_shipped_loads(name: str) -> None:
+def test_every_shipped_frame_loads(name: str) -> None:
     assert FrameProtocol(f"{FRAMES}/{name}.toml").channels
 
 
@@ -113,7 +113,7 @@ def test_every_frame_that_is_shipped_loads(name: str) -> None:
         ),
     ],
 )
-def test_a_wrong_file_is_named_with_its_key(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
+def test_an_invalid_file_is_reported_with_its_key(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
     text = OURS[OURS.index("byte_order =") :]
     assert old in text
     with pytest.raises(ConfigError) as caught:
@@ -123,14 +123,14 @@ def test_a_wrong_file_is_named_with_its_key(tmp_path: Path, old: str, new: str, 
     assert all(word in message for word in words), message
 
 
-def test_a_length_field_too_small_for_the_longest_message(tmp_path: Path) -> None:
+def test_a_length_field_too_small_for_the_longest_message_is_refused(tmp_path: Path) -> None:
     padding = ', { name = "pad", type = "u32" }' * 48  # 4 * 16 + 4 * 48 bytes, and the 5 of the header and the checksum
     text = COUNTED.replace('"length", type = "u16"', '"length"').replace('"u32" }]', f'"u32" }}{padding}]', 1)
     with pytest.raises(ConfigError, match="length must hold 261, which u8 cannot"):
         protocol(tmp_path, text)
 
 
-def test_messages_that_never_agree_on_channels(tmp_path: Path) -> None:
+def test_messages_with_different_channel_counts_are_refused(tmp_path: Path) -> None:
     text = FIXED.replace('type = "u16", channels = 2', 'type = "u16", channels = 3')
     with pytest.raises(ConfigError, match="never have the same number of channels"):
         protocol(tmp_path, text)

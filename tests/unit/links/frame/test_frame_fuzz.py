@@ -19,7 +19,7 @@ NAMES = preset_names("firmware_stub/frames")
 
 @pytest.mark.parametrize("role", ["host", "device"])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_thousand_strings(name: str, role: Role) -> None:
+def test_a_thousand_mutated_strings_cause_no_fault(name: str, role: Role) -> None:
     result = fuzz("frame", role, 1000, settings={"frame": name})
     assert result.faults == ()
     assert result.messages > 300, "most of the strings carry sound frames"
@@ -28,8 +28,8 @@ def test_a_thousand_strings(name: str, role: Role) -> None:
 @pytest.mark.parametrize("name", NAMES)
 @examples(30)
 @given(st.lists(st.binary(min_size=1, max_size=64), max_size=20), st.integers(0, 200))
-def test_one_byte_repeated_and_long_pieces(name: str, pieces: list[bytes], times: int) -> None:
-    """These bytes cost a careless decoder quadratic time or memory; the frame behind them is decoded."""
+def test_repeated_bytes_and_long_reads_cause_no_fault(name: str, pieces: list[bytes], times: int) -> None:
+    """These bytes cost a careless decoder quadratic time or memory; the frame after them is decoded."""
     protocol = open_frame("device", 3, name)
     command = ThrusterCommand(1, True, (1200, 1500, 1801))
     for piece in pieces:

@@ -1,4 +1,4 @@
-"""Layouts that a frame file can describe beyond the shipped ones: each against bytes written by hand."""
+"""Layouts of frame files beyond the shipped ones, each compared with bytes written by hand."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ fields = [{telemetry}]
 """
 
 
-def test_without_an_id_each_end_hears_the_other(tmp_path: Path) -> None:
+def test_without_an_id_each_end_decodes_the_others_messages(tmp_path: Path) -> None:
     text = frame_file(PULSES, top='checksum = { type = "xor8" }')
     host, device = lab(tmp_path, text, "host"), lab(tmp_path, text, "device")
     data = host.encode(ThrusterCommand(0, True, (1500, 1600)))
@@ -41,8 +41,8 @@ def test_without_an_id_each_end_hears_the_other(tmp_path: Path) -> None:
         lab(tmp_path, text)
 
 
-def test_a_sequence_between_length_and_id(tmp_path: Path) -> None:
-    """The constants of the header are not in one piece in MAVLink's layout."""
+def test_a_sequence_may_lie_between_length_and_id(tmp_path: Path) -> None:
+    """The constants of the header are not contiguous in MAVLink's layout."""
     header = '{ name = "length" }, { name = "sequence" }, { name = "id" }'
     text = (
         frame_file(PULSES, header=header)
@@ -60,7 +60,7 @@ def test_a_sequence_between_length_and_id(tmp_path: Path) -> None:
     assert (protocol.counters.malformed, protocol.counters.dropped_bytes) == (1, 0)
 
 
-def test_a_count_behind_what_varies_tells_the_channels(tmp_path: Path) -> None:
+def test_a_count_field_gives_the_number_of_channels(tmp_path: Path) -> None:
     fields = f'{{ name = "sequence" }}, {{ name = "count" }}, {PULSES}'
     text = frame_file(fields, fields, header='{ name = "id" }')
     text = text.replace("[command]", "[command]\nid = 1").replace("[telemetry]", "[telemetry]\nid = 2")
@@ -75,7 +75,7 @@ def test_a_count_behind_what_varies_tells_the_channels(tmp_path: Path) -> None:
         lab(tmp_path, text.replace('{ name = "count" }, ', ""))
 
 
-def test_tail_and_a_checksum_that_leaves_out_the_last_bytes(tmp_path: Path) -> None:
+def test_a_tail_and_a_checksum_over_part_of_the_frame_are_supported(tmp_path: Path) -> None:
     top = 'tail = [0x0D, 0x0A]\nchecksum = { type = "sum8-twos-complement", start = "payload", omit_last = 1 }'
     command = f'{PULSES}, {{ name = "end", value = 0x7D }}'
     protocol = lab(tmp_path, frame_file(command, top=top))
@@ -87,7 +87,7 @@ def test_tail_and_a_checksum_that_leaves_out_the_last_bytes(tmp_path: Path) -> N
     assert protocol.counters.malformed == 1, "the constant was wrong, which the checksum does not cover"
 
 
-def test_a_crc_by_its_parameters(tmp_path: Path) -> None:
+def test_a_crc_can_be_given_by_its_parameters(tmp_path: Path) -> None:
     """CRC-8/NRSC-5 (check value 0xF7), which has no name here, over "123456789"."""
     top = 'sync = [0x31]\nchecksum = { type = "crc8", start = "sync", polynomial = 0x31, start_value = 0xFF }'
     fields = '{ name = "pwm_us", channels = 8 }'
@@ -95,7 +95,7 @@ def test_a_crc_by_its_parameters(tmp_path: Path) -> None:
     assert protocol.encode(ThrusterCommand(0, True, tuple(b"23456789"))) == b"123456789\xf7"
 
 
-def test_lists_one_after_the_other_and_alternating(tmp_path: Path) -> None:
+def test_lists_may_be_consecutive_or_alternating(tmp_path: Path) -> None:
     lists = '{ name = "pwm_us", type = "u16" }, { name = "current", extra = true, per_channel = true }'
     plain = lab(tmp_path, frame_file(PULSES, '{ name = "pad" }, ' + lists), "host")
     report = ThrusterTelemetry(0, True, False, (0x0102, 0x0304), 0, 0, 0, 0)
@@ -120,7 +120,7 @@ def test_lists_one_after_the_other_and_alternating(tmp_path: Path) -> None:
         ('type = "i8", unit = "normalised", scale = 0.01', (1100, 1900), "9c 64"),
     ],
 )
-def test_units_of_the_thrusters(tmp_path: Path, keys: str, pulses: tuple[int, ...], payload: str) -> None:
+def test_thruster_values_may_have_other_units(tmp_path: Path, keys: str, pulses: tuple[int, ...], payload: str) -> None:
     protocol = lab(tmp_path, frame_file(f'{{ name = "pwm_us", {keys} }}'), "device")
     data = protocol.encode(ThrusterCommand(0, True, pulses))
     assert data[2:-2].hex(" ") == payload
@@ -136,7 +136,7 @@ def test_a_scaled_number_stops_at_the_limit_of_its_type(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["slip", "hdlc"])
-def test_delimiters_on_both_sides_end_the_noise(tmp_path: Path, kind: str) -> None:
+def test_delimiters_on_both_sides_separate_noise(tmp_path: Path, kind: str) -> None:
     top = f'sync = []\nstuffing = {{ type = "{kind}", delimit = "both" }}'
     protocol = lab(tmp_path, frame_file(PULSES, top=top, header=""), "device")
     command = ThrusterCommand(0, True, (0x7E7D, 0xC0DB, 1500))
@@ -167,7 +167,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("field", "words"), MISTAKES)
-def test_a_mistake_in_a_field(tmp_path: Path, field: str, words: list[str]) -> None:
+def test_a_mistake_in_a_field_is_reported(tmp_path: Path, field: str, words: list[str]) -> None:
     with pytest.raises(ConfigError) as caught:
         lab(tmp_path, frame_file(f"{PULSES}, {field}"), "host")
     assert str(caught.value).startswith(f"{tmp_path}/lab.toml: ")
@@ -187,7 +187,7 @@ def test_a_mistake_in_a_field(tmp_path: Path, field: str, words: list[str]) -> N
         ("[[other]]\nid = 3\n[dummy]", ["no key 'dummy'"]),
     ],
 )
-def test_a_mistake_at_the_top(tmp_path: Path, top: str, words: list[str]) -> None:
+def test_a_mistake_at_the_top_level_is_reported(tmp_path: Path, top: str, words: list[str]) -> None:
     with pytest.raises(ConfigError) as caught:
         lab(tmp_path, frame_file(PULSES, top=top), "host")
     assert all(word in str(caught.value) for word in words), caught.value
@@ -204,7 +204,7 @@ def test_a_mistake_at_the_top(tmp_path: Path, top: str, words: list[str]) -> Non
         ("[telemetry]", "[[other]]\nperiod = 5e-4\n[telemetry]", ["period", "0.001 to 3600 s"]),
     ],
 )
-def test_a_mistake_in_a_message(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
+def test_a_mistake_in_a_message_is_reported(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
     text = frame_file('{ name = "pwm_us", type = "i16", unit = "rpm", full_scale = 1000 }')
     assert old in text
     with pytest.raises(ConfigError) as caught:

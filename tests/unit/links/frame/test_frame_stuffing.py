@@ -1,4 +1,4 @@
-"""Byte stuffing: the published examples, and what must hold for any bytes."""
+"""Byte stuffing: the published examples, and properties that hold for any bytes."""
 
 import pytest
 from hypothesis import given
@@ -42,12 +42,12 @@ def stuffer(name: str) -> Stuffer:
         (bytes([*range(3, 256), 0, 1]), "fe " + bytes(range(3, 256)).hex(" ") + " 02 01"),
     ],
 )
-def test_cobs(frame: bytes, stuffed: str) -> None:
+def test_cobs_matches_its_published_examples(frame: bytes, stuffed: str) -> None:
     assert stuffer("cobs").stuff(frame).hex(" ") == stuffed
     assert stuffer("cobs").unstuff(bytes.fromhex(stuffed)) == frame
 
 
-def test_slip_and_hdlc() -> None:
+def test_slip_and_hdlc_match_their_rfcs() -> None:
     """Both match the tables of RFC 1055 and RFC 1662."""
     assert stuffer("slip").stuff(b"\xc0\xdb\xdc\x01") == b"\xdb\xdc\xdb\xdd\xdc\x01"
     assert stuffer("hdlc").stuff(b"\x7e\x7d\x5e\x11") == b"\x7d\x5e\x7d\x5d\x5e\x11"
@@ -56,7 +56,7 @@ def test_slip_and_hdlc() -> None:
 
 @pytest.mark.parametrize("name", RULES)
 @given(frames)
-def test_round_trip(name: str, frame: bytes) -> None:
+def test_any_bytes_survive_a_round_trip(name: str, frame: bytes) -> None:
     codec = stuffer(name)
     stuffed = codec.stuff(frame)
     assert codec.delimiter not in stuffed
@@ -66,8 +66,8 @@ def test_round_trip(name: str, frame: bytes) -> None:
 
 @pytest.mark.parametrize("name", RULES)
 @given(frames, st.binary(max_size=30))
-def test_whatever_comes_between_delimiters(name: str, frame: bytes, noise: bytes) -> None:
-    """A frame is found at the end of any noise; and noise never raises, nor grows."""
+def test_noise_between_delimiters_never_hides_a_frame(name: str, frame: bytes, noise: bytes) -> None:
+    """A frame is found after any noise; noise never raises, nor fills memory."""
     codec = stuffer(name)
     before = noise.replace(codec.delimiter, b"").rstrip(b"\x7d\xdb\x01")  # an escape at its end would be the frame's
     found = codec.unstuff(before)

@@ -1,4 +1,4 @@
-"""Answers of our MAVLink device to a ground station: commands, acknowledgements, motor tests, manual control."""
+"""Replies of our MAVLink device to a ground station: commands, acknowledgements, motor tests, manual control."""
 
 import math
 from typing import Any
@@ -17,7 +17,7 @@ MIX = [[-1.0, 1.0, 0.0, 1.0], [1.0, -1.0, 0.0, 1.0], [0.0, 0.0, -1.0, 0.0], [0.0
 
 
 class Ground(Peer):
-    """A ground station before a board."""
+    """A ground station connected to a board."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__()
@@ -55,14 +55,14 @@ def armed(ground: Ground) -> Ground:
     return ground
 
 
-def test_arming_shows_at_once_and_moves_nothing(ground: Ground) -> None:
+def test_arming_is_reported_at_once_and_moves_nothing(ground: Ground) -> None:
     answers = ground.say(ground.arm())
     assert [m.get_type() for m in answers] == ["COMMAND_ACK", "HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
     assert answers[1].base_mode == dialect.MAV_MODE_FLAG_SAFETY_ARMED
     assert (ground.board.stm32.armed, ground.board.pwm_us) == (True, NEUTRAL)
 
 
-def test_arming_again_disturbs_nothing_and_disarming_forgets_the_pulses(armed: Ground) -> None:
+def test_arming_again_changes_nothing_and_disarming_clears_the_pulses(armed: Ground) -> None:
     armed.say(Peer(1, 191).servos([1700] * 4))
     assert [m.get_type() for m in armed.say(armed.arm())] == ["COMMAND_ACK"]
     assert armed.board.pwm_us == [1700] * 4
@@ -72,18 +72,18 @@ def test_arming_again_disturbs_nothing_and_disarming_forgets_the_pulses(armed: G
     assert (armed.board.stm32.armed, armed.board.pwm_us) == (True, NEUTRAL)
 
 
-def test_pulses_sent_while_disarmed_do_not_wait_for_the_arming(ground: Ground) -> None:
+def test_pulses_sent_while_disarmed_are_not_applied_after_arming(ground: Ground) -> None:
     ground.say(Peer(1, 191).servos([1700] * 4) + ground.arm())
     assert (ground.board.stm32.armed, ground.board.pwm_us) == (True, NEUTRAL)
 
 
 @pytest.mark.parametrize("value", [2.0, -1.0, 0.5, math.nan, math.inf, 1e30])
-def test_half_armed_is_denied(ground: Ground, value: float) -> None:
+def test_an_invalid_arming_value_is_denied(ground: Ground, value: float) -> None:
     assert ground.ask(dialect.MAV_CMD_COMPONENT_ARM_DISARM, value) == DENIED
     assert not ground.board.stm32.armed
 
 
-def test_a_servo_is_set_and_the_others_hold(armed: Ground) -> None:
+def test_setting_a_servo_leaves_the_others_unchanged(armed: Ground) -> None:
     assert armed.set_servo(2, 1650) == ACCEPTED
     assert armed.set_servo(4, 1200) == ACCEPTED
     assert armed.board.pwm_us == [1500, 1650, 1500, 1200]
@@ -105,7 +105,7 @@ def test_a_servo_is_set_and_the_others_hold(armed: Ground) -> None:
         (1, math.nan),
     ],
 )
-def test_a_servo_that_does_not_exist_or_cannot_be_is_denied(armed: Ground, channel: float, width: float) -> None:
+def test_an_unknown_servo_or_an_invalid_pulse_is_denied(armed: Ground, channel: float, width: float) -> None:
     assert armed.set_servo(channel, width) == DENIED
     assert armed.board.pwm_us == NEUTRAL
 
@@ -116,13 +116,13 @@ def test_a_servo_is_not_set_while_disarmed(ground: Ground) -> None:
     assert ground.board.pwm_us == NEUTRAL, "and not kept for later either"
 
 
-def test_two_commands_in_one_read_add_up(armed: Ground) -> None:
+def test_two_commands_in_one_read_are_both_executed(armed: Ground) -> None:
     set_servo = dialect.MAV_CMD_DO_SET_SERVO
     armed.say(armed.long(set_servo, 1, 1600) + armed.long(set_servo, 2, 1700))
     assert armed.board.pwm_us == [1600, 1700, 1500, 1500]
 
 
-def test_the_watchdog_disarms_a_ground_station_that_fell_silent(armed: Ground) -> None:
+def test_the_watchdog_disarms_after_a_ground_station_times_out(armed: Ground) -> None:
     armed.set_servo(1, 1800)
     received = armed.parse(armed.board.wait(250))
     assert armed.board.pwm_us == NEUTRAL
@@ -143,7 +143,7 @@ def test_command_int_is_acknowledged_too(ground: Ground) -> None:
     assert (ack.get_type(), ack.command, ack.result) == ("COMMAND_ACK", 400, LONG_ONLY)
 
 
-def test_a_command_to_everyone_is_for_us_too(ground: Ground) -> None:
+def test_broadcast_commands_are_executed(ground: Ground) -> None:
     answers = ground.say(ground.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, system=0, component=0))
     assert answers[0].result == ACCEPTED
     assert ground.board.stm32.armed
@@ -159,7 +159,7 @@ def test_the_version_is_reported(ground: Ground, request_version: tuple[int, flo
     assert ground.ask(dialect.MAV_CMD_REQUEST_MESSAGE, 30.0) == DENIED
 
 
-def test_radio_channels_override_what_they_mean_and_give_back() -> None:
+def test_rc_overrides_set_and_release_their_channels() -> None:
     ground = Ground(channels=10)
     ground.say(ground.arm())
     override = dialect.MAVLink_rc_channels_override_message
@@ -201,7 +201,7 @@ def test_manual_control_without_a_mix_is_malformed(armed: Ground) -> None:
     assert armed.board.end.counters.malformed == 1
 
 
-def test_actuator_controls_that_are_no_numbers_are_no_pulse() -> None:
+def test_non_finite_actuator_controls_give_no_pulse() -> None:
     board, host = Board(), Peer(1, 191)
     controls = [math.nan, math.inf, -7.0, 0.25] + [0.0] * 12
     board.take(host.pack(dialect.MAVLink_hil_actuator_controls_message(0, controls, 128, 0)))
@@ -225,7 +225,7 @@ def test_a_motor_test_ends_by_itself(ground: Ground, kind: int, throttle: float,
     assert ground.board.stm32.refused == 0
 
 
-def test_a_motor_test_does_not_keep_alive_what_a_host_ordered_that_fell_silent(armed: Ground) -> None:
+def test_a_motor_test_does_not_prolong_the_commands_of_a_silent_host(armed: Ground) -> None:
     armed.say(Peer(1, 191).servos([1700, 1750, 1800, 1650]))
     armed.board.wait(100)
     assert armed.motor_test(2, 1, 1600, 2.0) == ACCEPTED
@@ -237,7 +237,7 @@ def test_a_motor_test_does_not_keep_alive_what_a_host_ordered_that_fell_silent(a
     assert armed.set_servo(1, 1600) == REJECTED, "who commands it again arms it again"
 
 
-def test_a_host_of_ours_goes_on_after_a_motor_test(ground: Ground) -> None:
+def test_our_host_continues_after_a_motor_test(ground: Ground) -> None:
     host, board = host_end(clock=ground.board.clock), ground.board
     for sequence in range(9):
         if sequence == 4:
@@ -249,7 +249,7 @@ def test_a_host_of_ours_goes_on_after_a_motor_test(ground: Ground) -> None:
     assert (board.pwm_us, board.stm32.armed) == ([1700] * 4, True)
 
 
-def test_a_motor_test_without_a_time_lasts_half_a_second_and_can_be_repeated(ground: Ground) -> None:
+def test_a_motor_test_without_a_duration_lasts_half_a_second(ground: Ground) -> None:
     for _ in range(5):
         assert ground.motor_test(1, 1, 1600) == ACCEPTED
         ground.board.wait(400)
@@ -271,7 +271,7 @@ def test_any_other_command_ends_a_motor_test(ground: Ground) -> None:
     assert ground.board.pwm_us == NEUTRAL
 
 
-def test_a_second_motor_test_takes_the_place_of_the_first(ground: Ground) -> None:
+def test_a_second_motor_test_replaces_the_first(ground: Ground) -> None:
     ground.motor_test(1, 1, 1600, 5.0)
     ground.motor_test(2, 1, 1700, 0.25)
     assert ground.board.pwm_us == [1500, 1700, 1500, 1500]
@@ -279,7 +279,7 @@ def test_a_second_motor_test_takes_the_place_of_the_first(ground: Ground) -> Non
     assert ground.board.pwm_us == NEUTRAL
 
 
-def test_a_motor_test_that_nobody_wakes_is_ended_by_the_watchdog(ground: Ground) -> None:
+def test_an_unserviced_motor_test_is_ended_by_the_watchdog(ground: Ground) -> None:
     ground.motor_test(1, 1, 1600, 5.0)
     for _ in range(4):
         ground.board.clock.now += 60 * MS
@@ -301,12 +301,12 @@ def test_a_motor_test_that_nobody_wakes_is_ended_by_the_watchdog(ground: Ground)
         (1, 1, math.nan, 1), (1, 0, math.nan, 1), (1, 1, 1600, 1, 2),
     ],
 )  # fmt: skip
-def test_a_motor_test_that_cannot_be_is_denied(ground: Ground, params: tuple[float, ...]) -> None:
+def test_an_invalid_motor_test_is_denied(ground: Ground, params: tuple[float, ...]) -> None:
     assert ground.motor_test(*params) == DENIED
     assert ground.board.pwm_us == NEUTRAL
 
 
-def test_the_last_of_several_commanders_wins(armed: Ground) -> None:
+def test_the_latest_of_several_commanders_takes_effect(armed: Ground) -> None:
     host = Peer(1, 191)
     for i in range(40):
         armed.say(host.servos([1550 + i] * 4))
@@ -315,7 +315,7 @@ def test_the_last_of_several_commanders_wins(armed: Ground) -> None:
     assert armed.board.stm32.refused == 0
 
 
-def test_a_ground_station_does_not_wait_for_parameters_missions_and_files(ground: Ground) -> None:
+def test_requests_for_parameters_missions_and_files_are_answered(ground: Ground) -> None:
     def ask(message: Any) -> Any:
         (answer,) = ground.say(ground.pack(message))
         return answer

@@ -1,4 +1,4 @@
-"""Our ends against packets that plain pymavlink made: what they read, and byte for byte what they write."""
+"""Our ends against packets made by plain pymavlink: what they decode, and byte for byte what they send."""
 
 import json
 import os
@@ -31,12 +31,12 @@ def at_number(end: MavlinkEnd, row: dict[str, Any]) -> None:
     end._stream._mavlink.seq = row["number"]
 
 
-def test_the_file_is_what_its_maker_writes() -> None:
+def test_the_vector_file_equals_the_output_of_its_generator() -> None:
     made = runpy.run_path(os.path.join(VECTORS, "make_mavlink_golden.py"))["golden"]()
     assert made | {"source": GOLDEN["source"]} == GOLDEN
 
 
-def test_the_device_does_what_the_vectors_say() -> None:
+def test_the_device_acts_on_the_vectors_as_stated() -> None:
     board, peer = Board(GOLDEN["channels"]), Peer()
     for row in GOLDEN["to_device"]:
         output = peer.parse(board.take(bytes.fromhex(row["bytes"])))
@@ -60,7 +60,7 @@ def test_the_device_does_what_the_vectors_say() -> None:
         ),
     ],
 )
-def test_the_host_writes_these_bytes(name: str, settings: Any, stamp_us: int, order: ThrusterCommand) -> None:
+def test_the_host_sends_the_golden_bytes(name: str, settings: Any, stamp_us: int, order: ThrusterCommand) -> None:
     row = TO_DEVICE[name]
     host = host_end(6, clock=Clock(stamp_us * US), **settings)
     host.feed(bytes.fromhex(FROM_DEVICE["heartbeat armed"]["bytes"]))
@@ -69,7 +69,7 @@ def test_the_host_writes_these_bytes(name: str, settings: Any, stamp_us: int, or
 
 
 @pytest.mark.parametrize(("name", "armed", "says"), [("arm", True, "disarmed"), ("disarm", False, "armed")])
-def test_the_host_arms_and_disarms_with_these_bytes(name: str, armed: bool, says: str) -> None:
+def test_the_host_arms_and_disarms_with_the_golden_bytes(name: str, armed: bool, says: str) -> None:
     row = next(row for row in GOLDEN["to_device"] if row["name"] == name)
     host = host_end(6)
     host.feed(bytes.fromhex(FROM_DEVICE[f"heartbeat {says}"]["bytes"]))
@@ -77,7 +77,7 @@ def test_the_host_arms_and_disarms_with_these_bytes(name: str, armed: bool, says
     assert host.encode(ThrusterCommand(1, armed, HELD)).hex().startswith(row["bytes"])
 
 
-def test_the_hosts_heartbeat_is_these_bytes() -> None:
+def test_the_hosts_heartbeat_has_the_golden_bytes() -> None:
     assert host_end(6).tick(0).hex() == TO_DEVICE["heartbeat"]["bytes"]
 
 
@@ -85,7 +85,7 @@ def bytes_of(*names: str) -> str:
     return "".join([FROM_DEVICE[name]["bytes"] for name in names])
 
 
-def test_the_device_writes_these_bytes() -> None:
+def test_the_device_sends_the_golden_bytes() -> None:
     device = device_end(6, clock=Clock(1_234_567 * US))
     armed = ThrusterTelemetry(0, True, False, HELD, 0, 65_535, 258, 3)
     at_number(device, FROM_DEVICE["heartbeat armed"])
@@ -94,7 +94,7 @@ def test_the_device_writes_these_bytes() -> None:
     assert device.encode(timed_out).hex().startswith(bytes_of("heartbeat timed out", "status timed out"))
 
 
-def test_the_devices_answers_are_these_bytes() -> None:
+def test_the_devices_replies_have_the_golden_bytes() -> None:
     device = device_end(6, clock=Clock(9_876_543_210))
     at_number(device, FROM_DEVICE["acknowledgement"])
     device.feed(bytes.fromhex(TO_DEVICE["arm"]["bytes"]))
@@ -104,7 +104,7 @@ def test_the_devices_answers_are_these_bytes() -> None:
     assert device.replies().hex() == FROM_DEVICE["time"]["bytes"]
 
 
-def test_the_readings_of_the_escs_are_these_bytes() -> None:
+def test_the_esc_readings_have_the_golden_bytes() -> None:
     rpm, row = (955, 964, 974, 984), FROM_DEVICE["escs"]
     device, host = device_end(4), host_end(4)
     device.esc = [EscReading(rpm[i] * RPM, 14.81, 3.25 + i, 31.0 + i, 720.0) for i in range(4)]
@@ -114,7 +114,7 @@ def test_the_readings_of_the_escs_are_these_bytes() -> None:
     assert host.esc[3] == pytest.approx((984 * RPM, 14.81, 6.25, 34.0, 720.0))
 
 
-def test_the_host_reads_them() -> None:
+def test_the_host_decodes_the_golden_bytes() -> None:
     host = host_end(6)
     received = []
     for state, status in (("armed", "armed"), ("timed out", "timed out"), ("disarmed", "armed")):
@@ -125,7 +125,7 @@ def test_the_host_reads_them() -> None:
     assert received == [reported, disarmed._replace(timed_out=True), disarmed]
 
 
-def test_a_signature_is_these_bytes() -> None:
+def test_a_signature_has_the_golden_bytes() -> None:
     row = GOLDEN["signed"]
     wall = Clock(TIMESTAMP_START_NS + row["timestamp"] * TIMESTAMP_NS)
     board = Board(6, signing_key=row["key"], wall_clock=wall)
@@ -136,7 +136,7 @@ def test_a_signature_is_these_bytes() -> None:
     assert host.encode(ThrusterCommand(1, True, HELD)).hex().startswith(row["bytes"])
 
 
-def test_the_rows_say_what_their_bytes_are() -> None:
+def test_the_rows_agree_with_their_bytes() -> None:
     rows = [*GOLDEN["to_device"], *GOLDEN["from_device"], GOLDEN["signed"]]
     for row in rows:
         packet = bytes.fromhex(row["bytes"])

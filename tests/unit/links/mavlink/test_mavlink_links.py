@@ -1,4 +1,4 @@
-"""The contract on pseudo terminals, and a ground station's own software on one."""
+"""The link contract on pseudo terminals, and a ground station's own software on one."""
 
 import os
 import select
@@ -133,7 +133,7 @@ def ask(ground: Any, number: int, *params: float) -> Any:
     )
 
 
-def see(ground: Any, condition: str) -> Any:
+def await_message(ground: Any, condition: str) -> Any:
     return ground.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=PATIENCE_S, condition=condition)
 
 
@@ -144,27 +144,25 @@ def test_a_ground_station_arms_and_drives(served: Served, connect: Callable[[Stm
     assert beat is not None
     assert (beat.type, beat.get_srcComponent(), ground.target_system, ground.mavlink20()) == (12, 1, 1, True)
     assert not ground.motors_armed()
-    assert see(ground, "SERVO_OUTPUT_RAW.servo1_raw==1500")
+    assert await_message(ground, "SERVO_OUTPUT_RAW.servo1_raw==1500")
     assert ask(ground, dialect.MAV_CMD_DO_SET_SERVO, 3, 1700).result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
     ground.arducopter_arm()
     assert ground.recv_match(type="HEARTBEAT", blocking=True, timeout=PATIENCE_S)
     assert ground.motors_armed()
     assert ask(ground, dialect.MAV_CMD_DO_SET_SERVO, 3, 1700).result == dialect.MAV_RESULT_ACCEPTED
-    shown = see(ground, "SERVO_OUTPUT_RAW.servo3_raw==1700")
+    shown = await_message(ground, "SERVO_OUTPUT_RAW.servo3_raw==1700")
     assert [shown.servo1_raw, shown.servo3_raw, shown.servo6_raw, shown.servo7_raw] == [1500, 1700, 1500, 0]
     ground.mav.rc_channels_override_send(1, 1, *range(1601, 1607), 0, 0)
-    assert see(ground, "SERVO_OUTPUT_RAW.servo6_raw==1606")
+    assert await_message(ground, "SERVO_OUTPUT_RAW.servo6_raw==1606")
     assert ask(ground, dialect.MAV_CMD_REQUEST_MESSAGE, 148).result == dialect.MAV_RESULT_ACCEPTED
     assert "AUTOPILOT_VERSION" in ground.messages
     ground.arducopter_disarm()
-    assert see(ground, "SERVO_OUTPUT_RAW.servo6_raw==1500")
+    assert await_message(ground, "SERVO_OUTPUT_RAW.servo6_raw==1500")
     counters = end.link.counters
     assert (counters.malformed, counters.checksum_errors, counters.dropped_bytes) == (0, 0, 0)
 
 
-def test_a_ground_station_with_the_key_is_obeyed_and_one_without_is_not(
-    served: Served, connect: Callable[[Stm32End], Any]
-) -> None:
+def test_only_a_ground_station_with_the_key_commands(served: Served, connect: Callable[[Stm32End], Any]) -> None:
     end = served(signing_key=KEY.hex())
     ground = connect(end)
     assert ground.wait_heartbeat(timeout=PATIENCE_S)
@@ -176,7 +174,7 @@ def test_a_ground_station_with_the_key_is_obeyed_and_one_without_is_not(
     assert end.link.counters.malformed == 1
 
 
-def test_a_board_and_a_ground_station_on_one_port(served: Served, connect: Callable[[Stm32End], Any]) -> None:
+def test_a_ground_station_may_watch_on_the_hosts_port(served: Served, connect: Callable[[Stm32End], Any]) -> None:
     """The vehicle's computer commands; a ground station on the same wire watches and disturbs nothing."""
     end = served(channels=4)
     ground = connect(end)
@@ -186,6 +184,6 @@ def test_a_board_and_a_ground_station_on_one_port(served: Served, connect: Calla
         ground.write(host.encode(ThrusterCommand(i, True, (1600 + i,) * 4)))
         ground.mav.heartbeat_send(6, 8, 0, 0, 4)
         ground.mav.param_request_list_send(1, 1)
-        shown = see(ground, f"SERVO_OUTPUT_RAW.servo1_raw=={1600 + i}")
+        shown = await_message(ground, f"SERVO_OUTPUT_RAW.servo1_raw=={1600 + i}")
         assert shown.servo4_raw == 1600 + i
     assert end.stm32.refused == end.link.counters.malformed == end.link.counters.dropped_bytes == 0

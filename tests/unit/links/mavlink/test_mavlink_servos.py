@@ -31,7 +31,7 @@ def fields(message: Any) -> tuple[Any, ...]:
 
 
 @given(STAMPS, BYTES, PULSES, BYTES, BYTES, BYTES)
-def test_the_packet_is_the_same_to_the_byte(
+def test_the_packet_equals_pymavlinks_byte_for_byte(
     stamp: int, port: int, pulses: list[int], number: int, system: int, component: int
 ) -> None:
     what = stamp, port, pulses, number, system, component
@@ -39,7 +39,7 @@ def test_the_packet_is_the_same_to_the_byte(
 
 
 @given(STAMPS, BYTES, PULSES, BYTES, BYTES, BYTES)
-def test_what_it_says_is_the_same(
+def test_the_decoded_fields_equal_pymavlinks(
     stamp: int, port: int, pulses: list[int], number: int, system: int, component: int
 ) -> None:
     packet = with_pymavlink(stamp, port, pulses, number, system, component)
@@ -50,7 +50,7 @@ def test_what_it_says_is_the_same(
     assert (read.get_seq(), read.get_srcSystem(), read.get_srcComponent()) == (number, system, component)
 
 
-def test_signed_it_is_read_the_same_and_forged_it_is_not() -> None:
+def test_signed_packets_are_decoded_and_forged_ones_refused() -> None:
     secret = signing_secret("secret")
     sender, receiver = (MavlinkStream(1, component, Counters()) for component in (191, 1))
     for end in (sender, receiver):

@@ -1,4 +1,4 @@
-"""MAVLink packets in a stream: found in noise, checked, signed. Nothing that comes in raises or piles up."""
+"""MAVLink packets in a stream: found in noise, checked, signed. No input raises or fills memory."""
 
 import random
 import struct
@@ -39,7 +39,7 @@ def numbers(messages: list[Any]) -> list[int]:
 
 
 @given(st.data())
-def test_any_split_into_reads_is_the_same(data: st.DataObject) -> None:
+def test_the_result_does_not_depend_on_how_reads_are_split(data: st.DataObject) -> None:
     whole = EVERY_BYTE.join(packets())
     cuts = sorted(data.draw(st.lists(st.integers(0, len(whole)), max_size=12)))
     parser, counters = stream()
@@ -51,7 +51,7 @@ def test_any_split_into_reads_is_the_same(data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("noise", [EVERY_BYTE, EVERY_BYTE[::-1], b"\xfd", b"\xfd" * 300, b"\xfd\xff\x00", b"\0" * 40])
-def test_a_packet_behind_noise_is_there_with_its_last_byte(noise: bytes) -> None:
+def test_a_packet_after_noise_is_decoded_with_its_last_byte(noise: bytes) -> None:
     (packet,) = packets(1)
     parser, counters = stream()
     assert parser.unpack(noise + packet[:-1]) == []
@@ -59,7 +59,7 @@ def test_a_packet_behind_noise_is_there_with_its_last_byte(noise: bytes) -> None
     assert counters.dropped_bytes == len(noise)
 
 
-def test_a_cut_packet_holds_back_none_behind_it() -> None:
+def test_a_truncated_packet_does_not_delay_the_next() -> None:
     """pymavlink's own parser waits for the rest of the first and swallows the second."""
     first, second = packets(2)
     for cut in range(1, len(first)):
@@ -70,7 +70,7 @@ def test_a_cut_packet_holds_back_none_behind_it() -> None:
     assert [message.get_type() for message in swallowed if message.get_type() != "BAD_DATA"] == []
 
 
-def test_a_claimed_length_holds_back_nothing() -> None:
+def test_a_false_length_delays_no_packet() -> None:
     header = b"\xfd\xff\x01\x00\x00\x01\xbf" + (36).to_bytes(3, "little")  # 255 bytes and a signature to come
     parser, counters = stream()
     assert parser.unpack(header) == []
@@ -89,7 +89,7 @@ def test_a_damaged_packet_is_counted_and_the_next_one_received() -> None:
         assert (counters.checksum_errors, counters.dropped_bytes) == (1, len(packets(2)[1]))
 
 
-def test_messages_the_dialect_does_not_know_and_mavlink_1_are_noise() -> None:
+def test_unknown_messages_and_mavlink_1_count_as_noise() -> None:
     unknown = b"\xfd\x04\x00\x00\x00\x01\xbf" + (16_000_000).to_bytes(3, "little") + b"abcdef"
     old = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(dialect.MAVLink(None, 1, 1), force_mavlink1=True)
     parser, counters = stream()
@@ -98,8 +98,8 @@ def test_messages_the_dialect_does_not_know_and_mavlink_1_are_noise() -> None:
     assert (counters.checksum_errors, counters.malformed) == (0, 0)
 
 
-def test_a_longer_message_of_a_later_version_is_understood() -> None:
-    """Fields added at the end are left away, as MAVLink has it."""
+def test_a_longer_message_of_a_later_version_is_decoded() -> None:
+    """Fields added at the end are ignored, as MAVLink specifies."""
     packet = bytearray(Peer(1, 191).servos([1500] * 16))
     body = packet[:-2] + b"later"
     body[1] += 5
@@ -124,11 +124,11 @@ def mutated(rng: random.Random, packet: bytes) -> bytes:
                 data[at:at] = data[at : at + rng.randint(1, 20)]
             case _:
                 data[at:at] = rng.randbytes(rng.randint(1, 5))
-    return mended(bytes(data)) if rng.random() < 0.5 else bytes(data)
+    return repaired(bytes(data)) if rng.random() < 0.5 else bytes(data)
 
 
-def mended(data: bytes) -> bytes:
-    """Return the packet with the length and checksum that its message wants, if it has one."""
+def repaired(data: bytes) -> bytes:
+    """Return the packet with the length and checksum that its message requires, if it has one."""
     kind = dialect.mavlink_map.get(int.from_bytes(data[7:10], "little")) if len(data) > 12 else None
     if kind is None:
         return data
@@ -141,10 +141,10 @@ def every_message(rng: random.Random) -> bytes:
     number = rng.choice([number for number in dialect.mavlink_map if number >= 0])
     size = dialect.mavlink_map[number].unpacker.size
     header = bytes([0xFD, 0, 0, 0, rng.randrange(256), 1, 191]) + number.to_bytes(3, "little")
-    return mended(header + rng.randbytes(size) + b"\0\0")
+    return repaired(header + rng.randbytes(size) + b"\0\0")
 
 
-def test_nothing_that_comes_in_raises_or_piles_up() -> None:
+def test_no_input_raises_or_fills_memory() -> None:
     """A device gets 40 000 inputs (noise, mutations, any contents), a host half of them, a signed device the others."""
     rng = random.Random(1)
     mix = [[0.5, 0.5, 0.5, 0.5]] * 4
@@ -172,7 +172,7 @@ def test_nothing_that_comes_in_raises_or_piles_up() -> None:
 
 
 @given(st.binary(max_size=600), st.binary(max_size=600))
-def test_noise_never_raises_and_is_all_accounted_for(first: bytes, second: bytes) -> None:
+def test_noise_never_raises_and_every_byte_is_counted(first: bytes, second: bytes) -> None:
     parser, counters = stream()
     parser.unpack(first)
     parser.unpack(second)
@@ -181,7 +181,7 @@ def test_noise_never_raises_and_is_all_accounted_for(first: bytes, second: bytes
     assert counters.dropped_bytes + kept == len(first) + len(second)
 
 
-def test_the_worst_noise_costs_no_more_a_byte_the_longer_it_is() -> None:
+def test_the_cost_of_the_worst_noise_is_linear_in_its_length() -> None:
     """A read full of headers that all promise 255 bytes is the worst: 4096 bytes are 44 ms of a line at 921600 baud."""
     header = b"\xfd\xff\x00\x00\x00\x01\xbf" + (36).to_bytes(3, "little")
     calls = {}
@@ -208,7 +208,7 @@ def signed_board() -> Board:
     return Board(signing_key=KEY.hex(), wall_clock=Clock(NOW_NS))
 
 
-def test_signed_ends_understand_each_other_and_plain_pymavlink() -> None:
+def test_signed_ends_work_with_each_other_and_with_pymavlink() -> None:
     board, host = signed_board(), host_end(signing_key=KEY.hex(), wall_clock=Clock(NOW_NS))
     for i in range(20):
         output = board.take(host.encode(ThrusterCommand(i, True, (1500 + i,) * 4)))
@@ -244,7 +244,7 @@ def test_radio_status_is_never_signed() -> None:
     assert board.end.counters.malformed == board.end.counters.dropped_bytes == 0
 
 
-def test_a_packet_counts_once() -> None:
+def test_a_replayed_packet_is_refused() -> None:
     board, peer = signed_board(), signed_peer()
     packet = peer.arm()
     board.take(packet)
@@ -260,7 +260,7 @@ def test_a_new_sender_may_be_a_minute_behind(behind_ns: int, received: bool) -> 
     assert board.stm32.armed is received
 
 
-def test_a_minute_is_counted_from_now_not_from_when_we_opened() -> None:
+def test_the_minute_for_new_senders_is_counted_from_the_current_time() -> None:
     wall = Clock(NOW_NS)
     device = device_end(signing_key=KEY.hex(), wall_clock=wall)
     wall.now += 2 * MINUTE_NS
@@ -268,7 +268,7 @@ def test_a_minute_is_counted_from_now_not_from_when_we_opened() -> None:
     assert device.feed(signed_peer(timestamp=NOW + MINUTE_NS // TIMESTAMP_NS).arm()) != []
 
 
-def test_our_timestamps_rise_with_every_packet_and_never_go_back() -> None:
+def test_our_timestamps_increase_with_every_packet() -> None:
     wall = Clock(NOW_NS)
     host = host_end(signing_key=KEY.hex(), wall_clock=wall)
     seen: list[int] = []
@@ -284,8 +284,8 @@ def test_our_timestamps_rise_with_every_packet_and_never_go_back() -> None:
     assert int.from_bytes(host.tick(0)[-12:-6], "little") >= NOW + 10**7, "ours follow the newest seen"
 
 
-def test_pymavlinks_own_check_is_silenced_by_a_forged_timestamp() -> None:
-    """We check signatures for this reason: the test fails the day pymavlink is mended, and ours can go."""
+def test_pymavlinks_own_check_is_blocked_by_a_forged_timestamp() -> None:
+    """We check signatures for this reason: this test fails once pymavlink is corrected, and ours can be removed."""
     receiver = signed_peer()
     good = signed_peer()
     assert receiver.names(good.arm()) == ["COMMAND_LONG"]
@@ -293,7 +293,7 @@ def test_pymavlinks_own_check_is_silenced_by_a_forged_timestamp() -> None:
     assert receiver.names(good.arm()) == ["BAD_DATA"], "a good packet"
 
 
-def test_ours_is_not() -> None:
+def test_our_check_is_not_blocked_by_a_forged_timestamp() -> None:
     board, good = signed_board(), signed_peer()
     board.take(good.arm())
     for attempt in (2**47, 2**48 - 1):
