@@ -1,4 +1,4 @@
-"""The documents' examples run as printed: no block of Python, TOML or commands is left out."""
+"""The examples of the documentation run as printed: every block of Python, TOML and commands."""
 
 import argparse
 import importlib
@@ -36,7 +36,7 @@ RUNNERS = {
     "docs/tutorials/ros1.md": "tests/system/gateways/test_ros1_debian.py",
     "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
     "docs/reference/links.md": "beside an STM32", "docs/reference/sensors.md": "alone",
-    "docs/how-to/charts.md": "test_a_route_along_a_pipeline",
+    "docs/how-to/charts.md": "test_the_example_of_a_route_along_a_pipeline_runs",
 }  # fmt: skip
 
 
@@ -65,20 +65,20 @@ def modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         sys.modules.pop(path.stem, None)
 
 
-def test_all_python_is_run_by_somebody() -> None:
+def test_every_python_block_is_run_by_a_test() -> None:
     assert len(PYTHON) >= 7
     for block in PYTHON:
         assert block.file or block.page in RUNNERS, f"{name_of(block)}: nobody runs this"
 
 
 @pytest.mark.parametrize("block", [b for b in PYTHON if RUNNERS.get(b.page) == "alone"], ids=name_of)
-def test_python_that_needs_nothing(block: Block) -> None:
+def test_python_blocks_without_a_slave_run(block: Block) -> None:
     done = subprocess.run([sys.executable, "-c", block.text], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout
 
 
-def test_the_library_in_your_software(tmp_path: Path) -> None:
+def test_the_example_of_the_link_library_runs(tmp_path: Path) -> None:
     (block,) = blocks("python", page=ROOT / "docs" / "reference" / "links.md")
     port = f"pty:{tmp_path / 'stm32'}"
     with Program(tmp_path, "stm32", "--port", port) as stm32:
@@ -93,7 +93,7 @@ def test_the_library_in_your_software(tmp_path: Path) -> None:
 
 
 # What a whole file has on its top level -> what reads it.
-WHOLE: dict[str, Callable[[str], Any]] = {
+FILE_READERS: dict[str, Callable[[str], Any]] = {
     "mass": load_vehicle,
     "extent": load_world,
     "architecture": boards.load_board,
@@ -103,11 +103,11 @@ WHOLE: dict[str, Callable[[str], Any]] = {
 
 def reader_of(table: dict[str, Any]) -> Callable[[str], Any] | None:
     """Return the reader of a block that is a whole file; None for a part of a scenario."""
-    return next((load for key, load in WHOLE.items() if key in table), None)
+    return next((load for key, load in FILE_READERS.items() if key in table), None)
 
 
 @pytest.mark.parametrize("block", [b for b in TOML if not reader_of(parse_toml(b.text))], ids=name_of)
-def test_toml_is_a_part_of_a_scenario(block: Block, modules: Path) -> None:
+def test_toml_blocks_are_valid_parts_of_a_scenario(block: Block, modules: Path) -> None:
     """Every key of it is read, with the classes that it names; in a fleet if it is about one."""
     table = parse_toml(block.text)
     base = "target_hunting" if "modem" in table else "paper_field"
@@ -117,8 +117,8 @@ def test_toml_is_a_part_of_a_scenario(block: Block, modules: Path) -> None:
 
 
 @pytest.mark.parametrize("page", sorted({b.page for b in TOML if reader_of(parse_toml(b.text))}))
-def test_whole_files_are_read(page: str, tmp_path: Path) -> None:
-    """The files are read in the order of the page: a scenario names the world that stands before it."""
+def test_toml_blocks_of_whole_files_are_valid(page: str, tmp_path: Path) -> None:
+    """The files are read in the order of the page: a scenario names the world of an earlier block."""
     for number, block in enumerate(blocks("toml", page=ROOT / page)):
         load = reader_of(parse_toml(block.text))
         if load:
@@ -129,7 +129,7 @@ def test_whole_files_are_read(page: str, tmp_path: Path) -> None:
             assert load(str(path))
 
 
-def test_toml_is_there() -> None:
+def test_the_documentation_has_toml_of_the_main_sections() -> None:
     assert {section for block in TOML for section in re.findall(r"^\[+([a-z_]+)", block.text, flags=re.MULTILINE)} >= {
         "planner", "sensors", "modem", "slave", "network",
     }  # fmt: skip
@@ -144,7 +144,7 @@ def fly_example(**place: float) -> Any:
     return outcome
 
 
-def test_the_example_of_a_planner_flies_somewhere_free(modules: Path) -> None:
+def test_the_planner_of_the_tutorial_reaches_its_goal(modules: Path) -> None:
     outcome = fly_example()
     assert outcome.success, outcome.verdict
     assert outcome.verdict == "there"
@@ -152,7 +152,7 @@ def test_the_example_of_a_planner_flies_somewhere_free(modules: Path) -> None:
     assert outcome.least_clearance > 1.0
 
 
-def test_a_place_in_a_pile_is_no_success(modules: Path) -> None:
+def test_a_goal_inside_a_pile_is_no_success(modules: Path) -> None:
     """A vehicle that touches the pile is held there by friction, and the run reports it."""
     outcome = fly_example(north=8.0, east=7.0, depth=2.0)
     assert not outcome.success
@@ -160,7 +160,7 @@ def test_a_place_in_a_pile_is_no_success(modules: Path) -> None:
     assert sum(event.duration_ns for event in outcome.events) > 5e9
 
 
-def test_a_route_along_a_pipeline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_of_a_route_along_a_pipeline_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A world of the same page takes the place of a chart's."""
     code, *_ = (block for block in PYTHON if block.page == "docs/how-to/charts.md")
     world, *_ = (block for block in TOML if block.page == code.page and "[[pipeline]]" in block.text)
@@ -174,7 +174,7 @@ def test_a_route_along_a_pipeline(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 class Parsed(BaseException):
-    """The arguments were accepted: no more is wanted."""
+    """Raised when the arguments were accepted, instead of running the command."""
 
 
 @pytest.fixture
@@ -219,14 +219,14 @@ def test_the_arguments_of_commands_are_accepted(capsys: pytest.CaptureFixture[st
                 pytest.fail(f"{where}: uuv-hil {line}\n{capsys.readouterr().err}")
 
 
-def test_commands_are_found() -> None:
+def test_commands_of_pages_and_help_texts_are_found() -> None:
     assert len(commands()) > 20
     assert len(examples()) > 90
     assert {where for where, _ in examples()} >= {f"{name} --help" for name in COMMANDS}
     assert any("set_parameters" in line and "value" in line for _, line in commands()), "a line that goes on"
 
 
-def test_files_are_called_by_what_they_are() -> None:
+def test_pages_tune_vehicle_files_only() -> None:
     """No page tunes a scenario file: `tune` takes a vehicle file."""
     lines = [line for page in PAGES for line in page.read_text().splitlines() if line.strip().startswith("uuv-hil ")]
     tuned = [line for line in lines if "uuv-hil tune " in line]

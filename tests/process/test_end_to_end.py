@@ -1,4 +1,4 @@
-"""Slave and master as processes: the way of a command, and every way it can end."""
+"""Slave and master as processes: missions, commands, faults, and how each process ends."""
 
 import itertools
 import json
@@ -33,7 +33,7 @@ def pulses(client: VehicleClient) -> list[int]:
     return list(client.diagnostics().pwm_us or ())
 
 
-def test_a_mission(tmp_path: Path) -> None:
+def test_a_mission_reaches_its_goal_and_writes_its_results(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"
     with Program(tmp_path, "demo", scenario, "--output", folder) as demo:
@@ -56,7 +56,7 @@ def test_a_mission(tmp_path: Path) -> None:
     assert (folder / "trajectory.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_deadman(slave: tuple[Program, str]) -> None:
+def test_the_deadman_stops_the_thrusters(slave: tuple[Program, str]) -> None:
     program, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
@@ -77,7 +77,7 @@ def test_a_signal_ends_the_slave_with_neutral_thrusters(slave: tuple[Program, st
     assert "Traceback" not in program.output
 
 
-def test_a_second_slave_on_the_same_port_says_so(slave: tuple[Program, str], tmp_path: Path) -> None:
+def test_a_second_slave_on_the_same_port_reports_it(slave: tuple[Program, str], tmp_path: Path) -> None:
     _, endpoint = slave
     other, _ = write_scenario(tmp_path)
     with Program(tmp_path, "slave", other, "--listen", endpoint) as second:
@@ -87,7 +87,7 @@ def test_a_second_slave_on_the_same_port_says_so(slave: tuple[Program, str], tmp
         assert "Traceback" not in second.output
 
 
-def test_a_second_slave_on_the_same_device_says_so(tmp_path: Path) -> None:
+def test_a_second_slave_on_the_same_device_reports_it(tmp_path: Path) -> None:
     device = tmp_path / "stm32"
     first, _ = write_scenario(tmp_path, link=f'port = "pty:{device}"')
     with Program(tmp_path, "slave", first) as slave:
@@ -99,7 +99,7 @@ def test_a_second_slave_on_the_same_device_says_so(tmp_path: Path) -> None:
             assert "Traceback" not in other.output
 
 
-def test_garbage_from_the_network_is_counted_and_harmless(slave: tuple[Program, str]) -> None:
+def test_malformed_commands_from_the_network_are_counted(slave: tuple[Program, str]) -> None:
     program, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
@@ -116,7 +116,7 @@ def test_garbage_from_the_network_is_counted_and_harmless(slave: tuple[Program, 
     assert program.process.poll() is None
 
 
-def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
+def test_external_vehicle_software_commands_the_thrusters(tmp_path: Path) -> None:
     """Any program that opens the port is the vehicle's computer with controller = "external"."""
     device = tmp_path / "stm32"
     scenario, port = write_scenario(tmp_path, top='controller = "external"', link=f'port = "pty:{device}"')
@@ -140,7 +140,7 @@ def test_foreign_vehicle_software_drives_the_thrusters(tmp_path: Path) -> None:
         assert received[-1].pwm_us[:4] == (1600,) * 4
 
 
-def test_a_device_on_a_serial_port(tmp_path: Path) -> None:
+def test_a_slave_reconnects_to_a_device_on_a_serial_port(tmp_path: Path) -> None:
     """The slave opens stm32 = "device" by pyserial; its other end is the firmware's twin, then nothing."""
     device = tmp_path / "ttyUSB0"
     top, link = 'stm32 = "device"', f'port = "{device}"'
@@ -171,7 +171,7 @@ def test_a_device_on_a_serial_port(tmp_path: Path) -> None:
             assert "Traceback" not in slave.output
 
 
-def test_the_master_says_when_nobody_answers(tmp_path: Path) -> None:
+def test_the_master_reports_when_no_slave_answers(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     endpoint = f"tcp/127.0.0.1:{port}"
     with Program(
@@ -183,7 +183,7 @@ def test_the_master_says_when_nobody_answers(tmp_path: Path) -> None:
     assert "Traceback" not in master.output
 
 
-def test_the_master_survives_a_slave_that_comes_back(tmp_path: Path) -> None:
+def test_the_master_continues_after_the_slave_was_restarted(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path, allow="")
     folder = tmp_path / "run"
     arguments = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--output", folder)
@@ -205,7 +205,7 @@ def test_the_master_survives_a_slave_that_comes_back(tmp_path: Path) -> None:
     assert record["table"]["startup_s"] > 0, "that of the second slave, by its own first sample"
 
 
-def test_a_thruster_that_fails(tmp_path: Path) -> None:
+def test_a_failed_thruster_changes_the_flight(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     whole = scenario.read_text()
     scenario.write_text(whole + '\n[[failure]]\nthruster = "front_left"\nkind = "off"\ntime = 1\n')
@@ -222,7 +222,7 @@ def test_a_thruster_that_fails(tmp_path: Path) -> None:
     assert "Traceback" not in wrong.output
 
 
-def test_a_goal_that_cannot_be_reached(tmp_path: Path) -> None:
+def test_a_goal_outside_the_world_is_reported(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [80, 7]"))
     with Program(tmp_path, "demo", scenario, "--output", tmp_path / "run") as demo:
@@ -231,7 +231,7 @@ def test_a_goal_that_cannot_be_reached(tmp_path: Path) -> None:
     assert "Traceback" not in demo.output
 
 
-def test_a_time_limit_that_is_too_short(tmp_path: Path) -> None:
+def test_a_time_limit_that_is_too_short_fails_the_mission(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("time_limit = 40", "time_limit = 2"))
     with Program(tmp_path, "demo", scenario, "--output", tmp_path / "run") as demo:
@@ -248,7 +248,7 @@ def final_state(folder: Path, scenario: Path, seed: int, native: bool) -> str:
         return sim.output.splitlines()[-1]
 
 
-def test_simulated_time_repeats_to_the_bit(tmp_path: Path) -> None:
+def test_a_simulated_flight_repeats_bit_for_bit(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     first = final_state(tmp_path, scenario, 5, native=False)
     assert first.startswith("final state 0x")
@@ -257,7 +257,7 @@ def test_simulated_time_repeats_to_the_bit(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C step here: python c_extensions.py")
-def test_a_whole_mission_is_the_same_in_c_to_the_bit(tmp_path: Path) -> None:
+def test_a_whole_mission_in_c_and_python_is_equal_bit_for_bit(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     assert final_state(tmp_path, scenario, 5, native=True) == final_state(tmp_path, scenario, 5, native=False)
 
@@ -337,7 +337,7 @@ def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, words: li
         (["sim", "--help"], 0, "examples"),
     ],
 )
-def test_the_command_line(arguments: list[str], code: int, word: str) -> None:
+def test_command_lines_give_their_exit_code_and_message(arguments: list[str], code: int, word: str) -> None:
     found, output = run_here(*arguments)
     assert found == code, output
     assert word in output

@@ -1,4 +1,4 @@
-"""Reaction of the thrusters to a failed part of the chain, measured at the STM32's end of a real pty.
+"""Reaction of the thrusters when a part of the chain fails, measured at the STM32's end of a real pty.
 
 The slave is a process of its own; the STM32's end is here, where it can be silenced, reset and unplugged.
 """
@@ -135,8 +135,8 @@ def rig(tmp_path: Path) -> Iterator[tuple[Program, Bench, Master]]:
 Judged = Callable[[Program, Bench, Master], None]
 
 
-def by_the_clock(judge: Judged) -> Callable[[Path], None]:
-    """Return the test that starts a rig and judges it, with another rig where that was late."""
+def retry_when_late(judge: Judged) -> Callable[[Path], None]:
+    """Return a test that starts a rig and checks it, and repeats this with a new rig when the machine was late."""
 
     def test(tmp_path: Path) -> None:
         attempts = itertools.count()
@@ -154,7 +154,7 @@ def by_the_clock(judge: Judged) -> Callable[[Path], None]:
 
 
 def again(bench: Bench, slave: Program, within: float) -> None:
-    """Assert that the thrusters turn again by themselves, in the same process of the slave."""
+    """Assert that the thrusters start again by themselves, in the same slave process."""
     began = time.monotonic()
     assert wait_for(lambda: bench.spinning), slave.output
     assert time.monotonic() - began < within
@@ -162,8 +162,8 @@ def again(bench: Bench, slave: Program, within: float) -> None:
     assert "Traceback" not in slave.output
 
 
-@by_the_clock
-def test_the_master_falls_silent(slave: Program, bench: Bench, master: Master) -> None:
+@retry_when_late
+def test_the_thrusters_stop_when_the_master_is_silent(slave: Program, bench: Bench, master: Master) -> None:
     for turn in (1, 2):
         master.speaking = False
         silent = time.monotonic()
@@ -173,16 +173,16 @@ def test_the_master_falls_silent(slave: Program, bench: Bench, master: Master) -
         again(bench, slave, 0.5)
 
 
-@by_the_clock
-def test_the_slave_is_killed(slave: Program, bench: Bench, master: Master) -> None:
+@retry_when_late
+def test_the_thrusters_stop_when_the_slave_is_killed(slave: Program, bench: Bench, master: Master) -> None:
     slave.process.send_signal(signal.SIGKILL)
     killed = time.monotonic()
     assert bench.neutral_after(killed) < WATCHDOG_S + SLACK_S
     assert bench.end.stm32.watchdog_trips == 1
 
 
-@by_the_clock
-def test_the_slave_is_stopped_and_goes_on(slave: Program, bench: Bench, master: Master) -> None:
+@retry_when_late
+def test_the_thrusters_stop_while_the_slave_is_paused(slave: Program, bench: Bench, master: Master) -> None:
     slave.process.send_signal(signal.SIGSTOP)
     stopped = time.monotonic()
     assert bench.neutral_after(stopped) < WATCHDOG_S + SLACK_S
@@ -193,9 +193,9 @@ def test_the_slave_is_stopped_and_goes_on(slave: Program, bench: Bench, master: 
     assert slave.output.count("the STM32's watchdog tripped") == 1
 
 
-@by_the_clock
-def test_the_stm32_falls_silent(slave: Program, bench: Bench, master: Master) -> None:
-    """The vehicle in the simulator stops being pushed, as its watchdog would see to; then all goes on."""
+@retry_when_late
+def test_the_simulated_thrusters_stop_while_the_stm32_is_silent(slave: Program, bench: Bench, master: Master) -> None:
+    """The simulated thrusters stop as the watchdog of the STM32 would stop the real ones; then all continues."""
     bench.silent = True
     assert wait_for(lambda: master.client.diagnostics().pwm_us == tuple(NEUTRAL)), slave.output
     slave.expect(f"{bench.path}: the STM32 has not answered for 0.5 s; check wiring, baud, protocol")
@@ -206,8 +206,8 @@ def test_the_stm32_falls_silent(slave: Program, bench: Bench, master: Master) ->
     assert slave.output.count("has not answered") == 1
 
 
-@by_the_clock
-def test_the_stm32_is_reset(slave: Program, bench: Bench, master: Master) -> None:
+@retry_when_late
+def test_the_thrusters_start_again_after_a_reset_of_the_stm32(slave: Program, bench: Bench, master: Master) -> None:
     bench.reset()
     again(bench, slave, 0.5)
     slave.expect("the STM32 has restarted")
@@ -215,9 +215,9 @@ def test_the_stm32_is_reset(slave: Program, bench: Bench, master: Master) -> Non
     assert slave.output.count("the STM32 has restarted") == 1
 
 
-@by_the_clock
-def test_a_flood_of_garbage(slave: Program, bench: Bench, master: Master) -> None:
-    """A broken driver sends a second of noise at 921 600 bit/s: it is counted, and the vehicle still obeys."""
+@retry_when_late
+def test_noise_from_the_stm32_is_counted_and_commands_still_work(slave: Program, bench: Bench, master: Master) -> None:
+    """A broken driver sends a second of noise at 921 600 bit/s: it is counted, and commands still work."""
     noise, end = random.Random(1), time.monotonic() + 1.0
     written = 0
     while time.monotonic() < end:
@@ -235,9 +235,11 @@ def test_a_flood_of_garbage(slave: Program, bench: Bench, master: Master) -> Non
     assert bench.neutral_after(time.monotonic()) < DEADMAN_S + SLACK_S
 
 
-@by_the_clock
-def test_a_flood_towards_the_stm32_may_stop_it_while_it_lasts(slave: Program, bench: Bench, master: Master) -> None:
-    """Another program writes all that the port takes: too few commands get through, and the STM32's watchdog trips."""
+@retry_when_late
+def test_a_flood_towards_the_stm32_stops_the_thrusters_only_while_it_lasts(
+    slave: Program, bench: Bench, master: Master
+) -> None:
+    """Another program fills the port: too few commands arrive, and the STM32's watchdog trips."""
     with open(bench.path, "wb", buffering=0) as port, subprocess.Popen(["cat", "/dev/urandom"], stdout=port) as cat:
         stopped = wait_for(lambda: not bench.spinning)
         cat.terminate()
@@ -245,8 +247,8 @@ def test_a_flood_towards_the_stm32_may_stop_it_while_it_lasts(slave: Program, be
     again(bench, slave, 1.0)
 
 
-@by_the_clock
-def test_the_port_is_unplugged_and_comes_back(slave: Program, bench: Bench, master: Master) -> None:
+@retry_when_late
+def test_the_thrusters_start_again_after_the_port_was_unplugged(slave: Program, bench: Bench, master: Master) -> None:
 
     def reported(text: str, times: int) -> bool:
         return bool(wait_for(lambda: slave.output.count(text) == times))

@@ -1,4 +1,4 @@
-"""A terminal that goes away, as when a connection to a board is lost, ends what was started in it as Ctrl-C does."""
+"""A closed terminal, as after a lost connection to a board, ends the programs in it as Ctrl-C does."""
 
 import os
 import pty
@@ -11,7 +11,7 @@ from hil.common.stop import StopSignals, stop_signals
 from tests.support.processes import wait_for, write_scenario
 
 
-def test_a_slave_ends_cleanly_when_its_terminal_goes(tmp_path: Path) -> None:
+def test_a_slave_ends_cleanly_when_its_terminal_closes(tmp_path: Path) -> None:
     port = tmp_path / "stm32"
     scenario, _ = write_scenario(tmp_path, link=f'port = "pty:{port}"')
     pid, terminal = pty.fork()
@@ -38,7 +38,7 @@ def test_a_slave_ends_cleanly_when_its_terminal_goes(tmp_path: Path) -> None:
     assert not port.is_symlink(), "its port was given back"
 
 
-def test_a_hang_up_that_was_ignored_stays_so() -> None:
+def test_an_ignored_hang_up_signal_stays_ignored() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
         assert signal.SIGHUP not in stop_signals()

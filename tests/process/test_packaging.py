@@ -1,4 +1,4 @@
-"""The wheel holds exactly the four packages, with their data, and tells an index what they are."""
+"""The wheel has exactly the four packages, their data, and metadata for a package index."""
 
 import os
 import re
@@ -33,7 +33,7 @@ def wheel(archive: zipfile.ZipFile) -> list[str]:
     return archive.namelist()
 
 
-def test_top_level_names(wheel: list[str]) -> None:
+def test_the_wheel_has_the_four_packages(wheel: list[str]) -> None:
     top = {name.split("/")[0] for name in wheel}
     assert {name for name in top if not name.endswith(".dist-info")} == {"hil", "sim", "boards", "firmware_stub"}
 
@@ -41,17 +41,17 @@ def test_top_level_names(wheel: list[str]) -> None:
 @pytest.mark.parametrize(
     "folder", ["boards", "sim/vehicles", "sim/worlds", "firmware_stub/frames", "hil/scenario/presets"]
 )
-def test_every_data_file_is_inside(wheel: list[str], folder: str) -> None:
+def test_every_data_file_is_in_the_wheel(wheel: list[str], folder: str) -> None:
     files = [path.relative_to(ROOT).as_posix() for path in (ROOT / folder).glob("*.toml")]
     assert files, f"no TOML in {folder}"
     assert set(files) <= set(wheel)
 
 
-def test_types_are_announced(wheel: list[str]) -> None:
+def test_the_packages_have_type_markers(wheel: list[str]) -> None:
     assert {f"{package}/py.typed" for package in ("hil", "sim", "boards", "firmware_stub")} <= set(wheel)
 
 
-def test_an_index_is_shown_no_picture_of_the_repository_and_no_link_into_it(archive: zipfile.ZipFile) -> None:
+def test_the_description_for_an_index_has_only_absolute_links(archive: zipfile.ZipFile) -> None:
     (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
     metadata = message_from_bytes(archive.read(name))
     assert metadata["Description-Content-Type"] == "text/markdown"

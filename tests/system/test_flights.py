@@ -1,4 +1,4 @@
-"""The same mission over every kind of link and with every kind of STM32: the planner cannot tell them apart."""
+"""The same mission over every kind of link and with every kind of STM32."""
 
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -53,8 +53,8 @@ def fly(name: str, folder: Path) -> None:
         assert "Traceback" not in program.output, f"{name}:\n{program.output}"
 
 
-def test_the_path_is_flown_to_its_end_over_every_link(tmp_path: Path) -> None:
-    """The flights are three at a time: more than two processors carry would not keep real time."""
+def test_the_mission_succeeds_over_every_link(tmp_path: Path) -> None:
+    """Three flights run at a time, as more would not keep real time on two processors."""
     ready = [name for name, flight in FLIGHTS.items() if not missing(*flight)]
 
     def fly_again(name: str) -> None:
@@ -86,7 +86,7 @@ def test_the_path_is_flown_to_its_end_over_every_link(tmp_path: Path) -> None:
         ("", 'protocol = "mavlink"\noptions = { sistem = 2 }', "no key 'sistem'; did you mean 'system'?"),
     ],
 )
-def test_links_that_cannot_be(top: str, link: str, words: str, tmp_path: Path) -> None:
+def test_impossible_links_are_refused(top: str, link: str, words: str, tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path, top=top, link=link)
     with Program(tmp_path, "slave", scenario) as slave:
         assert slave.wait() == 2, slave.output

@@ -1,4 +1,4 @@
-"""Whoever is killed leaves no process behind, no port taken, and no folder that the next start does not clear."""
+"""A killed program leaves no process, no port in use, and no folder that the next start does not remove."""
 
 import os
 import signal
@@ -19,12 +19,12 @@ HOSTILE = "select", "numpy", "joblib", "tempfile", "hashlib"
 
 
 def descendants(pid: int) -> list[int]:
-    """Return all that a process has started, and they, without those that have ended."""
+    """Return all running descendants of a process."""
     return [child for child in children_of(pid, recursive=True) if is_running(child)]
 
 
 def kill(program: Program, least: int) -> None:
-    """End it by force; nothing that it has started may be left."""
+    """Kill the program; assert that none of its descendants is left."""
     family = descendants(program.process.pid)
     assert len(family) >= least, program.output
     program.process.kill()
@@ -51,7 +51,7 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 @pytest.mark.parametrize(
     ("kind", "more"), [("process", ""), ("native", ""), ("qemu", ""), ("python", CAMERA)], ids=lambda word: word[:8]
 )
-def test_a_slave(tmp_path: Path, scratch: Path, kind: str, more: str) -> None:
+def test_a_killed_slave_leaves_no_process(tmp_path: Path, scratch: Path, kind: str, more: str) -> None:
     scenario, port = write_scenario(tmp_path, top=f'stm32 = "{kind}"')
     scenario.write_text(scenario.read_text() + more)
     with Program(tmp_path, "slave", scenario) as program:
@@ -61,7 +61,7 @@ def test_a_slave(tmp_path: Path, scratch: Path, kind: str, more: str) -> None:
     require_free(f"tcp/127.0.0.1:{port}")
 
 
-def test_a_demo_and_all_below_it(tmp_path: Path, scratch: Path) -> None:
+def test_a_killed_demo_leaves_no_process(tmp_path: Path, scratch: Path) -> None:
     scenario, port = write_scenario(tmp_path, top='stm32 = "process"')
     with Program(tmp_path, "demo", scenario, "--output", tmp_path / "run") as program:
         log = tmp_path / "run/slave.log"
@@ -70,7 +70,7 @@ def test_a_demo_and_all_below_it(tmp_path: Path, scratch: Path) -> None:
     require_free(f"tcp/127.0.0.1:{port}")
 
 
-def test_a_benchmark(tmp_path: Path, scratch: Path) -> None:
+def test_a_killed_benchmark_leaves_no_process(tmp_path: Path, scratch: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     with Program(tmp_path, "bench", "delay", scenario, "--seconds", "600", "--load", "1") as program:
 
@@ -84,7 +84,7 @@ def test_a_benchmark(tmp_path: Path, scratch: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["campaign", "case"])
-def test_runs_on_all_cores(tmp_path: Path, name: str) -> None:
+def test_a_killed_campaign_or_case_leaves_no_worker(tmp_path: Path, name: str) -> None:
     what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--output", tmp_path / "out"]
     with Program(tmp_path, name, *what, "--seeds", "10000", "--jobs", "2") as program:
         assert wait_for(lambda: len(workers(program)) == 2, PATIENCE_S), program.output
@@ -107,7 +107,7 @@ COMMANDS = {
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_no_module_of_the_current_folder_is_executed(tmp_path: Path, name: str) -> None:
-    """The installed program does not look there either, so whatever is executed is by a child."""
+    """The installed program does not search that folder either, so only a child could execute such a module."""
     scenario, _ = write_scenario(tmp_path, top='stm32 = "process"')
     scenario.write_text(scenario.read_text() + CAMERA)
     here = tmp_path / "here"
@@ -125,7 +125,7 @@ def test_no_module_of_the_current_folder_is_executed(tmp_path: Path, name: str) 
     assert not executed.exists(), executed.read_text() + program.output
 
 
-def test_a_class_of_the_users_own_is_found_in_the_current_folder(tmp_path: Path) -> None:
+def test_a_user_defined_class_is_found_in_the_current_folder(tmp_path: Path) -> None:
     """The scenario names the class; the interpreter itself does not search the current folder."""
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(f'{scenario.read_text()}[planner]\nclass = "mine:Mine"\n')

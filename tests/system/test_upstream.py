@@ -1,4 +1,4 @@
-"""The reports for other projects in docs/upstream: their scripts show what they say."""
+"""The scripts of the reports for other projects in docs/upstream reproduce the faults."""
 
 import ast
 import subprocess
@@ -13,8 +13,8 @@ from tests.support.processes import free_port
 
 
 @pytest.mark.parametrize(("seconds", "is_read"), [("0", True), ("0.6", False)])
-def test_the_report_of_a_link_that_is_never_read(seconds: str, is_read: bool, tmp_path: Path) -> None:
-    """A failure with the sleep means that the library has been mended: `hil.network.unread_links` may go then."""
+def test_the_report_of_an_unread_link_is_reproduced(seconds: str, is_read: bool, tmp_path: Path) -> None:
+    """A failure with the sleep means that the library was fixed: then `hil.network.unread_links` can be removed."""
     (block,) = blocks("python", page=ROOT / "docs" / "upstream" / "zenoh_pause.md")
     script = tmp_path / block.file
 
@@ -31,8 +31,8 @@ def test_the_report_of_a_link_that_is_never_read(seconds: str, is_read: bool, tm
     retry_when_busy(shows_it, "the window that it shows may catch the other link too")
 
 
-def test_the_report_of_a_publisher_that_is_undeclared_late(tmp_path: Path) -> None:
-    """A failure of this means that the library is mended, and `Declared.end_watching` may go."""
+def test_the_report_of_a_late_undeclaration_is_reproduced(tmp_path: Path) -> None:
+    """A failure means that the library was fixed: then `Declared.end_watching` can be removed."""
     (block,) = blocks("python", page=ROOT / "docs" / "upstream" / "zenoh_undeclare.md")
     script = tmp_path / block.file
     script.write_text(block.text.replace("17448", str(free_port())))

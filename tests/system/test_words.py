@@ -66,7 +66,7 @@ def _words(name: str) -> set[str]:
     return {word.lower() for word in re.findall(r"[A-Z]?[a-z0-9]+|[A-Z]+", name)}
 
 
-def test_names_are_free_of_the_old_words() -> None:
+def test_names_have_no_metaphors_and_vague_words() -> None:
     """The rule is for files, classes, functions, arguments, variables and attributes; tests may have vague words."""
     found = []
     for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests"):
@@ -95,7 +95,7 @@ def test_docstrings_begin_with_a_statement() -> None:
 
 
 def test_docstrings_of_tests_begin_with_their_subject() -> None:
-    """A docstring says "The speed is ...", not "At 1 m: ..." or "0.3 m/s, and then ..."."""
+    """A docstring begins "The speed is ...", not "At 1 m: ..." or "0.3 m/s, and then ..."."""
     found = []
     for where, nodes in _definitions("tests").items():
         for node in nodes:
@@ -108,7 +108,7 @@ def test_docstrings_of_tests_begin_with_their_subject() -> None:
 
 
 def test_docstrings_of_functions_begin_with_a_plain_word() -> None:
-    """A function says "Encode sensor_msgs/Imu", "Return C_L", not what it encodes or returns alone."""
+    """A docstring begins "Encode sensor_msgs/Imu" or "Return C_L", not with the name of the result alone."""
     found = []
     for room in ("hil", "sim", "boards", "firmware_stub"):
         for where, nodes in _definitions(room).items():

@@ -42,12 +42,12 @@ def _finding(name: str, limit: float | None, swims: bool, flown: list[LevelFligh
     angles = f"pitch {pitch}°; roll {roll}°"
     worst = max(one.tilt for one in flown)
     if limit:
-        test = TEST.format("test_the_file_says_up_to_which_speed_a_published_set_is_level")
+        test = TEST.format("test_a_vehicle_stays_level_up_to_the_speed_in_its_file")
         return Finding(what, angles, f"level to {limit:g} m/s", test, worst > MOST_TILT)
     if swims:
-        test = TEST.format("test_a_torpedo_keeps_its_attitude_at_its_top_speed")
+        test = TEST.format("test_a_torpedo_stays_level_at_its_top_speed")
         return Finding(what, angles, "tilt < 20°", test, worst < 20.0)
-    test = TEST.format("test_it_is_level_up_to_its_top_speed_in_the_field")
+    test = TEST.format("test_a_vehicle_stays_level_up_to_its_top_speed_among_obstacles")
     return Finding(what, angles, f"tilt < {MOST_TILT:g}°", test, worst < MOST_TILT)
 
 

@@ -1,4 +1,4 @@
-"""ArduPilot's end of the interface against ours, over real sockets: lockstep, resends, restarts, outsiders, stalls."""
+"""The interface to ArduPilot, over real sockets: lockstep, resent packets, restarts, other senders, stalls."""
 
 import itertools
 import socket
@@ -34,7 +34,7 @@ rate = 400
 [sensors.altimeter]
 {sensors}
 """
-AHEAD = (1400, 1400, 1600, 1600, 1500, 1500)
+FORWARD_PWM_US = (1400, 1400, 1600, 1600, 1500, 1500)
 
 
 class Bench:
@@ -72,17 +72,17 @@ def bench(folder: Path, **how: str) -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize("channels", [16, 32])
-def test_lockstep_is_one_step_a_packet(tmp_path: Path, channels: int) -> None:
+def test_each_servo_packet_advances_the_simulation_by_one_step(tmp_path: Path, channels: int) -> None:
     with bench(tmp_path) as b:
         peer = ArdupilotPeer(b.port, channels)
         b.steps(800)
         first = peer.step(*[1500] * 6)
-        times = [peer.step(*AHEAD)["timestamp"] for _ in range(799)]
+        times = [peer.step(*FORWARD_PWM_US)["timestamp"] for _ in range(799)]
         b.join()
         assert all(abs(later - sooner - 0.0025) < 1e-9 for sooner, later in itertools.pairwise(times))
         assert peer.position[0] - first["position"][0] > 0.1  # ahead is north
         assert abs(peer.position[1] - first["position"][1]) < 0.05
-        assert b.run.pwm_us == AHEAD
+        assert b.run.pwm_us == FORWARD_PWM_US
         figures = b.run.autopilot.figures
         assert (figures.outputs, figures.states, figures.lost, figures.duplicates) == (800, 800, 0, 0)
         assert peer.state["rng_1"] == pytest.approx(25.0, abs=0.5)
@@ -90,7 +90,7 @@ def test_lockstep_is_one_step_a_packet(tmp_path: Path, channels: int) -> None:
         peer.close()
 
 
-def test_depth_is_that_of_the_pressure_sensor_with_its_errors(tmp_path: Path) -> None:
+def test_reported_depth_comes_from_the_pressure_sensor_with_its_error(tmp_path: Path) -> None:
     with bench(tmp_path, sensors="[sensors.pressure]\nrate = 50\nerror = { offset = 10045.0 }") as b:
         peer = ArdupilotPeer(b.port)
         b.steps(20)
@@ -101,26 +101,26 @@ def test_depth_is_that_of_the_pressure_sensor_with_its_errors(tmp_path: Path) ->
         peer.close()
 
 
-def test_a_resent_packet_is_answered_again_and_not_a_step(tmp_path: Path) -> None:
+def test_a_resent_packet_is_answered_without_a_simulation_step(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = ArdupilotPeer(b.port)
         b.steps(3)
-        peer.step(*AHEAD)
-        peer.step(*AHEAD)
+        peer.step(*FORWARD_PWM_US)
+        peer.step(*FORWARD_PWM_US)
         peer.count -= 1  # the answer got lost: the same frame again
-        answer = peer.step(*AHEAD)
+        answer = peer.step(*FORWARD_PWM_US)
         b.join()
         assert answer["timestamp"] == pytest.approx(0.005)
         assert b.run.autopilot.figures.duplicates == 1
         peer.close()
 
 
-def test_an_autopilot_that_starts_again_begins_at_time_zero(tmp_path: Path) -> None:
+def test_a_restarted_autopilot_begins_at_time_zero(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = ArdupilotPeer(b.port)
         b.steps(405)
         for _ in range(400):
-            peer.step(*AHEAD)
+            peer.step(*FORWARD_PWM_US)
         peer.count = 0
         assert peer.step(*[0] * 6)["timestamp"] == pytest.approx(0.0025, abs=0.003)
         assert peer.step(*[0] * 6)["timestamp"] == pytest.approx(0.005, abs=0.003)
@@ -137,39 +137,39 @@ def test_a_second_autopilot_is_ignored_and_reported(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer, other = ArdupilotPeer(b.port), ArdupilotPeer(b.port)
         b.steps(2)
-        peer.step(*AHEAD)
+        peer.step(*FORWARD_PWM_US)
         other.send(*[1900] * 6)
-        peer.step(*AHEAD)
+        peer.step(*FORWARD_PWM_US)
         b.join()
-        assert b.run.pwm_us == AHEAD
+        assert b.run.pwm_us == FORWARD_PWM_US
         assert "a second autopilot sends from port" in b.reports[-1]
         other.close()
         peer.close()
 
 
-def test_nobody_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_autopilot_is_reported_with_how_to_start_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.autopilots.ardupilot.ABSENT_NS", 200_000_000)
     with bench(tmp_path) as b:
         b.steps(1)
         assert wait_for(lambda: any("no servo packet yet: start ArduSub" in report for report in b.reports))
         peer = ArdupilotPeer(b.port)
-        peer.step(*AHEAD)  # and then it goes on
+        peer.step(*FORWARD_PWM_US)  # and then it goes on
         b.join()
         peer.close()
 
 
-def test_noise_is_counted(tmp_path: Path) -> None:
+def test_a_malformed_packet_is_counted(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = ArdupilotPeer(b.port)
         b.steps(1)
         peer.socket.sendto(b"hello", ("127.0.0.1", b.port))
-        peer.step(*AHEAD)
+        peer.step(*FORWARD_PWM_US)
         b.join()
         assert b.run.autopilot.figures.malformed == 1
         peer.close()
 
 
-def test_a_taken_port_is_named(tmp_path: Path) -> None:
+def test_a_port_in_use_is_named_in_the_error(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         path = tmp_path / "second.toml"
         path.write_text(SCENARIO.format(port=b.port, autopilot="", sensors=""))
@@ -177,13 +177,13 @@ def test_a_taken_port_is_named(tmp_path: Path) -> None:
             AutopilotRun(load_scenario(str(path)), print)
 
 
-def test_real_time_answers_at_once_with_the_newest_state(tmp_path: Path) -> None:
+def test_without_lockstep_packets_are_answered_at_once_with_the_newest_state(tmp_path: Path) -> None:
     """The simulation goes by the clock without lockstep: its time does not depend on how often it gets outputs."""
     with bench(tmp_path, autopilot="lockstep = false") as b:
         peer = ArdupilotPeer(b.port)
         b.steps(1000)
         while peer.count < 5:
-            peer.step(*AHEAD)
+            peer.step(*FORWARD_PWM_US)
         last = peer.time
         b.join()  # nobody asks any more, and it goes on, its thrusters neutral
         assert b.run.simulation.time_ns == 2_500_000_000
@@ -193,14 +193,14 @@ def test_real_time_answers_at_once_with_the_newest_state(tmp_path: Path) -> None
         peer.close()
 
 
-def test_a_program_that_is_none(tmp_path: Path) -> None:
+def test_a_missing_autopilot_program_is_refused(tmp_path: Path) -> None:
     from hil.common.errors import ConfigError
 
     with pytest.raises(ConfigError, match="program: /nowhere/ardusub: no program there"):
         Bench(tmp_path, autopilot='program = "/nowhere/ardusub"')
 
 
-def test_a_program_that_ends_is_reported_with_its_last_words(tmp_path: Path) -> None:
+def test_an_autopilot_program_that_ends_is_reported_with_its_last_output(tmp_path: Path) -> None:
     program = tmp_path / "ardusub"
     program.write_text("#!/bin/sh\necho cannot find my eeprom\nexit 3\n")
     program.chmod(0o755)
@@ -209,7 +209,7 @@ def test_a_program_that_ends_is_reported_with_its_last_words(tmp_path: Path) -> 
     assert "ended with status 3: cannot find my eeprom" in str(caught.value)
 
 
-def test_the_port_is_free_afterwards(tmp_path: Path) -> None:
+def test_the_port_is_free_after_the_run(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         port = b.port
     again: Any = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -10,7 +10,7 @@ from tests.process.autopilots.test_ardupilot import SCENARIO
 from tests.support.autopilots.ardupilot_peer import ArdupilotPeer
 
 
-def test_it_counts_what_goes_and_comes(tmp_path: Path) -> None:
+def test_it_counts_sent_states_and_received_outputs(tmp_path: Path) -> None:
     port = free_ports(1)[0]
     path = tmp_path / "link.toml"
     path.write_text(SCENARIO.format(port=port, autopilot="", sensors=""))
@@ -42,7 +42,7 @@ def test_it_counts_what_goes_and_comes(tmp_path: Path) -> None:
     assert abs(states[-1] - 20.0) < 0.1  # it stays where it is, whatever the outputs say
 
 
-def test_what_a_serial_line_carries(tmp_path: Path) -> None:
+def test_the_message_rate_that_a_serial_line_can_carry_is_computed(tmp_path: Path) -> None:
     path = tmp_path / "link.toml"
     text = SCENARIO.format(port=1, autopilot="", sensors="").replace('controller = "ardupilot"', 'controller = "px4"')
     path.write_text(text.replace('address = "udp://127.0.0.1:1"', 'address = "/dev/ttyACM0"\nbaud = 115200'))

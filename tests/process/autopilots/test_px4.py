@@ -1,4 +1,4 @@
-"""PX4's end of the HIL interface against ours, over real sockets and ptys: boot, lockstep, leaving, boards."""
+"""The HIL interface to PX4, over real sockets and ptys: boot, lockstep, disconnection, boards."""
 
 import itertools
 import os
@@ -92,7 +92,7 @@ def bench(folder: Path, autopilot: str = "", sensors: str = "", depth: float = 5
         made.stop()
 
 
-def test_it_boots_by_the_clock_and_then_in_lockstep(tmp_path: Path) -> None:
+def test_px4_boots_by_the_wall_clock_and_then_runs_in_lockstep(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         booting = [peer.sensor() for _ in range(50)]  # unanswered, and yet they go on
@@ -112,7 +112,7 @@ def test_it_boots_by_the_clock_and_then_in_lockstep(tmp_path: Path) -> None:
         peer.close()
 
 
-def test_disarmed_is_neutral(tmp_path: Path) -> None:
+def test_outputs_of_a_disarmed_px4_are_neutral(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         for _ in range(20):
@@ -133,7 +133,7 @@ def test_gps_has_a_fix_at_the_surface_only(tmp_path: Path) -> None:
             peer.close()
 
 
-def test_a_receivers_channels_go_along(tmp_path: Path) -> None:
+def test_rc_channels_are_sent_when_configured(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         for _ in range(20):
@@ -152,7 +152,7 @@ def test_a_receivers_channels_go_along(tmp_path: Path) -> None:
         peer.close()
 
 
-def test_a_px4_that_stalls_and_one_that_leaves_are_distinguished(tmp_path: Path) -> None:
+def test_a_stalled_px4_and_a_disconnected_one_are_distinguished(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         peer.answer(peer.sensor(), ())
@@ -169,7 +169,7 @@ def test_a_px4_that_stalls_and_one_that_leaves_are_distinguished(tmp_path: Path)
         again.close()
 
 
-def test_time_that_goes_back_is_reported(tmp_path: Path) -> None:
+def test_a_sensor_time_that_goes_back_is_reported_once(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         sensor = peer.sensor()
@@ -181,7 +181,7 @@ def test_time_that_goes_back_is_reported(tmp_path: Path) -> None:
         peer.close()
 
 
-def test_a_taken_port_is_named(tmp_path: Path) -> None:
+def test_a_port_in_use_is_named_in_the_error(tmp_path: Path) -> None:
     with bench(tmp_path) as b, pytest.raises(DeviceError, match=f"{b.port}: cannot listen"):
         Bench(tmp_path, f'address = "tcp://127.0.0.1:{b.port}"')
 
@@ -211,7 +211,7 @@ class Board:
         os.close(self._other)
 
 
-def test_a_board_on_a_serial_line_is_flown_by_the_clock(tmp_path: Path) -> None:
+def test_a_board_on_a_serial_line_runs_by_the_wall_clock_without_lockstep(tmp_path: Path) -> None:
     board = Board()
     with bench(tmp_path, autopilot=f'address = "{board.path}"') as b:
         assert not b.run.autopilot.lockstep
@@ -232,20 +232,20 @@ def test_a_board_on_a_serial_line_is_flown_by_the_clock(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+def short_report_delay(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shorten the time after which missing input is reported from ten seconds to a fifth of one."""
     monkeypatch.setattr("hil.autopilots.px4.ABSENT_NS", 200_000_000)
 
 
-@pytest.mark.usefixtures("impatient")
-def test_nobody_is_there(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("short_report_delay")
+def test_a_missing_px4_is_reported_with_how_to_start_it(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         b.wait_report("nobody has connected: start PX4's SITL")
         assert not b.run.autopilot.connected
 
 
-@pytest.mark.usefixtures("impatient")
-def test_a_board_is_diagnosed_step_by_step(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("short_report_delay")
+def test_each_cause_of_a_silent_board_is_reported(tmp_path: Path) -> None:
     """The board sends nothing, then what a wrong baud rate makes of it, then heartbeats without outputs."""
     board = Board()
     words = "no heartbeat: check the cable", r"a wrong baud rate (921600)", "but no HIL_ACTUATOR_CONTROLS"

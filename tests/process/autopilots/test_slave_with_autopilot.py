@@ -1,4 +1,4 @@
-"""A slave that a model of ArduPilot flies: over the thruster link to the STM32, in real time, with what goes wrong."""
+"""A slave that a model of ArduPilot flies: over the thruster link to the STM32, in real time, with faults."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ import pytest
 from hil.client.client import VehicleClient
 from hil.common.ports import free_ports
 from hil.view.sources.recorded import RecordedSource
-from tests.support.autopilots.autopilot_flyer import AHEAD, SCENARIO, Flyer
+from tests.support.autopilots.autopilot_flyer import FORWARD_PWM_US, SCENARIO, Flyer
 from tests.support.processes import Program, children_of, free_port, wait_for
 
 
@@ -40,44 +40,44 @@ def reported(client: VehicleClient, holds: Callable[[Any], bool]) -> Any:
 
 
 @pytest.mark.parametrize("stm32", ["python", "process"])
-def test_its_outputs_reach_the_stm32(tmp_path: Path, stm32: str) -> None:
+def test_outputs_of_the_autopilot_reach_the_stm32(tmp_path: Path, stm32: str) -> None:
     """An STM32 in another process gets them too; a silent autopilot stops the thrusters until it sends again."""
     with flown(tmp_path, stm32) as (slave, flyer, client):
-        figures = reported(client, lambda found: found.pwm_us == AHEAD)
+        figures = reported(client, lambda found: found.pwm_us == FORWARD_PWM_US)
         assert figures.controller == "autopilot"
         assert figures.autopilot_frame == "vectored"
-        assert figures.autopilot_outputs[:6] == AHEAD
+        assert figures.autopilot_outputs[:6] == FORWARD_PWM_US
         assert figures.autopilot_delay_p50_ms > 0.0
         flyer.going.clear()
         reported(client, lambda found: found.pwm_us == (1500,) * 6)  # by the STM32's watchdog, or by a command
         reported(client, lambda found: found.autopilot_silences >= 1)
         slave.expect("no outputs for 0.2 s: thrusters neutral")
         flyer.going.set()
-        reported(client, lambda found: found.pwm_us == AHEAD)
+        reported(client, lambda found: found.pwm_us == FORWARD_PWM_US)
 
 
-def test_a_flight_is_recorded(tmp_path: Path) -> None:
+def test_a_flight_with_an_autopilot_is_recorded(tmp_path: Path) -> None:
     with flown(tmp_path, "python", '[recording]\nslave = true\nfolder = "{}"\n'.format(tmp_path / "runs")) as (
         _,
         _,
         client,
     ):
-        reported(client, lambda found: found.pwm_us == AHEAD)
+        reported(client, lambda found: found.pwm_us == FORWARD_PWM_US)
         wait_for(lambda: client.latest.get("odom") and client.latest["odom"].value.nu[0] > 0.1)
     source = RecordedSource(str(next(tmp_path.rglob("*.mcap"))))
     source.playback.seek(source.playback.duration)
     assert source.names == ["uuv1"]
     assert source.latest("uuv1")["odom"].nu[0] > 0.1, "it goes ahead"
-    assert (source.diagnostics("uuv1").autopilot_outputs or ())[:6] == AHEAD
+    assert (source.diagnostics("uuv1").autopilot_outputs or ())[:6] == FORWARD_PWM_US
 
 
-def test_an_stm32_that_is_killed_comes_back_under_the_autopilot(tmp_path: Path) -> None:
+def test_a_killed_stm32_is_restarted_and_gets_the_outputs_of_the_autopilot_again(tmp_path: Path) -> None:
     with flown(tmp_path, "process") as (slave, _, client):
-        reported(client, lambda found: found.pwm_us == AHEAD)
+        reported(client, lambda found: found.pwm_us == FORWARD_PWM_US)
         stm32 = children_of(slave.process.pid)
         assert stm32
         for pid in stm32:
             os.kill(pid, signal.SIGKILL)
         slave.expect("thruster link lost")
         slave.expect("thruster link back")
-        reported(client, lambda found: found.pwm_us == AHEAD and found.link_losses >= 1)
+        reported(client, lambda found: found.pwm_us == FORWARD_PWM_US and found.link_losses >= 1)

@@ -1,4 +1,4 @@
-"""The floor: bare messages to an echo and back. The load: bytes under way beside them."""
+"""The latency floor: plain messages to an echo server and back. The load: bytes that are sent at the same time."""
 
 import socket
 import struct
@@ -18,7 +18,7 @@ from hil.common.errors import NetworkError
 from tests.support.processes import free_port
 
 
-def soon(seconds: float = 60.0) -> int:
+def deadline_in(seconds: float = 60.0) -> int:
     return now_ns() + round(seconds * NS_PER_S)
 
 
@@ -29,13 +29,13 @@ def running_echo(folder: Path) -> Iterator[tuple[Process, str, int, int]]:
         yield echo, host, int(udp), int(tcp)
 
 
-def test_an_echo_in_another_process(tmp_path: Path) -> None:
+def test_round_trips_to_an_echo_in_another_process_are_measured_under_load(tmp_path: Path) -> None:
     with running_echo(tmp_path) as (echo, host, udp, tcp):
         with Floor(host, udp, tcp, 85) as floor, Load(host, tcp, 200_000) as load:
             for _ in range(10):
-                floor.measure(soon())
+                floor.measure(deadline_in())
                 load.begin()
-                assert load.finish(soon())  # more than a socket's buffer takes at once
+                assert load.finish(deadline_in())  # more than a socket's buffer takes at once
             assert (len(floor.udp.taken_ns), len(floor.tcp.taken_ns)) == (5, 5)
             assert (floor.udp.lost, floor.tcp.lost, load.late) == (0, 0, 0)
             assert 1_000 < min(floor.udp.taken_ns + floor.tcp.taken_ns) < 500_000_000
@@ -45,23 +45,23 @@ def test_an_echo_in_another_process(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("host", "udp", "tcp"), [("127.0.0.1", 0, 0), ("no.such.host.invalid", 1, 2), ("127.0.0.1", 99_999, 99_999)]
 )
-def test_nobody_there(host: str, udp: int, tcp: int) -> None:
+def test_a_missing_echo_is_reported_with_the_command_to_start_it(host: str, udp: int, tcp: int) -> None:
     port = tcp or free_port()
     with pytest.raises(NetworkError, match=rf"no echo at {host}:{port}: .*uuv-hil bench echo"):
         Floor(host, udp or port, port, 85)
 
 
-def test_a_port_of_datagrams_that_cannot_be() -> None:
+def test_an_invalid_udp_port_is_refused() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server, pytest.raises(NetworkError, match=r"no echo at .*:99999"):
         Floor("127.0.0.1", 99_999, server.getsockname()[1], 85)
 
 
-def test_an_address_of_another_machine(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_echo_cannot_listen_on_an_address_of_another_machine(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "echo", "--listen", "192.0.2.1"]) == 4
     assert "cannot listen on 192.0.2.1" in capsys.readouterr().err
 
 
-def test_an_echo_outlives_who_resets_and_who_does_not_read(tmp_path: Path) -> None:
+def test_the_echo_survives_clients_that_reset_or_do_not_read(tmp_path: Path) -> None:
     with running_echo(tmp_path) as (echo, host, udp, tcp):
         for _ in range(3):
             rude = socket.create_connection((host, tcp))
@@ -74,28 +74,28 @@ def test_an_echo_outlives_who_resets_and_who_does_not_read(tmp_path: Path) -> No
             deaf.sendall(bytes(1 << 26))  # more than the buffers on the way hold
         with Floor(host, udp, tcp, 85) as floor:
             for _ in range(2):
-                floor.measure(soon())
+                floor.measure(deadline_in())
             assert len(floor.tcp.taken_ns) == 1
         deaf.close()
         assert echo.stop() == 0, echo.output
 
 
-def test_who_never_answers_is_not_asked_for_ever() -> None:
+def test_measurement_stops_after_a_number_of_unanswered_messages() -> None:
     with socket.socket(type=socket.SOCK_DGRAM) as is_silent, socket.create_server(("127.0.0.1", 0)) as server:
         is_silent.bind(("127.0.0.1", 0))
         with Floor("127.0.0.1", is_silent.getsockname()[1], server.getsockname()[1], 85) as floor:
             for _ in range(20):
-                floor.measure(soon(0.02))
+                floor.measure(deadline_in(0.02))
             assert (floor.udp.lost, floor.tcp.lost) == (GIVE_UP, GIVE_UP)
             assert floor.udp.is_silent
             assert floor.udp.taken_ns == []
 
 
-def test_a_late_answer_is_not_taken_for_the_next() -> None:
+def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
         way = RoundTrips(ours, 16)
-        way.measure_once(soon(0.01))
+        way.measure_once(deadline_in(0.01))
         first = theirs.recv(100)
 
         def answer_both() -> None:
@@ -106,13 +106,13 @@ def test_a_late_answer_is_not_taken_for_the_next() -> None:
 
         answering = threading.Thread(target=answer_both)
         answering.start()
-        way.measure_once(soon())
+        way.measure_once(deadline_in())
         answering.join()
         assert way.lost == 1
         assert way.taken_ns[0] * 2 > 0.05 * NS_PER_S
 
 
-def test_the_load_is_under_way_before_anything_is_waited_for() -> None:
+def test_the_load_is_being_sent_before_the_measurement_waits() -> None:
     server = socket.create_server(("127.0.0.1", 0))
     with server, Load("127.0.0.1", server.getsockname()[1], 50_000) as load:
         there, _ = server.accept()
@@ -121,13 +121,13 @@ def test_the_load_is_under_way_before_anything_is_waited_for() -> None:
         assert there.recv(1) == bytes(1)
         load.begin()
         assert load.late == 1
-        assert not load.finish(soon(0.02))
+        assert not load.finish(deadline_in(0.02))
         there.close()
         with pytest.raises(NetworkError, match=r"the echo at .* went away"):
-            load.finish(soon())
+            load.finish(deadline_in())
 
 
-def test_waiting_ends_no_sooner() -> None:
-    deadline = soon(0.02)
+def test_waiting_does_not_end_before_the_deadline() -> None:
+    deadline = deadline_in(0.02)
     wait_ns(deadline)
     assert now_ns() >= deadline

@@ -1,4 +1,4 @@
-"""Places for measurements: changed scenarios, limits, processes, and that nothing is left behind."""
+"""The benchmark harness: changed scenarios, resource limits, processes, and that nothing is left behind."""
 
 import os
 import signal
@@ -20,10 +20,10 @@ from hil.common.tables import read_table
 from hil.scenario.config import load_scenario
 from tests.support.boards import recorded
 
-ONE = min(os.sched_getaffinity(0))
+FIRST_CPU = min(os.sched_getaffinity(0))
 
 
-def test_a_changed_scenario_is_the_old_one_but_for_the_changes(tmp_path: Path) -> None:
+def test_a_changed_scenario_differs_only_in_the_changes(tmp_path: Path) -> None:
     path = str(tmp_path / "changed.toml")
     write_changed("paper_field", {"slave.step": 0.005, "link.options": {}, "description": 'a "b"\n\\'}, path)
     before, after = load_scenario("paper_field"), load_scenario(path)
@@ -33,7 +33,7 @@ def test_a_changed_scenario_is_the_old_one_but_for_the_changes(tmp_path: Path) -
     assert after == before._replace(slave=slave, description=after.description, path=path)
 
 
-def test_every_form_of_value_survives(tmp_path: Path) -> None:
+def test_every_kind_of_value_is_written_and_read_back(tmp_path: Path) -> None:
     (tmp_path / "world.toml").write_text(Path("sim/worlds/pool.toml").read_text())
     source = tmp_path / "mine.toml"
     source.write_text(
@@ -59,13 +59,13 @@ def test_every_form_of_value_survives(tmp_path: Path) -> None:
     ("changes", "words"),
     [({"link.baud": 3}, "baud"), ({"vehicle.name": "x"}, "is a value"), ({"slave.setp": 1}, "did you mean 'step'")],
 )
-def test_a_change_that_cannot_be_meant(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+def test_an_invalid_change_is_refused_by_its_key(tmp_path: Path, changes: dict[str, object], words: str) -> None:
     with pytest.raises(ConfigError, match=words) as error:
         write_changed("paper_field", changes, str(tmp_path / "changed.toml"))
     assert str(tmp_path) not in str(error.value), "a file that nobody knows"
 
 
-def test_limits_as_they_are_written() -> None:
+def test_resource_limits_are_parsed() -> None:
     assert [parse_cpus(text) for text in ("0", "0,2", "1-3,0")] == [(0,), (0, 2), (0, 1, 2, 3)]
     assert [parse_memory(text) for text in ("512M", "1G", "64 MiB")] == [512.0, 1024.0, 64.0]
     assert [CPU_SHARE(text) for text in ("25%", "0.5", "150%")] == [0.25, 0.5, 1.5]
@@ -75,24 +75,24 @@ def test_limits_as_they_are_written() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "a", "1-", "-1", "3-1", "3000000000"])
-def test_wrong_processors(text: str) -> None:
+def test_an_invalid_list_of_processors_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match="expected numbers of processors"):
         parse_cpus(text)
 
 
 @pytest.mark.parametrize("text", ["", "512", "much", "1M", "5K", "nanM", "infM", "1e300G"])
-def test_wrong_memory(text: str) -> None:
+def test_an_invalid_memory_limit_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match="expected at least 16M"):
         parse_memory(text)
 
 
 @pytest.mark.parametrize("text", ["", "%", "0", "-5%", "nan"])
-def test_a_wrong_share(text: str) -> None:
+def test_an_invalid_processor_share_is_refused(text: str) -> None:
     with pytest.raises(ArgumentTypeError, match="expected a share"):
         CPU_SHARE(text)
 
 
-def test_a_processor_that_is_not_there() -> None:
+def test_a_missing_processor_is_refused() -> None:
     with pytest.raises(ConfigError, match="no processor 4000 here"):
         Confinement(Limits(cpus=(4000,)))
     with pytest.raises(ConfigError, match=r"no processor \d+ here; there are: "):
@@ -100,7 +100,9 @@ def test_a_processor_that_is_not_there() -> None:
 
 
 @pytest.mark.parametrize("file", ["cgroup.controllers", "cpu/cgroup.procs"])  # of version 2, of version 1
-def test_a_kernel_without_the_memory_controller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str) -> None:
+def test_a_kernel_without_the_memory_controller_is_reported_with_the_boot_option(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str
+) -> None:
     recorded.plant(tmp_path, file, "cpuset cpu io pids\n")
     monkeypatch.setattr("hil.bench.limits.ROOT", str(tmp_path))
     with pytest.raises(ConfigError, match=r"^--memory: no memory controller .* cgroup_enable=memory .*cmdline.txt"):
@@ -117,7 +119,9 @@ def test_a_kernel_without_the_memory_controller(tmp_path: Path, monkeypatch: pyt
         ("echo Failed to connect to bus >&2; exit 1", r"^--cpu-quota, .*: Failed to connect to bus; .*enable-linger"),
     ],
 )
-def test_what_systemd_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, words: str) -> None:
+def test_cgroup_controllers_that_systemd_delegates_are_used_or_reported_as_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, words: str
+) -> None:
     recorded.plant(tmp_path, "cgroup.controllers", "cpu memory\n")
     recorded.plant(tmp_path, "systemd-run", f"#!/bin/sh\n{script}\n")
     (tmp_path / "systemd-run").chmod(0o755)
@@ -138,16 +142,19 @@ def test_what_systemd_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scr
     assert output[-3:] == ["--", "program", "-x"]
 
 
-def test_a_pinned_process(tmp_path: Path) -> None:
+def test_a_process_is_pinned_and_the_test_itself_is_not(tmp_path: Path) -> None:
     before = os.sched_getaffinity(0)
-    with Confinement(Limits(cpus=(ONE,))) as place, Process(["sleep", "9"], str(tmp_path / "log"), place) as process:
-        assert os.sched_getaffinity(process.pid) == {ONE}
+    with (
+        Confinement(Limits(cpus=(FIRST_CPU,))) as place,
+        Process(["sleep", "9"], str(tmp_path / "log"), place) as process,
+    ):
+        assert os.sched_getaffinity(process.pid) == {FIRST_CPU}
         assert process.family() == [process.pid]
     assert os.sched_getaffinity(0) == before
     assert not process.running
 
 
-def test_what_a_process_says(tmp_path: Path) -> None:
+def test_output_of_a_process_is_awaited_and_its_end_is_reported(tmp_path: Path) -> None:
     with Process(["sh", "-c", "echo one; echo two; exit 3"], str(tmp_path / "log")) as process:
         assert process.expect("one", 60.0) == "one"
         assert process.wait(60) == 3
@@ -158,7 +165,7 @@ def test_what_a_process_says(tmp_path: Path) -> None:
             process.expect("three", 60.0)
 
 
-def test_what_ended_a_process(tmp_path: Path) -> None:
+def test_the_signal_that_ended_a_process_is_reported(tmp_path: Path) -> None:
     with Process(["sh", "-c", "echo armed; exec sleep 9"], str(tmp_path / "log")) as process:
         process.expect("armed", 60.0)
         assert process.ending == "is still running; its last output: armed"
@@ -167,7 +174,9 @@ def test_what_ended_a_process(tmp_path: Path) -> None:
         assert process.ending == "was ended by signal 9 (KILL); its last output: armed"
 
 
-def test_a_limit_of_memory_is_suspected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_killed_process_under_a_memory_limit_names_the_limit_as_a_likely_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(Confinement, "_confine", lambda _: None)  # needs root
     with Confinement(Limits(memory_mib=16.0)) as place:
         process = Process(["sh", "-c", "kill -KILL $$"], str(tmp_path / "log"), place)
@@ -180,10 +189,10 @@ def test_a_limit_of_memory_is_suspected(tmp_path: Path, monkeypatch: pytest.Monk
     [
         (Limits(memory_mib=16.0), "cgroup v1", "limited: 16 MiB (cgroup v1, files in the page cache not counted)"),
         (Limits(cpu_share=0.25), "systemd", "limited: 25% of a core (systemd, no real-time scheduling)"),
-        (Limits(cpus=(ONE,)), "", f"limited: processor {ONE} only"),
+        (Limits(cpus=(FIRST_CPU,)), "", f"limited: processor {FIRST_CPU} only"),
     ],
 )
-def test_only_a_share_of_a_processor_takes_real_time_away(
+def test_only_a_processor_share_limit_turns_off_real_time(
     monkeypatch: pytest.MonkeyPatch, limits: Limits, by: str, label: str
 ) -> None:
     def confine(self: Confinement) -> None:
@@ -195,7 +204,7 @@ def test_only_a_share_of_a_processor_takes_real_time_away(
         assert bench.scenario.slave.realtime == (not limits.cpu_share)
 
 
-def test_a_slave_elsewhere_that_is_not_there() -> None:
+def test_a_missing_slave_on_another_machine_is_reported() -> None:
     endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
     with Bench("paper_field") as bench, bench.client(endpoint) as client, pytest.raises(NetworkError) as error:
         await_vehicle(client, seconds=0.2)
@@ -203,20 +212,20 @@ def test_a_slave_elsewhere_that_is_not_there() -> None:
     assert "is `uuv-hil slave` running there, with --listen on an address this machine reaches" in str(error.value)
 
 
-def test_a_slave_comes_and_goes_and_leaves_nothing() -> None:
-    with Bench("paper_field", {"slave.realtime": False}, Limits(cpus=(ONE,))) as bench:
+def test_a_slave_starts_and_stops_without_leftovers() -> None:
+    with Bench("paper_field", {"slave.realtime": False}, Limits(cpus=(FIRST_CPU,))) as bench:
         slave = bench.start_slave()
         with bench.client() as client:
             await_vehicle(client, slave)
             assert client.diagnostics().loop_rate_hz == 400
-        assert bench.labels == (f"limited: processor {ONE} only",)
+        assert bench.labels == (f"limited: processor {FIRST_CPU} only",)
         folder = bench.folder
     assert not slave.running
     assert slave.stop() == 0
     assert not os.path.exists(folder)
 
 
-def test_a_slave_that_cannot_start_says_why() -> None:
+def test_a_slave_that_cannot_start_is_reported_with_the_reason() -> None:
     with Bench("paper_field", {"stm32": "device", "link.port": "/dev/ttyNONE"}) as bench:
         slave = bench.start_slave()
         with (
@@ -226,7 +235,7 @@ def test_a_slave_that_cannot_start_says_why() -> None:
             await_vehicle(client, slave)
 
 
-def test_the_machine_says_what_makes_its_figures_special(tmp_path: Path) -> None:
+def test_emulation_and_virtual_machines_are_labelled_in_the_machine_description(tmp_path: Path) -> None:
     recorded.plant(tmp_path, "proc/cpuinfo", "model name : Some CPU\nflags : fpu hypervisor\nhost : User Mode Linux\n")
     plant_first_process(tmp_path, 0x3E if os.uname().machine != "x86_64" else 0xB7)
     machine, labels = describe(str(tmp_path))
@@ -241,7 +250,7 @@ def plant_first_process(root: Path, machine: int) -> None:
 
 
 HYPERVISOR = "flags : fpu hypervisor\n"
-OF_QEMU = "emulated, or a virtual machine: QEMU"
+QEMU_LABEL = "emulated, or a virtual machine: QEMU"
 
 
 @pytest.mark.parametrize(
@@ -251,8 +260,8 @@ OF_QEMU = "emulated, or a virtual machine: QEMU"
         ({"proc/sys/kernel/arch": "x86_64\n"}, "aarch64", ("emulated: aarch64 on x86_64",)),
         ({"proc/sys/kernel/arch": "aarch64\n"}, "aarch64", ()),
         ({"proc/sys/kernel/arch": "aarch64\n"}, "armv8l", ()),  # by setarch, on the bare processor
-        ({"proc/device-tree/model": "linux,dummy-virt\0"}, "aarch64", (OF_QEMU,)),
-        ({"sys/class/dmi/id/sys_vendor": "QEMU\n"}, "aarch64", (OF_QEMU,)),
+        ({"proc/device-tree/model": "linux,dummy-virt\0"}, "aarch64", (QEMU_LABEL,)),
+        ({"sys/class/dmi/id/sys_vendor": "QEMU\n"}, "aarch64", (QEMU_LABEL,)),
         ({"sys/class/dmi/id/sys_vendor": "QEMU\n", "proc/cpuinfo": HYPERVISOR}, "x86_64", ("virtual machine",)),
         (
             {"proc/cmdline": "UUV_HIL_EMULATED=qemu-system\n", "proc/device-tree/model": "linux,dummy-virt\0"},
@@ -261,7 +270,7 @@ OF_QEMU = "emulated, or a virtual machine: QEMU"
         ),
     ],
 )
-def test_what_is_emulated_is_labelled(
+def test_each_sign_of_emulation_gives_its_label(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: dict[str, str], architecture: str, labels: tuple[str, ...]
 ) -> None:
     for path, text in files.items():
@@ -272,10 +281,10 @@ def test_what_is_emulated_is_labelled(
     assert describe(str(tmp_path))[1] == labels
 
 
-def test_a_machine_of_which_we_may_use_a_part_is_labelled() -> None:
+def test_a_restricted_set_of_processors_is_labelled() -> None:
     before = os.sched_getaffinity(0)
     try:
-        os.sched_setaffinity(0, {ONE})
+        os.sched_setaffinity(0, {FIRST_CPU})
         labels = describe()[1]
     finally:
         os.sched_setaffinity(0, before)
@@ -283,7 +292,9 @@ def test_a_machine_of_which_we_may_use_a_part_is_labelled() -> None:
     assert (f"limited: 1 of {online} processors" in labels) == (online > 1)
 
 
-def test_the_environment_says_that_it_is_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_environment_variable_marks_the_machine_as_emulated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The files in /proc are those of the host below qemu-user."""
     monkeypatch.setenv("UUV_HIL_EMULATED", "qemu-aarch64")
     recorded.plant(tmp_path, "proc/sys/kernel/arch", "riscv64\n")
@@ -299,7 +310,7 @@ def test_a_32_bit_system_on_a_64_bit_kernel_is_not_emulated(tmp_path: Path, monk
     assert describe(str(tmp_path))[1] == ()
 
 
-def test_groups_of_killed_benchmarks_are_removed(tmp_path: Path) -> None:
+def test_control_groups_of_killed_benchmarks_are_removed(tmp_path: Path) -> None:
     for name in ("uuv-hil-bench-1-a", "uuv-hil-bench-1-b", "another"):
         (tmp_path / name).mkdir()
     in_use = lock_unused(str(tmp_path / "uuv-hil-bench-1-b"))

@@ -1,4 +1,4 @@
-"""`uuv-hil loopback`: both ends here, an STM32 elsewhere, or a wire that leads straight back."""
+"""`uuv-hil loopback`: both ends in this process, an external STM32, or a wire from TX to RX."""
 
 import json
 import threading
@@ -25,7 +25,7 @@ def loopback(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, 
 
 
 @pytest.fixture
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+def long_reply_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wait for answers so long that none is lost, however late the machine lets it come."""
     monkeypatch.setattr("hil.bench.loopback.LOST_NS", 60 * NS_PER_S)
 
@@ -44,7 +44,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
     ids=" ".join,
 )
-@pytest.mark.usefixtures("patient")
+@pytest.mark.usefixtures("long_reply_timeout")
 def test_a_sound_link_loses_nothing(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     with nothing_leaks():
         code, found = loopback(capsys, *arguments)
@@ -58,13 +58,13 @@ def test_a_sound_link_loses_nothing(arguments: tuple[str, ...], capsys: pytest.C
 
 
 @retried_when_busy("round trips of another thread or process", attempts=5)
-def test_what_is_left_of_the_period_is_not_counted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_rest_of_the_period_does_not_count_as_round_trip_time(capsys: pytest.CaptureFixture[str]) -> None:
     code, found = loopback(capsys, "--rate", "5", "--seconds", "1")
     assert code == 0, found
     assert found["p50_ms"] < 100.0, "of 200"
 
 
-def test_p99_of_a_hundred_round_trips_is_no_maximum() -> None:
+def test_p99_of_a_hundred_round_trips_is_not_the_maximum() -> None:
     plan = Plan("python", Link(options={}), 6, 50.0, 1.0, False)
     test = _Test(plan, _Stm32(plan, print))
     with closing(test._far):
@@ -74,7 +74,7 @@ def test_p99_of_a_hundred_round_trips_is_no_maximum() -> None:
 
 
 @retried_when_busy("delays of another thread or process")
-def test_what_a_bad_line_does_is_reported_and_breaks_limits(capsys: pytest.CaptureFixture[str]) -> None:
+def test_losses_and_delays_of_a_bad_line_are_reported_and_break_limits(capsys: pytest.CaptureFixture[str]) -> None:
     code, found = loopback(capsys, "--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
     assert code == 1
     assert 0.1 < found["loss"] < 0.7  # both ways
@@ -84,15 +84,15 @@ def test_what_a_bad_line_does_is_reported_and_breaks_limits(capsys: pytest.Captu
     assert code == 0
 
 
-def test_damage_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_damaged_frames_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     code, found = loopback(capsys, "--fault", "corrupt=0.01", "--max-loss", "1")
     assert code == 1
     assert found["errors"] > 0
     assert "damaged frames" in found["broken_limits"][0]
 
 
-@pytest.mark.usefixtures("patient")
-def test_the_wire_time_is_that_of_the_bits(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.usefixtures("long_reply_timeout")
+def test_the_wire_time_follows_from_the_number_of_bits(capsys: pytest.CaptureFixture[str]) -> None:
     """The 22 + 32 bytes of ten bits take 4.69 ms at 115200 baud, and the paced link takes at least that."""
     plan = Plan("python", Link(faults=Faults(baud=115_200)), 6, 50.0, 1.0, True)
     assert wire_ms(plan) == pytest.approx(54 * 10 / 115.2, rel=1e-12)
@@ -105,7 +105,7 @@ def test_the_wire_time_is_that_of_the_bits(capsys: pytest.CaptureFixture[str]) -
 
 @pytest.fixture
 def jumper() -> Iterator[str]:
-    """Provide a serial port whose TX is led to its RX."""
+    """Provide a serial port whose TX is wired to its RX."""
     far, stop = PtyWire(), threading.Event()
 
     def echo() -> None:
@@ -122,8 +122,10 @@ def jumper() -> Iterator[str]:
 
 
 @pytest.mark.parametrize("protocol", ["frame", "mavlink"])
-@pytest.mark.usefixtures("patient")
-def test_a_jumper(protocol: str, jumper: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.usefixtures("long_reply_timeout")
+def test_a_jumper_from_tx_to_rx_returns_every_frame(
+    protocol: str, jumper: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     code, found = loopback(capsys, "--stm32", "jumper", "--port", jumper, "--protocol", protocol)
     assert code == 0, found
     assert found["answered"] == found["sent"] >= 1
@@ -155,6 +157,8 @@ def test_a_device_is_not_armed_unless_asked(tmp_path: Any, capsys: pytest.Captur
         (("--port", "/dev/ttyNOWHERE", "--stm32", "jumper"), 3, "no such device"),
     ],
 )
-def test_mistakes(arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_arguments_are_refused_with_the_remedy(
+    arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["loopback", "--seconds", "0.1", *arguments]) == code
     assert words in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`uuv-hil stm32 check`: each output turns a little, alone, and what telemetry answers is shown. STM32 emulated."""
+"""`uuv-hil stm32 check`: each output turns slowly, one at a time, and the telemetry is shown. The STM32 is emulated."""
 
 import io
 import json
@@ -26,8 +26,8 @@ PATIENCE_S = 60.0
 
 
 @pytest.fixture(autouse=True)
-def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Shorten what a person waits for, of checks in this process."""
+def _short_waiting_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shorten the waiting times that are meant for a person, for checks in this process."""
     monkeypatch.setattr(output_check, "ANSWER_S", 1.0)
     monkeypatch.setattr(output_check, "PAUSE_S", 0.15)
     monkeypatch.setattr(output_check, "MORE_S", 0.3)
@@ -52,7 +52,9 @@ def findings(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict[str, 
     return found
 
 
-def test_over_a_real_pty(served: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]) -> None:
+def test_outputs_are_checked_over_a_real_pty(
+    served: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]
+) -> None:
     path, process = served
     assert main(["stm32", "check", *QUICK, "--port", path, "--channels", "4", "--chip", "f411", "--offset", "-80"]) == 0
     output = capsys.readouterr()
@@ -68,7 +70,9 @@ def test_over_a_real_pty(served: tuple[str, "subprocess.Popen[str]"], capsys: py
 
 @pytest.mark.parametrize("kind", ["python", "unicorn"])
 @pytest.mark.parametrize("protocol", ["frame", "mavlink"])
-def test_of_the_firmware_over_serial(kind: str, protocol: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_outputs_of_the_firmware_are_checked_over_serial(
+    kind: str, protocol: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     found = findings(capsys, "--stm32", kind, "--protocol", protocol, "--channels", "3")
     assert [(one["output"], one["pulse_us"], one["reported_us"]) for one in found] == [
         (i, 1560, 1560) for i in range(1, 4)
@@ -77,7 +81,9 @@ def test_of_the_firmware_over_serial(kind: str, protocol: str, capsys: pytest.Ca
 
 
 @pytest.mark.parametrize(("protocol", "unit"), [("vesc", "ERPM"), ("dronecan", "rpm")])
-def test_over_can_with_what_controllers_report(protocol: str, unit: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_outputs_are_checked_over_can_with_figures_of_the_motor_controllers(
+    protocol: str, unit: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     found = findings(
         capsys,
         "--stm32",
@@ -93,7 +99,7 @@ def test_over_can_with_what_controllers_report(protocol: str, unit: str, capsys:
     assert all(one["motor"][unit] > 0 and "A" in one["motor"] and "V" in one["motor"] for one in found)
 
 
-def test_one_output_at_a_time_and_neutral_around(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_outputs_turn_one_at_a_time_with_neutral_before_and_after(monkeypatch: pytest.MonkeyPatch) -> None:
     """The commands are in this order: neutral, then each output alone, neutral between, disarmed at the end."""
     sent: list[ThrusterCommand] = []
     send = ThrusterDriver.send
@@ -114,7 +120,7 @@ def test_one_output_at_a_time_and_neutral_around(monkeypatch: pytest.MonkeyPatch
     assert not sent[-1].armed
 
 
-def test_who_does_not_answer_is_not_turned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_output_turns_when_the_stm32_does_not_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     import os
 
     near, far = os.openpty()
@@ -126,7 +132,7 @@ def test_who_does_not_answer_is_not_turned(tmp_path: Path, capsys: pytest.Captur
     assert "the STM32 does not answer: check power, wiring (TX to RX), --baud and --protocol" in capsys.readouterr().err
 
 
-def test_an_output_that_keeps_neutral_is_not_confirmed(
+def test_an_output_that_stays_neutral_is_not_confirmed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The firmware ignores the second output, and moves the third with the first."""
@@ -146,7 +152,9 @@ def test_an_output_that_keeps_neutral_is_not_confirmed(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_ends_it_neutral(served: tuple[str, "subprocess.Popen[str]"], number: signal.Signals) -> None:
+def test_ctrl_c_ends_the_check_with_neutral_outputs(
+    served: tuple[str, "subprocess.Popen[str]"], number: signal.Signals
+) -> None:
     path, stm32 = served
     command = module_command("hil.cli", "stm32", "check", "--port", path, "--channels", "4", "--yes", "--settle", "0 s")
     check = subprocess.Popen(
@@ -168,7 +176,7 @@ def test_ctrl_c_ends_it_neutral(served: tuple[str, "subprocess.Popen[str]"], num
     assert "pwm 1500 1500 1500 1500" in stm32.communicate(timeout=PATIENCE_S)[0].splitlines()[-1]
 
 
-def test_a_link_that_is_lost_ends_it(served: tuple[str, "subprocess.Popen[str]"]) -> None:
+def test_a_lost_link_ends_the_check(served: tuple[str, "subprocess.Popen[str]"]) -> None:
     path, stm32 = served
     command = module_command("hil.cli", "stm32", "check", "--port", path, "--channels", "4", "--yes", "--seconds", "5")
     check = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=package_environment())
@@ -192,7 +200,7 @@ def test_a_link_that_is_lost_ends_it(served: tuple[str, "subprocess.Popen[str]"]
         (["--port", "/dev/ttyUSB0"], "nobody can be asked here: with free propellers do it with --yes"),
     ],
 )
-def test_what_is_wrong_is_said_before_anything_turns(
+def test_wrong_arguments_are_refused_before_any_output_turns(
     words: list[str], refusal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO())
@@ -200,18 +208,18 @@ def test_what_is_wrong_is_said_before_anything_turns(
     assert refusal in capsys.readouterr().err
 
 
-def test_more_outputs_than_it_has(
+def test_a_wrong_number_of_outputs_is_reported_and_nothing_turns(
     served: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["stm32", "check", *QUICK, "--port", served[0]]) == 3
     assert "check --channels, --baud, --protocol and --frame; nothing was turned" in capsys.readouterr().err
 
 
-def test_the_pulse_is_limited() -> None:
+def test_the_pulse_offset_is_limited() -> None:
     assert (OFFSET.low, OFFSET.high) == (-MAX_OFFSET_US, MAX_OFFSET_US)
 
 
-def test_a_line_of_what_was_found() -> None:
+def test_a_finding_is_formatted_as_one_line() -> None:
     finding = Finding(2, 1560, 12.34, 1560, (), {"rpm": 120, "A": 0.4})
     assert text(finding, ("PA6", "PA7")) == "  output 2 (PA7): 1560 us confirmed after 12.3 ms; 120 rpm, 0.4 A"
     assert text(finding._replace(confirmed_ms=None, reported_us=None, motor={}), ()) == (

@@ -1,4 +1,4 @@
-"""`uuv-hil bench startup`, quickly."""
+"""`uuv-hil bench startup`: its phases and floors, without long measurements."""
 
 import os
 from pathlib import Path
@@ -13,26 +13,26 @@ from hil.cli import main
 from hil.common.errors import NetworkError
 
 
-def test_phases_follow_each_other() -> None:
+def test_phases_are_differences_of_consecutive_times() -> None:
     start = Start({"interpreter": 10.0, "imports": 35.0, AT_MASTER: 60.0})
     assert start.phases() == {"interpreter": 10.0, "imports": 25.0, AT_MASTER: 25.0}
     assert start.total == 60.0
 
 
-def test_a_floor_is_limited_as_the_slave_is() -> None:
+def test_the_floor_runs_under_the_limits_of_the_slave() -> None:
     with Bench("paper_field", limits=Limits(cpus=(min(os.sched_getaffinity(0)),))) as bench:
         assert time_floor(bench, "import os; assert len(os.sched_getaffinity(0)) == 1") > 1.0
         with pytest.raises(NetworkError, match="ModuleNotFoundError"):
             time_floor(bench, "import no_such_module")
 
 
-def test_without_numpy_its_floor_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_numpy_floor_is_left_out_without_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     assert list(floors()) == ["bare interpreter", "numpy and zenoh"]
     monkeypatch.setattr(startup_run, "find_spec", lambda _: None)
     assert list(floors()) == ["bare interpreter"]
 
 
-def test_dropping_leaves_files_as_they_are(tmp_path: Path) -> None:
+def test_dropping_files_from_the_page_cache_leaves_their_content(tmp_path: Path) -> None:
     path = tmp_path / "data"
     path.write_bytes(os.urandom(1 << 16))
     before = path.read_bytes()
@@ -42,7 +42,7 @@ def test_dropping_leaves_files_as_they_are(tmp_path: Path) -> None:
     assert words.startswith("2 files")
 
 
-def test_what_cannot_be_meant(capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_arguments_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "startup", "--repeat", "0"]) == 2
     assert "--repeat" in capsys.readouterr().err
     assert main(["bench", "startup", "--output", "/proc/startup.json"]) == 2

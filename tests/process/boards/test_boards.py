@@ -1,4 +1,4 @@
-"""Every board file loads and says where its numbers are from; every recorded machine is recognised."""
+"""Every board file loads and names the sources of its numbers; every recorded machine is recognised."""
 
 import os
 import re
@@ -16,7 +16,7 @@ from hil.scenario.records import Slave
 from tests.support.boards import recorded
 
 NAMES = preset_names("boards")
-REAL = [name for name in NAMES if not name.startswith("generic")]
+REAL_BOARDS = [name for name in NAMES if not name.startswith("generic")]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -31,15 +31,15 @@ def test_every_board_names_the_source_of_each_number(name: str) -> None:
         "wlan": board.wlan,
         "throttles_at": board.throttles_at,
     }
-    if name in REAL:
+    if name in REAL_BOARDS:
         assert {key for key, value in reported.items() if value} <= set(board.sources)
     sources = [row.source for row in board.serial] + [row.source for row in board.can]
     assert all([*sources, *(mode.source for mode in board.power), board.recommended.source, board.budgets.reason])
     assert set(board.sources) <= set(board._fields)
 
 
-@pytest.mark.parametrize("name", REAL)
-def test_a_real_board_has_a_port_and_can_be_recognised(name: str) -> None:
+@pytest.mark.parametrize("name", REAL_BOARDS)
+def test_a_real_board_has_a_serial_port_and_model_names(name: str) -> None:
     board = boards.load_board(name)
     assert board.models
     assert board.uart.startswith("/dev/tty") or board.uart == "/dev/serial0"
@@ -48,7 +48,7 @@ def test_a_real_board_has_a_port_and_can_be_recognised(name: str) -> None:
     assert board.system
 
 
-def test_all_that_were_asked_for_are_there() -> None:
+def test_all_required_boards_exist() -> None:
     wanted = {
         "raspberry_pi_3b_plus", "raspberry_pi_4b", "raspberry_pi_5", "raspberry_pi_zero_2w", "raspberry_pi_cm4",
         "jetson_nano", "jetson_xavier_nx", "jetson_orin_nano", "beaglebone_black", "generic_x86_64", "generic_arm64",
@@ -69,26 +69,26 @@ def test_further_ports_of_a_raspberry_pi_are_numbered_as_their_uarts(name: str, 
     assert spi in board.can[0].controller
 
 
-@pytest.mark.parametrize("name", [name for name in REAL if name.startswith("raspberry_pi")])
-def test_the_file_that_is_to_be_changed_is_named_in_full(name: str) -> None:
+@pytest.mark.parametrize("name", [name for name in REAL_BOARDS if name.startswith("raspberry_pi")])
+def test_config_txt_is_named_with_its_full_path(name: str) -> None:
     board = boards.load_board(name)
     for needs in [port.needs for port in board.serial] + [bus.needs for bus in board.can]:
         assert "config.txt" not in needs.replace("/boot/firmware/config.txt", "")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_a_serial_port_needs_makes_it_be_there(name: str) -> None:
+def test_the_needs_of_a_serial_port_name_only_what_creates_it(name: str) -> None:
     """The doctor says it of a port that is not: ending a login prompt would not help."""
     assert not any("systemctl" in port.needs for port in boards.load_board(name).serial)
 
 
-@pytest.mark.parametrize("name", REAL)
-def test_the_clock_of_the_processor_is_reported(name: str) -> None:
+@pytest.mark.parametrize("name", REAL_BOARDS)
+def test_the_clock_rate_of_the_processor_is_given(name: str) -> None:
     assert re.search(r", [0-9.]+ GHz", boards.load_board(name).cpu)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_the_slave_took_is_what_the_readme_shows(name: str) -> None:
+def test_measured_load_of_the_slave_matches_the_readme(name: str) -> None:
     """The recommendation leaves room above the measured memory."""
     recommended = boards.load_board(name).recommended
     shown = (Path(boards.__file__).parents[1] / "README.md").read_text()
@@ -102,8 +102,8 @@ def test_what_the_slave_took_is_what_the_readme_shows(name: str) -> None:
     assert recommended.memory >= 2 * mib
 
 
-@pytest.mark.parametrize("name", REAL)
-def test_a_driver_that_nothing_loads_is_named(name: str) -> None:
+@pytest.mark.parametrize("name", REAL_BOARDS)
+def test_a_can_driver_that_is_not_loaded_by_itself_is_named(name: str) -> None:
     board = boards.load_board(name)
     for bus in board.can:
         assert bus.module == ("mttcan" if "mttcan" in bus.controller else "")
@@ -113,7 +113,7 @@ def test_a_driver_that_nothing_loads_is_named(name: str) -> None:
         assert "J17" in board.can[0].controller
 
 
-def test_power_modes_of_a_xavier_nx_are_all_there() -> None:
+def test_all_power_modes_of_a_xavier_nx_are_listed() -> None:
     modes = boards.load_board("jetson_xavier_nx").power
     assert [mode.command for mode in modes] == [f"sudo nvpmodel -m {number}" for number in range(9)]
 
@@ -122,18 +122,18 @@ def test_power_modes_of_a_xavier_nx_are_all_there() -> None:
     ("mode", "number", "cores"), [("15W", 0, 6), ("7W, without Super", 1, 4), ("25W, with Super", 1, 6),
                                   ("MAXN_SUPER", 2, 6), ("10W, 4 GB", 0, 6), ("7W_CPU, 4 GB", 2, 4)],
 )  # fmt: skip
-def test_power_modes_of_an_orin_nano_by_module_and_release(mode: str, number: int, cores: int) -> None:
+def test_power_modes_of_an_orin_nano_have_their_numbers_and_cores(mode: str, number: int, cores: int) -> None:
     found = [row for row in boards.load_board("jetson_orin_nano").power if row.name.startswith(mode)]
     assert [(row.command, row.cores) for row in found] == [(f"sudo nvpmodel -m {number}", cores)]
 
 
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("name", REAL_BOARDS)
 def test_no_source_is_a_copy_of_unknown_origin(name: str) -> None:
     assert "scribd" not in (Path(boards.__file__).parent / f"{name}.toml").read_text()
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_recommended_goes_with_the_slave(name: str) -> None:
+def test_recommended_settings_are_valid_for_the_slave(name: str) -> None:
     recommended = boards.load_board(name).recommended
     slave = Slave(step=recommended.step, control_period=recommended.control_period)
     assert slave.validate() is None
@@ -173,13 +173,13 @@ def test_every_board_has_a_recorded_machine() -> None:
         ("", None),
     ],
 )
-def test_detection(tmp_path: Path, model: str, name: str | None) -> None:
+def test_the_model_name_selects_the_board(tmp_path: Path, model: str, name: str | None) -> None:
     recorded.plant(tmp_path, "proc/device-tree/model", model)
     found = boards.detect(str(tmp_path))
     assert (found.name if found else None) == name
 
 
-def test_a_machine_that_tells_nothing(tmp_path: Path) -> None:
+def test_a_machine_without_information_is_not_recognised(tmp_path: Path) -> None:
     assert boards.detect(str(tmp_path)) is None
     assert recognise(Tree(str(tmp_path))) is None
     assert architecture(Tree(str(tmp_path))) == ""
@@ -193,12 +193,12 @@ def test_a_machine_that_tells_nothing(tmp_path: Path) -> None:
         ("CPU architecture: 7\n", "armv7l"),
     ],
 )
-def test_architecture_of_older_kernels(tmp_path: Path, text: str, name: str) -> None:
+def test_the_architecture_is_derived_from_cpuinfo_on_older_kernels(tmp_path: Path, text: str, name: str) -> None:
     recorded.plant(tmp_path, "proc/cpuinfo", f"processor\t: 0\n{text}")
     assert architecture(Tree(str(tmp_path))) == name
 
 
-def test_a_wrong_board_file(tmp_path: Path) -> None:
+def test_a_wrong_board_file_is_refused_by_its_key(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     good = (Path(boards.__file__).parent / "raspberry_pi_4b.toml").read_text()
     path.write_text(good.replace('"1 GiB"', '"1"'))
@@ -209,7 +209,7 @@ def test_a_wrong_board_file(tmp_path: Path) -> None:
         boards.load_board(str(path))
 
 
-def test_names_of_devices_are_followed_within_the_tree(tmp_path: Path) -> None:
+def test_device_links_are_resolved_within_the_tree(tmp_path: Path) -> None:
     recorded.link(tmp_path, "dev/uuv", "/dev/serial0")
     recorded.link(tmp_path, "dev/serial0", "ttyS0")
     recorded.link(tmp_path, "dev/loop", "loop")
@@ -219,14 +219,14 @@ def test_names_of_devices_are_followed_within_the_tree(tmp_path: Path) -> None:
     assert tree.resolve("/dev/ttyUSB0") == "/dev/ttyUSB0"
 
 
-def test_commands_of_this_machine() -> None:
+def test_commands_run_on_this_machine() -> None:
     tree = Tree("/")
     assert tree.run("echo", "there") == "there"
     assert tree.run("false") is None
     assert tree.run("no-such-command-here") is None
 
 
-def test_a_link_of_the_machine_stays_in_its_folder(tmp_path: Path) -> None:
+def test_an_absolute_link_is_resolved_inside_the_tree(tmp_path: Path) -> None:
     root = tmp_path / "root"
     recorded.plant(root, "sys/firmware/devicetree/base/model", "Raspberry Pi 4 Model B Rev 1.5\0")
     recorded.link(root, "proc/device-tree", "/sys/firmware/devicetree/base")
@@ -237,7 +237,7 @@ def test_a_link_of_the_machine_stays_in_its_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("target", ["/outside/model", "../../outside/model", "{outside}/model"])
-def test_no_link_leads_out_of_the_machine(tmp_path: Path, target: str) -> None:
+def test_no_link_leads_out_of_the_tree(tmp_path: Path, target: str) -> None:
     recorded.plant(tmp_path, "outside/model", "Raspberry Pi 5 Model B Rev 1.0\0")
     recorded.link(tmp_path / "root", "proc/device-tree/model", target.format(outside=tmp_path / "outside"))
     tree = Tree(str(tmp_path / "root"))
@@ -247,7 +247,7 @@ def test_no_link_leads_out_of_the_machine(tmp_path: Path, target: str) -> None:
     assert boards.detect(tree.root) is None
 
 
-def test_links_without_end(tmp_path: Path) -> None:
+def test_circular_links_are_treated_as_missing(tmp_path: Path) -> None:
     recorded.link(tmp_path, "dev/one", "/dev/two")
     recorded.link(tmp_path, "dev/two", "one")
     tree = Tree(str(tmp_path))
@@ -258,7 +258,7 @@ def test_links_without_end(tmp_path: Path) -> None:
     assert tree.link("/dev/one") == "/dev/two"
 
 
-def test_odd_names_and_contents_are_nothing(tmp_path: Path) -> None:
+def test_undecodable_names_and_contents_are_treated_as_missing(tmp_path: Path) -> None:
     (tmp_path / "proc").mkdir()
     (tmp_path / "proc/cpuinfo").write_bytes(b"CPU architecture: 8\nflags\t: \xff\xfe\n")
     (tmp_path / "proc/device-tree").mkdir()
@@ -272,7 +272,7 @@ def test_odd_names_and_contents_are_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("root", ["/", "here"])
-def test_a_command_that_answers_no_text(tmp_path: Path, root: str) -> None:
+def test_output_of_a_command_that_is_not_text_is_decoded_with_replacement(tmp_path: Path, root: str) -> None:
     (tmp_path / "commands").mkdir()
     (tmp_path / "commands/printf_\\377yes").write_bytes(b"\xffyes")
     tree = Tree(root if root == "/" else str(tmp_path))

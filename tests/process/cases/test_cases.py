@@ -1,4 +1,4 @@
-"""The cases of one vehicle: in simulated time and, short, with a slave; what they measure and how it is reported."""
+"""The cases of one vehicle: in simulated time and, short, with a slave; what they measure and report."""
 
 import csv
 import json
@@ -21,8 +21,8 @@ from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
 
-SIX, _ = load_vehicle("paper_six")
-RADIUS = radius_of(SIX)
+PAPER_SIX, _ = load_vehicle("paper_six")
+RADIUS = radius_of(PAPER_SIX)
 
 
 def check(result: Result, at_work: float = 0.0) -> None:
@@ -37,7 +37,7 @@ def check(result: Result, at_work: float = 0.0) -> None:
     assert 0.0 < result.planner_cpu < 0.1
 
 
-def test_piles_leave_a_way_past_them() -> None:
+def test_hidden_piles_leave_a_passage() -> None:
     import random
 
     plan = prepare(load_scenario("path_planning"))
@@ -52,12 +52,12 @@ def test_piles_leave_a_way_past_them() -> None:
                 assert math.dist(at, (other["north"], other["east"])) - pile["radius"] - other["radius"] >= 2.2
 
 
-def test_the_optimum() -> None:
+def test_the_shortest_path_and_the_best_order_are_known_optima() -> None:
     field = load_world("paper_field")
     free = field._replace(cylinder=(), box=())
-    assert shortest(free, SIX, 5.0, [(0.0, 0.0), (30.0, 40.0)]) == pytest.approx(50.0, rel=1e-3)
+    assert shortest(free, PAPER_SIX, 5.0, [(0.0, 0.0), (30.0, 40.0)]) == pytest.approx(50.0, rel=1e-3)
     pile = field.cylinder[0]._replace(north=10.0, east=0.0, radius=2.0)
-    about = shortest(free._replace(cylinder=(pile,)), SIX, 5.0, [(0.0, 0.0), (20.0, 0.0)])
+    about = shortest(free._replace(cylinder=(pile,)), PAPER_SIX, 5.0, [(0.0, 0.0), (20.0, 0.0)])
     reach = 2.0 + RADIUS  # two tangents and the arc between: geometry by hand
     by_hand = 2.0 * math.sqrt(100.0 - reach**2) + reach * (math.pi - 2.0 * math.acos(reach / 10.0))
     assert by_hand < about < 1.01 * by_hand
@@ -82,7 +82,7 @@ def result(**changes: object) -> Result:
     return whole._replace(**changes)  # type: ignore[arg-type]
 
 
-def test_fidelity_by_hand() -> None:
+def test_fidelity_measures_match_hand_computed_values() -> None:
     """The two paths follow a line 0.3 m apart; the second is slower and cut short."""
     times = [float(i) for i in range(11)]
     one = Track("a", times, [0.8 * t for t in times], [0.0] * 11, [0.8] * 11, [0.8] * 11)
@@ -93,7 +93,7 @@ def test_fidelity_by_hand() -> None:
     assert fidelity.compare(Run(result(), (one,), ""), Run(result(), (one,), "")) == pytest.approx([0.0] * 6, abs=1e-9)
 
 
-def test_tables(tmp_path: Path) -> None:
+def test_results_are_rendered_as_text_markdown_and_csv(tmp_path: Path) -> None:
     failed = result(seed=2, success=False, collided=True, reason="collision; time limit", least_clearance=0.1)
     results = [result(extra={"plans": 3.0}), failed, result(mode="hil", master_cpu=0.05, delay_p50=0.6)]
     text = table.render(results)
@@ -112,7 +112,7 @@ def test_tables(tmp_path: Path) -> None:
         table.write_csv(str(tmp_path / "no" / "r.csv"), results)
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_flies_a_case_and_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["path_planning", "--output", str(tmp_path / "out")]) == 0
     output = capsys.readouterr().out
     assert "1 of 1" in output
@@ -123,7 +123,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
             command.main(wrong)
 
 
-def test_names() -> None:
+def test_cases_are_found_by_name() -> None:
     assert [find_case(name).name for name in CASES] == list(CASES)
     with pytest.raises(ConfigError, match="did you mean 'path_planning'"):
         find_case("path_planing")

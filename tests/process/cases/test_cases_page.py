@@ -1,4 +1,4 @@
-"""docs/explanation/cases.md tells of flights of this tree, not of an older one."""
+"""docs/explanation/cases.md has the figures of flights with this version of the code."""
 
 import pytest
 
@@ -6,5 +6,5 @@ from tests.support.flights.cases_page import check_page
 
 
 @pytest.mark.parametrize("name", ["path_planning"])
-def test_the_page_has_the_figures_of_its_flights(name: str) -> None:
+def test_the_page_has_the_figures_of_a_repeated_flight(name: str) -> None:
     check_page(name)

@@ -1,4 +1,4 @@
-"""The hunt by modem, in simulated time."""
+"""Target hunting with modem communication, in simulated time."""
 
 import math
 from pathlib import Path
@@ -24,7 +24,7 @@ def hunt(changes: dict[str, Any], seconds: float = 1e9) -> tuple[SimulatedHunt, 
     return simulated, watch.outcome()
 
 
-def test_by_sound_in_slots_nothing_is_lost_and_the_target_is_surrounded() -> None:
+def test_acoustic_messages_in_tdma_slots_all_arrive_and_the_target_is_surrounded() -> None:
     simulated, outcome = hunt({"seed": 7})
     assert outcome.success, outcome
     assert outcome.judgement.separation > 1.2
@@ -37,7 +37,7 @@ def test_by_sound_in_slots_nothing_is_lost_and_the_target_is_surrounded() -> Non
     assert all(planner.malformed == 0 for planner in simulated.planners)
 
 
-def test_a_neighbour_is_where_it_said_and_has_gone_on_since() -> None:
+def test_a_neighbour_is_extrapolated_from_its_last_report() -> None:
     """A report is 0.25 to 1.25 s old, yet gives the neighbour's own present estimate but for a few cm."""
     simulated, _ = hunt({"hunting.noise": 0.0}, 12.0)
     planner, neighbour = simulated.planners[:2]
@@ -49,7 +49,7 @@ def test_a_neighbour_is_where_it_said_and_has_gone_on_since() -> None:
     assert math.dist(report.position, neighbour._here.position[:2]) > 0.08
 
 
-def test_without_slots_messages_collide() -> None:
+def test_messages_collide_without_tdma_slots() -> None:
     changes = {"modem.slot": 0, "hunting.report_period": 1.0}
     simulated, _ = hunt(changes, 30.0)
     assert simulated.channel
@@ -61,7 +61,7 @@ def test_without_slots_messages_collide() -> None:
     assert hunt(changes, 30.0)[0].channel.counts == counts  # type: ignore[union-attr]
 
 
-def test_by_light_as_far_as_it_reaches() -> None:
+def test_optical_messages_arrive_within_range_only() -> None:
     clear = {"modem": {"kind": "optical", "slot": "50 ms"}}
     simulated, _ = hunt(clear, 5.0)
     assert simulated.channel
@@ -73,7 +73,7 @@ def test_by_light_as_far_as_it_reaches() -> None:
     assert "uuv4" not in simulated.planners[0].neighbours
 
 
-def test_the_case_reports_what_became_of_messages() -> None:
+def test_the_case_reports_the_counts_of_messages() -> None:
     from hil.cases.target_hunting import _messages
 
     assert TargetHuntingAcoustic.scenario == SCENARIO
@@ -81,7 +81,7 @@ def test_the_case_reports_what_became_of_messages() -> None:
     assert _messages({"sent": 3, "collided": 2})["modem: collided"] == 2
 
 
-def test_the_command_says_what_it_needs(tmp_path: Path) -> None:
+def test_the_channel_command_needs_a_modem_in_the_scenario(tmp_path: Path) -> None:
     for scenario in ("target_hunting", "paper_field"):  # with and without a fleet
         with Program(tmp_path, "channel", scenario) as water:
             assert water.wait() == 2

@@ -1,4 +1,4 @@
-"""The tutorial's planner of ten lines, run as it stands there: in simulated time and over the network."""
+"""The tutorial's planner of ten lines, run unchanged: in simulated time and over the network."""
 
 import json
 import re
@@ -31,13 +31,13 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_is_as_short_as_it_says() -> None:
+def test_the_planner_has_ten_lines_as_the_tutorial_says() -> None:
     lines = [line for line in from_tutorial("python").split("class ")[1].splitlines() if line.strip()]
     assert len(lines) == 10
     assert parse_toml(from_tutorial("toml"))["planner"]["class"] == "straight:Straight"
 
 
-def test_it_flies_in_simulated_time_and_over_the_network(tmp_path: Path, scenario: Path) -> None:
+def test_the_planner_flies_in_simulated_time_and_over_the_network(tmp_path: Path, scenario: Path) -> None:
     where = {"PYTHONPATH": str(tmp_path)}
     folder = tmp_path / "run"
     with (

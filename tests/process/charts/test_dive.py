@@ -1,4 +1,4 @@
-"""A dive over a chart: where, and what is shown of it."""
+"""A demonstration dive over a chart: its site, depth and scenario."""
 
 from itertools import pairwise
 from math import hypot
@@ -31,7 +31,7 @@ def slope_with_a_wall() -> Grid:
     return Grid(depths, -200.0, -200.0, 4.0)
 
 
-def test_the_best_way_is_beside_the_wall_and_in_known_water() -> None:
+def test_the_best_path_is_beside_the_wall_and_in_known_water() -> None:
     grid = slope_with_a_wall()
     found = list(sites(grid, 60.0))
     assert len(found) > 2
@@ -45,7 +45,7 @@ def test_the_best_way_is_beside_the_wall_and_in_known_water() -> None:
     assert all(hypot(*(a - b)) > 100.0 for a, b in pairwise(middles))
 
 
-def test_a_depth_that_is_asked_for() -> None:
+def test_a_requested_depth_is_used_where_the_water_allows_it() -> None:
     grid = slope_with_a_wall()
     assert {site.depth for site in sites(grid, 40.0, 7.0)} == {7.0}
     with pytest.raises(ConfigError, match="no straight way of 40 m at 30 m in known water"):
@@ -55,8 +55,8 @@ def test_a_depth_that_is_asked_for() -> None:
         depth_between(grid, (60.0, 0.0), (140.0, 0.0))
 
 
-def test_where_all_water_is_deeper_than_daylight_the_way_is_near_the_bed() -> None:
-    """The water is 50 m deep, as in most surveys of offices: no way at 12 m sees the bed."""
+def test_the_path_is_near_the_bed_where_all_water_is_deeper_than_daylight() -> None:
+    """The water is 50 m deep, as in most surveys of hydrographic offices: the bed is not visible from 12 m."""
     grid = slope_with_a_wall()
     deep = grid._replace(depths=grid.depths + 40.0)
     site = next(sites(deep, 60.0))
@@ -66,8 +66,8 @@ def test_where_all_water_is_deeper_than_daylight_the_way_is_near_the_bed() -> No
     assert all(each.depth <= MOST_DEPTH for each in sites(grid, 60.0))
 
 
-def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
-    """Start and goal are at the requested places on the earth."""
+def test_a_dive_scenario_over_a_chart_has_sensors_and_clearance(tmp_path: Path) -> None:
+    """Start and goal are at the requested geographic positions."""
     chart = bay().write(tmp_path / "BAY.000")
     path = prepare_dive(chart, DiveOptions((54.0015, 10.002), (54.0015, 10.0025)), str(tmp_path)).path
     scenario = load_scenario(path)
@@ -81,14 +81,14 @@ def test_a_scenario_of_a_chart(tmp_path: Path) -> None:
     assert east - west < 400.0
 
 
-def test_a_world_of_another_kind(tmp_path: Path) -> None:
+def test_a_dive_over_a_world_without_origin_takes_no_positions(tmp_path: Path) -> None:
     path = prepare_dive("ridge", DiveOptions(depth=6.0, length=20.0), str(tmp_path)).path
     assert load_scenario(path).master.depth == 6.0
     with pytest.raises(ConfigError, match="it has no origin"):
         prepare_dive("ridge", DiveOptions((1.0, 2.0), (1.0, 2.001)), str(tmp_path))
 
 
-def test_what_cannot_be_meant(tmp_path: Path) -> None:
+def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
     where = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--output", str(tmp_path)]
     with pytest.raises(ConfigError, match="--start and --goal go together"):
         demo.main(["--world", "ridge", "--start", "1,2", *where])
@@ -96,7 +96,7 @@ def test_what_cannot_be_meant(tmp_path: Path) -> None:
         demo.main(["--world", "nowhere.000", *where])
 
 
-def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dive_without_scipy_names_the_extras(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.commands.demo.find_spec", lambda name: None if name == "scipy" else True)
     with pytest.raises(MissingExtraError, match=r"needs scipy: pip install 'uuv-hil\[master,chart,imaging\]'"):
         demo.main(["--world", "BAY.000", "--output", str(tmp_path)])

@@ -1,4 +1,4 @@
-"""Worlds of Gazebo become worlds of ours: places, water, meshes; ours come back as they were."""
+"""Import of Gazebo worlds: positions, water, meshes; and a round trip of an exported world."""
 
 import re
 import shutil
@@ -31,7 +31,7 @@ def bay(tmp_path: Path) -> Path:
     return folder / "bay.sdf"
 
 
-def test_a_world_is_where_it_was(bay: Path, tmp_path: Path) -> None:
+def test_an_imported_world_keeps_its_positions_and_water(bay: Path, tmp_path: Path) -> None:
     """The file has east, north, up with the water at 2 m: north is y, east is x, depth is 2 - z."""
     world, notes = import_world(str(bay), str(tmp_path / "bay.toml"))
     assert (world.name, world.depth, world.density, world.gravity) == ("bay", 10.0, 1010.0, 9.8)
@@ -63,7 +63,7 @@ def _corners(world: World, number: int) -> np.ndarray:
     return np.array([places.min(axis=0), places.max(axis=0)])
 
 
-def test_a_turned_mesh_is_turned(tmp_path: Path) -> None:
+def test_a_rotated_mesh_stays_rotated(tmp_path: Path) -> None:
     """A plank of 4 m along x is turned to the north by its yaw and raised at its end by its pitch."""
     trimesh.creation.box((4.0, 0.1, 0.1)).export(str(tmp_path / "plank.stl"))
     (tmp_path / "w.sdf").write_text(
@@ -78,7 +78,7 @@ def test_a_turned_mesh_is_turned(tmp_path: Path) -> None:
     assert any("Nothing says how deep" in note for note in notes)
 
 
-def test_meshes_of_every_format_are_measured(tmp_path: Path) -> None:
+def test_meshes_of_every_format_have_their_size(tmp_path: Path) -> None:
     """Gazebo reads the unit of a COLLADA file, and its axes as they are."""
     box, endings = trimesh.creation.box((1.0, 2.0, 3.0)), ("stl", "obj", "glb", "dae")
     for ending in endings[:-1]:
@@ -95,7 +95,7 @@ def test_meshes_of_every_format_are_measured(tmp_path: Path) -> None:
         assert answer["is_closed"]
 
 
-def test_hostile_meshes_have_errors_of_their_own(tmp_path: Path) -> None:
+def test_a_hostile_mesh_gives_an_error_and_the_next_is_read(tmp_path: Path) -> None:
     """A mesh is damaged, expands entities, or is none; the next one is read all the same."""
     (tmp_path / "bad.stl").write_bytes(b"\0" * 200)
     (tmp_path / "bomb.dae").write_text('<!DOCTYPE c [<!ENTITY a "ha">]><COLLADA>&a;</COLLADA>')
@@ -108,7 +108,7 @@ def test_hostile_meshes_have_errors_of_their_own(tmp_path: Path) -> None:
     assert good["triangles"] == 12
 
 
-def test_our_own_export_comes_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_exported_world_is_imported_unchanged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Depths come back to the rounding of 16 bits, and so does every pile and block."""
     (tmp_path / "w.toml").write_text(
         'name = "w"\nsource = "test"\nextent = [0.0, 32.0, 0.0, 32.0]\ndepth = 12.0\norigin = [10.0, 20.0]\n'
@@ -130,7 +130,7 @@ def test_our_own_export_comes_back(tmp_path: Path, capsys: pytest.CaptureFixture
     assert after.box[0].heading == pytest.approx(0.5, abs=1e-5)
 
 
-def test_what_is_no_world_is_said(tmp_path: Path) -> None:
+def test_a_file_without_a_usable_world_is_refused(tmp_path: Path) -> None:
     model, floor = tmp_path / "m.sdf", tmp_path / "f.sdf"
     model.write_text('<sdf version="1.9"><model name="m"><link name="l"/></model></sdf>')
     floor.write_text(
@@ -149,7 +149,9 @@ def test_what_is_no_world_is_said(tmp_path: Path) -> None:
     assert import_world(str(floor), str(tmp_path / "x.toml"), 5.0).world.depth == 5.0
 
 
-def test_a_vehicle_flies_after_its_import(bay: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_imported_vehicle_and_its_scenario_are_valid(
+    bay: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The command writes the vehicle and a scenario with its sensors; both are read again."""
     out, flight = tmp_path / "otter.toml", tmp_path / "flight.toml"
     command = ["vehicle", "--import", str(bay), "-o", str(out), "--flight", str(flight)]

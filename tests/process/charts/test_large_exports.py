@@ -1,4 +1,4 @@
-"""Exports of a world that is larger than the memory they may take."""
+"""Exports of a large world take less memory than its grid."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Several sources of one place: which is believed, by priority, order and date; and beds across 180 degrees."""
+"""Several sources for one area: which one is used, by priority, order and date; and beds across 180 degrees."""
 
 import argparse
 from pathlib import Path
@@ -49,7 +49,7 @@ def depth_at(grid: Grid, plane: LocalPlane, longitude: float) -> float:
     return float(grid.depths[row, column])
 
 
-def test_of_two_rasters_the_one_of_greater_priority_is_believed(tmp_path: Path) -> None:
+def test_the_raster_of_greater_priority_is_used(tmp_path: Path) -> None:
     one, other = raster(tmp_path / "a.tif", 20.0, 10.0, 10.06), raster(tmp_path / "b.tif", 30.0, 10.02, 10.08)
     for priorities, both in (({}, 20.0), ({other: 2}, 30.0), ({one: 3, other: 2}, 20.0)):
         grid, plane, report = bed([one, other], priorities)
@@ -57,7 +57,7 @@ def test_of_two_rasters_the_one_of_greater_priority_is_believed(tmp_path: Path) 
         assert sum(share for _, share in report.beds) == pytest.approx(1.0, abs=0.01)
 
 
-def test_soundings_may_be_believed_before_a_raster(tmp_path: Path) -> None:
+def test_soundings_of_greater_priority_replace_a_raster(tmp_path: Path) -> None:
     """The raster then fills in where soundings are farther away than they reach."""
     coarse = raster(tmp_path / "coarse.tif", 20.0, 10.0, 10.08)
     survey = soundings(tmp_path / "survey.csv", 40.0, 10.02, 10.04)
@@ -67,7 +67,7 @@ def test_soundings_may_be_believed_before_a_raster(tmp_path: Path) -> None:
     assert report.beds[0][1] > 0.99
 
 
-def test_of_soundings_those_of_less_priority_are_left_out_where_others_are(tmp_path: Path) -> None:
+def test_soundings_of_less_priority_are_left_out_where_others_exist(tmp_path: Path) -> None:
     old, new = soundings(tmp_path / "old.csv", 20.0, 10.0, 10.04), soundings(tmp_path / "new.csv", 40.0, 10.02, 10.06)
     grid, plane, _ = bed([old, new], {new: 1})
     assert [depth_at(grid, plane, x) for x in (10.01, 10.03, 10.05)] == pytest.approx([20.0, 40.0, 40.0], abs=0.5)
@@ -75,7 +75,7 @@ def test_of_soundings_those_of_less_priority_are_left_out_where_others_are(tmp_p
     assert 20.0 < np.nanmean(mixed.depths[:, mixed.depths.shape[1] // 2]) < 40.0
 
 
-def test_what_is_no_priority(tmp_path: Path) -> None:
+def test_an_invalid_priority_is_refused(tmp_path: Path) -> None:
     assert command.priority("a=b.tif=-2") == ("a=b.tif", -2)
     for wrong in ("a.tif", "a.tif=high"):
         with pytest.raises(argparse.ArgumentTypeError, match="expected FILE=N"):

@@ -1,4 +1,4 @@
-"""Values of rasters: which band has the depths, in what unit, and marks for no depth that nothing names."""
+"""Values of rasters: the band that has the depths, their unit, and undeclared no-data values."""
 
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,7 @@ def test_the_band_named_as_a_height_is_taken(names: tuple[str, str], tmp_path: P
     assert depth_of(open_raster(path)) == MIDDLE
 
 
-def test_of_three_bands_without_such_a_name_the_first_is_taken(tmp_path: Path) -> None:
+def test_the_first_of_three_unnamed_bands_is_taken(tmp_path: Path) -> None:
     path = write(tmp_path / "three.tif", -DEPTHS, np.full((30, 40), 0.5), np.ones((30, 40)))
     assert depth_of(open_raster(path)) == MIDDLE
 
@@ -60,19 +60,19 @@ def test_depths_in_other_units_become_metres(name: str, unit: str, length: float
     assert depth_of(open_raster(path)) == MIDDLE
 
 
-def test_a_unit_that_nobody_knows_is_named(tmp_path: Path) -> None:
+def test_an_unknown_unit_is_named_in_the_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"units\.tif: its depths are in 'furlong', which is none of m, metre"):
         open_raster(write(tmp_path / "units.tif", DEPTHS, names=("depth",), unit="furlong"))
 
 
-def test_columns_in_feet_become_metres(tmp_path: Path) -> None:
+def test_a_text_column_in_feet_becomes_metres(tmp_path: Path) -> None:
     path = tmp_path / "feet.csv"
     path.write_text("lon,lat,depth_ft\n10,54,100\n10.001,54,200\n10,54.001,300\n")
     assert read_points(str(path)).depths == pytest.approx([30.48, 60.96, 91.44])
 
 
 @pytest.mark.parametrize("mark", [-99999.0, 1e20, np.inf])
-def test_a_mark_for_no_depth_that_the_file_does_not_name_is_refused(mark: float, tmp_path: Path) -> None:
+def test_an_undeclared_no_data_value_out_of_range_is_refused(mark: float, tmp_path: Path) -> None:
     marked = np.where(COLUMNS < 10, mark, -DEPTHS)
     with pytest.raises(ConfigError, match=r"marks\.tif: has .* m, which is no depth: if that stands for none"):
         open_raster(write(tmp_path / "marks.tif", marked, names=("elevation",)))
@@ -84,14 +84,14 @@ def test_a_mark_for_no_depth_that_the_file_does_not_name_is_refused(mark: float,
         read_points(str(path), "down")
 
 
-def test_a_coordinate_system_that_is_not_of_the_earth_is_refused(tmp_path: Path) -> None:
+def test_a_local_coordinate_system_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "pool.tif", DEPTHS, crs='LOCAL_CS["pool",UNIT["metre",1]]')
     with pytest.raises(ConfigError, match=r"pool\.tif: cannot be read as a raster"):
         open_raster(path)
 
 
-def test_a_common_mark_for_no_depth_that_nothing_names_is_refused(tmp_path: Path) -> None:
-    """The value -9999 lies within the depths of the earth: two of it to the last digit are no bed."""
+def test_an_undeclared_no_data_value_of_9999_is_refused(tmp_path: Path) -> None:
+    """The value -9999 is a possible depth on the earth, but two exactly equal ones are not a measured bed."""
     holes = -DEPTHS
     holes[:10, :10] = -9999.0
     with pytest.raises(ConfigError, match=r"9999 m, which is no depth.*gdal_translate -a_nodata"):
@@ -100,7 +100,7 @@ def test_a_common_mark_for_no_depth_that_nothing_names_is_refused(tmp_path: Path
     open_raster(write(tmp_path / "trench.tif", holes))
 
 
-def test_what_is_assumed_of_values_is_said(tmp_path: Path) -> None:
+def test_an_assumption_about_the_sign_of_values_is_reported(tmp_path: Path) -> None:
     named = open_raster(write(tmp_path / "named.tif", DEPTHS, names=("depth",)))
     bare = open_raster(write(tmp_path / "bare.tif", DEPTHS))
     odd = open_raster(write(tmp_path / "odd.tif", -DEPTHS, names=("depth",)))
@@ -111,7 +111,7 @@ def test_what_is_assumed_of_values_is_said(tmp_path: Path) -> None:
     assert open_raster(write(tmp_path / "bare.tif", DEPTHS), "down").note == ""
 
 
-def test_the_whole_earth_is_no_world(tmp_path: Path) -> None:
+def test_a_raster_of_the_whole_earth_needs_an_area(tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     where = rasterio.Affine(9.0, 0.0, -180.0, 0.0, -6.0, 90.0)
     path = write(tmp_path / "earth.tif", -DEPTHS, crs="EPSG:4326", transform=where)

@@ -1,4 +1,4 @@
-"""Beds from rasters as GDAL resamples them: where they lie, what sign they have, and which are refused."""
+"""Beds from rasters as GDAL resamples them: their position, their sign, and which are refused."""
 
 import socket
 from pathlib import Path
@@ -20,7 +20,7 @@ from hil.common.errors import ConfigError
 
 
 def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:
-    """Return latitudes and longitudes of places on the plane at 54 N 10 E, by PROJ."""
+    """Return latitudes and longitudes of points on the plane at 54 N 10 E, by PROJ."""
     warp = pytest.importorskip("rasterio.warp")
     longitude, latitude = warp.transform("+proj=ortho +lat_0=54 +lon_0=10 +ellps=WGS84", "EPSG:4326", east, north)
     return [np.array(latitude), np.array(longitude)]
@@ -35,7 +35,7 @@ def raster(path: Path, origin: tuple[float, float] | None = (54.0, 10.0)) -> Gri
     return grid
 
 
-def test_a_geotiff_of_ours_comes_back(tmp_path: Path) -> None:
+def test_a_written_geotiff_is_read_back(tmp_path: Path) -> None:
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = tmp_path / "bed.tif"
     grid = raster(path)
@@ -60,7 +60,7 @@ def test_a_geotiff_of_ours_comes_back(tmp_path: Path) -> None:
         build(survey, extent, 10.0)
 
 
-def test_of_rasters_and_soundings_each_has_its_place(tmp_path: Path) -> None:
+def test_rasters_are_used_in_order_and_before_soundings(tmp_path: Path) -> None:
     """The first raster goes before the second, both before soundings, which count where neither has a pixel."""
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     for name, depth, west in (("a", 10.0, -100.0), ("b", 20.0, 0.0)):
@@ -101,7 +101,7 @@ def test_a_large_raster_takes_no_longer_than_gdal_needs(tmp_path: Path) -> None:
     assert found == pytest.approx(-heights[[50, 400, 800], [100, 500, 900]], abs=0.02)
 
 
-def test_heights_and_depths_are_not_guessed(tmp_path: Path) -> None:
+def test_values_of_both_signs_need_a_name_or_an_option(tmp_path: Path) -> None:
     """Values of both signs are heights by their name, or need an option; values of one sign are a seabed."""
     rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = str(tmp_path / "topobathy.tif")
@@ -133,7 +133,7 @@ def test_heights_and_depths_are_not_guessed(tmp_path: Path) -> None:
         read_points(str(csv))
 
 
-def test_metres_of_a_named_coordinate_system(tmp_path: Path) -> None:
+def test_soundings_in_metres_need_a_named_coordinate_system(tmp_path: Path) -> None:
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = tmp_path / "utm.csv"
     path.write_text("easting,northing,depth\n565000,5984000,5\n565100,5984000,6\n565000,5984100,7\n")
@@ -148,7 +148,7 @@ def test_metres_of_a_named_coordinate_system(tmp_path: Path) -> None:
         read_points(str(path), crs="EPSG:1")
 
 
-def test_a_world_across_the_180th_meridian(tmp_path: Path) -> None:
+def test_soundings_across_the_180th_meridian_make_one_world(tmp_path: Path) -> None:
     path = tmp_path / "fiji.csv"
     rows = [(lon, -17.0 + 0.001 * i) for i in range(8) for lon in (179.996, 179.998, 180.0, -179.998, -179.996)]
     path.write_text("lon,lat,depth\n" + "\n".join(f"{lon},{lat},{12 if lon > 0 else 14}" for lon, lat in rows))
@@ -184,7 +184,7 @@ def s102(path: Path, depths: NDArray[np.float64], south: float, west: float, iss
         instance.create_group("Group_001").create_dataset("values", data=values)
 
 
-def test_s102_and_which_survey_is_the_newer(tmp_path: Path) -> None:
+def test_the_newer_s102_survey_is_used_on_request(tmp_path: Path) -> None:
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     old, new, text = (str(tmp_path / name) for name in ("old.h5", "new.h5", "s.csv"))
     sloping = 10.0 + np.arange(30.0)[:, None] * np.ones(40)
@@ -209,7 +209,7 @@ def test_s102_and_which_survey_is_the_newer(tmp_path: Path) -> None:
     assert command.main(["build", old, new, text, "--newest", "-o", str(tmp_path / "bay")]) == 0
 
 
-def test_a_netcdf_like_gebco_s_and_rasters_that_are_none(tmp_path: Path) -> None:
+def test_a_netcdf_like_that_of_gebco_is_read_and_a_file_that_is_no_raster_is_refused(tmp_path: Path) -> None:
     """The file has degrees, heights in whole metres, and two variables."""
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     h5py = pytest.importorskip("h5py", reason="writes the NetCDF for this test")
@@ -240,7 +240,7 @@ def test_a_netcdf_like_gebco_s_and_rasters_that_are_none(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("kind", ["WMS", "VRT"])
-def test_a_raster_that_names_a_host_is_refused_unasked(kind: str, tmp_path: Path) -> None:
+def test_a_raster_that_names_a_host_is_refused_without_a_connection(kind: str, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as host:
         address = f"http://127.0.0.1:{host.getsockname()[1]}/a"
         path = tmp_path / "a.tif"

@@ -27,7 +27,7 @@ def enclosed(cell: Cell, kind: str) -> float:
     return abs(total)
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_a_written_cell_is_read_back(tmp_path: Path) -> None:
     cell = read_cell(bay(scale=12_345).write(tmp_path / "BAY.000"))
     assert (cell.name, cell.edition, cell.update, cell.scale) == ("BAY", 1, 0, 12_345)
     kinds = [feature.kind for feature in cell.features]
@@ -47,7 +47,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert np.isnan(rock.points[0, 2])
 
 
-def test_areas_are_bounded_all_the_way_round(tmp_path: Path) -> None:
+def test_the_edges_of_an_area_form_closed_rings(tmp_path: Path) -> None:
     cell = read_cell(bay().write(tmp_path / "BAY.000"))
     assert enclosed(cell, "M_COVR") == pytest.approx(0.01 * 0.016, rel=1e-6)
     for feature in cell.select("DEPARE", "LNDARE", "M_COVR"):
@@ -106,7 +106,7 @@ def test_soundings_are_inserted_deleted_and_replaced(
     assert read_cell(path).select("SOUNDG")[0].points[:, 2].tolist() == expected
 
 
-def test_updates_come_in_turn_and_start_after_those_in_a_reissued_cell(tmp_path: Path) -> None:
+def test_updates_are_applied_in_order_after_those_in_a_reissued_cell(tmp_path: Path) -> None:
     base = Encoder(update=0)
     base.records[0]["DSID"] = [(*base.records[0]["DSID"][0][:6], 2, *base.records[0]["DSID"][0][7:])]
     base.soundings([(54.0, 10.0, 1.0)])
@@ -125,7 +125,7 @@ def test_updates_come_in_turn_and_start_after_those_in_a_reissued_cell(tmp_path:
     assert read_cell(path, updates=False).select("SOUNDG")[0].points[0, 2] == 1.0
 
 
-def test_an_update_of_another_edition_or_a_withdrawn_chart(tmp_path: Path) -> None:
+def test_an_update_of_another_edition_or_a_withdrawal_is_refused(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     Encoder(edition=2, update=1).write(tmp_path / "BAY.001")
     for edition in (2, 0):
@@ -135,7 +135,7 @@ def test_an_update_of_another_edition_or_a_withdrawn_chart(tmp_path: Path) -> No
         assert read_cell(path, updates=False).update == 0
 
 
-def test_an_update_that_does_not_fit(tmp_path: Path) -> None:
+def test_an_update_for_a_missing_record_is_refused(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     update = Encoder(update=1)
     update.add(FRID=[(100, 1, 1, 2, 90, 7, 2)])
@@ -144,7 +144,7 @@ def test_an_update_that_does_not_fit(tmp_path: Path) -> None:
         read_cell(path)
 
 
-def test_no_chart_at_all(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_file_that_is_no_chart_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "C.000"
     with pytest.raises(
         ConfigError,
@@ -185,7 +185,7 @@ def test_hostile_charts_are_refused_within_limits(tmp_path: Path, damage: str) -
         assert read_cell(str(path)).features
 
 
-def test_other_products_are_named(tmp_path: Path) -> None:
+def test_other_chart_products_are_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "101AA00.000"
     path.write_bytes(bay().data().replace(b"TEST", b"INT.IHO.S-101.1.0", 1))
     with pytest.raises(ConfigError, match=r"S-101; take the S-57 edition"):
@@ -205,13 +205,13 @@ def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.Monkey
         read_cell(bay().write(tmp_path / "C.000"))
 
 
-def test_without_gdal_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_chart_without_gdal_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(s57, "module_command", lambda *_: [sys.executable, "-c", "import sys; sys.exit(5)"])
     with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
         read_cell(bay().write(tmp_path / "C.000"))
 
 
-def test_cut_off_is_said(tmp_path: Path) -> None:
+def test_a_truncated_chart_is_reported_as_damaged(tmp_path: Path) -> None:
     whole = bay().data()
     path = tmp_path / "C.000"
     path.write_bytes(whole[:-10])
@@ -219,7 +219,7 @@ def test_cut_off_is_said(tmp_path: Path) -> None:
         read_cell(str(path))
 
 
-def test_units_that_no_enc_has(tmp_path: Path) -> None:
+def test_depths_that_are_not_in_metres_are_refused(tmp_path: Path) -> None:
     cell = bay()
     row = cell.records[1]["DSPM"][0]
     cell.records[1]["DSPM"] = [(*row[:6], 3, *row[7:])]  # feet
@@ -227,7 +227,7 @@ def test_units_that_no_enc_has(tmp_path: Path) -> None:
         read_cell(cell.write(tmp_path / "C.000"))
 
 
-def test_areas_need_no_order(tmp_path: Path) -> None:
+def test_the_edges_of_an_area_may_be_in_any_order(tmp_path: Path) -> None:
     cell = Encoder()
     pointers = cell.ring(square(54.0, 10.0, 54.1, 10.1))
     cell.feature(42, 3, pointers[::-1], DRVAL1=1, DRVAL2=2)
@@ -247,7 +247,7 @@ def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
     assert int(found[3]) < 500
 
 
-def test_a_geometry_that_is_none_is_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_invalid_geometry_is_reported_as_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """GEOS refuses it with an error that is no RuntimeError, which was a traceback in the process that reads."""
 
     def refuse(*_: object) -> None:

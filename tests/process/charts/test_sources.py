@@ -22,7 +22,7 @@ from tests.support.charts.small_cell import EAST, NORTH, SHORE, SOUTH, WEST, bay
 
 
 def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:
-    """Return latitudes and longitudes of places on the plane at 54 N 10 E, by PROJ."""
+    """Return latitudes and longitudes of points on the plane at 54 N 10 E, by PROJ."""
     warp = pytest.importorskip("rasterio.warp")
     longitude, latitude = warp.transform("+proj=ortho +lat_0=54 +lon_0=10 +ellps=WGS84", "EPSG:4326", east, north)
     return [np.array(latitude), np.array(longitude)]
@@ -37,7 +37,7 @@ def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:
     ("g.xyz", "> a track of GMT\n10.5 54.25 -7.5 S1\n10.6 54.5 -9.0 S1\n"),
     ("e.csv", '"lon","lat","note","elevation"\n10.5,54.25,"a, b",-7.5\n10.6,54.5,,-9\n10.7,54.5,nothing,\n'),
 ])  # fmt: skip
-def test_text_of_many_kinds(tmp_path: Path, name: str, text: str) -> None:
+def test_text_formats_of_soundings_are_read(tmp_path: Path, name: str, text: str) -> None:
     path = tmp_path / name
     path.write_text(text)
     points = read_points(str(path))
@@ -46,7 +46,7 @@ def test_text_of_many_kinds(tmp_path: Path, name: str, text: str) -> None:
     assert points.depths.tolist() == [7.5, 9.0]
 
 
-def test_packed_text_metres_and_signs(tmp_path: Path) -> None:
+def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Path) -> None:
     path = tmp_path / "s.xyz.gz"
     path.write_bytes(gzip.compress(b"x,y,z\n100,200,-5\n110,210,2\n120,220,-6\n"))
     with pytest.raises(ConfigError, match=r"from -6 to 2 m, and nothing says .*--positive up or --positive down"):
@@ -66,7 +66,7 @@ def test_packed_text_metres_and_signs(tmp_path: Path) -> None:
     ("1,2,3\n1,x,2\n", "no sounding in row 2"),
     ("400000,5900000,12\n", "these are no degrees.*east,north,depth"),
 ])  # fmt: skip
-def test_text_that_is_no_soundings(tmp_path: Path, text: str, output: str) -> None:
+def test_text_without_soundings_is_refused(tmp_path: Path, text: str, output: str) -> None:
     path = tmp_path / "bad.csv"
     path.write_text(text)
     with pytest.raises(ConfigError, match=f"bad.csv: .*{output}"):
@@ -74,7 +74,7 @@ def test_text_that_is_no_soundings(tmp_path: Path, text: str, output: str) -> No
 
 
 @pytest.mark.parametrize(("ending", "pack"), [(".gz", gzip.compress), (".bz2", bz2.compress), (".xz", lzma.compress)])
-def test_a_small_file_that_unpacks_without_end(
+def test_a_decompression_bomb_is_refused(
     ending: str, pack: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Reading is bounded by lines, by characters, and by the length of one line."""
@@ -96,7 +96,7 @@ def test_a_small_file_that_unpacks_without_end(
     assert len(read_points(str(path)).depths) == 9_999
 
 
-def test_the_whole_of_what_unpacks_without_end_is_never_in_memory(tmp_path: Path) -> None:
+def test_a_decompression_bomb_takes_little_memory(tmp_path: Path) -> None:
     """The 4 MB hold 4 GB without the end of a line, which took all memory; of 20 MB of comments nothing is stored."""
     path = tmp_path / "s.xyz.gz"
     for text, words in ((b"0" * (1 << 22), "a line of more than 10000"), (b"#" * 9_999 + b"\n", "no soundings in it")):
@@ -110,13 +110,13 @@ def test_the_whole_of_what_unpacks_without_end_is_never_in_memory(tmp_path: Path
             tracemalloc.stop()
 
 
-def test_soundings_are_no_pipe(tmp_path: Path) -> None:
+def test_a_pipe_is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "s.xyz")
     with pytest.raises(ConfigError, match="no regular file"):
         read_points(str(tmp_path / "s.xyz"))
 
 
-def test_a_chart_as_a_survey(tmp_path: Path) -> None:
+def test_a_chart_becomes_a_survey_and_a_bed(tmp_path: Path) -> None:
     survey, extent = read_sources([bay().write(tmp_path / "BAY.000")], None, 20.0)
     assert survey.origin == pytest.approx((0.5 * (SOUTH + NORTH), 0.5 * (WEST + EAST)))
     assert extent[1] - extent[0] == pytest.approx(1113.0, abs=2.0)
@@ -138,7 +138,7 @@ def test_a_chart_as_a_survey(tmp_path: Path) -> None:
     assert built.report.rmse < 0.3
 
 
-def test_the_larger_scale_is_believed_where_charts_overlap(tmp_path: Path) -> None:
+def test_the_chart_of_larger_scale_is_used_where_charts_overlap(tmp_path: Path) -> None:
     """The coarse chart is 5 m too deep everywhere, and has a rock of its own inside the finer one."""
     coarse = Encoder(scale=90_000)
     coarse.area(302, square(SOUTH, WEST - 0.016, NORTH, EAST), CATCOV=1)
@@ -165,7 +165,7 @@ def test_the_larger_scale_is_believed_where_charts_overlap(tmp_path: Path) -> No
     assert grid.at(at) == pytest.approx([bed(54.0035, 10.008), bed(54.0035, WEST) + 25.0], abs=3.0)
 
 
-def test_a_chart_without_soundings_or_coverage(tmp_path: Path) -> None:
+def test_a_chart_without_soundings_or_coverage_is_refused(tmp_path: Path) -> None:
     empty = Encoder()
     empty.area(302, square(SOUTH, WEST, NORTH, EAST), CATCOV=1)
     with pytest.raises(ConfigError, match="E: no soundings: take a chart of a larger scale"):
@@ -176,7 +176,7 @@ def test_a_chart_without_soundings_or_coverage(tmp_path: Path) -> None:
         read_sources([bare.write(tmp_path / "B.000")], None, 20.0)
 
 
-def test_an_area_of_a_chart(tmp_path: Path) -> None:
+def test_an_area_of_a_chart_is_built_and_must_have_water(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     survey, extent = read_sources([path], Box(54.001, 10.002, 54.004, 10.008), 10.0)
     built = build(survey, extent, 10.0)
@@ -190,7 +190,7 @@ def test_an_area_of_a_chart(tmp_path: Path) -> None:
             build(survey, extent, 10.0)
 
 
-def test_files_that_cannot_be_meant(tmp_path: Path) -> None:
+def test_unusable_files_are_refused(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     metres = tmp_path / "m.csv"
     metres.write_text("east,north,depth\n0,0,5\n10,0,6\n0,10,7\n")
@@ -204,7 +204,7 @@ def test_files_that_cannot_be_meant(tmp_path: Path) -> None:
             read_sources(paths, None, 20.0)
 
 
-def test_soundings_in_metres_alone(tmp_path: Path) -> None:
+def test_soundings_in_local_metres_make_a_world_without_origin(tmp_path: Path) -> None:
     path = tmp_path / "m.csv"
     random = np.random.default_rng(1)
     rows = [(e, n, 10.0 + 0.05 * n) for e, n in random.uniform(0.0, 100.0, (200, 2))]

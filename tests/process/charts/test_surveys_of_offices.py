@@ -1,4 +1,4 @@
-"""Rasters as hydrographic offices give them out: S-102 with quality or without uncertainty, BAG of several resolutions.
+"""Rasters as hydrographic offices publish them: S-102 with quality or without uncertainty, BAG of several resolutions.
 
 The real ones that these are like: S-102 of NOAA (US4MI1CI) and BSH (DE00NO13R), BAG of the Open Navigation Surface.
 """
@@ -57,7 +57,7 @@ def s102(path: Path, with_uncertainty: bool) -> str:
 
 
 @pytest.mark.parametrize("with_uncertainty", [True, False])
-def test_s102_of_edition_3(with_uncertainty: bool, tmp_path: Path) -> None:
+def test_s102_of_edition_3_is_read(with_uncertainty: bool, tmp_path: Path) -> None:
     path = s102(tmp_path / "102AA00BAY.H5", with_uncertainty)
     survey, extent = read_sources([path], None)
     grid = build(survey, extent).placed.grid
@@ -68,7 +68,7 @@ def test_s102_of_edition_3(with_uncertainty: bool, tmp_path: Path) -> None:
     assert np.isnan(found[2])
 
 
-def test_other_products_of_s100_are_refused(tmp_path: Path) -> None:
+def test_other_s100_products_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "111AA00BAY.h5"
     with h5py.File(path, "w") as file:
         file.attrs["productSpecification"] = "INT.IHO.S-111.1.0"
@@ -108,7 +108,7 @@ def varying_bag(path: Path) -> str:
     return str(path)
 
 
-def test_a_bag_of_variable_resolution_is_read_at_its_finest(tmp_path: Path) -> None:
+def test_a_bag_of_variable_resolution_is_read_at_its_finest_resolution(tmp_path: Path) -> None:
     """The overview, which has one node in 30 m and here another depth, is not read."""
     path = varying_bag(tmp_path / "vr.bag")
     with pytest.raises(ConfigError, match="name it, as --crs"):

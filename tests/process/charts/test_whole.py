@@ -1,4 +1,4 @@
-"""A chart is gridded once, whole; what is flown over is cut from it."""
+"""A whole chart is gridded once and cached; the bed of a dive is cut from that grid."""
 
 import os
 import shutil
@@ -30,7 +30,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "uuv-hil" / "charts"
 
 
-def test_it_is_gridded_once(tmp_path: Path, cache: Path) -> None:
+def test_a_chart_is_gridded_once_and_then_cached(tmp_path: Path, cache: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     first, second = whole_bed(path), whole_bed(path)
     assert (first.is_cached, second.is_cached) == (False, True)
@@ -63,7 +63,7 @@ def test_the_cache_is_pruned_and_may_be_missing_or_damaged(
     assert whole_bed(path, 25.0).report.soundings > 40
 
 
-def test_a_part_has_the_same_nodes(tmp_path: Path) -> None:
+def test_a_part_of_a_chart_has_the_same_nodes_as_the_whole(tmp_path: Path) -> None:
     """All the chart's data shape a part, also when only that part is built."""
     path = bay().write(tmp_path / "BAY.000")
     placed = whole_bed(path, 10.0).placed
@@ -78,7 +78,7 @@ def test_a_part_has_the_same_nodes(tmp_path: Path) -> None:
     assert cut(Placed(placed.grid, things, ()), part.grid.extent).cylinders == things[:1]
 
 
-def test_a_dive_is_over_the_whole_charts_bed(tmp_path: Path) -> None:
+def test_a_dive_has_the_bed_of_the_whole_chart(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     path, facts = prepare_dive(path, DiveOptions(length=10.0, resolution=10.0), str(tmp_path))
     flown = grid_of(load_world(load_scenario(path).world))
@@ -90,8 +90,8 @@ def test_a_dive_is_over_the_whole_charts_bed(tmp_path: Path) -> None:
         prepare_dive("ridge", DiveOptions(length=10.0, resolution=10.0), str(tmp_path))
 
 
-def test_a_chart_of_a_small_scale_with_soundings_in_one_corner(tmp_path: Path) -> None:
-    """Most of the chart has none; a dive finds a path, and a grid that is too fine is refused with one that will do."""
+def test_a_small_scale_chart_with_soundings_in_one_corner_has_a_path(tmp_path: Path) -> None:
+    """A dive finds a path, and a grid that is too fine is refused with a usable resolution."""
     cell = Encoder(scale=80_000)
     cell.area(302, square(54.0, 10.0, 54.2, 10.3), CATCOV=1)
     cell.area(42, square(54.0, 10.0, 54.2, 10.3), DRVAL1=5, DRVAL2=20)
@@ -115,7 +115,7 @@ def test_the_resolution_follows_from_the_data_until_there_are_too_many_nodes(tmp
     assert wide == 30.0
 
 
-def test_a_coast_is_a_guide(tmp_path: Path) -> None:
+def test_the_coast_line_guides_the_bed(tmp_path: Path) -> None:
     """The bed comes up to the coast without contours or near soundings, and no water is exactly 0 m deep."""
     cell = Encoder(scale=10_000)
     cell.area(302, square(54.0, 10.0, 54.01, 10.016), CATCOV=1)
@@ -150,7 +150,7 @@ def test_a_wreck_bounds_the_bed(tmp_path: Path) -> None:
     assert whole.report.held_out > 50, "the bed under a wreck is no sounding"
 
 
-def test_sites_of_a_large_grid_are_looked_for_where_it_is_steep() -> None:
+def test_sites_of_a_large_grid_are_searched_where_the_bed_is_steep() -> None:
     side = 400
     assert side * side > 3 * MOST_MIDDLES
     depths = np.full((side, side), 10.0, np.float32)
@@ -159,7 +159,7 @@ def test_sites_of_a_large_grid_are_looked_for_where_it_is_steep() -> None:
     assert all(380.0 <= axis <= 610.0 for axis in best.start)
 
 
-def test_an_area_keeps_what_lies_beside_it(tmp_path: Path) -> None:
+def test_an_area_uses_the_soundings_beside_it(tmp_path: Path) -> None:
     """An area without a sounding of its own has the bed that the soundings beside it make."""
     path = bay().write(tmp_path / "BAY.000")
     survey, extent = read_sources([path], Box(54.0041, 10.0081, 54.0046, 10.0089), 5.0)

@@ -54,7 +54,7 @@ def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys
     )
 
 
-def test_a_lighthouse_and_a_house_on_piles_stand_in_the_water_and_others_on_land(tmp_path: Path) -> None:
+def test_lighthouses_and_houses_become_piles_only_where_they_stand_in_water(tmp_path: Path) -> None:
     cell = bay()
     for latitude in (54.005, 54.009):
         cell.point(74, (latitude, 10.012))
@@ -68,7 +68,7 @@ def test_a_lighthouse_and_a_house_on_piles_stand_in_the_water_and_others_on_land
     assert len(found) == 4, "with the pile and what floats"
 
 
-def test_the_report_for_programs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_report_of_a_build_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "w.toml"), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["world"] == str(tmp_path / "w.toml")
@@ -78,7 +78,7 @@ def test_the_report_for_programs(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert report["water"] > 0.6
 
 
-def test_show_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_world_is_drawn_and_exported_in_each_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["show", "harbour", "-o", str(tmp_path / "h.png"), "--resolution", "4"]) == 0
     for ending in ("tif", "stl", "glb", "sdf"):
         assert command.main(["export", "harbour", str(tmp_path / f"h.{ending}")]) == 0
@@ -99,19 +99,21 @@ def test_show_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     (["build", "x.000", "-o", "w", "--area", "60,2,50,3"], "south to north growing, from west to east"),
     (["build", "x.000", "-o", "w"], "x.000: the chart cannot be read"),
 ])  # fmt: skip
-def test_what_cannot_be_meant(arguments: list[str], output: str) -> None:
+def test_wrong_arguments_are_refused(arguments: list[str], output: str) -> None:
     with pytest.raises(ConfigError, match=output):
         command.main(arguments)
 
 
-def test_too_fine_and_too_coarse(tmp_path: Path) -> None:
+def test_a_resolution_that_is_too_fine_or_too_coarse_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--resolution: 0.1 m makes .* nodes, more than"):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "0.1"])
     with pytest.raises(ConfigError, match="--resolution: 5000 m is larger than the area: take a finer one"):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "5000"])
 
 
-def test_list(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_installed_and_own_worlds_are_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "own")])
     capsys.readouterr()
@@ -139,13 +141,13 @@ def test_an_interrupted_build_leaves_the_old_world(tmp_path: Path, monkeypatch: 
     assert {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)} == before
 
 
-def test_without_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_build_without_scipy_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.charts.build.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w")])
 
 
-def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+def test_an_output_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ConfigError, match="cannot be written"):
         command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "file" / "w")])

@@ -1,4 +1,4 @@
-"""Right to command through the Python interface, and the stop of the vehicle at a program's end."""
+"""The right to command through the Python interface, and the stop of the vehicle when a program ends."""
 
 import signal
 import subprocess
@@ -20,7 +20,7 @@ from tests.support.processes import ROOT, Program, wait_for, write_scenario
 __all__ = ["endpoint", "fleet", "own_slave", "vehicle"]  # the fixtures
 
 
-def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+def test_an_action_continues_after_the_slave_was_restarted(own_slave: tuple[Program, str], tmp_path: Path) -> None:
     program, endpoint = own_slave
     with hil.connect(endpoint, wait=60.0) as fleet:
         vehicle = fleet["uuv1"]
@@ -44,7 +44,7 @@ def test_a_vehicle_that_goes_and_comes_back(own_slave: tuple[Program, str], tmp_
 
 
 @retried_when_busy("a silence may last longer")
-def test_a_short_silence_ends_no_reading(own_slave: tuple[Program, str]) -> None:
+def test_reading_continues_after_a_short_silence_of_the_slave(own_slave: tuple[Program, str]) -> None:
     program, endpoint = own_slave
     with hil.connect(endpoint, wait=60.0) as fleet:
         vehicle = fleet["uuv1"]
@@ -57,7 +57,7 @@ def test_a_short_silence_ends_no_reading(own_slave: tuple[Program, str]) -> None
         assert vehicle.present, "both waited until it was back"
 
 
-def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
+def test_a_second_master_is_refused_unless_it_takes_over(own_slave: tuple[Program, str]) -> None:
     program, endpoint = own_slave
     with hil.connect(endpoint, wait=60.0) as first:
         first["uuv1"].drive(surge=0.1)
@@ -76,8 +76,8 @@ def test_another_master_commands(own_slave: tuple[Program, str]) -> None:
             watching["uuv1"].stop()
 
 
-def test_a_master_that_is_taken_over_learns_it(own_slave: tuple[Program, str]) -> None:
-    """An action that was done reports it too: its goal is held no more."""
+def test_a_master_is_told_that_another_took_over(own_slave: tuple[Program, str]) -> None:
+    """A completed action reports it too, because its goal is no longer held."""
     program, endpoint = own_slave
     with hil.connect(endpoint, wait=60.0) as first, hil.connect(endpoint, take_over=True, wait=60.0) as other:
         reported = first["uuv1"].drive(surge=0.1).wait(60)
@@ -89,8 +89,8 @@ def test_a_master_that_is_taken_over_learns_it(own_slave: tuple[Program, str]) -
 
 
 @retried_when_busy("a connection, and a command of another process")
-def test_the_first_command_goes_out_at_once(endpoint: str) -> None:
-    """The command waits for nothing, also just after another master, whom the last figures may still name, has left."""
+def test_the_first_command_is_sent_at_once(endpoint: str) -> None:
+    """The command is not delayed by the previous master, which the last diagnostics may still name."""
     for _ in range(2):
         with hil.connect(endpoint, wait=60.0) as fleet:
             vehicle = fleet["uuv1"]
@@ -100,7 +100,7 @@ def test_the_first_command_goes_out_at_once(endpoint: str) -> None:
             time.sleep(0.3)  # the vehicle tells who commands
 
 
-def test_a_disarmed_vehicle(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+def test_commands_to_a_disarmed_vehicle_are_refused(own_slave: tuple[Program, str], tmp_path: Path) -> None:
     _, endpoint = own_slave
     call = ("topic", "call", "/uuv1/arm", "{data: false}", "--connect", endpoint)
     with Program(tmp_path, *call) as program:
@@ -111,7 +111,7 @@ def test_a_disarmed_vehicle(own_slave: tuple[Program, str], tmp_path: Path) -> N
             fleet["uuv1"].stop()
 
 
-def test_software_of_its_own(tmp_path: Path) -> None:
+def test_commands_to_a_vehicle_with_an_external_controller_are_refused(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path, top='controller = "external"')
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
@@ -121,7 +121,7 @@ def test_software_of_its_own(tmp_path: Path) -> None:
                 fleet["uuv1"].stop()
 
 
-def test_the_slave_says_what_it_could_not_obey(own_slave: tuple[Program, str]) -> None:
+def test_the_slave_reports_why_it_refused_a_command(own_slave: tuple[Program, str]) -> None:
     _, endpoint = own_slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
@@ -137,7 +137,7 @@ def test_the_slave_says_what_it_could_not_obey(own_slave: tuple[Program, str]) -
         assert 1 <= (client.diagnostics().commands_malformed or 0) <= sent
 
 
-LEAVE = """
+PROGRAM_THAT_ENDS = """
 import sys, time
 import hil
 fleet = hil.connect("{endpoint}", wait=60.0)
@@ -152,10 +152,10 @@ sys.stdin.readline()
     ("ending", "code"),
     [("", 0), ("raise ValueError('x')", 1), ("sys.exit(7)", 7), ("while True: time.sleep(0.05)", -signal.SIGINT)],
 )
-def test_however_the_program_ends_the_vehicle_stops(endpoint: str, ending: str, code: int) -> None:
+def test_the_vehicle_stops_however_the_program_ends(endpoint: str, ending: str, code: int) -> None:
     with hil.connect(endpoint, observe=True, wait=60.0) as watching:
         vehicle = watching["uuv1"]
-        text = LEAVE.format(endpoint=endpoint, ending=ending)
+        text = PROGRAM_THAT_ENDS.format(endpoint=endpoint, ending=ending)
         with subprocess.Popen(
             [sys.executable, "-c", text],
             cwd=ROOT,

@@ -1,4 +1,4 @@
-"""Comparison of a master's clock with a vehicle's, by the answers to its own pings alone."""
+"""Liveness of a vehicle, and the comparison of its clock with that of a master by pings."""
 
 import time
 from collections.abc import Iterator
@@ -25,9 +25,9 @@ ASK, ANSWER, MASTERS = clock_keys("uuv1")
 
 
 class Vehicle:
-    """Answers pings by a clock of its own, `ahead_ns` ns ahead, and remembers what masters tell.
+    """Answers pings by a clock of its own, `ahead_ns` ns ahead, and records the delay reports of masters.
 
-    `deaf`: what masters ask as such does not reach it, as if they had no right to command.
+    `deaf`: pings of masters do not reach it, as if they had no right to command.
     """
 
     ahead_ns = 5 * NS_PER_S
@@ -73,17 +73,19 @@ def begin(session: Session, part: Part) -> tuple[LivenessMonitor, ClockOffset]:
     return contact, clock
 
 
-@pytest.mark.parametrize(("part", "tells"), [("master", True), ("observer", False)])
-def test_a_master_tells_how_each_answer_came(ends: tuple[Vehicle, Session], part: Part, tells: bool) -> None:
+@pytest.mark.parametrize(("part", "reports_replies"), [("master", True), ("observer", False)])
+def test_only_a_master_reports_when_each_reply_arrived(
+    ends: tuple[Vehicle, Session], part: Part, reports_replies: bool
+) -> None:
     vehicle, session = ends
     contact, _ = begin(session, part)
-    assert bool(wait_for(lambda: vehicle.reported, 60 if tells else 0.5)) is tells
+    assert bool(wait_for(lambda: vehicle.reported, 60 if reports_replies else 0.5)) is reports_replies
     contact.end()
     for sent, answered, came in vehicle.reported:
         assert any(ping <= came <= sent and ping + vehicle.ahead_ns <= answered for ping, *_ in vehicle.pings)
 
 
-def test_a_master_known_as_one_asks_where_others_do_not(ends: tuple[Vehicle, Session]) -> None:
+def test_a_master_pings_on_its_own_key_and_as_observer_without_reply(ends: tuple[Vehicle, Session]) -> None:
     vehicle, session = ends
     contact, _ = begin(session, "master")
     assert wait_for(lambda: contact.reported)
@@ -101,7 +103,7 @@ def test_a_master_known_as_one_asks_where_others_do_not(ends: tuple[Vehicle, Ses
     contact.end()
 
 
-def test_answers_to_pings_that_others_sent_in_its_name_change_nothing(ends: tuple[Vehicle, Session]) -> None:
+def test_replies_to_forged_pings_do_not_change_the_clock_offset(ends: tuple[Vehicle, Session]) -> None:
     vehicle, session = ends
     contact, clock = begin(session, "master")
     now = to_wall_ns(time.monotonic_ns())
@@ -118,7 +120,7 @@ def test_answers_to_pings_that_others_sent_in_its_name_change_nothing(ends: tupl
 
 
 @pytest.mark.parametrize("offset_s", [0, -3600, 3600])
-def test_an_instant_of_a_slave_that_started_before_the_clock_was_set(offset_s: int) -> None:
+def test_sample_ages_are_right_when_the_slave_started_before_its_clock_was_set(offset_s: int) -> None:
     """The board has no real-time clock: its slave started, then its wall clock was set, then this master started."""
     clock, session = ClockOffset(), Mock(spec=Session, has_pairs=True, openings=1)
     contact = LivenessMonitor(session, "uuv1", clock, lambda: None, print, 1.0)
@@ -131,7 +133,7 @@ def test_an_instant_of_a_slave_that_started_before_the_clock_was_set(offset_s: i
 
 
 @pytest.mark.parametrize("is_here", [True, False], ids=["one machine", "two machines"])
-def test_a_restarted_vehicle_with_another_clock_is_not_gone(ends: tuple[Vehicle, Session], is_here: bool) -> None:
+def test_a_restarted_vehicle_with_another_clock_stays_present(ends: tuple[Vehicle, Session], is_here: bool) -> None:
     """Its first messages come before the clocks have been compared again."""
     _, session = ends
     values = {"boot_id": boot_id() if is_here else "another"}
@@ -157,7 +159,7 @@ def test_a_restarted_vehicle_with_another_clock_is_not_gone(ends: tuple[Vehicle,
 
 
 def test_two_slaves_of_one_name_are_not_commanded(ends: tuple[Vehicle, Session]) -> None:
-    """Their tokens are both there for longer than one that was killed would be."""
+    """Both liveliness tokens exist for longer than that of a killed slave would."""
     _, session = ends
     with VehicleClient(session, "uuv1") as client:
         client.command(VelocityCommand())

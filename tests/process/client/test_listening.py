@@ -1,4 +1,4 @@
-"""A master gets what it listens to, and the vehicle sends nothing else."""
+"""A client receives the topics that it subscribes to, and the vehicle sends no others."""
 
 import json
 import time
@@ -25,7 +25,7 @@ def endpoint(tmp_path: Path) -> Iterator[str]:
         yield endpoint
 
 
-def test_only_what_is_asked_for_comes(endpoint: str) -> None:
+def test_only_subscribed_topics_are_sent(endpoint: str) -> None:
     with VehicleClient(endpoint, "uuv1", topics=("odom",)) as client:
         assert client.wait_for_vehicle(60)
         assert wait_for(lambda: client.received["odom"] > 10 and client.diagnostics())
@@ -42,20 +42,20 @@ def test_only_what_is_asked_for_comes(endpoint: str) -> None:
         assert "pressure" not in client.latest
 
 
-def test_all_comes_to_who_does_not_choose(endpoint: str) -> None:
+def test_a_client_without_a_choice_of_topics_gets_all(endpoint: str) -> None:
     with VehicleClient(endpoint, "uuv1") as client:
         assert wait_for(lambda: {"imu", "pressure", "odom", "dvl", "ground_truth"} <= set(client.latest))
 
 
 @pytest.mark.parametrize("topics", [("odom",), (ALL,)])
-def test_a_map_that_is_made_already_comes_to_a_late_client(endpoint: str, topics: tuple[str, ...]) -> None:
+def test_a_late_client_gets_the_existing_map(endpoint: str, topics: tuple[str, ...]) -> None:
     for _ in range(2):
         with VehicleClient(endpoint, "uuv1", part="observer", topics=topics) as client:
             client.watch("map")
             assert wait_for(lambda: client.received["map"])
 
 
-def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) -> None:
+def test_the_last_sample_of_a_slow_sensor_is_there_at_once(endpoint: str) -> None:
     """The sensor sends once in two seconds, and is subscribed to only now."""
     with hil.connect(endpoint, wait=60.0) as fleet:
         vehicle = fleet["uuv1"]
@@ -69,8 +69,8 @@ def test_a_sensor_that_is_slower_than_one_waits_is_there_at_once(endpoint: str) 
         assert "pressure" not in vehicle.client.latest
 
 
-def test_a_mission_spares_the_network_what_its_planner_does_not_use(tmp_path: Path) -> None:
-    """The same mission is run twice and counted from outside; once the master records it, and so wants all."""
+def test_topics_that_a_planner_does_not_use_are_not_sent_in_a_mission(tmp_path: Path) -> None:
+    """The same mission runs twice: in the second run the master records it, and so subscribes to all topics."""
     rates, folders, demos = [], [tmp_path / "spared", tmp_path / "whole"], []
     for folder, wish in zip(folders, ("", '[recording]\nmaster = true\ncompression = "none"\n'), strict=True):
         folder.mkdir()
@@ -91,8 +91,8 @@ def test_a_mission_spares_the_network_what_its_planner_does_not_use(tmp_path: Pa
     assert spared < 0.5 * whole, "61 a second"
 
 
-def test_what_is_listened_to_by_name_and_with_all_comes_once(endpoint: str) -> None:
-    """A planner that names no topics listens to all of them."""
+def test_a_topic_subscribed_by_name_and_by_all_arrives_once(endpoint: str) -> None:
+    """A planner that names no topics subscribes to all of them."""
     with VehicleClient(endpoint, "uuv1", topics=("odom", "ground_truth", ALL)) as client:
         assert wait_for(lambda: client.received["odom"] > 0)
         before = dict(client.received)
@@ -101,32 +101,32 @@ def test_what_is_listened_to_by_name_and_with_all_comes_once(endpoint: str) -> N
             assert 20 < client.received[topic] - before[topic] < 60, "40, and 80 if they came twice"
 
 
-class Curious(Planner):
-    """Says nothing of what it listens to."""
+class PlannerWithoutTopics(Planner):
+    """A planner that does not name the topics it uses."""
 
     def command(self, time: float, samples: object) -> VelocityCommand:
         return VelocityCommand()
 
 
-def test_planners_say_what_they_use() -> None:
+def test_planners_name_the_topics_they_use() -> None:
     assert topics_of(Follow()) == ("odom", "ground_truth")
     tasks = Tasks(home=[0.0, 0.0], scan="scanning_sonar", task=[{"name": "a", "at": [0.0, 0.0], "duration": 1.0}])
     assert topics_of(tasks) == ("odom", "ground_truth", "scanning_sonar", "battery", "dvl", "leak")
-    assert topics_of(Curious()) == ("odom", "ground_truth", ALL), "one of a user's own gets all"
+    assert topics_of(PlannerWithoutTopics()) == ("odom", "ground_truth", ALL), "one of a user's own gets all"
 
 
 @pytest.mark.parametrize(
     ("subscriptions", "words"),
     [("imu", r"expected a tuple of topics, such as \('imu',\)"), (("lasser",), "no topic 'lasser'.*laser")],
 )
-def test_what_is_no_topic_is_reported(subscriptions: str | tuple[str, ...], words: str) -> None:
-    planner = Curious()
+def test_an_unknown_topic_of_a_planner_is_reported(subscriptions: str | tuple[str, ...], words: str) -> None:
+    planner = PlannerWithoutTopics()
     planner.subscriptions = subscriptions
     with pytest.raises(ConfigError, match=f"Curious: subscriptions.*{words}"):
         topics_of(planner)
 
 
-def test_two_who_want_different_things_get_them(endpoint: str) -> None:
+def test_two_clients_with_different_topics_get_their_own(endpoint: str) -> None:
     with open_master_session(endpoint) as session, VehicleClient(session, "uuv1", topics=("imu",)) as one:
         with VehicleClient(endpoint, "uuv1", part="observer", topics=("pressure",)) as other:
             assert wait_for(lambda: "imu" in one.latest and "pressure" in other.latest)

@@ -98,15 +98,15 @@ def run(code: str, *arguments: str) -> str:
     return done.stdout
 
 
-def test_client_gateways_and_planners_import_nothing_that_only_linux_has() -> None:
+def test_client_gateways_and_planners_import_no_linux_modules() -> None:
     assert int(run(IMPORT).split()[1]) > 450
 
 
-def test_each_command_runs_or_says_that_it_needs_linux() -> None:
+def test_each_command_runs_or_reports_that_it_needs_linux() -> None:
     assert run(HELP).split() == ["demo", "slave", "teleop", "loopback", "stm32", "board", "doctor"]
 
 
-def test_benchmarks_are_compared_and_not_measured_elsewhere(tmp_path: Path) -> None:
+def test_benchmarks_are_compared_but_not_measured_without_linux(tmp_path: Path) -> None:
     with Program(tmp_path, "bench", "jitter", command=COMMAND) as program:
         assert program.wait() == 3, program.output
     assert "bench jitter runs on Linux only, and this is darwin" in program.output
@@ -115,7 +115,7 @@ def test_benchmarks_are_compared_and_not_measured_elsewhere(tmp_path: Path) -> N
     assert "a.json: no such file" in program.output
 
 
-def test_a_simulated_flight_and_its_picture(tmp_path: Path) -> None:
+def test_a_simulated_flight_with_its_plot_runs_without_linux_modules(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     words = ("sim", scenario, "--fast", "--plot", tmp_path / "flight.png", "--output", tmp_path / "flight.csv")
     with Program(tmp_path, *words, command=COMMAND) as program:
@@ -123,7 +123,7 @@ def test_a_simulated_flight_and_its_picture(tmp_path: Path) -> None:
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_recording_made_without_them_is_a_whole_file(tmp_path: Path) -> None:
+def test_a_recording_made_without_linux_modules_is_complete(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     words = ("record", "--connect", f"tcp/127.0.0.1:{port}", "-o", tmp_path / "dive", "--seconds", "2")
     with Program(tmp_path, "slave", scenario), Program(tmp_path, *words, command=COMMAND) as recorder:
@@ -136,20 +136,20 @@ def test_a_recording_made_without_them_is_a_whole_file(tmp_path: Path) -> None:
     assert summary.statistics.message_count > 10
 
 
-def test_workers_are_tied_to_nothing_that_only_linux_has(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker that does not find its parent in /proc ends itself. joblib's own pool needs what is taken away here."""
+def test_workers_need_no_linux_features(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker that does not find its parent in /proc ends itself. The real pool of joblib cannot run here."""
     monkeypatch.setattr(sys, "platform", "darwin")
     with worker_options() as options:
         assert options == {}
 
 
-def test_a_client_without_them_commands_a_slave(tmp_path: Path) -> None:
+def test_a_client_without_linux_modules_commands_a_slave(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario):
         assert run(STEER, f"tcp/127.0.0.1:{port}").startswith("imu ")
 
 
-def test_the_json_gateway_without_them(tmp_path: Path) -> None:
+def test_the_json_gateway_runs_without_linux_modules(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario):
         words = ("gateway", "--connect", f"tcp/127.0.0.1:{port}", "--listen", f"127.0.0.1:{free_port()}")
@@ -162,7 +162,7 @@ def test_the_json_gateway_without_them(tmp_path: Path) -> None:
             assert gateway.stop(signal.SIGINT) in (0, 130), gateway.output
 
 
-def test_the_mavlink_gateway_without_them(tmp_path: Path) -> None:
+def test_the_mavlink_gateway_runs_without_linux_modules(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", 0))
@@ -179,7 +179,7 @@ def test_the_mavlink_gateway_without_them(tmp_path: Path) -> None:
             assert gateway.stop(signal.SIGINT) in (0, 130), gateway.output
 
 
-def test_a_planner_without_them_flies_a_mission(tmp_path: Path) -> None:
+def test_a_planner_without_linux_modules_flies_a_mission(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]"))
     words = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}")
@@ -187,6 +187,6 @@ def test_a_planner_without_them_flies_a_mission(tmp_path: Path) -> None:
         assert master.wait() == 0, master.output
 
 
-def test_what_is_taken_away_is_missed() -> None:
+def test_modules_that_need_linux_fail_without_it() -> None:
     command = [sys.executable, "-c", BLOCK + "import hil.slave.drivers.pty_driver, hil.links.wires.terminal"]
     assert "No module named" in subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stderr

@@ -1,4 +1,4 @@
-"""`import hil`: a real slave, found, looked at and flown from Python; and every way in which that can go wrong."""
+"""The Python interface `hil.connect` with a real slave: discovery, samples, commands, and their errors."""
 
 import asyncio
 import functools
@@ -30,14 +30,14 @@ from tests.support.processes import ROOT, Program, free_port, slave_with, wait_f
 __all__ = ["endpoint", "fleet", "own_slave", "vehicle"]  # the fixtures
 
 
-def test_vehicles_are_found_by_themselves(fleet: Fleet) -> None:
+def test_vehicles_are_discovered(fleet: Fleet) -> None:
     assert list(fleet.vehicles) == ["uuv1"] == fleet.names
     assert [vehicle.name for vehicle in fleet] == ["uuv1"]
     assert fleet["uuv1"] is fleet.vehicles["uuv1"]
     assert "uuv1" in repr(fleet)
 
 
-def test_state_and_sensors_are_typed_and_know_their_age(vehicle: Vehicle) -> None:
+def test_state_and_sensors_are_typed_and_have_an_age(vehicle: Vehicle) -> None:
     assert wait_for(lambda: 0.0 <= vehicle.imu.age < 0.2 and 0.0 <= vehicle.state.age < 0.2)
     state, imu = vehicle.state, vehicle.imu
     assert isinstance(state, State)
@@ -72,7 +72,7 @@ def test_an_iterator_gives_every_sample(vehicle: Vehicle) -> None:
     assert next(short).time_ns > before - 100_000_000, "the oldest were dropped"
 
 
-def test_each_kind_of_command_moves_it(vehicle: Vehicle) -> None:
+def test_each_kind_of_command_moves_the_vehicle(vehicle: Vehicle) -> None:
     north, east, depth = vehicle.state.position
     vehicle.drive(surge=0.3, depth=depth + 0.2, heading=0.4)
     assert wait_for(lambda: vehicle.state.velocity[0] > 0.2 and vehicle.state.depth > depth + 0.1)
@@ -87,7 +87,7 @@ def test_each_kind_of_command_moves_it(vehicle: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("how", [{"smooth": True}, {"lookahead": 0.8}])
-def test_ways_are_followed(vehicle: Vehicle, how: dict[str, Any]) -> None:
+def test_paths_are_followed(vehicle: Vehicle, how: dict[str, Any]) -> None:
     north, east, depth = vehicle.state.position
     way = [(north, east + 0.5, depth), (north + 0.2, east + 1.0, depth)]
     brisk = Limits(acceleration=1.0, yaw_rate=2.0, lateral_acceleration=2.0)
@@ -96,7 +96,7 @@ def test_ways_are_followed(vehicle: Vehicle, how: dict[str, Any]) -> None:
     assert vehicle.hold_heading(0.0, tolerance=1.0).wait(60).done
 
 
-def test_a_new_command_ends_the_one_before(vehicle: Vehicle) -> None:
+def test_a_new_command_ends_the_previous_action(vehicle: Vehicle) -> None:
     north, east, depth = vehicle.state.position
     far = vehicle.go_to(north + 50.0, east, depth)
     with pytest.raises(MissionError, match=r"within 0\.1 s"):
@@ -106,7 +106,7 @@ def test_a_new_command_ends_the_one_before(vehicle: Vehicle) -> None:
         far.wait()
 
 
-def test_asyncio(endpoint: str) -> None:
+def test_the_interface_works_with_asyncio(endpoint: str) -> None:
     async def fly() -> tuple[list[int], bool, int]:
         async with hil.connect(endpoint, wait=60.0) as fleet:
             (vehicle,) = await fleet.find("uuv1", seconds=60)
@@ -154,26 +154,26 @@ def test_asyncio(endpoint: str) -> None:
         ),
     ],
 )
-def test_what_cannot_be_meant_is_reported(vehicle: Vehicle, tell: Callable[[Vehicle], object], words: str) -> None:
+def test_wrong_arguments_are_reported(vehicle: Vehicle, tell: Callable[[Vehicle], object], words: str) -> None:
     with pytest.raises(ConfigError) as caught:
         tell(vehicle)
     assert words in str(caught.value)
     assert not vehicle.client.has_commanded
 
 
-def test_a_way_that_breaks_a_limit(vehicle: Vehicle) -> None:
+def test_a_path_that_breaks_a_limit_is_refused(vehicle: Vehicle) -> None:
     with pytest.raises(MissionError, match="deep"):
         vehicle.follow([(5.0, 5.0, 3.0)], limits=Limits(deepest=2.5))
 
 
-def test_a_sensor_that_is_not_there(vehicle: Vehicle) -> None:
+def test_a_missing_sensor_is_reported_with_those_that_exist(vehicle: Vehicle) -> None:
     with pytest.raises(NetworkError, match=r"no 'gps'.*it sends .*imu.*\[sensors"):
         _ = vehicle.gps
     with pytest.raises(NetworkError, match="no 'gps'"):
         next(vehicle.samples("gps", timeout=0.2))
 
 
-def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
+def test_camera_topics_have_the_name_of_their_encoding(tmp_path: Path) -> None:
     """Pictures are JPEG unless the scenario says otherwise; an error names the kind that there is."""
     with (
         slave_with(tmp_path, "camera = { rate = 5, width = 64, height = 48 }") as endpoint,
@@ -194,7 +194,7 @@ def test_pictures_go_by_the_name_of_their_kind(tmp_path: Path) -> None:
         assert wait_for(lambda: is_reported(lambda: vehicle.gps, sent))
 
 
-def test_nobody_there() -> None:
+def test_a_missing_slave_is_reported_with_the_remedy() -> None:
     began = time.monotonic()
     with hil.connect(f"tcp/127.0.0.1:{free_port()}", wait=0.3) as fleet:
         with pytest.raises(NetworkError, match=r"nothing listens on port.*uuv-hil slave"):
@@ -208,7 +208,7 @@ def test_nobody_there() -> None:
         hil.connect()
 
 
-def test_another_name(endpoint: str) -> None:
+def test_a_wrong_vehicle_name_is_reported_with_those_that_exist(endpoint: str) -> None:
     with (
         hil.connect(endpoint, wait=0.3) as fleet,
         pytest.raises(NetworkError, match="there are: uuv1; did you mean 'uuv1'"),
@@ -216,13 +216,13 @@ def test_another_name(endpoint: str) -> None:
         fleet["uuv2"]
 
 
-def test_importing_hil_loads_nothing() -> None:
+def test_importing_hil_loads_no_other_modules() -> None:
     code = "import sys; before = set(sys.modules); import hil; print(sorted(set(sys.modules) - before))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.stdout == "['hil', 'hil.common']\n", "the latter has the version"
 
 
-def test_through_a_router(tmp_path: Path) -> None:
+def test_a_vehicle_is_commanded_through_a_router(tmp_path: Path) -> None:
     port = free_port()
     scenario, _ = write_scenario(tmp_path)
     routed = f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{port}"\n'
@@ -237,7 +237,7 @@ def test_through_a_router(tmp_path: Path) -> None:
 
 
 def test_a_router_is_distinguished_from_a_slave(tmp_path: Path) -> None:
-    """A client that connects to a router learns how to ask for a vehicle; a slave without its router, what to start."""
+    """A client that connects to a router gets an error with the option to add; a slave, the command to start."""
     port = free_port()
     scenario, _ = write_scenario(tmp_path)
     options = ("--connect", f"tcp/127.0.0.1:{port}", "--output", tmp_path / "run", "--wait", 1)
@@ -256,7 +256,7 @@ def test_a_router_is_distinguished_from_a_slave(tmp_path: Path) -> None:
         slave.expect(f"router tcp/127.0.0.1:{port} is not reached: .*is `uuv-hil router` running")
 
 
-def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:
+def test_a_recording_of_all_command_kinds_repeats_bit_for_bit(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     folder = tmp_path / "recordings"
     scenario.write_text(scenario.read_text() + f'[recording]\nslave = true\nfolder = "{folder}"\n')
@@ -293,7 +293,9 @@ def test_a_recording_of_all_kinds_repeats_to_the_bit(tmp_path: Path) -> None:
     assert all(counts[name] >= 4 for name in COMMANDS if name != "cmd_vel_stamped"), counts
 
 
-def test_two_publishers_of_ros_steer_together(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+def test_two_anonymous_ros_publishers_of_different_topics_command_together(
+    own_slave: tuple[Program, str], tmp_path: Path
+) -> None:
     """One publishes depths and one velocities, neither with a name; a second publisher of depths is refused."""
     _, endpoint = own_slave
     how = ("--rate", 20, "--connect", endpoint)
@@ -312,7 +314,7 @@ def test_two_publishers_of_ros_steer_together(own_slave: tuple[Program, str], tm
         assert vehicle.state.depth > 2.1
 
 
-def test_two_vehicles_at_two_endpoints(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+def test_two_vehicles_at_two_endpoints_are_commanded(own_slave: tuple[Program, str], tmp_path: Path) -> None:
     _, first = own_slave
     folder = tmp_path / "second"
     folder.mkdir()

@@ -1,4 +1,4 @@
-"""Samples come again when the library has a sound link and brings nothing of it: the session is opened again."""
+"""Reopening a session: after a link that is alive brings no samples, and after failures to open or close."""
 
 import socket
 import time
@@ -22,8 +22,8 @@ FRAME, FRAGMENT = 0x05, 0x06  # ids of zenoh's transport messages that carry dat
 KEEP_ALIVE = b"\x01\x00\x04"  # with its length before it; a link that carries data sends none
 
 
-class WithoutSamples(Relay):
-    """Passes on what keeps a link open, and none of the slave's messages on the link of samples.
+class SampleBlockingRelay(Relay):
+    """A relay that forwards keep-alives, but none of the slave's messages on the link of samples.
 
     It does so to the session that connected while `withholds` was set, on whichever connection, so that a new
     connection does not help it and a new session does.
@@ -38,7 +38,7 @@ class WithoutSamples(Relay):
         super().__init__(target)
 
     def _pass(self, end: socket.socket) -> None:
-        """Pass on what has come; a link that its client has closed, as it does to open another session, is closed."""
+        """Forward the received bytes, and close the link when the client has closed it to open another session."""
         far = self._pairs[end] if end not in self._far else end
         near = self._pairs[far]
         try:
@@ -69,7 +69,7 @@ class WithoutSamples(Relay):
         self._buffers[far] = data
 
 
-def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_again(
+def test_samples_and_commands_arrive_again_after_a_session_was_reopened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stall, "LEASES", 1)
@@ -78,7 +78,7 @@ def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_aga
     reports: list[str] = []
     with (
         Program(tmp_path, "slave", scenario),
-        WithoutSamples(port) as relay,
+        SampleBlockingRelay(port) as relay,
         VehicleClient(relay.endpoint, "uuv1", report=reports.append) as client,
     ):
         assert wait_for(lambda: client.received["odom"] > 10 and relay._sessions)
@@ -93,7 +93,7 @@ def test_samples_come_again_and_commands_arrive_after_the_session_was_opened_aga
         assert command_until(lambda: surge_of(client) > 0.05, client, surge=0.3), "who commands is obeyed again"
 
 
-def test_all_that_was_declared_works_again() -> None:
+def test_all_declarations_work_after_a_session_was_reopened() -> None:
     with (
         listen(f"tcp/127.0.0.1:{(port := free_port())}") as slave,
         open_master_session(f"tcp/127.0.0.1:{port}") as master,
@@ -133,7 +133,7 @@ def test_all_that_was_declared_works_again() -> None:
         assert ("t/withdrawn", True) not in tokens
 
 
-def test_it_is_harmless_when_it_was_closed() -> None:
+def test_reopening_a_closed_session_does_nothing() -> None:
     session = open_master_session("tcp/127.0.0.1:9")
     session.close()
     session.reopen(session.openings)
@@ -143,7 +143,7 @@ def test_it_is_harmless_when_it_was_closed() -> None:
 
 
 @pytest.mark.parametrize("attempts", [1, 3])
-def test_one_that_cannot_be_opened_tries_again(attempts: int) -> None:
+def test_a_session_that_failed_to_open_is_opened_by_a_later_try(attempts: int) -> None:
     with open_master_session("tcp/127.0.0.1:9") as session:
         command, opened = session.publisher("uuv1", TOPICS["cmd_vel"]), session._open_library
         failures = attempts
@@ -165,8 +165,8 @@ def test_one_that_cannot_be_opened_tries_again(attempts: int) -> None:
         assert session.openings == 2
 
 
-def test_clients_end_while_it_is_opened_again() -> None:
-    """A session takes long to open where the router is gone."""
+def test_clients_can_close_while_a_session_is_reopened() -> None:
+    """Opening a session takes long when the router has ended."""
     with open_master_session("tcp/127.0.0.1:9") as session:
         withdraw, opened, begun, go_on = session.declare_token("t/x"), session._open_library, Event(), Event()
 
@@ -188,7 +188,7 @@ def test_clients_end_while_it_is_opened_again() -> None:
         assert session.openings == 2
 
 
-def test_who_declares_on_one_that_is_lost_is_told() -> None:
+def test_a_declaration_on_a_lost_session_is_an_error() -> None:
     with open_master_session("tcp/127.0.0.1:9") as session:
         session._open_library = _fail
         session.reopen(session.openings)
@@ -200,8 +200,8 @@ def _fail() -> zenoh.Session:
     raise zenoh.ZError("no router")
 
 
-class WithoutEnd:
-    """The library's session, which it cannot close in time."""
+class UnclosableSession:
+    """A session of the library whose `close` fails."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -211,11 +211,11 @@ class WithoutEnd:
         raise zenoh.ZError("close operation timed out!")
 
 
-def test_one_that_cannot_be_closed_is_opened_again_all_the_same() -> None:
+def test_a_session_whose_close_fails_is_still_reopened() -> None:
     with open_master_session("tcp/127.0.0.1:9") as session:
         for number in range(2):
-            session._session = WithoutEnd(session._session)  # type: ignore[assignment]
+            session._session = UnclosableSession(session._session)  # type: ignore[assignment]
             session.reopen(session.openings)
             assert session.openings == number + 2
             assert not session.is_lost
-        session._session = WithoutEnd(session._session)  # type: ignore[assignment]
+        session._session = UnclosableSession(session._session)  # type: ignore[assignment]

@@ -1,4 +1,4 @@
-"""`uuv-hil board`: what it shows, and that installing and taking away leaves a machine as it was."""
+"""`uuv-hil board`: what it shows, and that install and uninstall together leave a machine unchanged."""
 
 import json
 import os
@@ -20,7 +20,7 @@ from tests.support.boards.recorded import build, plant
 __all__ = ["root", "scenario"]  # the fixtures
 
 
-def test_what_is_shown_of_a_board(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_state_of_a_board_is_shown(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "--root", str(root)]) == 0
     text = capsys.readouterr().out
     assert text.startswith('Raspberry Pi 4 Model B (calls itself "Raspberry Pi 4 Model B Rev 1.5")\n')
@@ -34,7 +34,7 @@ def test_what_is_shown_of_a_board(root: Path, capsys: pytest.CaptureFixture[str]
     assert "can0 (not there): MCP2515" in text
 
 
-def test_budgets_and_sources(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_budgets_and_sources_are_shown(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "--root", str(root)]) == 0
     short = " ".join(capsys.readouterr().out.split())
     assert "recommended: step 2.5 ms, control_period 20 ms, at most 50% of a core and 64 MiB " in short
@@ -49,7 +49,7 @@ def test_budgets_and_sources(root: Path, capsys: pytest.CaptureFixture[str]) -> 
         assert re.search(rf"^  {name} +\w+", full.partition("sources:\n")[2], re.MULTILINE), name
 
 
-def test_power_modes_and_throttling(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_power_modes_and_throttling_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "--root", str(build("jetson_nano", tmp_path / "nano"))]) == 0
     assert "power mode 5W: 2 cores, 5 W (sudo nvpmodel -m 1)\n" in capsys.readouterr().out
     assert cli.main(["board", "--root", str(build("raspberry_pi_zero_2w", tmp_path / "zero"))]) == 0
@@ -57,7 +57,7 @@ def test_power_modes_and_throttling(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "the supply voltage is too low, throttled; since boot: the supply voltage is too low, throttled" in text
 
 
-def test_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_state_of_a_board_as_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "--json", "--root", str(root)]) == 0
     reported = json.loads(capsys.readouterr().out)
     assert reported["board"] == "Raspberry Pi 4 Model B"
@@ -69,7 +69,7 @@ def test_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert reported["throttling"] == {"now": [], "before": [], "known": True}
 
 
-def test_this_machine_and_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_machine_and_a_named_board_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board"]) == 0
     assert cli.main(["board", "--root", str(tmp_path)]) == 0
     assert capsys.readouterr().out.endswith("none of the boards known: nameless, unknown architecture\n")
@@ -80,7 +80,7 @@ def test_this_machine_and_none(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "raspberry_pi_cm4" in capsys.readouterr().out
 
 
-def test_all_boards_for_other_programs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_boards_are_listed_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "list", "--json"]) == 0
     reported = json.loads(capsys.readouterr().out)
     assert reported["jetson_nano"]["power"][1]["watts"] == 5
@@ -96,13 +96,17 @@ def test_all_boards_for_other_programs(capsys: pytest.CaptureFixture[str]) -> No
         ("uninstall --json", "uninstall: --json goes only with show, list"),
     ],
 )
-def test_options_of_another_action(capsys: pytest.CaptureFixture[str], arguments: str, message: str) -> None:
+def test_options_of_another_action_are_refused(
+    capsys: pytest.CaptureFixture[str], arguments: str, message: str
+) -> None:
     assert cli.main(["board", *arguments.split()]) == 2
     assert capsys.readouterr().err == f"uuv-hil board: {message}\n"
 
 
 @pytest.mark.parametrize("order", ["{more} install {file}", "install {more} {file}", "install {file} {more}"])
-def test_options_stand_anywhere(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], order: str) -> None:
+def test_options_may_stand_before_and_after_the_action(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], order: str
+) -> None:
     words = order.format(file=scenario, more=f"--dry-run --user uuv --root {root}").split()
     assert cli.main(["board", *words]) == 0
     assert f"+++ {UNIT}" in capsys.readouterr().out
@@ -124,7 +128,7 @@ def test_a_dry_run_shows_every_line_and_writes_none(
         assert all(f"+{line}" in shown.splitlines() for line in (root / path[1:]).read_text().splitlines())
 
 
-def test_taking_away_leaves_everything_as_it_was(root: Path, scenario: str) -> None:
+def test_uninstalling_restores_every_file(root: Path, scenario: str) -> None:
     Path(scenario).write_text(CAN)
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
     before = files(root)
@@ -136,8 +140,10 @@ def test_taking_away_leaves_everything_as_it_was(root: Path, scenario: str) -> N
     assert not (root / "etc/uuv-hil").exists()
 
 
-def test_installing_again(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """An installation that is repeated changes only what differs, and removes a CAN unit that is needed no more."""
+def test_a_repeated_installation_changes_only_what_differs(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A CAN unit that is no longer needed is removed."""
     before = files(root)
     assert install(root, scenario, "--yes") == 0
     capsys.readouterr()
@@ -156,8 +162,10 @@ def test_installing_again(root: Path, scenario: str, capsys: pytest.CaptureFixtu
     assert files(root) == before
 
 
-def test_what_somebody_changed_stays(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file that was there before the installation comes back when the changed one is taken away."""
+def test_a_file_that_was_changed_after_installation_is_left(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file that was there before the installation is restored when the changed one was deleted."""
     plant(root, RULES[1:], "# from before\n")
     before = files(root)
     assert install(root, scenario, "--yes") == 0
@@ -174,7 +182,9 @@ def test_what_somebody_changed_stays(root: Path, scenario: str, capsys: pytest.C
     assert files(root) == before
 
 
-def test_what_somebody_put_back_is_no_change(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_was_restored_by_hand_is_not_reported_as_changed(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The same holds where an installation ended before it came to a file."""
     plant(root, RULES[1:], "# from before\n")
     before = files(root)
@@ -185,7 +195,7 @@ def test_what_somebody_put_back_is_no_change(root: Path, scenario: str, capsys: 
     assert files(root) == before
 
 
-def test_no_permission_is_one_line_and_nothing_is_written(
+def test_missing_permission_is_one_line_and_nothing_is_written(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = files(root)
@@ -204,14 +214,14 @@ def test_no_permission_is_one_line_and_nothing_is_written(
         ("uuv\nExecStartPre=/bin/evil", "is no valid user"),
     ],
 )
-def test_users_that_cannot_be_meant(
+def test_root_and_unknown_users_are_refused(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], user: str, message: str
 ) -> None:
     assert cli.main(["board", "install", scenario, "--root", str(root), "--user", user, "--yes"]) == 2
     assert message in capsys.readouterr().err
 
 
-def test_nobody_to_ask_and_nothing_to_take_away(
+def test_install_without_a_terminal_and_uninstall_of_nothing_are_refused(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
@@ -222,7 +232,7 @@ def test_nobody_to_ask_and_nothing_to_take_away(
     assert cli.main(["board", "install", "--root", str(root), "--user", "uuv"]) == 2
 
 
-def test_asking(root: Path, scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_are_written_only_after_confirmation(root: Path, scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = files(root)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("builtins.input", lambda _: "no")
@@ -234,7 +244,7 @@ def test_asking(root: Path, scenario: str, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize("text", [SERIAL, CAN])
-def test_every_line_of_the_units_is_known(root: Path, scenario: str, text: str) -> None:
+def test_the_units_have_only_settings_that_systemd_has(root: Path, scenario: str, text: str) -> None:
     Path(scenario).write_text(text)
     assert install(root, scenario, "--yes") == 0
     for path in (UNIT, CAN_UNIT) if text == CAN else (UNIT,):
@@ -244,7 +254,7 @@ def test_every_line_of_the_units_is_known(root: Path, scenario: str, text: str) 
         assert all(key in KNOWN[section].split() for section, key, _ in settings(content))
 
 
-def test_what_the_unit_says(root: Path, scenario: str) -> None:
+def test_the_service_unit_starts_the_slave_with_its_rights(root: Path, scenario: str) -> None:
     assert install(root, scenario, "--yes", "--listen", "tcp/0.0.0.0:7447") == 0
     lines = list(settings((root / UNIT[1:]).read_text()))
     values = {key: value for _, key, value in lines}
@@ -260,7 +270,7 @@ def test_what_the_unit_says(root: Path, scenario: str) -> None:
     assert (root / UNIT[1:]).stat().st_mode & 0o777 == 0o644
 
 
-def test_the_can_unit(root: Path, scenario: str) -> None:
+def test_the_can_unit_configures_the_interface(root: Path, scenario: str) -> None:
     Path(scenario).write_text(CAN)
     assert install(root, scenario, "--yes") == 0
     done = [value for _, key, value in settings((root / CAN_UNIT[1:]).read_text()) if key == "ExecStart"]
@@ -282,11 +292,11 @@ def test_the_can_unit(root: Path, scenario: str) -> None:
     ("text", "written"),
     [("plain", "plain"), ("/a b", '"/a b"'), ("50%", "50%%"), ("$HOME", "$HOME"), ('a"', '"a\\""'), ("a;b", '"a;b"')],
 )
-def test_words_of_a_unit(text: str, written: str) -> None:
+def test_words_are_escaped_for_a_unit(text: str, written: str) -> None:
     assert board_install.escape_word(text) == written
 
 
-def test_names_that_would_break_a_unit(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_cannot_inject_lines_into_a_unit(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path(scenario).write_text(CAN.replace("can0", "can0 up; rm -r /"))
     assert install(root, scenario, "--yes") == 2
     assert "cannot stand in a unit" in capsys.readouterr().err
@@ -326,7 +336,7 @@ def test_every_rule_for_udev_is_well_formed(root: Path, scenario: str) -> None:
 
 
 @pytest.mark.parametrize("text", [SERIAL, CAN])
-def test_systemd_agrees_where_it_is_installed(root: Path, scenario: str, text: str) -> None:
+def test_systemd_accepts_the_units_where_it_is_installed(root: Path, scenario: str, text: str) -> None:
     """The tests above are all there is without systemd, which is no dependency."""
     Path(scenario).write_text(text)
     assert install(root, scenario, "--yes") == 0

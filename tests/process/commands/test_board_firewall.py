@@ -42,15 +42,15 @@ def test_new_connections_are_limited_by_a_firewall(
 
 
 @pytest.mark.parametrize("listen", ["tcp/127.0.0.1:7500", "tcp/localhost:7500", "tcp/[::1]:7500"])
-def test_what_others_do_not_reach_needs_no_firewall(root: Path, scenario: str, listen: str) -> None:
+def test_a_loopback_endpoint_gets_no_firewall(root: Path, scenario: str, listen: str) -> None:
     assert install(root, scenario, "--yes", "--listen", listen) == 0
     assert not (root / FIREWALL[1:]).exists()
     assert not (root / FIREWALL_UNIT[1:]).exists()
 
 
 @pytest.mark.skipif(not shutil.which("nft") or os.geteuid() != 0, reason="needs nftables, and root")
-def test_the_kernel_takes_the_rules(root: Path, scenario: str) -> None:
-    """The rules are loaded twice, in a network of their own."""
+def test_the_kernel_accepts_the_firewall_rules(root: Path, scenario: str) -> None:
+    """The rules are loaded twice, in their own network namespace."""
     assert install(root, scenario, "--yes", "--listen", "tcp/0.0.0.0:7500") == 0
     path = root / FIREWALL[1:]
     script = f"nft -f {path} && nft -f {path} && nft list table inet uuv_hil && nft delete table inet uuv_hil"

@@ -1,4 +1,4 @@
-"""Campaigns: combinations, failures that are rows, a table."""
+"""Campaigns: combinations of values, rows of failed runs, the table, the end of workers."""
 
 import csv
 import os
@@ -15,19 +15,19 @@ from hil.common.errors import ConfigError
 from tests.support.processes import Program, command_line, wait_for, write_scenario
 
 
-def test_combinations() -> None:
+def test_variations_make_all_combinations() -> None:
     assert campaign.combinations([]) == [{}]
     sets = campaign.combinations(["master.speed=0.5,0.6", "stm32=python"])
     assert sets == [{"master.speed": 0.5, "stm32": "python"}, {"master.speed": 0.6, "stm32": "python"}]
 
 
 @pytest.mark.parametrize("text", ["master.speed", "=1", "master.speed="])
-def test_a_wrong_variation(text: str) -> None:
+def test_a_wrong_variation_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match="KEY=VALUE"):
         campaign.combinations([text])
 
 
-def test_more_combinations_than_a_machine_can_fly(capsys: pytest.CaptureFixture[str]) -> None:
+def test_too_many_combinations_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """Ten keys of ten values each are refused before one is made."""
     values = ",".join(map(str, range(10)))
     vary = [word for number in range(10) for word in ("--vary", f"key{number}={values}")]
@@ -41,7 +41,7 @@ def test_more_combinations_than_a_machine_can_fly(capsys: pytest.CaptureFixture[
     assert "20 combinations with 100000 seeds each are more than 1000000 runs" in line
 
 
-def test_a_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_campaign_writes_a_row_for_each_run_and_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario, _ = write_scenario(tmp_path)
     output = tmp_path / "runs.csv"
     arguments = [str(scenario), "--seeds", "2", "--vary", "master.speed=0.4,0.8", "--jobs", "2", "-o", str(output)]
@@ -85,14 +85,14 @@ def test_an_output_that_cannot_be_written_is_found_before_anything_runs(tmp_path
         campaign.main([str(scenario), "--seeds", "100000", "-o", str(tmp_path / "runs.csv")])
 
 
-def test_the_table_is_there_even_if_the_disk_is_full(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_is_printed_when_the_disk_is_full(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario, _ = write_scenario(tmp_path)
     with pytest.raises(ConfigError, match="No space left"):
         campaign.main([str(scenario), "--seeds", "1", "--jobs", "1", "-o", "/dev/full"])
     assert "1/1" in capsys.readouterr().out
 
 
-def test_no_worker_outlives_it(tmp_path: Path) -> None:
+def test_no_worker_outlives_the_campaign(tmp_path: Path) -> None:
     check_workers_end(tmp_path, "campaign", signal.SIGTERM)
 
 

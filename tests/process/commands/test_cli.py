@@ -49,14 +49,14 @@ def run_without(tmp_path: Path, packages: str, *arguments: object) -> str:
         ["bench", "table"],
     ],
 )
-def test_on_a_board_without_numpy(tmp_path: Path, arguments: list[str]) -> None:
+def test_commands_without_numpy_name_the_extra(tmp_path: Path, arguments: list[str]) -> None:
     line = run_without(tmp_path, "numpy joblib matplotlib xacro", *arguments)
     assert line.startswith("uuv-hil ")  # for the demo it is its master that says so
     assert line.endswith("pip install 'uuv-hil[master]'")
 
 
 @pytest.mark.parametrize("arguments", [["plot"], ["replay", "--check"]])
-def test_a_recording_without_mcap(tmp_path: Path, arguments: list[str]) -> None:
+def test_commands_on_recordings_without_mcap_name_the_extra(tmp_path: Path, arguments: list[str]) -> None:
     folder = tmp_path / "recording"
     Recorder(str(folder), Recording(keep_free=0.0), {}).close()
     line = run_without(tmp_path, "mcap", *arguments, folder)
@@ -71,7 +71,7 @@ def extras() -> dict[str, set[str]]:
     return names
 
 
-def test_each_package_is_in_its_extra_and_none_is_left_out() -> None:
+def test_each_package_is_in_its_extra_and_none_is_missing() -> None:
     known = packages_distributions()
     found = [(extra, {name.lower() for name in known[package]}) for package, extra in cli.EXTRAS.items()]
     for extra, names in found:
@@ -81,7 +81,7 @@ def test_each_package_is_in_its_extra_and_none_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("name", ["hil.commands.nowhere", "a_module_of_the_users", "numpy.nowhere", "zenoh"])
-def test_what_no_extra_has_is_a_bug_and_stays_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_module_of_no_extra_is_not_hidden(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(arguments: list[str]) -> int:
         raise ModuleNotFoundError(name=name)
 
@@ -93,7 +93,7 @@ def test_what_no_extra_has_is_a_bug_and_stays_one(name: str, monkeypatch: pytest
 @pytest.mark.parametrize(
     ("number", "code"), [(errno.ENOSPC, 3), (errno.EDQUOT, 3), (errno.EFBIG, 3), (errno.EPIPE, 141)]
 )
-def test_a_full_disk(
+def test_a_full_disk_is_one_line(
     number: int, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(cli, "import_module", lambda module: SimpleNamespace(main=fail))
@@ -107,7 +107,7 @@ def test_a_full_disk(
     assert output == (f"uuv-hil master: run/table.json: {os.strerror(number)}; free some space\n" if code == 3 else "")
 
 
-def test_another_fault_of_a_file_is_a_bug_and_stays_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_file_error_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(arguments: list[str]) -> int:
         raise IsADirectoryError(errno.EISDIR, "no")
 

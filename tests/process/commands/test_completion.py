@@ -28,7 +28,7 @@ PATIENCE_S = 60.0
 
 
 def completions(line: str, folder: Path) -> list[str]:
-    """Return what may follow a line, by argcomplete's protocol: the answer comes on a descriptor of its own."""
+    """Return what may follow a line, by argcomplete's protocol: the reply is written to a separate file descriptor."""
     answers = folder / "answers"
     environment = {
         **os.environ, "_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)),
@@ -58,7 +58,7 @@ def test_keys_of_a_scenario_are_completed(tmp_path: Path) -> None:
     assert completions("uuv-hil campaign --vary master.sp", tmp_path) == ["master.speed="]
 
 
-def test_every_key_that_is_offered_is_one() -> None:
+def test_every_offered_key_is_a_key_of_a_scenario() -> None:
     keys = dotted_keys("scenario")
     assert len(keys) == len(set(keys)) > 500
     unknown = []

@@ -1,4 +1,4 @@
-"""demo: it flies its own slave, never an outsider's."""
+"""`uuv-hil demo`: it commands only the slave that it started."""
 
 import os
 import signal
@@ -23,7 +23,7 @@ def taken(address: str, port: int, family: socket.AddressFamily = socket.AF_INET
 @pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
 @pytest.mark.parametrize("next_one", [0, 1])
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0", "localhost"])
-def test_a_port_that_is_taken(address: str, next_one: int, host: str) -> None:
+def test_a_port_in_use_is_refused(address: str, next_one: int, host: str) -> None:
     port = free_port()
     endpoint = f"tcp/{host}:{port}"
     require_free(endpoint)
@@ -33,7 +33,7 @@ def test_a_port_that_is_taken(address: str, next_one: int, host: str) -> None:
     require_free(endpoint)
 
 
-def test_with_a_router_it_takes_one_port() -> None:
+def test_with_a_router_only_one_port_must_be_free() -> None:
     port = free_port()
     with taken("127.0.0.1", port + 1):
         require_free(f"tcp/127.0.0.1:{port}", routed=True)
@@ -41,7 +41,7 @@ def test_with_a_router_it_takes_one_port() -> None:
             require_free(f"tcp/127.0.0.1:{port}")
 
 
-def test_a_port_of_the_other_internet() -> None:
+def test_an_ipv6_port_in_use_is_refused() -> None:
     port = free_port()
     require_free(f"tcp/[::1]:{port}")
     with taken("::1", port, socket.AF_INET6), pytest.raises(NetworkError, match="in use"):
@@ -49,12 +49,12 @@ def test_a_port_of_the_other_internet() -> None:
 
 
 @pytest.mark.parametrize("host", ["192.0.2.7", "no.such.machine.invalid"])
-def test_another_machine_has_a_vehicle_of_its_own(host: str) -> None:
+def test_an_endpoint_on_another_machine_is_refused(host: str) -> None:
     with pytest.raises(NetworkError, match="must not command"):
         require_free(f"tcp/{host}:7447")
 
 
-def test_what_the_last_demo_left_of_its_connections_is_no_slave() -> None:
+def test_closed_connections_of_the_last_demo_do_not_occupy_the_port() -> None:
     port = free_port()
     with socket.create_server(("127.0.0.1", port)) as server, socket.create_connection(("127.0.0.1", port)) as client:
         accepted, _ = server.accept()
@@ -63,7 +63,7 @@ def test_what_the_last_demo_left_of_its_connections_is_no_slave() -> None:
     require_free(f"tcp/127.0.0.1:{port}")
 
 
-def test_a_slave_that_runs_already_is_left_alone(tmp_path: Path) -> None:
+def test_a_slave_that_is_already_running_is_not_commanded(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]"))
     folder = tmp_path / "run"
@@ -82,7 +82,7 @@ def test_a_slave_that_runs_already_is_left_alone(tmp_path: Path) -> None:
     assert "thrusters armed" not in outsider.output
 
 
-def test_no_table_when_its_slave_fails(tmp_path: Path) -> None:
+def test_no_table_is_printed_when_the_slave_fails(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"
     with Program(tmp_path, "demo", scenario, "--output", folder) as demo:

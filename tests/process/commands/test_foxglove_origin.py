@@ -38,7 +38,7 @@ def messages(socket: Any, last: str) -> list[dict[str, Any]]:
     return found
 
 
-def test_a_page_needs_the_token_even_to_look(server: FoxgloveServer) -> None:
+def test_a_web_page_needs_the_token_even_to_read(server: FoxgloveServer) -> None:
     for query in ("", "?token=wrong", "?token="):
         with pytest.raises(InvalidStatus) as refused:
             opened(server, query, origin=PAGE)
@@ -48,7 +48,7 @@ def test_a_page_needs_the_token_even_to_look(server: FoxgloveServer) -> None:
         assert [channel["topic"] for channel in messages(socket, "advertise")[-1]["channels"]] == [IMU.topic]
 
 
-def test_who_has_no_token_can_only_look(server: FoxgloveServer) -> None:
+def test_a_client_without_token_can_only_read(server: FoxgloveServer) -> None:
     with opened(server) as socket:
         (info,) = messages(socket, "serverInfo")
         assert info["capabilities"] == [], "not clientPublish, services or parameters"
@@ -63,7 +63,7 @@ def test_who_has_no_token_can_only_look(server: FoxgloveServer) -> None:
             assert "token" in messages(socket, "status")[-1]["message"]
 
 
-def test_what_is_no_message_is_answered_and_harms_nobody(server: FoxgloveServer) -> None:
+def test_a_malformed_message_gets_an_error_and_the_connection_continues(server: FoxgloveServer) -> None:
     with opened(server) as socket:
         for request in (
             "{",
@@ -78,7 +78,7 @@ def test_what_is_no_message_is_answered_and_harms_nobody(server: FoxgloveServer)
         assert messages(socket, "advertise")
 
 
-def test_there_are_only_so_many_clients(server: FoxgloveServer) -> None:
+def test_the_number_of_clients_is_limited(server: FoxgloveServer) -> None:
     sockets = [opened(server) for _ in range(MOST_CLIENTS)]
     for socket in sockets:
         messages(socket, "serverInfo")
@@ -90,7 +90,7 @@ def test_there_are_only_so_many_clients(server: FoxgloveServer) -> None:
         socket.close()
 
 
-def test_a_client_that_does_not_read_loses_old_messages_and_holds_up_nobody(server: FoxgloveServer) -> None:
+def test_a_client_that_does_not_read_loses_old_messages_and_does_not_block_others(server: FoxgloveServer) -> None:
     picture = IMU._replace(topic="/uuv1/camera/image_raw", type="sensor_msgs/msg/Image", data=bytes(4 << 20))
     server.show([picture])
     with opened(server, max_size=None, max_queue=1) as slow, opened(server, max_size=None) as other:

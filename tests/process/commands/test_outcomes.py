@@ -1,4 +1,4 @@
-"""Outcomes as a person meets them: what every command that flies says and returns when something went wrong."""
+"""Outcomes of flights: what each command prints and returns when an event or an error occurs."""
 
 import csv
 import os
@@ -35,7 +35,7 @@ def into_wall(tmp_path: Path) -> Path:
     return path
 
 
-def test_sim_says_it_and_returns_6(into_wall: Path, tmp_path: Path) -> None:
+def test_sim_prints_a_collision_and_returns_6(into_wall: Path, tmp_path: Path) -> None:
     where = {"PYTHONPATH": str(tmp_path)}
     with Program(tmp_path, "sim", into_wall, "--fast", environment=where) as sim:
         assert sim.wait() == 6, sim.output
@@ -50,7 +50,7 @@ def test_sim_says_it_and_returns_6(into_wall: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [("sim", "--fast"), ("demo", "--output", "FOLDER")])
-def test_an_error_in_a_planner_of_ones_own_is_shown_from_there_on(
+def test_the_traceback_of_a_planner_error_begins_in_the_planner(
     words: tuple[str, ...], into_wall: Path, tmp_path: Path
 ) -> None:
     planner = tmp_path / "blind.py"
@@ -75,14 +75,14 @@ def test_an_error_in_a_planner_is_a_failed_run_of_a_campaign(into_wall: Path, tm
     assert "no success: blind.py:7: ZeroDivisionError: division by zero" in program.output
 
 
-def test_a_kind_that_is_none_is_named(into_wall: Path, tmp_path: Path) -> None:
+def test_an_unknown_kind_of_event_is_named(into_wall: Path, tmp_path: Path) -> None:
     into_wall.write_text(into_wall.read_text().replace('"link_lost"', '"colision"'))
     with Program(tmp_path, "sim", into_wall, "--fast") as sim:
         assert sim.wait() == 2
     assert "allow[0]: 'colision' is not one of collision, capsize" in sim.output
 
 
-def test_a_campaign_counts_it(
+def test_a_campaign_counts_collisions(
     into_wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -119,7 +119,7 @@ def test_a_campaign_counts_it(
         (["demo", "paper_field", "--listen", "tcp/127.0.0.1:PORT", "--output", "FOLDER/x.png"], "cannot be made"),
     ],
 )
-def test_where_results_go_is_looked_at_before_the_flight(arguments: list[str], words: str, tmp_path: Path) -> None:
+def test_output_paths_are_checked_before_the_flight(arguments: list[str], words: str, tmp_path: Path) -> None:
     """The picture is a file, so nothing can be in it."""
     from importlib import import_module
 
@@ -138,7 +138,7 @@ def status(**figures: object) -> Status:
     return Status("uuv1", 0, "running", reported(**figures), {}, 0, True)
 
 
-def test_top_shows_it() -> None:
+def test_top_shows_a_collision() -> None:
     lines = top_table([status(run_events=3, run_event_list=(HIT,))], [], colour=True).splitlines()
     (line,) = [line for line in lines if "events of the run" in line]
     assert "3, last collision with the pile at (6.5, 7.5)" in line
@@ -147,7 +147,7 @@ def test_top_shows_it() -> None:
 
 
 class Stream:
-    """A terminal, or none, that keeps what was written."""
+    """A stream, a terminal or not, that stores what was written."""
 
     def __init__(self, terminal: bool) -> None:
         self.terminal, self.text = terminal, ""
@@ -163,7 +163,7 @@ class Stream:
 
 
 @pytest.mark.parametrize(("terminal", "shown"), [(True, 100), (False, 2)])
-def test_long_work_shows_how_far_it_is(terminal: bool, shown: int) -> None:
+def test_long_work_shows_its_progress(terminal: bool, shown: int) -> None:
     """The work takes 25 s: it is shown four times a second on a terminal, every ten seconds elsewhere."""
     now, stream = 0.0, Stream(terminal)
     line = ProgressLine(stream, lambda: now)  # type: ignore[arg-type]  # a stand-in
@@ -183,7 +183,7 @@ def test_long_work_shows_how_far_it_is(terminal: bool, shown: int) -> None:
         ('controller = "external"', 'left to software of its own (controller = "external" in its scenario)'),
     ],
 )
-def test_the_master_refuses_a_vehicle_that_obeys_nobody(top: str, words: str, tmp_path: Path) -> None:
+def test_the_master_refuses_a_vehicle_with_an_external_controller(top: str, words: str, tmp_path: Path) -> None:
     """The master ends at once, and does not fly to its time limit."""
     scenario, port = write_scenario(tmp_path, top=top)
     arguments = "master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--output", tmp_path / "run"
@@ -195,8 +195,8 @@ def test_the_master_refuses_a_vehicle_that_obeys_nobody(top: str, words: str, tm
     assert "time limit" not in master.output
 
 
-def test_who_only_listens_is_no_software_of_the_vehicle(tmp_path: Path) -> None:
-    """A recorder subscribes to cmd_vel too, which used to hide that nobody drives the thrusters."""
+def test_a_recorder_does_not_count_as_the_external_controller(tmp_path: Path) -> None:
+    """A recorder subscribes to cmd_vel too, which used to hide that no program drives the thrusters."""
     scenario, port = write_scenario(tmp_path, top='controller = "external"')
     endpoint = f"tcp/127.0.0.1:{port}"
     arguments = "master", scenario, "--connect", endpoint, "--output", tmp_path / "run"
@@ -210,7 +210,7 @@ def test_who_only_listens_is_no_software_of_the_vehicle(tmp_path: Path) -> None:
     assert "none listens" not in master.output
 
 
-def test_a_slave_with_tls_and_no_certificates_says_so(tmp_path: Path) -> None:
+def test_a_slave_with_tls_but_no_certificates_reports_it(tmp_path: Path) -> None:
     """Its session is opened in a thread, whose error is the command's."""
     with Program(tmp_path, "slave", "paper_field", "--listen", "tls/127.0.0.1:7447") as slave:
         assert slave.wait() == 2, slave.output

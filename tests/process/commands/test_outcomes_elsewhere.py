@@ -23,7 +23,7 @@ from tests.support.diagnostics import reported
 from tests.support.processes import Program
 
 
-def test_an_agent_tells_an_event_and_returns_6(tmp_path: Path) -> None:
+def test_agent_prints_an_event_and_returns_6(tmp_path: Path) -> None:
     """The vehicle touches the seabed as it goes a little deeper than commanded on its way down."""
     ports = free_ports(6)
     rows = [MEMBER.format(node=f"uuv{i}", port=ports[i], agent=ports[3 + i], north=5 - 4 * i) for i in range(3)]
@@ -41,7 +41,7 @@ def test_an_agent_tells_an_event_and_returns_6(tmp_path: Path) -> None:
     assert "uuv-hil agent: uuv0: too deep" in agent.output
 
 
-def test_a_case_tells_an_event_and_returns_6(
+def test_case_prints_an_event_and_returns_6(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The event is in the table and in the results; the pictures of the report are tested elsewhere."""

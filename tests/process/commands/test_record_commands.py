@@ -58,7 +58,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
     return own_recording(folder / "recordings"), received, record.output
 
 
-def test_both_recordings_hold_the_same_and_all_of_it(dive: tuple[Path, Path, str]) -> None:
+def test_both_recordings_hold_the_same_messages_of_all_topics(dive: tuple[Path, Path, str]) -> None:
     """The recordings agree but for what the network dropped in a busy moment, which `record` counts."""
     _, received, reported = dive
     ours, theirs = (
@@ -118,7 +118,7 @@ def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
         assert len(found[topic]) > 0.5 * len(messages), "but for those before the recorder had come, and a busy moment"
 
 
-def test_a_recording_says_of_what_it_is(dive: tuple[Path, Path, str]) -> None:
+def test_a_recording_describes_its_run(dive: tuple[Path, Path, str]) -> None:
     facts = read_about(str(dive[0])).facts
     assert facts["seed"] == "5"
     assert facts["recorded_by"] == "slave"
@@ -127,7 +127,7 @@ def test_a_recording_says_of_what_it_is(dive: tuple[Path, Path, str]) -> None:
     assert "scenario.toml" in read_about(str(dive[1])).attachments
 
 
-def test_a_run_repeats_to_the_bit(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+def test_a_replay_check_repeats_the_run_bit_for_bit(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
     with Program(tmp_path, "replay", dive[0], "--check") as check:
         assert check.wait() == 0, check.output
     assert "the same bit for bit" in check.output
@@ -161,7 +161,7 @@ def rewritten(path: Path, folder: Path, change: dict[str, str], keep: range, fli
         ({"step_ns": "2500000"}, range(3), 0, 2, ["no samples to compare"]),
     ],
 )
-def test_the_check_says_what_is_wrong(
+def test_the_replay_check_reports_what_differs(
     tmp_path: Path,
     dive: tuple[Path, Path, str],
     change: dict[str, str],
@@ -176,7 +176,7 @@ def test_the_check_says_what_is_wrong(
     assert all(word in output for word in words), output
 
 
-def test_no_command_runs_what_a_recording_names(
+def test_no_command_loads_classes_of_a_recording_without_permission(
     tmp_path: Path, dive: tuple[Path, Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     about, trace = read_about(str(dive[0])), tmp_path / "trace"
@@ -207,7 +207,7 @@ def test_no_command_runs_what_a_recording_names(
         trace.unlink()
 
 
-def test_played_to_the_network_it_is_the_vehicle(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+def test_a_replay_to_the_network_sends_what_the_vehicle_sent(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
     endpoint, again = f"tcp/127.0.0.1:{free_port()}", tmp_path / "again"
     with Program(tmp_path, "record", "--connect", endpoint, "-o", again) as record:
         record.expect("recording")
@@ -223,7 +223,7 @@ def test_played_to_the_network_it_is_the_vehicle(tmp_path: Path, dive: tuple[Pat
     assert took > 0.9 * (max(played) - min(played)) / 4e9
 
 
-def test_it_is_played_whole_to_who_is_slow(tmp_path: Path) -> None:
+def test_a_slow_receiver_gets_the_whole_replay(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "received") as record:
         with listen(endpoint) as session:
@@ -246,7 +246,7 @@ def test_it_is_played_whole_to_who_is_slow(tmp_path: Path) -> None:
     assert "1000 messages recorded, none lost" in record.output
 
 
-def test_its_commands_to_a_fresh_slave(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+def test_recorded_commands_are_replayed_to_a_new_slave(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
     scenario, port = write_scenario(tmp_path, top="seed = 5")
     endpoint = f"tcp/127.0.0.1:{port}"
     with Program(tmp_path, "slave", scenario) as slave:
@@ -258,7 +258,7 @@ def test_its_commands_to_a_fresh_slave(tmp_path: Path, dive: tuple[Path, Path, s
     assert float(found[2]) < 0.5
 
 
-def test_the_figures(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
+def test_plot_draws_each_figure(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
     with Program(tmp_path, "plot", dive[0], "-o", tmp_path / "figures") as plot:
         assert plot.wait() == 0, plot.output
     names = {"trajectory.png", "depth.png", "commands.png", "thrusters.png", "delays.png"}
@@ -269,7 +269,7 @@ def test_the_figures(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
         assert len(picture) > 15_000, "there is something drawn"
 
 
-def test_what_the_figures_show(dive: tuple[Path, Path, str]) -> None:
+def test_the_data_of_the_figures_match_the_flight(dive: tuple[Path, Path, str]) -> None:
     (own,), (received,) = (collect(read_messages(str(path)), str(path)).values() for path in dive[:2])
     for data in (own, received):
         assert [row[1:] for row in data.commands[1:-1]] == [(0.5, 0.0, 0.1, 0.3)] * (len(data.commands) - 2)
@@ -302,7 +302,7 @@ def test_the_master_records_its_flight(tmp_path: Path) -> None:
     assert all(message.logged_ns - message.published_ns < 60e9 for message in found), "of one clock"
 
 
-def test_foxglove_gets_the_messages_as_they_are(tmp_path: Path) -> None:
+def test_foxglove_receives_the_messages_unchanged(tmp_path: Path) -> None:
     scenario, endpoint = recorded_slave(tmp_path)
     port = free_port()
     with (

@@ -1,4 +1,4 @@
-"""Recording under faults: a killed command, a full disk, nobody there, bad command lines."""
+"""Recording under faults: a killed command, a full disk, no vehicle, wrong command lines."""
 
 import resource
 import signal
@@ -21,7 +21,7 @@ from tests.support.network.recorded_dive import command_for, own_recording, reco
 from tests.support.processes import ROOT, Program, free_port, run_here, wait_for
 
 
-def test_a_kill_of_the_command_leaves_a_bag(tmp_path: Path) -> None:
+def test_a_killed_recorder_leaves_a_readable_recording(tmp_path: Path) -> None:
     scenario, endpoint = recorded_slave(tmp_path)
     with Program(tmp_path, "record", "--scenario", scenario, "-o", tmp_path / "received") as record:
         record.expect("recording")
@@ -40,7 +40,7 @@ def test_a_kill_of_the_command_leaves_a_bag(tmp_path: Path) -> None:
         assert check.wait() == 0, check.output
 
 
-def test_a_vehicle_goes_on_when_its_disk_is_full(tmp_path: Path) -> None:
+def test_a_vehicle_continues_when_its_disk_is_full(tmp_path: Path) -> None:
     scenario, endpoint = recorded_slave(tmp_path)
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
@@ -80,7 +80,7 @@ def test_a_vehicle_goes_on_when_its_disk_is_full(tmp_path: Path) -> None:
         (["foxglove", "--help"], 0, "examples"),
     ],
 )
-def test_the_command_lines(
+def test_command_lines_give_their_exit_code_and_message(
     tmp_path: Path, arguments: list[str], code: int, word: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
@@ -91,7 +91,7 @@ def test_the_command_lines(
     assert word in output
 
 
-def test_a_recorder_that_refuses_is_one_line(tmp_path: Path) -> None:
+def test_a_recorder_that_finds_a_recording_in_its_folder_prints_one_line(tmp_path: Path) -> None:
     (tmp_path / "there.mcap").write_text("")
     with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
         for _ in range(4):  # a client that had connected already aborted in one case of two
@@ -101,7 +101,7 @@ def test_a_recorder_that_refuses_is_one_line(tmp_path: Path) -> None:
             assert "there is a recording in it already" in line
 
 
-def test_ctrl_c_while_nobody_is_there(tmp_path: Path) -> None:
+def test_ctrl_c_ends_the_gateway_while_no_vehicle_is_connected(tmp_path: Path) -> None:
     endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
     for _ in range(3):
         with Program(tmp_path, "foxglove", "--connect", endpoint, "--listen", port) as live:
@@ -110,7 +110,7 @@ def test_ctrl_c_while_nobody_is_there(tmp_path: Path) -> None:
         assert len(live.output.strip().splitlines()) == 2, "where it is, and for whom it waits"
 
 
-def test_a_recording_of_nobody_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_without_a_slave_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tap, "PATIENCE_NS", NS_PER_S // 10)
     monkeypatch.setattr(tap, "save_processor", lambda: None)  # what this process starts later would inherit it
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -121,7 +121,7 @@ def test_a_recording_of_nobody_is_an_error(tmp_path: Path, monkeypatch: pytest.M
     assert "none lost" not in output
 
 
-def test_a_recording_of_nothing_is_an_error(tmp_path: Path) -> None:
+def test_a_recording_without_samples_is_an_error(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     what = ["--connect", endpoint, "-o", tmp_path / "received", "--seconds", "2"]
     with listen(endpoint), Program(tmp_path, "record", *what) as record:
@@ -129,7 +129,7 @@ def test_a_recording_of_nothing_is_an_error(tmp_path: Path) -> None:
     assert f"who answers at {endpoint} sent no sample" in record.output
 
 
-def test_a_recording_without_a_vehicle_cannot_be_drawn(tmp_path: Path) -> None:
+def test_a_recording_without_a_vehicle_cannot_be_plotted(tmp_path: Path) -> None:
     with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), {}) as recorder:
         recorder.put(Message("/chat", "std_msgs/msg/String", 1, 1, 1, b"\0\1\0\0\2\0\0\0a\0"))
     with Program(tmp_path, "plot", tmp_path / "bag") as plot:

@@ -1,4 +1,4 @@
-"""`uuv-hil scenario`, and the other ways to name the command."""
+"""`uuv-hil scenario`, `--set` of the other commands, their help and JSON output."""
 
 import json
 import subprocess
@@ -44,14 +44,14 @@ def test_a_copy_is_the_same_scenario_and_replaces_no_file(capsys: pytest.Capture
 
 
 @pytest.mark.parametrize(("name", "command"), [("paper_field", "sim {} --fast"), ("target_hunting", "fleet up {}")])
-def test_a_copy_s_next_command_is_one_that_takes_it(
+def test_a_copied_scenario_names_a_command_that_flies_it(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str, command: str
 ) -> None:
     path = str(tmp_path / "mine.toml")
     assert f"then uuv-hil {command.format(path)}\n" in run(capsys, "scenario", "new", path, "--copy", name)[1]
 
 
-def test_a_check_names_the_scenario_as_it_was_typed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_check_names_the_scenario_as_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "scenario", "check", "paper_field") == (0, "paper_field: no problem found\n", "")
 
 
@@ -69,7 +69,7 @@ def test_a_check_names_the_scenario_as_it_was_typed(capsys: pytest.CaptureFixtur
         ("vehicle=bluerov2_li2020", "warning", "loses its attitude above 0.7 m/s"),
     ],
 )
-def test_what_a_flight_would_run_into_is_found(
+def test_problems_of_the_link_are_found(
     capsys: pytest.CaptureFixture[str], change: str, level: str, words: str
 ) -> None:
     code, output, _ = run(
@@ -118,7 +118,7 @@ SECURITY = "security={slave='no/slave', master='no/master', may_command=['master
         ([SECURITY], "problem", "security: slave: there is no folder"),
     ],
 )
-def test_what_does_not_fit_together_is_found(
+def test_inconsistent_settings_are_found(
     capsys: pytest.CaptureFixture[str], changes: list[str], level: str, words: str
 ) -> None:
     assert_found(capsys, "paper_field", changes, level, words)
@@ -133,12 +133,12 @@ def test_what_does_not_fit_together_is_found(
         [f"failure=[{', '.join(map(OFF.format, HORIZONTAL))}, {{thruster='rear_left', kind='repaired', time=5.0}}]"],
     ],
 )
-def test_what_can_go_well_is_no_finding(capsys: pytest.CaptureFixture[str], changes: list[str]) -> None:
+def test_acceptable_settings_give_no_finding(capsys: pytest.CaptureFixture[str], changes: list[str]) -> None:
     words = [word for change in changes for word in ("--set", change)]
     assert run(capsys, "scenario", "check", "paper_field", *words) == (0, "paper_field: no problem found\n", "")
 
 
-def test_folders_of_certificates_are_looked_at(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_certificate_folders_are_checked(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Only the folder of this machine has to be there, and that one whole."""
     path = tmp_path / "mine.toml"
     assert run(capsys, "scenario", "new", str(path))[0] == 0
@@ -174,7 +174,7 @@ def assert_found(capsys: pytest.CaptureFixture[str], name: str, changes: list[st
         ("{name='a', at=[5.0, 5.0], duration=1.0, needs=['b']}", "the task 'a' needs 'b', which is no other task"),
     ],
 )
-def test_tasks_that_cannot_be_done_are_found(capsys: pytest.CaptureFixture[str], tasks: str, words: str) -> None:
+def test_impossible_tasks_are_found(capsys: pytest.CaptureFixture[str], tasks: str, words: str) -> None:
     assert_found(capsys, "task_scheduling", [f"planner.task=[{tasks}]"], "problem", words)
 
 
@@ -208,7 +208,7 @@ def members(*places: tuple[float, int]) -> str:
         (["modem.slot=0", "hunting.report_timeout=9"], "warning", "hunting: report_period: 0.1 s, and the reports of"),
     ],
 )
-def test_what_a_fleet_would_run_into_is_found(
+def test_problems_of_a_fleet_are_found(
     capsys: pytest.CaptureFixture[str], changes: list[str], level: str, words: str
 ) -> None:
     name = "target_hunting_acoustic" if "modem" in changes[0] else "target_hunting"
@@ -227,7 +227,7 @@ def test_what_a_fleet_would_run_into_is_found(
     ],
 )
 @pytest.mark.parametrize("command", [("sim", "--fast"), ("bench", "delay"), ("slave",)], ids=" ".join)
-def test_a_wrong_change_is_named_and_not_the_file(
+def test_an_error_of_a_change_names_the_change_and_not_the_file(
     capsys: pytest.CaptureFixture[str], command: tuple[str, ...], change: str, words: str
 ) -> None:
     name = [] if "bench" in command else ["paper_field"]
@@ -237,7 +237,9 @@ def test_a_wrong_change_is_named_and_not_the_file(
     assert "paper_field.toml" not in error
 
 
-def test_a_fault_of_the_file_is_no_change_s(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_an_error_of_the_file_names_the_file_and_not_a_change(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     path = tmp_path / "mine.toml"
     text = Path(load_scenario("paper_field").path).read_text()
     path.write_text(text.replace("seed = 1\n", "seed = -5\n"))
@@ -250,7 +252,7 @@ def test_a_fault_of_the_file_is_no_change_s(capsys: pytest.CaptureFixture[str], 
 @pytest.mark.parametrize(
     ("change", "words"), [("master.sped=1", "did you mean 'speed'"), ("master", "is not NAME=VALUE")]
 )
-def test_what_a_scenario_may_not_say_is_one_line(capsys: pytest.CaptureFixture[str], change: str, words: str) -> None:
+def test_an_unknown_key_is_one_line(capsys: pytest.CaptureFixture[str], change: str, words: str) -> None:
     code, _, error = run(capsys, "scenario", "check", "paper_field", "--set", change)
     assert (code, error.count("\n")) == (2, 1)
     assert words in error
@@ -276,7 +278,7 @@ def test_help_and_version_have_the_usual_names() -> None:
     assert output("help") == output("--help") == output()
 
 
-def test_sim_and_campaign_speak_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_sim_and_campaign_print_json(capsys: pytest.CaptureFixture[str]) -> None:
     goal = ("--set", "master.goal=[3, 0]")
     code, output, _ = run(capsys, "sim", "paper_field", "--fast", *goal, "--json")
     outcome = json.loads(output)

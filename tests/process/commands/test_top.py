@@ -1,4 +1,4 @@
-"""`uuv-hil top` beside real slaves: the table, the pace of counters, Prometheus, and who is gone."""
+"""`uuv-hil top` beside real slaves: the table, the rates of counters, Prometheus, and slaves that ended."""
 
 import re
 import signal
@@ -39,7 +39,7 @@ def row(text: str, name: str) -> str:
     return next(line for line in text.splitlines() if line.startswith(name))[len(name) :].strip()
 
 
-def test_one_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
+def test_the_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
     text = once(tmp_path, slave)
     assert row(text, "loop (Hz)") == "400"
     assert row(text, "state") == "waiting for commands, thrusters neutral"
@@ -58,7 +58,7 @@ def once(folder: Path, port: int) -> str:
     return top.output
 
 
-def test_slaves_behind_a_router(tmp_path: Path) -> None:
+def test_slaves_behind_a_router_are_shown(tmp_path: Path) -> None:
     router = free_port()
     with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{router}") as between:
         between.expect("forwarding")
@@ -69,14 +69,14 @@ def test_slaves_behind_a_router(tmp_path: Path) -> None:
 
 
 @retried_when_busy("rates by the wall clock", attempts=5)
-def test_what_a_slave_sends_to_who_wants_all(slave: int, tmp_path: Path) -> None:
+def test_the_message_rate_with_a_client_of_all_topics(slave: int, tmp_path: Path) -> None:
     """The rates are IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20: about 184 a second."""
     with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1", part="observer") as client:
         assert wait_for(lambda: client.received["imu"] > 150)  # for longer than a second
         assert 150.0 < float(row(once(tmp_path, slave), "messages sent (1/s)")) < 220.0
 
 
-def test_an_endpoint_that_nobody_answers_from_is_named(slave: int, tmp_path: Path) -> None:
+def test_an_endpoint_without_a_slave_is_named(slave: int, tmp_path: Path) -> None:
     there, absent = (f"tcp/127.0.0.1:{port}" for port in (slave, free_port()))
     with Program(tmp_path, "top", "--connect", there, "--connect", absent, "--once") as top:
         assert top.process.wait(60) == 0, top.output
@@ -97,7 +97,7 @@ def test_two_slaves_of_one_name_are_reported(slave: int, tmp_path: Path) -> None
     assert "2 slaves are called uuv1, and their figures are mixed" in top.output
 
 
-def test_what_does_not_fit_the_window_is_reported_and_remarks_stay() -> None:
+def test_lines_below_the_window_are_counted_and_remarks_stay() -> None:
     lines = [*map(str, range(10)), "remark"]
     assert fitting(lines, 11, 1) == lines
     assert fitting(lines, 8, 1) == ["0", "1", "2", "3", "4", "5", "... 4 more lines in a higher window", "remark"]
@@ -105,12 +105,12 @@ def test_what_does_not_fit_the_window_is_reported_and_remarks_stay() -> None:
 
 
 @pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
-def test_a_wait_that_is_none(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_waiting_time_is_refused(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["top", "--wait", seconds, "--once"]) == 2
     assert f"--wait: expected a number from 0 to 86400 s, found '{seconds}'" in capsys.readouterr().err
 
 
-def test_nobody_is_reported(tmp_path: Path) -> None:
+def test_a_missing_slave_is_reported_with_one_remedy(tmp_path: Path) -> None:
     with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{free_port()}", "--once", "--wait", "0.5") as top:
         assert top.process.wait(60) == 4, top.output
     assert top.output.count("is `uuv-hil slave` running") == 1, "one remedy"
@@ -118,7 +118,7 @@ def test_nobody_is_reported(tmp_path: Path) -> None:
     assert "Traceback" not in top.output
 
 
-def test_prometheus_at_an_address_of_version_six() -> None:
+def test_prometheus_listens_at_an_ipv6_address() -> None:
     with open_master_session("tcp/127.0.0.1:1") as session, Endpoint(("::1", 0), HealthWatch(session)) as endpoint:
         assert endpoint.address.startswith("http://[::1]:")
         with urllib.request.urlopen(endpoint.address, timeout=60) as answer:
@@ -132,7 +132,7 @@ def test_a_wrong_address_is_reported(where: str, tmp_path: Path) -> None:
     assert "expected [HOST:]PORT" in top.output
 
 
-def test_prometheus_of_a_real_slave_and_when_it_is_gone(tmp_path: Path) -> None:
+def test_prometheus_shows_a_real_slave_until_it_ends(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", path) as vehicle:
         vehicle.expect("ready")
@@ -177,7 +177,7 @@ def printed(**values: Any) -> Status:
     return Status("uuv1", 0, "running", reported(**values), {}, now_ns(), True)
 
 
-def test_what_is_wrong_stands_out() -> None:
+def test_faults_are_coloured() -> None:
     text = table([printed(steps_skipped=3, throttled="the clock is capped")], ["uuv2"], colour=True)
     assert "\x1b[33msteps skipped" in text
     assert "\x1b[31mthrottled" in text
@@ -193,7 +193,7 @@ def test_metrics_are_in_base_units() -> None:
     assert 'uuv_hil_temperature_celsius{node="uuv1",board="a \\"b\\""} 61.5' in text
 
 
-def test_the_lateness_of_now_beside_that_since_the_start() -> None:
+def test_recent_lateness_is_shown_beside_that_since_the_start() -> None:
     recent = {"lateness_recent_p50_us": 20, "lateness_recent_p99_us": 90, "lateness_recent_max_us": 150}
     slave = printed(lateness_p50_us=30, lateness_p99_us=29000, lateness_max_us=71000, **recent)
     assert row(table([slave], []), "late p50 / p99 / max (us)") == "20 / 90 / 150"
@@ -204,12 +204,12 @@ def test_the_lateness_of_now_beside_that_since_the_start() -> None:
     assert 'uuv_hil_loop_lateness_max_seconds{node="uuv1",board=""} 0.071\n' in text
 
 
-def test_figures_that_are_not_a_boards_say_so() -> None:
+def test_figures_of_an_emulated_machine_are_labelled() -> None:
     assert row(table([printed(labels=("emulated: a test",))], []), "its figures are of") == "emulated: a test"
     assert "its figures are of" not in table([printed()], [])
 
 
-def test_who_cannot_tell_whether_it_is_throttled_does_not_say_no() -> None:
+def test_an_unknown_throttling_state_is_not_shown_as_no() -> None:
     for value, number in (("no", "0"), ("the clock is capped", "1")):
         assert f'uuv_hil_throttled{{node="uuv1",board=""}} {number}\n' in exposition([printed(throttled=value)])
         assert re.search(f"^throttled +{value}$", table([printed(throttled=value)], []), re.MULTILINE)
@@ -223,7 +223,7 @@ def machine_figures(tree: Tree, board: Board | None) -> Diagnostics:
     return output
 
 
-def test_the_figures_of_a_machine(tmp_path: Path) -> None:
+def test_figures_of_a_machine_are_read_from_its_files(tmp_path: Path) -> None:
     files = {
         "proc/net/dev": "Inter-|   Receive\n face |bytes    packets\n    lo: 100 1 0 0 0 0 0 0 100 1 0 0 0 0 0 0\n"
         "  wlan0: 5000 9 0 0 0 0 0 0 700 9 0 0 0 0 0 0\n",

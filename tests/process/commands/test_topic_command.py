@@ -57,23 +57,23 @@ def test_json_is_read(values: dict[str, Any]) -> None:
         "{x: .inf, y: -.inf}",
     ],
 )
-def test_flow_style_is_what_yaml_says_it_is(text: str) -> None:
+def test_flow_style_is_parsed_as_yaml_does(text: str) -> None:
     assert parse_values(text) == read_yaml(text)
 
 
-def test_words_that_yaml_1_1_takes_for_bools() -> None:
-    """Texts are printed in quotes as ROS's own tools do, and read so."""
+def test_yaml_1_1_booleans_are_parsed_and_quoted_texts_are_not() -> None:
+    """Texts are printed in quotes as ROS's own tools do, and are read as texts."""
     assert parse_values("{a: off, b: ON, c: No, d: yes, e: 'off', no: n}") == {
         "a": False, "b": True, "c": False, "d": True, "e": "off", "no": "n",
     }  # fmt: skip
     assert lines({"a": "off"}) == ['a: "off"']
 
 
-def test_a_text_of_two_lines() -> None:
+def test_a_quoted_text_may_have_two_lines() -> None:
     assert parse_values('{a: "b\nc"}') == {"a": "b\nc"}
 
 
-def test_not_a_number() -> None:
+def test_nan_is_parsed() -> None:
     assert math.isnan(parse_values("{x: .nan}")["x"])
 
 
@@ -89,7 +89,7 @@ def test_toml_is_read() -> None:
      ('{a: "\\q"}', "escape at '\"\\\\q"), ("{a: " + "[" * 5000, "too deep"),
      ("{a: [1 2]}", ""), ("{: 1}", "expected a value"), ("hello", "is no message"), ("{a: {b: 1}", "expected , or }")],
 )  # fmt: skip
-def test_what_makes_no_sense_is_shown(text: str, words: str) -> None:
+def test_syntax_errors_are_reported(text: str, words: str) -> None:
     if words:
         with pytest.raises(ConfigError, match=re.escape(words)):
             parse_values(text)
@@ -98,7 +98,7 @@ def test_what_makes_no_sense_is_shown(text: str, words: str) -> None:
 
 
 @given(st.text(max_size=30))
-def test_noise_raises_nothing_else(text: str) -> None:
+def test_random_text_raises_no_other_error(text: str) -> None:
     for noise in (text, f"{{{text}", f"{{a: {text}}}"):
         with suppress(ConfigError):
             assert isinstance(parse_values(noise), dict)
@@ -110,7 +110,7 @@ def test_noise_raises_nothing_else(text: str) -> None:
 @pytest.mark.parametrize(
     "name", ["sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry", "diagnostic_msgs/msg/DiagnosticArray"]
 )
-def test_lines_are_yaml(name: str) -> None:
+def test_printed_messages_are_yaml(name: str) -> None:
     message = ros_message.empty(name)
     if "status" in message:
         message["status"] = [
@@ -128,11 +128,11 @@ def test_long_arrays_are_cut_short() -> None:
     assert text[1] == "flags: [true, false]"
 
 
-def test_words() -> None:
+def test_plain_words_become_typed_values() -> None:
     assert [plain_value(word) for word in ("1", "1.5", "true", "~", "a", "1_0a")] == [1, 1.5, True, None, "a", "1_0a"]
 
 
-def test_listing() -> None:
+def test_the_listing_shows_topics_types_and_nodes() -> None:
     entities = [
         Entity("NN", "/uuv1", "s", 0, 0),
         Entity("MP", "/uuv1", "s", 0, 1, "/uuv1/imu", "sensor_msgs/msg/Imu", "h", Qos()),
@@ -146,14 +146,14 @@ def test_listing() -> None:
     assert listing(entities[:1]) == "no topics and no services"
 
 
-def test_rates() -> None:
+def test_the_rate_line_shows_rate_and_gaps() -> None:
     gap = 10_000_000
     assert rate_line([0]) == "1 messages: no rate yet"
     text = rate_line([0, gap, 2 * gap, 5 * gap])
     assert text.startswith("60.00 Hz; gaps 10.00 to 30.00 ms, standard deviation 9.43 ms; 4 messages")
 
 
-def test_types_may_be_short() -> None:
+def test_type_names_may_omit_msg() -> None:
     assert whole_type("geometry_msgs/Twist") == "geometry_msgs/msg/Twist"
     assert all(whole_type(name) == name for name in types.names() if "/msg/" in name)
     with pytest.raises(ConfigError, match="did you mean 'geometry_msgs/msg/Twist'"):
@@ -188,7 +188,7 @@ def user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[User]:
         yield User(folder, slave, port)
 
 
-def test_list(user: User) -> None:
+def test_list_shows_topics_and_services_of_a_vehicle(user: User) -> None:
     text = user.run("list")
     assert re.search(r"/uuv1/imu +sensor_msgs/msg/Imu +/uuv1 +-\n", text)
     assert re.search(r"/uuv1/cmd_vel +geometry_msgs/msg/Twist +- +/uuv1\n", text)
@@ -200,7 +200,7 @@ def test_list(user: User) -> None:
     )
 
 
-def test_echo(user: User) -> None:
+def test_echo_prints_messages_and_late_latched_ones(user: User) -> None:
     message = read_yaml(user.run("echo", "/uuv1/odom", "-n", 1).removesuffix("---\n"))
     assert message["child_frame_id"] == "base_link"
     assert message["pose"]["pose"]["position"]["x"] == pytest.approx(4.0, abs=0.6)  # east
@@ -208,20 +208,20 @@ def test_echo(user: User) -> None:
     assert {transform["child_frame_id"] for transform in late["transforms"]} > {"odom", "imu_link"}
 
 
-def test_echo_goes_on_until_it_is_interrupted(user: User) -> None:
+def test_echo_continues_until_it_is_interrupted(user: User) -> None:
     with user.start("echo", "uuv1/pressure") as program:
         program.expect("(?s)fluid_pressure: .*fluid_pressure: ")
         assert program.stop(signal.SIGINT) == 0
         assert "Traceback" not in program.output
 
 
-def test_hz(user: User) -> None:
+def test_hz_measures_the_rate(user: User) -> None:
     found = re.match(r"(\S+) Hz; gaps", user.run("hz", "/uuv1/imu", "-n", 60).splitlines()[-1])
     assert found
     assert float(found[1]) == pytest.approx(100.0, rel=0.1)
 
 
-def test_pub_drives_the_vehicle(user: User) -> None:
+def test_pub_commands_the_vehicle(user: User) -> None:
     with user.start("pub", "/uuv1/cmd_vel", "geometry_msgs/Twist", "{linear: {x: 0.5}}") as program:
         program.expect("publishing geometry_msgs/msg/Twist on /uuv1/cmd_vel at 20 Hz")
         user.slave.expect("commands arrive: thrusters armed")
@@ -229,7 +229,7 @@ def test_pub_drives_the_vehicle(user: User) -> None:
     user.slave.expect("deadman")
 
 
-def test_any_type_is_published_by_a_node_of_its_own(tmp_path: Path) -> None:
+def test_pub_publishes_any_type_under_its_own_node(tmp_path: Path) -> None:
     endpoint, received = f"tcp/127.0.0.1:{free_port()}", list[tuple[str, bytes]]()
     tokens: list[str] = []
     values = "{header: {frame_id: map}, ranges: [1.5, .inf, 2.0]}"
@@ -254,7 +254,7 @@ def test_any_type_is_published_by_a_node_of_its_own(tmp_path: Path) -> None:
     assert (message["ranges"], message["header"]["frame_id"]) == ((1.5, math.inf, 2.0), "map")
 
 
-def test_what_the_scenario_lets_the_vehicle_say_to_ros(tmp_path: Path) -> None:
+def test_ros_settings_of_the_scenario_select_topics_and_services(tmp_path: Path) -> None:
     section = '[ros]\nclock = "50 Hz"\nwrench = 10\ntransforms = false\nservices = false\nframe_prefix = "a/"'
     scenario, port = write_scenario(tmp_path, link=section)
     with Program(tmp_path, "slave", scenario) as slave:
@@ -274,7 +274,7 @@ def test_what_the_scenario_lets_the_vehicle_say_to_ros(tmp_path: Path) -> None:
     assert "/uuv1/arm" not in listed
 
 
-def test_call(user: User) -> None:
+def test_call_prints_the_reply_of_a_service(user: User) -> None:
     assert user.run("call", "/uuv1/arm", "{data: false}").startswith("success: true\n")
     user.slave.expect("arm: disarmed")
     assert "armed: commands are taken" in user.run("call", "/uuv1/arm", "{data: on}")
@@ -308,7 +308,7 @@ def test_errors_name_cause_and_remedy(user: User, arguments: tuple[str, ...], co
     assert re.search(words, user.run(*arguments, code=code))
 
 
-def test_nobody_there(tmp_path: Path) -> None:
+def test_a_missing_slave_is_reported(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with Program(tmp_path, "topic", "list", "--connect", endpoint, "--wait", "0.3") as program:
         assert program.wait() == 4

@@ -7,7 +7,7 @@ import pytest
 from tests.support.processes import Program, free_port, write_scenario
 
 
-def test_gateway_and_foxglove_say_whom_they_wait_for(tmp_path: Path) -> None:
+def test_gateway_and_foxglove_report_that_they_wait_for_a_vehicle(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     where = f"127.0.0.1:{port}"
     waiting = ("gateway", "--connect", where, "--listen", "0"), ("foxglove", "--connect", where, "--listen", "0")
@@ -29,7 +29,7 @@ def test_gateway_and_foxglove_say_whom_they_wait_for(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "command", [("mavlink", "--endpoint", "udpin:127.0.0.1:0"), ("view", "--listen", "0", "--no-browser")], ids=" ".join
 )
-def test_mavlink_and_the_view_say_whom_they_wait_for(tmp_path: Path, command: tuple[str, ...]) -> None:
+def test_mavlink_and_view_report_that_they_wait_for_a_vehicle(tmp_path: Path, command: tuple[str, ...]) -> None:
     path, port = write_scenario(tmp_path)
     where = f"127.0.0.1:{port}"
     with Program(tmp_path, *command, "--connect", where) as program:
@@ -39,7 +39,7 @@ def test_mavlink_and_the_view_say_whom_they_wait_for(tmp_path: Path, command: tu
             program.expect("here: uuv1")
 
 
-def test_a_free_place_is_not_waited_for_by_a_wrong_port(tmp_path: Path) -> None:
+def test_an_invalid_port_is_refused_at_once(tmp_path: Path) -> None:
     with Program(tmp_path, "foxglove", "--connect", f"127.0.0.1:{free_port()}", "--listen", "70000") as foxglove:
         assert foxglove.wait() == 2
     assert (

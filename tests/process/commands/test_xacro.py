@@ -1,4 +1,4 @@
-"""A vehicle out of xacro, with macros, arguments and packages, and without ROS."""
+"""A vehicle from a xacro file with macros, arguments and packages, without ROS."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -39,7 +39,7 @@ def hydra(tmp_path: Path) -> Path:
     return main_file
 
 
-def test_it_is_the_vehicle_of_the_urdf(hydra: Path) -> None:
+def test_an_expanded_xacro_is_the_vehicle_of_its_urdf(hydra: Path) -> None:
     vehicle, _ = read_urdf(str(hydra), text=expand(str(hydra)))
     assert vehicle._replace(source="") == read_urdf(str(HYDRA))[0]._replace(source="")
     heavier, _ = read_urdf(str(hydra), text=expand(str(hydra), ["mass:=34"]))
@@ -48,13 +48,13 @@ def test_it_is_the_vehicle_of_the_urdf(hydra: Path) -> None:
 
 @pytest.fixture
 def far() -> Iterator[Path]:
-    """Provide a folder that is not around those of pytest."""
+    """Provide a folder outside those of pytest."""
     with TemporaryDirectory() as folder:
         yield Path(folder)
 
 
 @pytest.mark.parametrize("place", ["near", "AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH"])
-def test_packages_are_found_where_ros_has_them(
+def test_packages_are_found_near_the_file_and_by_ros_variables(
     place: str, hydra: Path, far: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Packages are found at any depth near the file, and elsewhere by ROS's variables, as are their meshes."""
@@ -76,7 +76,9 @@ def test_packages_are_found_where_ros_has_them(
     assert find_mesh(f"package://{place}_water/hull.stl", str(hydra)) == str(new / "hull.stl")
 
 
-def test_the_command(hydra: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_imports_a_xacro_with_arguments(
+    hydra: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "hydra.toml"
     assert main(["vehicle", "--import", str(hydra), "--xacro", "mass=25", "-o", str(out)]) == 0
     assert "mass = 31" in out.read_text()
@@ -98,7 +100,7 @@ def test_the_command(hydra: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
         ("<a/>", ["=3"], "xacro argument '=3': write NAME=VALUE"),
     ],
 )
-def test_what_cannot_be_expanded(text: str, arguments: list[str], words: str, tmp_path: Path) -> None:
+def test_an_error_in_a_xacro_is_one_line(text: str, arguments: list[str], words: str, tmp_path: Path) -> None:
     path = tmp_path / "m.xacro"
     path.write_text(f"<robot {NAMESPACE}>{text}</robot>")
     with pytest.raises(ConfigError) as caught:
@@ -108,29 +110,31 @@ def test_what_cannot_be_expanded(text: str, arguments: list[str], words: str, tm
 
 
 @pytest.mark.parametrize("expression", ["9**9**9**9", "'a' * 10**10"])
-def test_an_expression_without_end(expression: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_endless_expression_is_stopped(expression: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The time and memory of an expansion are bounded."""
-    monkeypatch.setattr(xacro_expand, "module_command", lambda *words: impatient(words))
+    monkeypatch.setattr(xacro_expand, "module_command", lambda *words: with_short_cpu_limit(words))
     path = tmp_path / "m.xacro"
     path.write_text(f'<robot {NAMESPACE}><a b="${{{expression}}}"/></robot>')
     with pytest.raises(ConfigError, match=r"cannot be expanded: (an expression of it takes too long|MemoryError)"):
         expand(str(path))
 
 
-def impatient(words: tuple[str, ...]) -> list[str]:
-    """Return the command that expands, with a second of processor time."""
+def with_short_cpu_limit(words: tuple[str, ...]) -> list[str]:
+    """Return the command that expands, limited to one second of processor time."""
     code = "import sys, hil.commands.vehicle.xacro_process as it; it.CPU_SECONDS = 1; sys.exit(it.main(*sys.argv[1:]))"
     return python_command("-c", code, *words[1:])
 
 
-def test_without_the_package(hydra: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_xacro_without_the_package_names_the_extra(
+    hydra: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['xacro'] = None")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(MissingExtraError, match="pip install"):
         expand(str(hydra))
 
 
-def test_what_is_xacro(hydra: Path, tmp_path: Path) -> None:
+def test_xacro_files_are_recognised(hydra: Path, tmp_path: Path) -> None:
     assert is_xacro(str(hydra))
     assert not is_xacro(str(HYDRA))
     assert not is_xacro(str(tmp_path / "nowhere.urdf"))

@@ -1,4 +1,4 @@
-"""Children end with their parents, whatever ends those."""
+"""Child processes end with their parent, however the parent ends."""
 
 import os
 import re
@@ -48,7 +48,7 @@ def parent_of(start: str) -> Iterator[subprocess.Popen[str]]:
             parent.kill()
 
 
-WAYS = {
+START_METHODS = {
     "our own program": f"child = start_child([sys.executable, '-c', {ENDLESS!r}])",
     "a program of others": "child = start_child(foreign_command('sleep', '600'))",
     "a shell in between": "child = start_child(['sh', '-c', 'exec \"$@\"', '', *foreign_command('sleep', '600')])",
@@ -61,9 +61,9 @@ child = started[0]""",
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", START_METHODS)
 def test_a_child_ends_with_its_parent_and_not_before(way: str, ended: list[int]) -> None:
-    with parent_of(WAYS[way]) as parent:
+    with parent_of(START_METHODS[way]) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
         ended += [parent.pid, child]
@@ -99,7 +99,7 @@ def command_of(pid: int) -> str:
     return psutil.Process(pid).name() if psutil.pid_exists(pid) else ""
 
 
-def test_a_parent_that_ended_before_the_child_could_ask(tmp_path: Path, ended: list[int]) -> None:
+def test_a_child_whose_parent_ended_during_its_start_ends(tmp_path: Path, ended: list[int]) -> None:
     gate = tmp_path / "gate"
     os.mkfifo(gate)
     slow = f"open({str(gate)!r}).read(); import os; open({str(tmp_path / 'late')!r}, 'w').write(str(os.getppid())); "
@@ -115,7 +115,7 @@ def test_a_parent_that_ended_before_the_child_could_ask(tmp_path: Path, ended: l
     assert int((tmp_path / "late").read_text()) != parent.pid
 
 
-def test_a_process_that_others_started_stays() -> None:
+def test_a_process_with_another_parent_continues() -> None:
     lifeline.die_with_parent()  # there is no such parent
     with subprocess.Popen([sys.executable, "-c", ENDLESS + "\n"], cwd=ROOT) as child:
         with pytest.raises(subprocess.TimeoutExpired):
@@ -123,7 +123,7 @@ def test_a_process_that_others_started_stays() -> None:
         child.kill()
 
 
-def test_a_number_that_is_no_descriptor_is_no_lifeline(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_invalid_descriptor_number_is_not_used_as_lifeline(monkeypatch: pytest.MonkeyPatch) -> None:
     end, other = os.pipe()
     os.close(other)  # to take it for the lifeline would be the end
     for text in ("", "x", "1", "-1:1", "999999:1", f"{'9' * 30}:1", f"{end}:0", f"{end}:x", f"{end}"):
@@ -133,7 +133,7 @@ def test_a_number_that_is_no_descriptor_is_no_lifeline(monkeypatch: pytest.Monke
     os.close(end)
 
 
-def test_children_of_one_parent_do_not_know_of_each_other() -> None:
+def test_children_of_one_parent_do_not_end_with_each_other() -> None:
     children = [start_child(foreign_command("sleep", "600")) for _ in range(3)]
     try:
         children[0].kill()
@@ -145,7 +145,7 @@ def test_children_of_one_parent_do_not_know_of_each_other() -> None:
             child.wait()
 
 
-def test_no_descriptor_is_left_by_a_child() -> None:
+def test_a_child_leaves_no_open_descriptor() -> None:
     os.close(open_lifeline())
     before = os.listdir("/proc/self/fd")
     for _ in range(3):
@@ -155,7 +155,7 @@ def test_no_descriptor_is_left_by_a_child() -> None:
     assert os.listdir("/proc/self/fd") == before
 
 
-def test_a_fork_does_not_keep_its_parents_children() -> None:
+def test_a_fork_does_not_hold_the_lifeline_of_its_parent() -> None:
     os.close(open_lifeline())
     code = "import os, time; from hil.common import children; from hil.common.children import *\n"
     code += "os.close(open_lifeline())\n"
@@ -164,24 +164,24 @@ def test_a_fork_does_not_keep_its_parents_children() -> None:
     assert done.stdout == "0\n", done.stderr
 
 
-def test_a_program_that_is_not_there() -> None:
+def test_a_missing_program_is_reported() -> None:
     child = start_child(foreign_command("/there/is/none"), stderr=subprocess.PIPE, text=True)
     assert child.communicate()[1] == "/there/is/none: cannot be started: No such file or directory\n"
     assert child.returncode == 127
 
 
-def test_a_program_of_others_has_the_signals_of_every_program() -> None:
+def test_a_foreign_program_has_default_signal_handling() -> None:
     child = start_child(foreign_command("cat", "/proc/self/status"), stdout=subprocess.PIPE, text=True)
     output = dict(line.split(":\t") for line in child.communicate()[0].splitlines())
     assert int(output["SigIgn"], 16) & (1 << (signal.SIGPIPE - 1) | 1 << (signal.SIGXFSZ - 1)) == 0
 
 
-def test_a_program_learns_nothing_of_the_lifeline() -> None:
+def test_a_foreign_program_does_not_see_the_lifeline_variable() -> None:
     child = start_child(foreign_command("env"), environment={"PATH": os.environ["PATH"]}, stdout=subprocess.PIPE)
     assert lifeline.VARIABLE.encode() not in child.communicate()[0]
 
 
-def test_the_modules_of_the_current_folder_are_not_taken(tmp_path: Path) -> None:
+def test_modules_of_the_current_folder_are_not_imported(tmp_path: Path) -> None:
     (tmp_path / "select.py").write_text("open('executed', 'w')")
     command = [*module_command("hil.cli"), "--version"]
     done = start_child(command, environment=package_environment(), cwd=tmp_path, stdout=subprocess.PIPE, text=True)
@@ -189,7 +189,7 @@ def test_the_modules_of_the_current_folder_are_not_taken(tmp_path: Path) -> None
     assert not (tmp_path / "executed").exists()
 
 
-def test_threads_that_begin_at_once(ended: list[int]) -> None:
+def test_children_started_by_several_threads_at_once_end_with_the_parent(ended: list[int]) -> None:
     code = """
 import threading
 start, started = threading.Barrier(4), []
@@ -210,7 +210,7 @@ for child in started: print(child.pid)
         assert wait_for(lambda: not any(map(is_running, children)), PATIENCE_S)
 
 
-def test_it_is_the_process_that_counts_and_not_one_descriptor() -> None:
+def test_closing_one_lifeline_descriptor_does_not_end_children() -> None:
     end = open_lifeline()
     other = open_lifeline()
     os.close(other)
@@ -224,7 +224,7 @@ def test_it_is_the_process_that_counts_and_not_one_descriptor() -> None:
         child.wait()
 
 
-def test_every_interpreter_that_is_started_ignores_the_current_folder() -> None:
+def test_every_started_interpreter_ignores_the_current_folder() -> None:
     """`python -m` looks for modules in the current folder first: only `hil.common.children` writes such a command."""
     written = re.compile(r'sys\.executable, "-[cm]"')
     folders = [Path(ROOT) / name for name in ("hil", "sim", "boards", "firmware_stub")]

@@ -1,4 +1,4 @@
-"""The rate keeper's schedule, the histogram's promises, instants across processes."""
+"""The rate keeper's schedule, the histogram's error bounds, times across processes, real-time settings."""
 
 import math
 import os
@@ -34,7 +34,7 @@ def test_a_long_stall_is_skipped_and_counted() -> None:
     assert keeper.lateness.maximum == 99_500
 
 
-def test_lateness_that_nobody_reads_takes_no_more_memory() -> None:
+def test_unread_lateness_takes_bounded_memory() -> None:
     """An hour at 400 Hz has every fourth step late by a period."""
     keeper, now, late = RateKeeper(1000, start_ns=0), 0, 0
     for number in range(400 * 60):
@@ -48,7 +48,7 @@ def test_lateness_that_nobody_reads_takes_no_more_memory() -> None:
     assert not keeper._fresh
 
 
-def test_a_loop_does_not_wait_for_who_is_counting() -> None:
+def test_the_loop_does_not_wait_while_lateness_is_counted() -> None:
     keeper = RateKeeper(1000, start_ns=0)
     with keeper._counting:
         for number in range(1, MOST_FRESH + 100):
@@ -58,7 +58,7 @@ def test_a_loop_does_not_wait_for_who_is_counting() -> None:
 
 
 @given(st.lists(st.integers(0, 10**15), min_size=1, max_size=200), st.floats(0.01, 1.0))
-def test_quantiles_never_flatter_and_are_close(values: list[int], share: float) -> None:
+def test_quantiles_are_never_too_small_and_close(values: list[int], share: float) -> None:
     histogram = Histogram()
     for value in values:
         histogram.add(value)
@@ -68,16 +68,16 @@ def test_quantiles_never_flatter_and_are_close(values: list[int], share: float) 
     assert histogram.quantile(1.0) == max(values)
 
 
-def test_empty_histogram() -> None:
+def test_the_quantile_of_an_empty_histogram_is_zero() -> None:
     assert Histogram().quantile(0.5) == 0
 
 
-def test_wall_clock_there_and_back() -> None:
+def test_wall_clock_conversion_round_trip() -> None:
     now = clock.now_ns()
     assert clock.from_wall_ns(clock.to_wall_ns(now)) == now
 
 
-def test_start_of_a_process_is_known_to_a_tick() -> None:
+def test_the_start_of_a_process_is_exact_to_a_clock_tick() -> None:
     code = "from hil.common.clock import *; print(process_start_ns(), now_ns())"
     environment = {name: value for name, value in os.environ.items() if name != "UUV_HIL_EXEC_NS"}
     before = clock.now_ns()
@@ -87,12 +87,12 @@ def test_start_of_a_process_is_known_to_a_tick() -> None:
     assert before - tick_ns <= start <= ready
 
 
-def test_parent_may_tell_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_parent_may_pass_the_start_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("UUV_HIL_EXEC_NS", "123456789")
     assert clock.process_start_ns() == 123456789
 
 
-def test_each_realtime_setting_says_whether_it_holds() -> None:
+def test_each_realtime_setting_reports_its_result() -> None:
     names = ("schedule_fifo(10)", "lock_memory()", "stay_awake()", "quiet_garbage_collector()")
     code = "from hil.common import clock\n" + "\n".join(f"print(clock.{name})" for name in names)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -103,7 +103,7 @@ def test_each_realtime_setting_says_whether_it_holds() -> None:
     assert collector.startswith("garbage collector: off")
 
 
-def test_a_sleeper_learns_what_waking_up_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_rate_keeper_adapts_to_the_wake_up_latency(monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = count(10**12, 1000)  # each look at the clock takes 1 us
     monkeypatch.setattr(clock, "now_ns", lambda: next(ticks))
     now_ns = clock.now_ns

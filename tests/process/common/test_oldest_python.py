@@ -1,6 +1,6 @@
-"""The project runs on the oldest Python that it names: `UUV_HIL_OLDEST_PYTHON` is one of 3.10 with what a slave needs.
+"""The project runs on the oldest supported Python: `UUV_HIL_OLDEST_PYTHON` is a 3.10 with the packages of a slave.
 
-What that Python does differently is tried on this one too.
+Behaviour that differs there is tested on the present Python too.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""A port that somebody was given is nobody else's, although nothing listens there yet."""
+"""Free ports: a port that was given to one process is not given to another, although nothing listens there yet."""
 
 import socket
 import subprocess
@@ -12,7 +12,7 @@ from hil.common import ports
 ASK = "from hil.common.ports import free_ports; print(*free_ports(3), flush=True); input()"
 
 
-def test_processes_that_ask_at_the_same_time_get_different_ports() -> None:
+def test_simultaneous_processes_get_different_ports() -> None:
     children = [
         subprocess.Popen([sys.executable, "-c", ASK], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         for _ in range(3)
@@ -27,18 +27,18 @@ def test_processes_that_ask_at_the_same_time_get_different_ports() -> None:
     assert len(set(given)) == 12
 
 
-def test_a_process_gets_others_the_next_hundred_times() -> None:
+def test_a_process_gets_a_hundred_different_ports() -> None:
     assert len({ports.free_ports(1)[0] for _ in range(100)}) == 100
 
 
-def test_a_port_that_is_taken_or_has_a_neighbour_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_that_is_in_use_or_whose_neighbour_is_in_use_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second, third = ports.free_ports(3)
     monkeypatch.setattr(ports, "_own_block", lambda pid: (3, iter((first, second, third))))
     with socket.create_server(("127.0.0.1", first)), socket.create_server(("127.0.0.1", second + 1)):
         assert ports.free_ports(3) == [third]
 
 
-def test_when_all_blocks_are_taken_any_port_will_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_port_is_given_when_all_blocks_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ports, "_END", ports._FIRST + ports._BLOCK)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
         with suppress(OSError):  # another process of this machine has it

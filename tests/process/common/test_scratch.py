@@ -1,4 +1,4 @@
-"""Folders for a while: gone at the end, or at the next start."""
+"""Temporary folders: removed at the end, or at the next start after a kill."""
 
 import os
 import subprocess
@@ -25,7 +25,7 @@ def killed(base: Path, more: str = "") -> str:
     return done.stdout.strip()
 
 
-def test_it_is_private_and_gone_at_the_end(tmp_path: Path) -> None:
+def test_a_scratch_folder_is_private_and_removed_at_the_end(tmp_path: Path) -> None:
     with ScratchFolder("test", str(tmp_path)) as folder:
         assert Path(folder.path).stat().st_mode & 0o777 == 0o700
         Path(folder.file("a")).write_text("")
@@ -34,7 +34,9 @@ def test_it_is_private_and_gone_at_the_end(tmp_path: Path) -> None:
     folder.close()
 
 
-def test_it_is_gone_at_the_end_where_folders_cannot_be_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scratch_folder_is_removed_where_folders_cannot_be_locked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(sys, "platform", "win32")
     with ScratchFolder("test", str(tmp_path)) as folder, ScratchFolder("test", str(tmp_path)):
         assert Path(folder.path).is_dir()
@@ -42,14 +44,14 @@ def test_it_is_gone_at_the_end_where_folders_cannot_be_locked(tmp_path: Path, mo
     assert not any(tmp_path.iterdir())
 
 
-def test_what_a_killed_process_left_is_gone_with_the_next_one(tmp_path: Path) -> None:
+def test_the_folder_of_a_killed_process_is_removed_by_the_next(tmp_path: Path) -> None:
     left = killed(tmp_path)
     assert os.path.exists(left)
     with ScratchFolder("other", str(tmp_path)) as folder:
         assert list(tmp_path.iterdir()) == [Path(folder.path)]
 
 
-def test_its_parsed_files_are_forgotten_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cached_files_of_a_removed_folder_are_removed_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     left = killed(tmp_path, "from hil.common.tables import read_table; read_table(f.file('kept.toml'))\n")
     beside = tmp_path / "beside.toml"
@@ -60,7 +62,7 @@ def test_its_parsed_files_are_forgotten_too(tmp_path: Path, monkeypatch: pytest.
     assert os.listdir(tmp_path / "cache/uuv-hil") == [os.path.basename(cache_path(str(beside)))]
 
 
-def test_what_is_in_use_or_of_others_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folders_in_use_and_of_other_users_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / f"{PREFIX}link").symlink_to(tmp_path / "mine")
     (tmp_path / f"{PREFIX}file").write_text("")
@@ -76,8 +78,10 @@ def test_what_is_in_use_or_of_others_stays(tmp_path: Path, monkeypatch: pytest.M
     }  # fmt: skip
 
 
-def test_one_that_is_taken_for_abandoned_before_it_is_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another process that makes one may come between the making and the locking."""
+def test_a_folder_removed_by_another_process_before_it_is_locked_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process may remove it as abandoned between its creation and its locking."""
     import fcntl
 
     real = fcntl.flock
@@ -97,8 +101,10 @@ def test_one_that_is_taken_for_abandoned_before_it_is_locked(tmp_path: Path, mon
     assert not list(tmp_path.iterdir())
 
 
-def test_one_that_is_taken_for_abandoned_before_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another process that makes one may come between the making and the opening."""
+def test_a_folder_removed_by_another_process_before_it_is_opened_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process may remove it as abandoned between its creation and its opening."""
     real = tempfile.mkdtemp
     others: list[ScratchFolder] = []
 
@@ -116,6 +122,6 @@ def test_one_that_is_taken_for_abandoned_before_it_is_opened(tmp_path: Path, mon
     others[0].close()
 
 
-def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match=r"nowhere: no folder can be made: No such file or directory; .*TMPDIR"):
         ScratchFolder("test", str(tmp_path / "nowhere"))

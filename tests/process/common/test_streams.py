@@ -1,4 +1,4 @@
-"""Standard streams that are closed, full, left or know no more than ASCII, and Ctrl-C while modules load."""
+"""Standard streams that are closed, full or limited to ASCII, Ctrl-C during imports, and errors of one line."""
 
 import os
 import signal
@@ -41,7 +41,9 @@ def run(command: str, **environment: str) -> tuple[int, str]:
         ("UUV frame list 2>&- <&-", {0}, ""),
     ],
 )
-def test_an_output_that_takes_nothing(command: str, codes: set[int], words: str, buffered: str) -> None:
+def test_a_closed_or_full_output_is_at_most_one_line_of_error(
+    command: str, codes: set[int], words: str, buffered: str
+) -> None:
     code, output = run(command, PYTHONUNBUFFERED=buffered)
     assert code in codes, output
     assert output.startswith(words)
@@ -69,7 +71,7 @@ except streams.ConfigError:
     "environment",
     [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}],
 )
-def test_a_terminal_of_ascii_alone(environment: dict[str, str]) -> None:
+def test_output_to_an_ascii_terminal_is_ascii(environment: dict[str, str]) -> None:
     code, output = run("UUV vehicle paper_six | grep 'kg/m3' > /dev/null && UUV vehicle --density x", **environment)
     assert code == 2
     assert output.isascii()
@@ -77,7 +79,7 @@ def test_a_terminal_of_ascii_alone(environment: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("name", ["/usr/bin/uuv-hil", "/usr/lib/python3/hil/__main__.py"])
-def test_ctrl_c_while_modules_load(name: str) -> None:
+def test_ctrl_c_while_modules_load_ends_quietly(name: str) -> None:
     """The handler is set before the command's own module is loaded."""
     code = f"""
 import os, signal, sys
@@ -112,7 +114,9 @@ def test_ctrl_c_is_an_exception_again_once_all_is_loaded() -> None:
 
 
 @pytest.mark.parametrize("command", [["sim"], ["demo"], ["campaign"], ["master", "--connect", "127.0.0.1"]])
-def test_a_fleet_is_named_where_one_vehicle_is_flown(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fleet_scenario_is_refused_by_commands_for_one_vehicle(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert cli.main([*command, "target_hunting"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "this is a fleet (uuv1, uuv2, uuv3" in line
@@ -129,7 +133,7 @@ def test_a_fleet_is_named_where_one_vehicle_is_flown(command: list[str], capsys:
         ("[link]", '[link]\nframe = "aa5"', "link.frame: no frame 'aa5'; did you mean 'aa55'?"),
     ],
 )
-def test_what_a_scenario_names_is_reported_by_its_file_and_key(
+def test_a_missing_preset_is_reported_by_file_and_key(
     old: str, new: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from tests.support.processes import write_scenario
@@ -144,7 +148,7 @@ def test_what_a_scenario_names_is_reported_by_its_file_and_key(
         assert "sim/" not in line
 
 
-def test_an_empty_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_empty_recording_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     empty = tmp_path / "empty.mcap"
     empty.touch()
     for command in (["replay"], ["replay", "--check"], ["plot"]):

@@ -1,4 +1,4 @@
-"""The doctor tells what is there and what is not, and changes nothing."""
+"""`uuv-hil doctor`: it reports the software and settings of a machine, and changes nothing."""
 
 import compileall
 import json
@@ -37,7 +37,7 @@ def here(scenario: str | None = None) -> Case:
     return Case(Tree("/"), None, load_scenario(scenario) if scenario else None, doctor.find_user(Tree("/"), None))
 
 
-def test_every_row_without_a_scenario() -> None:
+def test_every_finding_without_a_scenario() -> None:
     done = run("--json", UUV_HIL_NATIVE="0")
     assert (done.returncode, done.stderr) == (0, "")
     rows = {row["topic"]: row for row in json.loads(done.stdout)}
@@ -54,7 +54,7 @@ def test_every_row_without_a_scenario() -> None:
     assert {row["level"] for row in rows.values()} <= {"ok", "note"}
 
 
-def test_a_line_a_finding() -> None:
+def test_each_finding_is_one_line() -> None:
     done = run()
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
@@ -62,7 +62,7 @@ def test_a_line_a_finding() -> None:
     assert all(line.split()[0] in ("ok", "note") for line in lines)
 
 
-def test_a_wish_that_cannot_be_is_a_problem() -> None:
+def test_an_invalid_setting_is_a_problem() -> None:
     done = run("paper_field", UUV_HIL_NATIVE="maybe")
     assert done.returncode == 1
     assert "problem  step" in done.stdout
@@ -71,7 +71,7 @@ def test_a_wish_that_cannot_be_is_a_problem() -> None:
     assert run(UUV_HIL_NATIVE="maybe").returncode == 0  # nothing is needed yet
 
 
-def test_the_step_in_c_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_step_in_c_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sim.native._native", None)
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
     found = next(doctor_software.step(here()))
@@ -88,7 +88,7 @@ def test_the_environment_requires_a_missing_extension(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("module", doctor_software.EXTENSIONS)
-def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
+def test_another_missing_extension_is_noted(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
     (found,) = [found for found in doctor_software.step(here()) if found.topic != "step"]
@@ -99,7 +99,7 @@ def test_another_binary_is_missing(monkeypatch: pytest.MonkeyPatch, module: str)
 
 @pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C here: python c_extensions.py")
 @pytest.mark.parametrize(("package", "topic"), [("sim.native", "step"), ("hil.slave.native", "firmware")])
-def test_a_binary_of_other_sources(monkeypatch: pytest.MonkeyPatch, package: str, topic: str) -> None:
+def test_an_extension_of_other_sources_is_reported(monkeypatch: pytest.MonkeyPatch, package: str, topic: str) -> None:
     usual = native._source_bytes
     monkeypatch.setattr(native, "_source_bytes", lambda name: " 1" if name == package else usual(name))
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
@@ -109,14 +109,14 @@ def test_a_binary_of_other_sources(monkeypatch: pytest.MonkeyPatch, package: str
     assert found.remedy == native.COMPILE_AGAIN
 
 
-def test_help_by_the_one_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_is_printed_by_the_main_command(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         cli.main(["doctor", "--help"])
     assert end.value.code == 0
     assert "usage: uuv-hil doctor" in capsys.readouterr().out
 
 
-def test_nothing_of_this_process_changes() -> None:
+def test_the_settings_of_this_process_do_not_change() -> None:
     def settings() -> tuple[int, list[str]]:
         status = Path("/proc/self/status").read_text().splitlines()
         return os.sched_getscheduler(0), [line for line in status if line.startswith("VmLck")]
@@ -126,19 +126,19 @@ def test_nothing_of_this_process_changes() -> None:
     assert settings() == before
 
 
-def test_what_is_not_installed() -> None:
+def test_a_missing_package_is_reported_with_its_installation() -> None:
     found = doctor_software.library("tea", "no-such-distribution", "the afternoon", "tea", "problem")
     assert found == Finding("problem", "tea", "not installed; it is for the afternoon", "pip install tea")
 
 
-def test_packages_that_only_this_scenario_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_a_problem_only_if_the_scenario_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(doctor_software.WANTED, "python", ("tea", "no-such-distribution", "tea", "tea"))
     assert "tea" not in {finding.topic for finding in doctor_software.software(here())}
     found = {finding.topic: finding for finding in doctor_software.software(here("paper_field"))}
     assert found["tea"].level == "problem"
 
 
-def test_bytecode(tmp_path: Path) -> None:
+def test_the_state_of_bytecode_is_reported(tmp_path: Path) -> None:
     """Bytecode is reported as missing, as present, and as older than its source."""
     source = tmp_path / "sim" / "deep" / "one.py"
     source.parent.mkdir(parents=True)
@@ -152,7 +152,7 @@ def test_bytecode(tmp_path: Path) -> None:
     assert doctor_software.bytecode(str(tmp_path)).level == "note"
 
 
-def test_a_step_that_costs_more_than_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_that_takes_more_than_its_share_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario("paper_field")
     measured = doctor_software.step_cost_s(scenario)
     assert 0.0 < measured < 0.1
@@ -173,7 +173,7 @@ def topics() -> Iterator[None]:
 
 NOWHERE = '[security]\nslave = "keys/a"\nmaster = "keys/b"\nmay_command = ["b"]'
 RECORDING = "[recording]\nslave = true\nfolder = '"
-WILD = """
+FAILING_PLANNER = """
 class Wild:
     def __init__(self):
         1 / 0
@@ -200,11 +200,11 @@ class Sour:
         ("[link]", '[sensors.mine]\nclass = "wild:Sour"\nrate = 50\n[link]', "step", "OverflowError: too sour"),
     ],
 )  # fmt: skip
-def test_what_the_slave_or_the_planner_would_refuse(
+def test_what_the_slave_or_the_planner_would_refuse_is_a_problem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topics: None, old: str, new: str, topic: str, words: str
 ) -> None:
     """Each is one problem with what to do about it, and nothing is raised."""
-    (tmp_path / "wild.py").write_text(WILD)
+    (tmp_path / "wild.py").write_text(FAILING_PLANNER)
     monkeypatch.syspath_prepend(str(tmp_path))
     path, _ = write_scenario(tmp_path)
     assert [found.level for found in doctor_software.software(here(str(path))) if found.topic == "start"] == ["ok"]
@@ -219,8 +219,8 @@ def test_what_the_slave_or_the_planner_would_refuse(
     assert str(path) in found.remedy or "uuv-hil keys" in found.text or "mend the sensor" in found.remedy
 
 
-def test_what_a_start_does_not_need() -> None:
-    """A fleet has a planner for each, an external controller none, and who names no goal flies by hand."""
+def test_a_start_without_a_planner_or_a_goal_is_no_problem() -> None:
+    """A fleet has a planner for each, an external controller none, and a scenario without a goal is flown by hand."""
     scenario = load_scenario("paper_field", {"master.goal": [900.0, 0.0]})
     user = doctor.find_user(Tree("/"), None)
     lost = [found.topic for found in doctor_software.start(scenario, user)]
@@ -232,7 +232,7 @@ def test_what_a_start_does_not_need() -> None:
     assert lost == ["planner"]
 
 
-def test_a_recording_of_another_user(tmp_path: Path) -> None:
+def test_a_recording_folder_of_another_user_is_a_problem(tmp_path: Path) -> None:
     """The folder's mode decides; nothing is created."""
     folder = tmp_path / "closed"
     folder.mkdir(mode=0o755)
@@ -255,6 +255,6 @@ def test_a_recording_of_another_user(tmp_path: Path) -> None:
         (["--board", "raspberry_pi_4c"], "did you mean 'raspberry_pi_4b'"),
     ],
 )
-def test_options_that_cannot_be_meant(arguments: list[str], message: str) -> None:
+def test_wrong_options_are_refused(arguments: list[str], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         doctor.main(arguments)

@@ -137,7 +137,7 @@ def test_a_healthy_board_has_no_problem(board: Path, capsys: pytest.CaptureFixtu
         (no_memory, "memory free", "40 MiB free, the slave may need 64", "ps aux"),
     ],
 )
-def test_each_planted_fault(
+def test_each_planted_fault_is_found(
     board: Path, capsys: pytest.CaptureFixture[str],
     fault: Callable[[Path], None], topic: str, text: str, remedy: str,
 ) -> None:  # fmt: skip
@@ -150,7 +150,7 @@ def test_each_planted_fault(
     assert remedy in problem["remedy"]
 
 
-def test_all_faults_at_once(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_planted_faults_are_found_at_once(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for fault in (no_permission, kernel_console, login_prompt, other_process, powersave, under_voltage,
                   no_realtime, wrong_clock, taken_port, sleepy_wlan):  # fmt: skip
         fault(board)
@@ -181,7 +181,7 @@ def test_all_faults_at_once(board: Path, capsys: pytest.CaptureFixture[str]) -> 
         ({"state": "ERROR-PASSIVE"}, "can0 is in the state ERROR-PASSIVE", "120 ohms"),
     ],
 )
-def test_faults_of_a_can_bus(
+def test_each_fault_of_a_can_bus_is_found(
     board: Path, capsys: pytest.CaptureFixture[str], change: dict[str, str] | None, text: str, remedy: str
 ) -> None:
     if change is not None:
@@ -194,13 +194,13 @@ def test_faults_of_a_can_bus(
     assert remedy in problem["remedy"]
 
 
-def test_a_healthy_can_bus(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_healthy_can_bus_is_no_problem(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     can0(board)
     no_permission(board)  # of a port that is not used
     assert examine(board, capsys, CAN)[0] == 0
 
 
-def test_a_can_bus_without_iproute2(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_can_bus_without_iproute2_has_unknown_settings(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plant(board, "sys/class/net/can0/flags", "0x40081\n")
     code, found = examine(board, capsys, CAN)
     assert code == 0
@@ -213,7 +213,7 @@ def disabled(root: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", [no_memory_limit, disabled])
-def test_a_kernel_that_limits_no_memory(
+def test_a_kernel_without_memory_limits_is_noted(
     board: Path, capsys: pytest.CaptureFixture[str], fault: Callable[[Path], None]
 ) -> None:
     fault(board)
@@ -240,14 +240,14 @@ def version_1(root: Path) -> None:
 
 
 @pytest.mark.parametrize("change", [enabled, version_2, version_1])
-def test_a_kernel_that_limits_memory(
+def test_a_kernel_with_memory_limits_gives_no_finding(
     board: Path, capsys: pytest.CaptureFixture[str], change: Callable[[Path], None]
 ) -> None:
     change(board)
     assert [row["topic"] for row in examine(board, capsys)[1]] == ["security"]
 
 
-def test_a_firmware_that_does_not_answer_is_no_good_news(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unreadable_throttling_state_is_noted(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (board / THROTTLED).unlink()
     code, found = examine(board, capsys, SERIAL)
     (note,) = [row for row in found if row["topic"] == "throttled"]
@@ -255,7 +255,7 @@ def test_a_firmware_that_does_not_answer_is_no_good_news(board: Path, capsys: py
     assert "usermod -aG video" in note["remedy"]
 
 
-def test_notes_are_no_problems(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_notes_do_not_fail_the_check(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Notes tell of the past, of what may happen, and of what only matters to masters elsewhere."""
     plant(board, THROTTLED, "throttled=0x50000\n")
     plant(board, GOVERNOR.format(0), "ondemand\n")

@@ -23,7 +23,7 @@ from tests.support.boards.recorded import build, plant
 __all__ = ["board"]  # the fixtures
 
 
-def test_the_login_prompt_of_jetsons(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_login_prompt_of_jetsons_is_a_problem(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     root = build("jetson_nano", tmp_path / "root")
     (root / "dev/ttyTHS1").chmod(0o666)
     code, found = examine(root, capsys)
@@ -39,7 +39,7 @@ def test_the_login_prompt_of_jetsons(tmp_path: Path, capsys: pytest.CaptureFixtu
         (("dev/ttyS0",), "see: sudo dmesg | grep tty (pins 8 and 10"),
     ],
 )
-def test_a_jetson_without_the_port(
+def test_a_jetson_without_the_port_is_told_the_name_of_another(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], ports: tuple[str, ...], remedy: str
 ) -> None:
     """The port has another name with JetPack 5; ending the login prompt would not make one."""
@@ -55,7 +55,7 @@ def test_a_jetson_without_the_port(
     assert "systemctl" not in problem["remedy"]
 
 
-def test_a_user_whom_only_the_recorded_machine_has(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_user_of_the_recorded_machine_only_is_found(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     port = board / "dev/ttyS0"
     port.chmod(0o660)
     plant(board, "etc/passwd", f"pi-of-the-board:x:4242:{port.stat().st_gid}::/:/bin/sh\n")
@@ -63,7 +63,7 @@ def test_a_user_whom_only_the_recorded_machine_has(board: Path, capsys: pytest.C
     assert "/dev/serial0 (/dev/ttyS0), pi-of-the-board may open it" in capsys.readouterr().out
 
 
-def test_an_adapter_that_is_not_there(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_usb_adapter_is_reported_with_others(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def remedy() -> str:
         (problem,) = [row for row in examine(board, capsys, text)[1] if row["level"] == "problem"]
         return problem["remedy"]
@@ -81,13 +81,13 @@ def test_a_laptops_powersave_is_no_fault(tmp_path: Path, capsys: pytest.CaptureF
     assert "governor" not in {row["topic"] for row in found}
 
 
-def test_a_step_shorter_than_recommended(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_step_shorter_than_recommended_is_noted(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, found = examine(board, capsys, SERIAL.replace("[slave]", '[slave]\nstep = "1 ms"'))
     assert found[0]["topic"] == "step"
     assert "1 ms is shorter than the 2.5 ms" in found[0]["text"]
 
 
-def test_who_may_open_what(tmp_path: Path) -> None:
+def test_the_mode_of_a_device_decides_who_may_open_it(tmp_path: Path) -> None:
     path = tmp_path / "tty"
     path.touch()
     owner = path.stat()
@@ -100,7 +100,7 @@ def test_who_may_open_what(tmp_path: Path) -> None:
     assert may_open(path.stat(), mine) == (owner.st_uid == 0)  # the owner's own bits count, not the group's
 
 
-def test_the_ports_and_processes_of_this_machine() -> None:
+def test_listening_ports_of_this_machine_are_found() -> None:
     """The same readers on the living kernel, against a socket of ours."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
@@ -112,7 +112,7 @@ def test_the_ports_and_processes_of_this_machine() -> None:
 
 
 def test_a_machine_whose_proc_is_missing(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What psutil cannot read is no problem, and psutil reads this machine again afterwards."""
+    """Files that psutil cannot parse are no problem, and psutil reads this machine again afterwards."""
     for path in ("proc/meminfo", "proc/net/tcp"):
         (board / path).unlink()
     code, found = examine(board, capsys)
@@ -124,7 +124,7 @@ def test_a_machine_whose_proc_is_missing(board: Path, capsys: pytest.CaptureFixt
     assert psutil.PROCFS_PATH == "/proc"
 
 
-def test_a_port_held_by_a_living_process() -> None:
+def test_the_process_that_holds_a_port_is_found() -> None:
     master, slave = pty.openpty()
     name = os.ttyname(slave)
     os.close(slave)

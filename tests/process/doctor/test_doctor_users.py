@@ -1,4 +1,4 @@
-"""The doctor judges what the user who is to run the slave may do, and says what it cannot see."""
+"""`uuv-hil doctor`: the rights of the user who runs the slave, and what it cannot determine about them."""
 
 import os
 import pty
@@ -33,7 +33,7 @@ as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root may start a pr
 
 
 class Runner(Tree):
-    """This machine, where starting a process as another user gives what the test says."""
+    """This machine, where starting a process as another user gives the output that the test sets."""
 
     def __init__(self, answer: str | None, files: dict[str, str] | None = None) -> None:
         super().__init__("/")
@@ -69,7 +69,7 @@ def other(monkeypatch: pytest.MonkeyPatch) -> User:
         ("0", "8388608", 1 << 23 | 1 << 14, []),  # CAP_SYS_NICE, CAP_IPC_LOCK: limits do not matter
     ],
 )
-def test_root_asks_for_another_user(
+def test_root_determines_the_limits_of_another_user(
     other: User, priority: str, locked: str, capabilities: int, levels: list[str]
 ) -> None:
     """Root's own capabilities grant everything; those of the other's process count."""
@@ -86,7 +86,7 @@ def test_root_asks_for_another_user(
 
 
 @pytest.mark.parametrize(("user", "level"), [("uuv", "note"), ("somebody", "problem")])
-def test_an_installed_service_has_its_limits_of_its_unit(other: User, user: str, level: str) -> None:
+def test_an_installed_service_has_the_limits_of_its_unit(other: User, user: str, level: str) -> None:
     unit = f"[Service]\nUser={user}\nLimitRTPRIO=40\n"
     tree = Runner(LIMITS.format(priority=0, locked="unlimited") + STATUS.format(0), {UNIT: unit})
     found = next(doctor_board.realtime_limits(Case(tree, None, scenario(), other)))
@@ -108,12 +108,12 @@ def test_an_installed_grant_counts_from_the_next_login(other: User) -> None:
 
 
 @pytest.mark.parametrize("unit", ["", "User=uuv", "User=uuv\nLimitRTPRIO=", "User=uuv\nLimitRTPRIO=infinity-ish"])
-def test_an_odd_unit_grants_nothing(other: User, unit: str) -> None:
+def test_an_invalid_unit_grants_nothing(other: User, unit: str) -> None:
     tree = Runner(LIMITS.format(priority=0, locked=0) + STATUS.format(0), {UNIT: unit})
     assert next(doctor_board.realtime_limits(Case(tree, None, scenario(), other))).level == "problem"
 
 
-def test_who_is_not_root_cannot_ask_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_root_the_limits_of_others_cannot_be_determined(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.getuid", lambda: 1000)
     monkeypatch.setattr("os.geteuid", lambda: 1000)
     case = Case(Runner(None), None, scenario(), User("uuv", 4711, ()))
@@ -123,14 +123,14 @@ def test_who_is_not_root_cannot_ask_for_others(monkeypatch: pytest.MonkeyPatch) 
     assert not list(doctor_software.granted(case))
 
 
-def test_a_session_that_cannot_be_opened(other: User) -> None:
+def test_limits_of_a_user_without_a_session_cannot_be_determined(other: User) -> None:
     (found,) = doctor_board.realtime_limits(Case(Runner(None), None, scenario(), other))
     assert (found.level, found.text) == ("note", "what uuv is granted cannot be determined")
     assert found.remedy == "see: runuser -u uuv -- true"
 
 
 @as_root
-def test_what_this_machine_grants_to_nobody(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_limits_of_the_user_nobody_are_read(capsys: pytest.CaptureFixture[str]) -> None:
     """The session is that of nobody, without root's capabilities."""
     case = Case(Tree("/"), None, scenario(), doctor.find_user(Tree("/"), "nobody"))
     (found, *_) = doctor_board.realtime_limits(case)
@@ -140,7 +140,7 @@ def test_what_this_machine_grants_to_nobody(capsys: pytest.CaptureFixture[str]) 
 
 
 @as_root
-def test_an_installation_that_the_user_cannot_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_an_installation_that_the_user_cannot_read_is_noted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
     (found,) = doctor_software.granted(Case(Tree("/"), None, None, doctor.find_user(Tree("/"), "nobody")))
@@ -162,10 +162,10 @@ GROUP = "dialout:x:20:uuv,pi\nodd\nvideo:x:44:pilot\nlarge:x:99999999999:pi\n"
         (None, 7, User("7", 7, ())),
     ],
 )
-def test_users_of_a_recorded_machine(
+def test_users_of_a_recorded_machine_are_read_from_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str | None, uid: int, user: User
 ) -> None:
-    """They are its own: this one's may have the same names and other groups."""
+    """Users of this machine may have the same names and other groups."""
     monkeypatch.setattr("os.getuid", lambda: uid)
     plant(tmp_path, "etc/passwd", PASSWD)
     plant(tmp_path, "etc/group", GROUP)
@@ -187,7 +187,7 @@ large:x:99999999999:7::
 \0\ufffd"""
 
 
-def test_what_is_no_account(tmp_path: Path) -> None:
+def test_comments_and_broken_lines_are_no_accounts(tmp_path: Path) -> None:
     """Comments and broken lines are no accounts, whoever reads the file; blanks before a name are none of it."""
     plant(tmp_path, "etc/passwd", BROKEN)
     tree = Tree(str(tmp_path))
@@ -208,7 +208,7 @@ def port() -> Iterator[str]:
     os.close(master)
 
 
-def test_only_root_sees_who_has_the_port(port: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_root_can_see_all_processes_that_hold_a_port(port: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def found(user: User, uid: int) -> list[tuple[str, str]]:
         monkeypatch.setattr("os.geteuid", lambda: uid)
         rows = doctor_links.holders(Case(Tree("/"), None, scenario(port), user))
@@ -224,7 +224,7 @@ def test_only_root_sees_who_has_the_port(port: str, monkeypatch: pytest.MonkeyPa
     assert [level for level, _ in found(owner, 1000)] == ["problem"]
 
 
-def test_a_port_that_is_not_there_hides_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_port_gives_no_finding_about_its_holders(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.geteuid", lambda: 1000)
     case = Case(Tree("/"), None, scenario("/dev/ttyNONE"), User("pilot", 1000, ()))
     assert not list(doctor_links.holders(case))
@@ -244,7 +244,7 @@ RULE = "uuv-hil board install gives it to the group dialout, by a rule for udev;
         (0o660, 4242, RULE),  # a group without a name
     ],
 )
-def test_what_gives_permission(tmp_path: Path, mode: int, gid: int, remedy: str) -> None:
+def test_the_remedy_for_a_port_without_permission(tmp_path: Path, mode: int, gid: int, remedy: str) -> None:
     plant(tmp_path, "etc/group", "root:x:0:\ntty:x:5:\ndialout:x:20:\nodd\nuucp:x:987:\n")
     found = os.stat_result((stat.S_IFCHR | mode, 0, 0, 1, 0, gid, 0, 0, 0, 0))
     assert doctor_links.permission(Tree(str(tmp_path)), found, User("pilot", 1000, ())) == f"{remedy}then log in again"

@@ -1,4 +1,4 @@
-"""The firmware's core in C does what its specification in Python does, byte for byte, and never steps out of bounds."""
+"""The firmware's core in C behaves as its specification in Python, byte for byte, and stays within memory bounds."""
 
 import json
 import random
@@ -17,7 +17,7 @@ GOLDEN: dict[str, Any] = json.loads((Path(__file__).parents[2] / "vectors" / "uu
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_on_a_bad_line_it_does_what_the_specification_does(core: str, seed: int) -> None:
+def test_the_core_matches_the_specification_on_a_bad_line(core: str, seed: int) -> None:
     script = frame_script(seed, 200, noisy=True)
     c, python = run_c(core, script), run_python(script, uuv_hil(), Clock())
     assert first_difference(script, c, python) is None
@@ -27,14 +27,14 @@ def test_on_a_bad_line_it_does_what_the_specification_does(core: str, seed: int)
 
 
 @pytest.mark.parametrize("seed", range(100, 102))
-def test_on_a_good_line_pieces_of_any_size_are_the_same(core: str, seed: int) -> None:
+def test_the_core_matches_the_specification_for_pieces_of_any_size(core: str, seed: int) -> None:
     script = frame_script(seed, 400, noisy=False)
     c, python = run_c(core, script), run_python(script, uuv_hil(), Clock(), piece=4096)
     assert first_difference(script, c, python) is None
 
 
 @pytest.mark.parametrize("vector", GOLDEN["sound"], ids=lambda vector: vector["name"])
-def test_golden_bytes(core: str, vector: dict[str, Any]) -> None:
+def test_golden_frames_are_decoded(core: str, vector: dict[str, Any]) -> None:
     data, fields = bytes.fromhex(vector["hex"]), vector["fields"]
     channels = len(fields["pwm_us"])
     if vector["message"] == "telemetry":
@@ -52,8 +52,8 @@ def test_golden_bytes(core: str, vector: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("vector", GOLDEN["refused"], ids=lambda vector: vector["name"])
-def test_refused_bytes(core: str, vector: dict[str, Any]) -> None:
-    """Refused bytes are counted once and never obeyed; the command behind them is."""
+def test_refused_frames_are_counted_once(core: str, vector: dict[str, Any]) -> None:
+    """Refused bytes are never executed; the command behind them is."""
     data, command = bytes.fromhex(vector["hex"]), ThrusterCommand(7, True, (1600,))
     script = Script(1, 200_000, [Step(0, data + uuv_hil().encode(command))])
     (done,) = run_c(core, script)
@@ -61,7 +61,7 @@ def test_refused_bytes(core: str, vector: dict[str, Any]) -> None:
     assert (answer.frames, answer.errors, answer.pwm_us) == (1, 1, (1600,))
 
 
-def test_a_million_bytes_of_noise(core: str) -> None:
+def test_a_million_bytes_of_noise_move_nothing(core: str) -> None:
     """The bytes are half random, half made of beginnings; nothing moves, and every report is sound."""
     chance = random.Random(3)
     hints = [b"\xa5\x5a", b"\xa5", b"\xa5\x5a\xff\x07", b"\xa5\x5a\x10\x01", b"\xfd", b"\xfd\xff\0\0", b"\xfd\x21\0\0"]
@@ -79,7 +79,7 @@ def test_a_million_bytes_of_noise(core: str) -> None:
     assert received[-1].frames == 0  # type: ignore[union-attr]
 
 
-def test_at_the_end_the_outputs_are_neutral(core: str) -> None:
+def test_the_outputs_are_neutral_after_the_stop(core: str) -> None:
     command = uuv_hil().encode(ThrusterCommand(1, True, (1600, 0)))
     moving, stopped = run_c(core, Script(2, 200_000, [Step(0, command)]), stop=True)
     assert (moving.pwm_us, stopped.pwm_us) == ((1600, 0), (1500, 1500))

@@ -1,4 +1,4 @@
-"""The core in C obeys MAVLink as its specification in Python does."""
+"""The core in C executes MAVLink commands as its specification in Python does."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ from tests.support.firmware.c_mavlink import KNOWN, mavlink_script
 
 
 @pytest.fixture
-def as_the_core_knows_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def messages_of_the_core_only(monkeypatch: pytest.MonkeyPatch) -> None:
     known = {number: extra for number, extra in mavlink_stream.CRC_EXTRA.items() if number in KNOWN}
     monkeypatch.setattr(mavlink_stream, "CRC_EXTRA", known)
 
@@ -29,8 +29,8 @@ def without_deadlines(results: list[Any]) -> list[Any]:
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.usefixtures("as_the_core_knows_it")
-def test_it_does_what_the_specification_does(core: str, seed: int) -> None:
+@pytest.mark.usefixtures("messages_of_the_core_only")
+def test_the_core_matches_the_specification(core: str, seed: int) -> None:
     script, clock = mavlink_script(seed, 250), Clock()
     device = open_protocol("mavlink", "device", script.channels, clock=clock)
     c, python = run_c(core, script), run_python(script, device, clock)
@@ -38,8 +38,8 @@ def test_it_does_what_the_specification_does(core: str, seed: int) -> None:
     assert len({done.pwm_us for done in c}) > 10
 
 
-def test_our_host_commands_it(core: str) -> None:
-    """The host's end of hil/links arms it, commands it, reads its report, and then is silent."""
+def test_the_host_of_the_thruster_link_commands_the_core(core: str) -> None:
+    """The host of hil/links arms it, commands it, reads its report, and then stops sending."""
     clock = Clock()
     host = open_protocol("mavlink", "host", 3, clock=clock)
     steps, received = [Step(0, host.tick(0))], []
@@ -67,7 +67,7 @@ def test_a_servo_is_set_to_the_nearest_microsecond(core: str, width: float) -> N
     assert done.pwm_us == (1500, round(width))
 
 
-def test_it_answers_in_the_protocol_of_the_last_sound_packet(core: str) -> None:
+def test_reports_use_the_protocol_of_the_last_valid_packet(core: str) -> None:
     clock = Clock()
     host, frames = open_protocol("mavlink", "host", 2, clock=clock), uuv_hil()
     order = ThrusterCommand(1, True, (1600, 1400))

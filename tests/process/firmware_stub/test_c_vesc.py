@@ -1,4 +1,4 @@
-"""The core in C as VESCs on a CAN bus: against its specification in Python, and on the emulated chip."""
+"""The core in C as VESCs on a CAN bus, compared with its specification in Python and run on the emulated chip."""
 
 import struct
 
@@ -45,7 +45,7 @@ def meant(frame: CanFrame) -> tuple[int, int, int]:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_it_does_what_the_specification_does(core: str, seed: int) -> None:
+def test_the_core_matches_the_specification(core: str, seed: int) -> None:
     script = vesc_script(seed, 400)
     for step, c, python in zip(script.steps, run_c(core, script), run_python(script), strict=True):
         assert c.pwm_us == python.pwm_us, step
@@ -56,7 +56,7 @@ def test_it_does_what_the_specification_does(core: str, seed: int) -> None:
         assert all(abs(a[2] - b[2]) <= 1 for a, b in zip(reported, wanted, strict=True)), step
 
 
-def test_on_the_emulated_chip() -> None:
+def test_vesc_runs_on_the_emulated_chip() -> None:
     """The shipped image runs with its CAN controller, interrupts, mailboxes and timers."""
     pytest.importorskip("unicorn")
     from firmware_stub.unicorn_board import UnicornBoard, shipped_image

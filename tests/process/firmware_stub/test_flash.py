@@ -67,7 +67,7 @@ def test_the_board_is_recognised_and_gets_its_image(
     assert not probe.held_in_reset, "which needs a wire that not every probe has"
 
 
-def test_parameters_are_written_if_one_is_named(
+def test_parameters_are_written_if_one_is_given(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board = FakeChip("f446")
@@ -79,7 +79,7 @@ def test_parameters_are_written_if_one_is_named(
 
 @pytest.fixture
 def own_image(tmp_path: Path) -> Path:
-    """Return an image for the F405 that somebody made for a crystal of 12 MHz."""
+    """Return an image for the F405 that was made for a crystal of 12 MHz."""
     path = tmp_path / "mine.bin"
     path.write_bytes(b"another program")
     description = Path(load_image("f405").path).with_suffix(".toml").read_text()
@@ -89,7 +89,7 @@ def own_image(tmp_path: Path) -> Path:
     return path
 
 
-def test_an_own_image_with_its_description(
+def test_an_own_image_with_its_description_is_written(
     own_image: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board = FakeChip("f405")
@@ -99,7 +99,7 @@ def test_an_own_image_with_its_description(
     assert f"image: {own_image}" in capsys.readouterr().out
 
 
-def test_an_own_image_that_does_not_fit(
+def test_an_own_image_for_another_chip_is_refused(
     own_image: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board = FakeChip("f411")
@@ -147,7 +147,7 @@ def test_a_dry_run_writes_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytes
         ),
     ],
 )
-def test_what_prevents_it_is_said(
+def test_what_prevents_flashing_is_reported(
     chips: list[str], words: list[str], code: int, refusal: str,
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
@@ -158,7 +158,7 @@ def test_what_prevents_it_is_said(
     assert not any(board.erased for board in boards)
 
 
-def test_one_of_several_probes_by_a_part_of_its_number(
+def test_one_of_several_probes_is_chosen_by_a_part_of_its_number(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     boards = [FakeChip("f405"), FakeChip("f411")]
@@ -167,7 +167,9 @@ def test_one_of_several_probes_by_a_part_of_its_number(
     assert [bool(board.erased) for board in boards] == [False, True]
 
 
-def test_under_reset(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_chip_is_written_under_reset_on_request(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     probe = FakeProbe(FakeChip("f103"))
     connect(monkeypatch, probe)
     assert main(["stm32", "flash", "--yes", "--under-reset"]) == 0
@@ -175,7 +177,9 @@ def test_under_reset(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixt
     assert probe.chip.flash[0] != 0x55
 
 
-def test_a_chip_that_does_not_answer(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_chip_that_does_not_answer_is_reported(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     probe = FakeProbe(FakeChip("f103"))
     probe.answers = False
     connect(monkeypatch, probe)
@@ -192,7 +196,7 @@ def test_a_chip_of_another_kind_is_refused_by_its_name(
     assert "the board has an STM32F42x or F43x (device id 0x419), and there is no image" in capsys.readouterr().err
 
 
-def test_a_flash_that_does_not_take_it_is_noticed(
+def test_a_failed_write_of_the_flash_is_detected(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board = FakeChip("f405")
@@ -202,7 +206,7 @@ def test_a_flash_that_does_not_take_it_is_noticed(
     assert "has other bytes than were written" in capsys.readouterr().err
 
 
-def test_without_a_terminal_it_asks_for_yes(
+def test_without_a_terminal_the_option_yes_is_needed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board = FakeChip("f405")
@@ -223,7 +227,7 @@ def dfu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_by_dfu_the_image_comes_last_and_starts(dfu: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_dfu_writes_the_image_last_and_starts_it(dfu: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stm32", "flash", "--by", "dfu", "--yes", "--channels", "8"]) == 0
     assert (dfu / "0x08000000").read_bytes() == Path(load_image("f405").path).read_bytes()
     assert (dfu / "0x08004000").read_bytes() == parameters(8)
@@ -234,13 +238,13 @@ def test_by_dfu_the_image_comes_last_and_starts(dfu: Path, capsys: pytest.Captur
     assert "board in DFU mode at 1-1.2, 1024 KiB of flash" in capsys.readouterr().out
 
 
-def test_a_failure_of_dfu_util_is_said(dfu: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failure_of_dfu_util_is_reported(dfu: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (dfu / "fails").touch()
     assert main(["stm32", "flash", "--by", "dfu", "--yes"]) == 3
     assert "dfu-util: dfu-util: Error during download get_status: LIBUSB_ERROR_PIPE" in capsys.readouterr().err
 
 
-def test_no_board_several_boards_and_no_dfu_util(
+def test_no_board_several_boards_and_no_dfu_util_are_reported(
     dfu: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refusal(*words: str) -> str:
@@ -256,7 +260,9 @@ def test_no_board_several_boards_and_no_dfu_util(
     assert "no dfu-util: sudo apt install dfu-util" in refusal()
 
 
-def test_without_pyocd_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_flashing_without_pyocd_names_the_extra(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     class Absent:
         def find_spec(self, name: str, *_: Any) -> None:
             if name.split(".", maxsplit=1)[0] == "pyocd":

@@ -1,4 +1,4 @@
-"""The images that are shipped: whole, of the present sources, and the same bits when made again."""
+"""The shipped images: complete, of the present sources, and reproducible bit for bit."""
 
 import re
 import shutil
@@ -28,16 +28,16 @@ def recipe(chip: str) -> dict[str, Any]:
     return parse_toml(Path(image_path(chip)).with_suffix(".toml").read_text())
 
 
-def test_it_is_whole(chip: str, recipe: dict[str, Any]) -> None:
+def test_the_image_is_complete(chip: str, recipe: dict[str, Any]) -> None:
     assert build.fingerprint([image_path(chip)]) == recipe["sha256"], REMEDY
     assert Path(image_path(chip)).stat().st_size == recipe["size"] <= SECTOR
 
 
-def test_it_is_of_the_present_sources(chip: str, recipe: dict[str, Any]) -> None:
+def test_the_image_is_of_the_present_sources(chip: str, recipe: dict[str, Any]) -> None:
     assert build.fingerprint(build.image_sources(chip)) == recipe["sources"], REMEDY
 
 
-def test_its_vectors_point_into_memory(chip: str, recipe: dict[str, Any]) -> None:
+def test_interrupt_vectors_point_into_memory(chip: str, recipe: dict[str, Any]) -> None:
     """The stack begins at the top of the RAM, and each interrupt has a handler in Thumb code of this image."""
     header = (Path(build.HERE) / "src" / chip / "chip.h").read_text()
     (interrupts,) = re.findall(r"#define INTERRUPTS (\d+)u", header)
@@ -47,7 +47,7 @@ def test_its_vectors_point_into_memory(chip: str, recipe: dict[str, Any]) -> Non
     assert all(h % 2 == 1 and FLASH < h < FLASH + recipe["size"] for h in handlers)
 
 
-def test_its_wiring_is_said_beside_it_as_its_folder_has_it(chip: str, recipe: dict[str, Any]) -> None:
+def test_the_description_of_the_image_matches_its_source_folder(chip: str, recipe: dict[str, Any]) -> None:
     made_by = {key: recipe[key] for key in ("compiler", "pymavlink", "sources", "size", "sha256")}
     assert Path(image_path(chip)).with_suffix(".toml").read_text() == build.description(chip, made_by), REMEDY
     image = load_image(chip)
@@ -62,7 +62,7 @@ def test_a_chip_without_an_image_is_refused() -> None:
         load_image("f042")
 
 
-def test_a_description_that_is_damaged_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_description_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("firmware_stub.image.IMAGES", str(tmp_path))
     (tmp_path / "uuv_hil_stm32f405.toml").write_text('chip = "STM32F405"\n')
     with pytest.raises(
@@ -71,7 +71,7 @@ def test_a_description_that_is_damaged_is_named(tmp_path: Path, monkeypatch: pyt
         load_image("f405")
 
 
-def test_parameters_as_the_board_reads_them() -> None:
+def test_parameters_are_encoded_as_the_board_reads_them() -> None:
     """The parameters are five little-endian words, see src/stm32/stm32.h."""
     assert parameters(8, 0.25).hex(" ", 4) == "55555650 08000000 fa000000 32000000 00c20100"
     for channels in (0, 9):
@@ -81,7 +81,7 @@ def test_parameters_as_the_board_reads_them() -> None:
 
 @pytest.mark.arm
 @pytest.mark.skipif(not shutil.which(build.ARM), reason=f"needs {build.ARM}")
-def test_made_again_it_is_the_same_to_the_bit(chip: str, recipe: dict[str, Any], tmp_path: Path) -> None:
+def test_a_rebuilt_image_is_the_same_bit_for_bit(chip: str, recipe: dict[str, Any], tmp_path: Path) -> None:
     image = build.make_image(str(tmp_path), chip)
     here = build.recipe(image.binary, chip)
     for tool in ("compiler", "pymavlink"):
@@ -94,8 +94,8 @@ def test_made_again_it_is_the_same_to_the_bit(chip: str, recipe: dict[str, Any],
 
 @pytest.mark.arm
 @pytest.mark.skipif(not shutil.which(build.ARM), reason=f"needs {build.ARM}")
-def test_for_another_crystal(tmp_path: Path) -> None:
-    """Its description belongs to it, and the F103's PLL is not set to what it cannot give."""
+def test_an_image_for_another_crystal_is_built(tmp_path: Path) -> None:
+    """Its description has its checksum, and a frequency that the F103's PLL cannot make is refused."""
     image = build.make_image(str(tmp_path), "f411", 25)
     described = describe_image(image.binary)
     assert described.sha256 == build.fingerprint([image.binary]) != load_image("f411").sha256

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compil
 
 @pytest.fixture(scope="module", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Provide a cache of our own."""
+    """Provide a separate cache folder."""
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder))
@@ -63,7 +63,7 @@ def host(device: str, protocol: Protocol | None = None) -> ThrusterLink:
     return ThrusterLink(PtyHostWire(device), protocol or uuv_hil())
 
 
-def test_it_serves(stm32: NativeStm32, device: str) -> None:
+def test_the_native_stm32_answers_commands_and_trips_its_watchdog(stm32: NativeStm32, device: str) -> None:
     link = host(device)
     first = wait(link, lambda report: True)
     assert (first.armed, first.frames, first.pwm_us) == (False, 0, NEUTRAL)
@@ -78,7 +78,7 @@ def test_it_serves(stm32: NativeStm32, device: str) -> None:
     link.close()
 
 
-def test_it_reports_fifty_times_a_second(stm32: NativeStm32, device: str) -> None:
+def test_telemetry_is_sent_fifty_times_a_second(stm32: NativeStm32, device: str) -> None:
     link = host(device)
     wait(link, lambda report: True)
 
@@ -93,7 +93,7 @@ def test_it_reports_fifty_times_a_second(stm32: NativeStm32, device: str) -> Non
     link.close()
 
 
-def test_it_speaks_mavlink(stm32: NativeStm32, device: str) -> None:
+def test_the_native_stm32_is_commanded_by_mavlink(stm32: NativeStm32, device: str) -> None:
     if mavlink_headers.version() is None:
         pytest.skip("without pymavlink it cannot")
     link = host(device, open_protocol("mavlink", "host", 6))
@@ -110,7 +110,7 @@ def test_it_speaks_mavlink(stm32: NativeStm32, device: str) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_it_neutral(stm32: NativeStm32, device: str, number: signal.Signals) -> None:
+def test_a_signal_ends_it_with_neutral_outputs(stm32: NativeStm32, device: str, number: signal.Signals) -> None:
     link = host(device)
     link.send(ThrusterCommand(1, True, FULL))
     wait(link, lambda report: report.armed)
@@ -121,8 +121,8 @@ def test_a_signal_ends_it_neutral(stm32: NativeStm32, device: str, number: signa
     link.close()
 
 
-def test_nobody_reads_and_it_goes_on(stm32: NativeStm32, device: str) -> None:
-    """Bytes that nobody reads are lost, as on a UART: a program that opens the port later reads few old reports."""
+def test_unread_telemetry_does_not_block_it(stm32: NativeStm32, device: str) -> None:
+    """Bytes that are not read are lost, as on a UART: a program that opens the port later reads few old reports."""
     fd = os.open(device, os.O_RDWR | os.O_NOCTTY)
     order = uuv_hil()
     for sequence in range(400):
@@ -137,7 +137,7 @@ def test_nobody_reads_and_it_goes_on(stm32: NativeStm32, device: str) -> None:
     link.close()
 
 
-def test_a_second_one_on_the_same_path_says_so(stm32: NativeStm32, device: str) -> None:
+def test_a_second_process_on_the_same_path_is_refused(stm32: NativeStm32, device: str) -> None:
     with pytest.raises(DeviceError, match="already served by another process"):
         NativeStm32(device, 6, 0.2)
     link = host(device)
@@ -145,7 +145,7 @@ def test_a_second_one_on_the_same_path_says_so(stm32: NativeStm32, device: str) 
     link.close()
 
 
-def test_after_a_kill_the_next_one_starts(stm32: NativeStm32, device: str) -> None:
+def test_a_new_process_starts_after_a_kill(stm32: NativeStm32, device: str) -> None:
     os.kill(stm32.pid, signal.SIGKILL)
     stm32.close()
     assert os.path.islink(device)
@@ -156,7 +156,7 @@ def test_after_a_kill_the_next_one_starts(stm32: NativeStm32, device: str) -> No
     second.close()
 
 
-def test_a_file_in_its_place_is_not_touched(device: str) -> None:
+def test_a_file_at_its_path_is_not_overwritten(device: str) -> None:
     Path(device).write_text("precious")
     with pytest.raises(DeviceError, match="exists and is not a link to a pty"):
         NativeStm32(device, 6, 0.2)
@@ -177,7 +177,7 @@ def test_a_file_in_its_place_is_not_touched(device: str) -> None:
         (["--device", "/nowhere/stm32"], 3, "/nowhere/stm32: cannot be made: No such file or directory"),
     ],
 )
-def test_a_mistake_is_one_line(options: list[str], code: int, words: str) -> None:
+def test_a_wrong_option_is_one_line(options: list[str], code: int, words: str) -> None:
     done = subprocess.run([build_native(), *options], capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, done.stdout) == (code, "")
     (line,) = done.stderr.splitlines()
@@ -185,7 +185,7 @@ def test_a_mistake_is_one_line(options: list[str], code: int, words: str) -> Non
     assert words in line
 
 
-def test_it_is_compiled_once(cache: Path) -> None:
+def test_the_program_is_compiled_once(cache: Path) -> None:
     program = build_native()
     before = os.stat(program).st_mtime_ns
     assert build_native() == program
@@ -194,7 +194,7 @@ def test_it_is_compiled_once(cache: Path) -> None:
     assert [name for name in os.listdir(cache_folder()) if name.startswith(f"{NAME}-") and "." in name] == []
 
 
-def test_old_programs_go(tmp_path: Path) -> None:
+def test_old_programs_are_removed(tmp_path: Path) -> None:
     old = [tmp_path / f"{NAME}-{number:016x}" for number in range(20)]
     for number, path in enumerate(old):
         path.write_bytes(b"x")
@@ -206,7 +206,7 @@ def test_old_programs_go(tmp_path: Path) -> None:
     assert (tmp_path / "a.toml.cpython").exists()
 
 
-def test_without_pymavlink_it_speaks_the_frame(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pymavlink_the_frame_protocol_works(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pymavlink")
     with_it = build_native()
     monkeypatch.setattr(mavlink_headers, "version", lambda: None)
@@ -219,13 +219,13 @@ def test_without_pymavlink_it_speaks_the_frame(device: str, monkeypatch: pytest.
     stm32.close()
 
 
-def test_without_a_compiler_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_compiler_is_reported_with_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(DeviceError, match=r"no C compiler 'no-such-compiler'.*sudo apt install gcc"):
         build_native()
 
 
-def test_a_cache_that_cannot_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cache_that_cannot_be_made_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
     with pytest.raises(DeviceError, match=r"/proc/nowhere/uuv-hil: .*; set XDG_CACHE_HOME"):
         build_native()

@@ -1,4 +1,4 @@
-"""An STM32 in a process that was stopped does not execute, when it goes on, what was written to it meanwhile."""
+"""An STM32 process that was stopped and continued does not execute commands that arrived meanwhile."""
 
 import contextlib
 import os
@@ -24,7 +24,7 @@ def reports(driver: ThrusterDriver) -> set[tuple[int, ...]]:
 
 
 @pytest.mark.parametrize(("kind", "wire"), [("process", "pty"), ("process", "udp"), ("native", "pty")])
-def test_old_commands_are_thrown_away(kind: str, wire: str, tmp_path: Path) -> None:
+def test_commands_that_arrived_while_it_was_stopped_are_discarded(kind: str, wire: str, tmp_path: Path) -> None:
     port = f"udp://127.0.0.1:{free_port()}" if wire == "udp" else f"pty:{tmp_path / 'stm32'}"
     driver = open_driver(kind, Link(port=port, watchdog=WATCHDOG_S), 6, True, 1, print)
     with contextlib.closing(driver):

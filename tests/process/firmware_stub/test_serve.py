@@ -1,4 +1,4 @@
-"""The STM32 as a process, commanded by a program that knows only the port and the bytes."""
+"""The STM32 as a process, commanded by a program that uses only the serial port and the frame format."""
 
 import os
 import re
@@ -58,7 +58,7 @@ def stm32(device: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 class ForeignProgram:
-    """Someone else's vehicle software: pyserial and the frame, nothing of our link."""
+    """Vehicle software of another author: pyserial and the frame format, without the link of this project."""
 
     def __init__(self, device: Path) -> None:
         self.port = serial.Serial(str(device), 115_200, timeout=0.05, exclusive=True)
@@ -76,7 +76,7 @@ class ForeignProgram:
         pytest.fail("no such telemetry")
 
 
-def test_a_foreign_program_commands_it(stm32: subprocess.Popen[str], device: Path) -> None:
+def test_a_foreign_program_commands_the_stm32(stm32: subprocess.Popen[str], device: Path) -> None:
     program = ForeignProgram(device)
     with program.port:
         first = program.wait(lambda report: True)
@@ -109,7 +109,7 @@ def test_a_signal_ends_it_cleanly(stm32: subprocess.Popen[str], device: Path, nu
     assert os.listdir(device.parent) == []
 
 
-def test_a_second_one_on_the_same_path_says_so(stm32: subprocess.Popen[str], device: Path) -> None:
+def test_a_second_process_on_the_same_path_is_refused(stm32: subprocess.Popen[str], device: Path) -> None:
     code, out, err = finish(start("--port", f"pty:{device}"))
     assert code == DeviceError.exit_code
     assert out == ""
@@ -119,7 +119,7 @@ def test_a_second_one_on_the_same_path_says_so(stm32: subprocess.Popen[str], dev
         assert stm32.poll() is None
 
 
-def test_after_a_kill_the_next_one_starts(stm32: subprocess.Popen[str], device: Path) -> None:
+def test_a_new_process_starts_after_a_kill(stm32: subprocess.Popen[str], device: Path) -> None:
     left = os.readlink(device)
     stm32.kill()
     stm32.wait(PATIENCE_S)
@@ -150,7 +150,7 @@ def test_after_a_kill_the_next_one_starts(stm32: subprocess.Popen[str], device: 
         (["--port", "/dev/ttyNOWHERE"], 3, ["/dev/ttyNOWHERE", "no such device", "serial ports here"]),
     ],
 )
-def test_a_mistake_is_one_line(options: list[str], code: int, words: list[str]) -> None:
+def test_a_wrong_option_is_one_line(options: list[str], code: int, words: list[str]) -> None:
     found, out, err = finish(start(*options))
     assert (found, out) == (code, "")
     (line,) = err.splitlines()
@@ -158,7 +158,7 @@ def test_a_mistake_is_one_line(options: list[str], code: int, words: list[str]) 
     assert all(word in line for word in words), line
 
 
-def test_a_frame_that_cannot_carry_so_many_thrusters(tmp_path: Path) -> None:
+def test_a_frame_with_too_few_channels_is_refused(tmp_path: Path) -> None:
     ours = (ROOT / "firmware_stub" / "frames" / "uuv_hil.toml").read_text()
     frame = tmp_path / "four.toml"
     frame.write_text(ours.replace('name = "pwm_us", type = "u16"', 'name = "pwm_us", type = "u16", channels = 4'))
@@ -196,7 +196,7 @@ def test_serve_ends_on_request_and_reports(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize("quiet", [True, False])
-def test_quiet_it_says_nothing_between_start_and_end(
+def test_quiet_mode_prints_only_at_start_and_end(
     quiet: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def served(end: Stm32End, _: int, report: Callable[[Stm32End], None] | None) -> None:
@@ -210,7 +210,7 @@ def test_quiet_it_says_nothing_between_start_and_end(
 
 
 @retried_when_busy("when another process, or the kernel, has its turn")
-def test_quiet_it_sleeps_as_before_when_a_report_would_be_due(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_quiet_mode_does_not_wake_up_for_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("firmware_stub.serve.REPORT_PERIOD_NS", 1)
     read_fd, write_fd = os.pipe()
     end = Stm32End(Stm32(6), ThrusterLink(PtyWire(), uuv_hil()))
@@ -226,7 +226,7 @@ def test_quiet_it_sleeps_as_before_when_a_report_would_be_due(monkeypatch: pytes
     assert took < 0.1
 
 
-def test_serve_gives_up_when_its_uart_is_gone() -> None:
+def test_serve_ends_when_its_uart_is_removed() -> None:
     with nothing_leaks():
         far = PtyWire()
         end = Stm32End(Stm32(6), ThrusterLink(UartWire(far.path), uuv_hil()))

@@ -1,4 +1,4 @@
-"""A Foxglove client with the token drives a real slave, calls its services, and reads and sets its parameters."""
+"""A Foxglove client with the token commands a real slave, calls its services, and reads and sets its parameters."""
 
 import json
 import re
@@ -21,7 +21,7 @@ SET_BOOL = "std_srvs/srv/SetBool"
 
 
 class Foxglove:
-    """A client as Foxglove is one: it keeps what comes by topic, and what the server offers."""
+    """A client like Foxglove: it stores the received data by topic, and what the server offers."""
 
     def __init__(self, socket: Connection) -> None:
         self.socket = socket
@@ -91,7 +91,7 @@ def foxglove(vehicle: tuple[str, str]) -> Iterator[Foxglove]:
         yield Foxglove(socket)
 
 
-def test_the_panel_of_teleoperation_drives_the_vehicle(foxglove: Foxglove) -> None:
+def test_the_teleop_panel_commands_the_vehicle(foxglove: Foxglove) -> None:
     """The panel sends 20 times a second; when it stops, the vehicle's deadman stops the thrusters."""
     odometry = foxglove.subscribe("/uuv1/odom")
     channel = {"id": 5, "topic": "/uuv1/cmd_vel", "encoding": "cdr", "schemaName": "geometry_msgs/msg/Twist"}
@@ -112,7 +112,7 @@ def test_the_panel_of_teleoperation_drives_the_vehicle(foxglove: Foxglove) -> No
     assert foxglove.until(lambda: odometry in foxglove.data and speed() < 0.1)
 
 
-def test_topics_that_no_vehicle_obeys_are_refused(foxglove: Foxglove) -> None:
+def test_topics_that_no_vehicle_subscribes_to_are_refused(foxglove: Foxglove) -> None:
     for number, (topic, why) in enumerate(
         [("/uuv1/imu", "cmd_vel"), ("/nobody/cmd_vel", "no vehicle is called 'nobody'"), ("", "cmd_vel")]
     ):
@@ -170,7 +170,7 @@ def test_a_disarmed_vehicle_is_not_commanded(foxglove: Foxglove) -> None:
         foxglove.until(lambda: foxglove.responses.get(2))
 
 
-def test_world_and_vehicle_are_in_the_scene(foxglove: Foxglove) -> None:
+def test_the_scene_has_the_world_and_the_vehicle(foxglove: Foxglove) -> None:
     from foxglove.messages import SceneUpdate
 
     number = foxglove.subscribe("/scene")

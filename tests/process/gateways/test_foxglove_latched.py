@@ -36,7 +36,7 @@ def received(port: int, later: FoxgloveServer) -> dict[int, bytes]:
     return found
 
 
-def test_transforms_that_were_said_once_reach_who_comes_later() -> None:
+def test_static_transforms_reach_clients_that_connect_later() -> None:
     with FoxgloveServer("127.0.0.1", 0) as view:
         view.show([STATIC, IMU])
         for _ in range(2):  # one after the other

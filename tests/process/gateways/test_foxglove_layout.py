@@ -1,4 +1,4 @@
-"""Every panel of the layout has data: of a vehicle that runs, and of its recording as others' reader has it."""
+"""Every panel of the Foxglove layout has data: of a running vehicle, and of its recording."""
 
 import json
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ beams = 64
 [sensors.laser]
 [sensors.profiler]
 """
-OF_A_MASTER = {"/uuv1/cmd_vel", "/uuv1/plan"}  # nobody commands here
+MASTER_TOPICS = {"/uuv1/cmd_vel", "/uuv1/plan"}  # nobody commands here
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -58,10 +58,10 @@ def topics_of(node: str, scenario: str) -> set[str]:
             topics |= {path["value"].partition(".")[0] for path in panel["paths"]}
         elif kind.startswith("Diagnostic"):
             topics.add(panel["topicToRender"])
-    return topics - OF_A_MASTER
+    return topics - MASTER_TOPICS
 
 
-def test_each_panel_of_a_vehicle_that_runs_has_data(shown: tuple[Path, Path]) -> None:
+def test_each_panel_has_data_of_a_running_vehicle(shown: tuple[Path, Path]) -> None:
     scenario, folder = shown
     missing = topics_of("uuv1", str(scenario))
     assert {"/scene", "/uuv1/forward_sonar/fan/image_raw", "/uuv1/camera/image_raw/compressed"} < missing
@@ -80,7 +80,7 @@ def test_each_panel_of_a_vehicle_that_runs_has_data(shown: tuple[Path, Path]) ->
                     socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
 
-def test_each_panel_of_its_recording_has_data(shown: tuple[Path, Path]) -> None:
+def test_each_panel_has_data_of_a_recording(shown: tuple[Path, Path]) -> None:
     scenario, folder = shown
     bag, target = folder / "bag", folder / "foxglove.mcap"
     assert run_here("record", "--scenario", str(scenario), "-o", str(bag), "--seconds", "8")[0] == 0
@@ -97,7 +97,7 @@ def test_each_panel_of_its_recording_has_data(shown: tuple[Path, Path]) -> None:
     assert "choose another file" in output
 
 
-def test_a_recording_without_fans_gets_them(shown: tuple[Path, Path]) -> None:
+def test_sonar_fans_are_added_to_a_recording_without_them(shown: tuple[Path, Path]) -> None:
     scenario, folder = shown
     bag, target = folder / "bag2", folder / "fans.mcap"
     assert run_here("record", "--scenario", str(scenario), "-o", str(bag), "--seconds", "5")[0] == 0
@@ -133,7 +133,7 @@ def protobuf_class(name: str, definition: bytes) -> Any:
 
 
 def without_fans(path: Path) -> int:
-    """Write a recording anew without its sonar's fans, as older ones are; the number of the sonar's pictures."""
+    """Rewrite a recording without the fans of its sonar, as older ones are. Return the number of sonar pictures."""
     with path.open("rb") as file:
         reader = make_reader(file)
         rows = list(reader.iter_messages())

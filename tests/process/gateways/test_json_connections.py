@@ -1,4 +1,4 @@
-"""Connections of the JSON gateway: how many, how long, how large, and how they end."""
+"""Connections of the JSON gateway: their limits in number, time and size, and how they end."""
 
 import socket
 import threading
@@ -18,7 +18,7 @@ from tests.support.processes import wait_for
 __all__ = ["client", "fleet", "gateway", "own_state"]  # the fixtures
 
 
-def test_so_many_connections_and_no_more(gateway: JsonGateway) -> None:
+def test_the_number_of_connections_is_limited(gateway: JsonGateway) -> None:
     clients = [Client(gateway) for _ in range(MAX_CONNECTIONS)]
     try:
         assert clients[-1].call(do="vehicles")["ok"]
@@ -35,7 +35,7 @@ def test_so_many_connections_and_no_more(gateway: JsonGateway) -> None:
             client.close()
 
 
-def test_idle_connections_cost_nothing(gateway: JsonGateway) -> None:
+def test_idle_connections_take_no_processor_time(gateway: JsonGateway) -> None:
     """The processor time of their threads is measured, which no other load changes."""
     clients = [Client(gateway) for _ in range(10)]
     try:
@@ -51,7 +51,7 @@ def test_idle_connections_cost_nothing(gateway: JsonGateway) -> None:
             client.close()
 
 
-def test_a_client_that_falls_silent_drives_no_longer(gateway: JsonGateway, fleet: Fleet) -> None:
+def test_the_deadman_stops_the_vehicle_of_a_silent_client(gateway: JsonGateway, fleet: Fleet) -> None:
     client = Client(gateway)
     with client:
         assert client.call(do="login", token=gateway.access.token, deadman=0.5)["ok"]
@@ -63,13 +63,13 @@ def test_a_client_that_falls_silent_drives_no_longer(gateway: JsonGateway, fleet
         assert wait_for(lambda: abs(fleet["uuv1"].state.velocity[0]) < 0.05)
 
 
-def test_a_deadman_that_is_none_is_refused(client: Client, gateway: JsonGateway) -> None:
+def test_an_invalid_deadman_is_refused(client: Client, gateway: JsonGateway) -> None:
     for deadman in (0, -1, 1e9, "soon", None, True):
         answer = client.call(do="login", token=gateway.access.token, deadman=deadman)
         assert "deadman: " in answer["error"], deadman
 
 
-def test_a_client_that_does_not_read_is_given_up(gateway: JsonGateway, fleet: Fleet) -> None:
+def test_a_client_that_does_not_read_is_disconnected(gateway: JsonGateway, fleet: Fleet) -> None:
     client = Client(gateway)
     client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     with client:
@@ -86,19 +86,19 @@ def test_a_client_that_does_not_read_is_given_up(gateway: JsonGateway, fleet: Fl
 
 
 @pytest.mark.parametrize("size", [LONGEST_LINE, LONGEST_LINE + 1, 3 * LONGEST_LINE - 1, 3 * LONGEST_LINE])
-def test_a_line_that_is_too_long_is_answered_once(client: Client, size: int) -> None:
+def test_a_line_that_is_too_long_gets_one_error(client: Client, size: int) -> None:
     """A line has `size` bytes and the newline; the next line is understood."""
     answer = client.send(b" " * (size - 2) + b"{}")
     assert (answer["ok"], answer["error"]) == (False, "a line of more than 65536 bytes; send several")
     assert client.call(id=1, do="vehicles")["id"] == 1
 
 
-def test_the_longest_line_is_understood(client: Client) -> None:
+def test_a_line_of_the_greatest_length_is_accepted(client: Client) -> None:
     request = b'{"do": "vehicles"}'
     assert client.send(b" " * (LONGEST_LINE - 1 - len(request)) + request)["ok"]
 
 
-def test_what_nobody_foresaw_is_answered_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unexpected_error_is_answered(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Vehicle, "release", lambda _: 1 / 0)
     answer = client.call(id=3, do="release")
     monkeypatch.undo()
@@ -106,10 +106,10 @@ def test_what_nobody_foresaw_is_answered_too(client: Client, monkeypatch: pytest
     assert client.call(do="vehicles")["ok"], "and the connection goes on"
 
 
-def test_a_vehicle_is_stopped_whatever_ended_the_connection(
+def test_the_vehicle_stops_however_the_connection_ended(
     client: Client, fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A vehicle stops also after nonsense alone; where it cannot be stopped, nothing more is sent to it."""
+    """A failed send ends the connection; where the vehicle cannot be stopped, nothing more is sent to it."""
     stopped: list[Vehicle] = []
 
     def stop(vehicle: Vehicle) -> None:
@@ -126,8 +126,8 @@ def test_a_vehicle_is_stopped_whatever_ended_the_connection(
     assert stopped == [fleet["uuv1"]]
 
 
-def test_a_connection_is_watched(gateway: JsonGateway, client: Client) -> None:
-    """The kernel's part is tested here; tests/system/netns lets a machine vanish."""
+def test_a_connection_has_keep_alive_options(gateway: JsonGateway, client: Client) -> None:
+    """The kernel's part is tested here; tests/system/netns disconnects a machine."""
     assert client.call(do="vehicles")["ok"]
     assert wait_for(lambda: bool(gateway._connections))
     (connection,) = gateway._connections

@@ -1,4 +1,4 @@
-"""Lines of JSON: what another program sees of a real vehicle, and what it cannot break."""
+"""The JSON gateway: queries, commands and samples of a real vehicle, malformed lines, and the token."""
 
 import json
 import os
@@ -21,7 +21,7 @@ from tests.support.processes import ROOT, Program, free_port, wait_for
 __all__ = ["client", "fleet", "gateway", "own_state"]  # the fixtures
 
 
-def test_questions_and_commands(client: Client, fleet: Fleet) -> None:
+def test_queries_and_commands_are_answered(client: Client, fleet: Fleet) -> None:
     assert client.call(id=7, do="vehicles") == {"id": 7, "ok": True, "vehicles": ["uuv1"]}
     state = client.call(id="a", vehicle="uuv1", do="get", sensor="state")
     assert state["id"] == "a"
@@ -41,7 +41,7 @@ def test_questions_and_commands(client: Client, fleet: Fleet) -> None:
     assert wait_for(lambda: abs(fleet["uuv1"].state.velocity[0]) < 0.05), "it stops with the connection"
 
 
-def test_samples_come_by_themselves(client: Client) -> None:
+def test_subscribed_samples_are_sent_at_their_rate(client: Client) -> None:
     assert client.call(do="subscribe", sensor="imu", rate=20)["ok"]
     assert client.call(do="subscribe", sensor="state", rate=5)["ok"]
     times: dict[str, list[int]] = {"imu": [], "odom": []}
@@ -58,7 +58,7 @@ def test_samples_come_by_themselves(client: Client) -> None:
     assert {message["sensor"] for message in client.samples[-2:]} == {"odom"}
 
 
-NONSENSE: list[tuple[bytes, str]] = [
+WRONG_LINES: list[tuple[bytes, str]] = [
     (b"[1]", "an object"),
     (b"{}", "drive"),
     (b'{"do": "drvie"}', "did you mean 'drive'"),
@@ -95,8 +95,8 @@ NONSENSE: list[tuple[bytes, str]] = [
 ]
 
 
-def test_nonsense_is_answered(client: Client) -> None:
-    for line, words in NONSENSE:
+def test_wrong_requests_get_an_error(client: Client) -> None:
+    for line, words in WRONG_LINES:
         answer = client.send(line)
         assert not answer["ok"], line
         assert words in answer["error"], line
@@ -107,7 +107,7 @@ POST = b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99\r\n\r\n"
 
 
 @pytest.mark.parametrize("line", [b"hello", b"", b"\xff\xfe", b"[" * 50_000, POST + b'{"do": "drive", "surge": 1}'])
-def test_the_connection_ends_at_what_is_not_json(client: Client, fleet: Fleet, line: bytes) -> None:
+def test_a_line_that_is_not_json_ends_the_connection(client: Client, fleet: Fleet, line: bytes) -> None:
     """Lines behind a header of HTTP are not executed, even after a login."""
     client.socket.sendall(line + b'\n{"do": "drive", "surge": 0.5}\n')
     answer = client.read()
@@ -119,14 +119,14 @@ def test_the_connection_ends_at_what_is_not_json(client: Client, fleet: Fleet, l
 
 
 @pytest.mark.parametrize("token", ["\ud800", "\xff", "", 7, None, ["a"], {}])
-def test_what_is_not_the_token_is_refused(gateway: JsonGateway, token: object) -> None:
+def test_a_wrong_token_is_refused(gateway: JsonGateway, token: object) -> None:
     assert not gateway.access.admits(token)
     with Client(gateway) as outsider:
         assert "not the token" in outsider.call(do="login", token=token)["error"]
 
 
 @pytest.mark.parametrize("login", [{}, {"token": ""}, {"token": "x" * 32}, {"token": None}, {"token": ["a"]}])
-def test_nobody_commands_without_the_token(gateway: JsonGateway, login: dict[str, Any]) -> None:
+def test_commands_need_the_token(gateway: JsonGateway, login: dict[str, Any]) -> None:
     client = Client(gateway)
     with client:
         if login:
@@ -170,19 +170,19 @@ def test_a_token_that_cannot_be_written_is_only_shown(tmp_path: Path, monkeypatc
     access.close()
 
 
-def test_what_is_no_number_is_null(client: Client) -> None:
+def test_nan_is_sent_as_null(client: Client) -> None:
     sample = client.call(do="get", sensor="diagnostics")
     assert sample["sample"]["thrusters"] == 6
     raw = json.dumps(sample)
     assert "NaN" not in raw
 
 
-def test_the_place_may_be_taken(gateway: JsonGateway, fleet: Fleet) -> None:
+def test_a_port_in_use_is_reported(gateway: JsonGateway, fleet: Fleet) -> None:
     with pytest.raises(NetworkError, match=f"127.0.0.1:{gateway.port}.*in use"):
         JsonGateway(fleet, "127.0.0.1", gateway.port)
 
 
-def test_the_command(fleet: Fleet, tmp_path: Path) -> None:
+def test_the_command_serves_json(fleet: Fleet, tmp_path: Path) -> None:
     port, endpoint = free_port(), fleet.endpoints[0]
     with Program(tmp_path, "gateway", "--connect", endpoint, "--listen", f"127.0.0.1:{port}") as program:
         program.expect(f"lines of JSON at 127.0.0.1:{port}")

@@ -1,4 +1,4 @@
-"""Services, pictures and the map by lines of JSON: reset, poses, failures, arming, what a camera and a sonar see."""
+"""Services, pictures and the map by lines of JSON: reset, poses, failures, arming, camera and sonar pictures."""
 
 import array
 import json
@@ -28,7 +28,7 @@ def distance(client: Client, north: float, east: float, depth: float) -> float:
 
 
 def test_a_pose_is_set_and_reset(client: Client, fleet: Fleet) -> None:
-    """The command before it ends, or the vehicle would go back."""
+    """The previous command ends, or the vehicle would return."""
     assert client.call(do="go_to", north=7, east=7, depth=2)["ok"]
     answer = client.call(do="set_pose", north=7, east=3, depth=1.5, heading=1.0)
     assert answer == {"id": None, "ok": True, "message": "put at (7, 3, 1.5) m"}
@@ -58,7 +58,7 @@ def test_a_thruster_fails_and_is_repaired(client: Client, fleet: Fleet) -> None:
     assert wait_for(lambda: efforts(fleet)[names[0]] > 3.5)
 
 
-def test_disarmed_it_refuses_and_armed_it_obeys(client: Client, fleet: Fleet) -> None:
+def test_a_disarmed_vehicle_refuses_commands_and_an_armed_one_accepts_them(client: Client, fleet: Fleet) -> None:
     assert client.call(do="arm", on=False)["ok"]
     assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
     assert "is disarmed" in client.call(do="drive", surge=0.1)["error"]
@@ -67,7 +67,7 @@ def test_disarmed_it_refuses_and_armed_it_obeys(client: Client, fleet: Fleet) ->
     assert client.call(do="drive", surge=0.1)["ok"]
 
 
-def test_while_another_master_commands_only_disarming_is_done(client: Client, fleet: Fleet) -> None:
+def test_only_disarming_is_allowed_while_another_master_commands(client: Client, fleet: Fleet) -> None:
     with hil.connect(*fleet.endpoints, take_over=True, wait=60.0) as other:
         other["uuv1"].drive(surge=0.1)
         assert wait_for(fleet["uuv1"].client.refusal)
@@ -85,7 +85,7 @@ def sample(client: Client, sensor: str) -> Message:
     return taken
 
 
-def test_pictures_scans_and_the_map(client: Client) -> None:
+def test_pictures_scans_and_the_map_are_read(client: Client) -> None:
     picture = sample(client, "camera/image_raw")
     assert (picture["width"], picture["height"], picture["encoding"]) == (64, 48, "rgb8")
     pixels = b64decode(picture["data"])
@@ -104,7 +104,7 @@ def test_pictures_scans_and_the_map(client: Client) -> None:
     assert (known["south"], known["west"], known["resolution"]) == (-10.0, -10.0, 0.25)
 
 
-def test_pictures_come_by_themselves(client: Client) -> None:
+def test_subscribed_pictures_are_sent(client: Client) -> None:
     assert client.call(do="subscribe", sensor="camera/image_raw", rate=5)["ok"]
     messages = [client.read() for _ in range(3)]
     assert {message["sensor"] for message in messages} == {"camera/image_raw"}
@@ -112,5 +112,5 @@ def test_pictures_come_by_themselves(client: Client) -> None:
     assert times == sorted(set(times))
 
 
-def test_a_vehicle_without_a_camera_says_so_at_once(client: Client) -> None:
+def test_a_missing_picture_topic_is_reported(client: Client) -> None:
     assert "has sent no 'side_scan/image' for 1." in client.call(do="get", sensor="side_scan/image")["error"]

@@ -34,7 +34,7 @@ printf('%s\\n%d\\n%.3f\\n', strjoin(gateway.vehicles()), count, after(1) - here(
 """
 
 
-def test_it_flies(tmp_path: Path, gateway: JsonGateway) -> None:
+def test_the_matlab_package_flies_a_vehicle(tmp_path: Path, gateway: JsonGateway) -> None:
     names, count, moved = run(tmp_path, gateway, FLIGHT)
     assert (names, count) == ("uuv1", "25")
     assert float(moved) == pytest.approx(0.4, abs=0.4)

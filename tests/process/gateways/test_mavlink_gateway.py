@@ -74,8 +74,8 @@ def test_parameters_are_read_and_set(ground: Ground) -> None:
 
 
 @retried_when_busy("seconds of a gateway and a slave in processes of their own")
-def test_pulse_widths_come_more_often_than_once_a_second(ground: Ground) -> None:
-    """A stick moves to and fro; the slave's diagnostics, which hold the widths too, come once a second."""
+def test_pulse_widths_are_sent_more_often_than_once_a_second(ground: Ground) -> None:
+    """The joystick moves to and fro. The slave's diagnostics, which hold the widths too, are sent once a second."""
     ground.set_mode(Mode.MANUAL)
     ground.arm()
     assert ground.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, 1e5) == 0
@@ -92,7 +92,7 @@ def test_pulse_widths_come_more_often_than_once_a_second(ground: Ground) -> None
     assert any(pulse not in (0, 1500) for pulse in seen)
 
 
-def test_a_joystick_moves_it_and_silence_stops_it(ground: Ground) -> None:
+def test_a_joystick_moves_the_vehicle_and_silence_stops_it(ground: Ground) -> None:
     ground.set_mode(Mode.ALT_HOLD)
     ground.arm()
     start = ground.place()
@@ -149,7 +149,7 @@ def test_logs_are_listed_and_read(ground: Ground) -> None:
     assert b"".join(data[at] for at in sorted(data)) == bytes(range(256)) * 20
 
 
-def test_several_ground_stations_and_web_pages(ground: Ground, vehicle: Vehicle) -> None:
+def test_several_ground_stations_connect_and_a_web_page_cannot_arm(ground: Ground, vehicle: Vehicle) -> None:
     other = Ground(f"tcp:127.0.0.1:{vehicle.tcp}", system=254)
     other.beat()
     other.connect()
@@ -166,8 +166,10 @@ def test_several_ground_stations_and_web_pages(ground: Ground, vehicle: Vehicle)
     assert not ground.connect().base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
 
 
-def test_over_a_serial_line_and_one_master_only(ground: Ground, vehicle: Vehicle, tmp_path: Path) -> None:
-    """A second vehicle process is at the end of a pty; the one that is armed first is obeyed."""
+def test_a_second_mavlink_gateway_on_a_serial_line_cannot_command(
+    ground: Ground, vehicle: Vehicle, tmp_path: Path
+) -> None:
+    """A second gateway serves a pty; only the gateway that armed first may command."""
     radio, line = os.openpty()
     tty.setraw(line)  # what is written before the gateway opens it is no text of a person
     device = os.ttyname(line)

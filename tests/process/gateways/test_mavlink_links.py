@@ -1,4 +1,4 @@
-"""Endpoints of the MAVLink vehicle one by one: TCP out, partners that come and go, BlueOS' keys, the picture."""
+"""Endpoints of the MAVLink vehicle: UDP and TCP peers, the zenoh keys of BlueOS, the video server."""
 
 import http.client
 import json
@@ -22,7 +22,7 @@ BEAT = dialect.MAVLink_heartbeat_message(12, 3, 0, 19, 3, 3)
 PACKET: bytes = BEAT.pack(dialect.MAVLink(None, 1, 1))
 
 
-def test_datagrams_of_several_and_their_end() -> None:
+def test_udp_partners_are_served_until_they_time_out() -> None:
     link = UdpIn("127.0.0.1", 0)
     ends = [UdpOut("127.0.0.1", link.port) for _ in range(2)]
     try:
@@ -40,7 +40,7 @@ def test_datagrams_of_several_and_their_end() -> None:
             one.close()
 
 
-def test_noise_makes_nobody_a_partner() -> None:
+def test_a_sender_of_noise_is_no_partner() -> None:
     link = UdpIn("127.0.0.1", 0)
     noise = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     noise.sendto(b"GET / HTTP/1.1", ("127.0.0.1", link.port))
@@ -51,7 +51,7 @@ def test_noise_makes_nobody_a_partner() -> None:
     link.close()
 
 
-def test_those_beyond_the_most_are_refused_and_counted() -> None:
+def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
     """The connected peers stay connected."""
     datagrams, stream = UdpIn("127.0.0.1", 0), TcpIn("127.0.0.1", 0)
     ends = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MOST_PARTNERS + 2)]
@@ -74,17 +74,17 @@ def test_those_beyond_the_most_are_refused_and_counted() -> None:
         stream.close()
 
 
-def test_a_connection_is_made_again() -> None:
+def test_a_lost_tcp_connection_is_made_again() -> None:
     port = free_port()
     out = TcpOut("127.0.0.1", port)
     for _ in range(2):
-        assert _meet(out, port), "a packet comes through"
+        assert _exchange_packet(out, port), "a packet comes through"
         assert wait_for(lambda: out.receive(0) or not out.partners() or None), "and its end is seen"
     out.close()
 
 
-def _meet(out: TcpOut, port: int) -> bool:
-    """True if a packet comes through to a peer that then goes away."""
+def _exchange_packet(out: TcpOut, port: int) -> bool:
+    """Return True if a packet reaches a peer, which then closes its connection."""
     server = TcpIn("127.0.0.1", port)
 
     def meet() -> Any:
@@ -99,7 +99,7 @@ def _meet(out: TcpOut, port: int) -> bool:
     return bool(received)
 
 
-def test_a_taken_port_is_named() -> None:
+def test_a_port_in_use_is_named_in_the_error() -> None:
     link = TcpIn("127.0.0.1", 0)
     with pytest.raises(NetworkError, match=f"tcpin:127.0.0.1:{link.port}"):
         TcpIn("127.0.0.1", link.port)
@@ -108,7 +108,7 @@ def test_a_taken_port_is_named() -> None:
         UdpOut("no.such.host.invalid", 1)
 
 
-def test_the_keys_of_blueos() -> None:
+def test_packets_have_the_keys_and_json_of_blueos() -> None:
     port = free_port()
     where = f'listen: {{endpoints: ["tcp/127.0.0.1:{port}"]}}'
     config = zenoh.Config.from_json5(f'{{mode: "router", {where}, scouting: {{multicast: {{enabled: false}}}}}}')
@@ -147,7 +147,7 @@ def test_the_keys_of_blueos() -> None:
     assert not link.is_local("zenoh")
 
 
-def test_the_picture_is_served_to_this_machine() -> None:
+def test_video_is_served_to_this_machine_only() -> None:
     seen = threading.Event()
     with VideoServer(0, seen.set) as video:
         browser = http.client.HTTPConnection("127.0.0.1", video.port, timeout=PATIENCE_S)

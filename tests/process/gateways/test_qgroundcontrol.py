@@ -28,7 +28,7 @@ def station(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
         station.link.close()
 
 
-def test_each_step_of_its_start_is_answered(station: Station) -> None:
+def test_each_request_of_its_connection_is_answered(station: Station) -> None:
     station.start_streams()
     capabilities = station.version().capabilities
     modes = station.modes()
@@ -44,8 +44,8 @@ def test_each_step_of_its_start_is_answered(station: Station) -> None:
     assert not station.plan(dialect.MAV_MISSION_TYPE_RALLY)
 
 
-def test_parameters_also_come_one_by_one_for_all_components(station: Station) -> None:
-    """QGroundControl asks component 0 where the file did not come, then for each parameter that it misses."""
+def test_parameters_are_sent_one_by_one_for_all_components(station: Station) -> None:
+    """QGroundControl requests them of component 0 when the file did not arrive, then each missing one."""
     station.send.param_request_list_send(1, 0)
     names: dict[int, str] = {}
 
@@ -68,12 +68,12 @@ def test_parameters_also_come_one_by_one_for_all_components(station: Station) ->
         (dialect.MAV_CMD_DO_SEND_BANNER, 0),
     ],
 )
-def test_what_there_is_not_is_refused_at_once(station: Station, command: int, first: int) -> None:
+def test_unsupported_requests_are_refused_at_once(station: Station, command: int, first: int) -> None:
     assert station.command_to(1, command, first) == dialect.MAV_RESULT_UNSUPPORTED
 
 
-def test_its_joystick_with_extensions_of_mavlink(station: Station) -> None:
-    """MANUAL_CONTROL is as it sends it to a submarine: all axes, and the extensions for roll and pitch."""
+def test_manual_control_with_mavlink_extensions_moves_the_vehicle(station: Station) -> None:
+    """MANUAL_CONTROL is as QGroundControl sends it to a submarine: all axes, and the extensions for roll and pitch."""
     station.set_mode(Mode.MANUAL)
     assert station.command_to(1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0) == 0
 
@@ -84,8 +84,8 @@ def test_its_joystick_with_extensions_of_mavlink(station: Station) -> None:
     station.disarm()
 
 
-def test_turns_and_currents_of_its_motors_are_shown(station: Station) -> None:
-    """Motors that follow their maker's table are reported in both forms that it reads, each for all eight."""
+def test_speeds_and_currents_of_the_motors_are_sent(station: Station) -> None:
+    """Motors with a manufacturer's table are reported in both messages that it reads, for all eight."""
     station.set_mode(Mode.MANUAL)
     assert station.command_to(1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0) == 0
 

@@ -1,4 +1,4 @@
-"""Nodes of ROS 1 look at a real slave, command it where that is allowed, and do what they should not."""
+"""Nodes of ROS 1 subscribe to a real slave and command it, and their errors do no harm."""
 
 import random
 from collections.abc import Iterator
@@ -50,7 +50,7 @@ def speed(odometry: Peer) -> float:
     return float(message.twist.twist.linear.x)
 
 
-def test_topics_are_registered_and_come_in_the_form_of_ros_1(served: Served) -> None:
+def test_topics_are_registered_and_encoded_for_ros_1(served: Served) -> None:
     with subscribed(served, "/uuv1/imu", "sensor_msgs/Imu", IMU) as imu:
         messages: list[Any] = [STORE.deserialize_ros1(imu.receive(), "sensor_msgs/msg/Imu") for _ in range(3)]
     assert messages[0].linear_acceleration.z == pytest.approx(9.8, abs=1.0)
@@ -61,13 +61,13 @@ def test_topics_are_registered_and_come_in_the_form_of_ros_1(served: Served) -> 
     assert wait_for(lambda: there <= served.master.names("Publisher"))
 
 
-def test_a_latched_topic_comes_to_each_that_subscribes(served: Served) -> None:
+def test_a_latched_topic_is_sent_to_each_subscriber(served: Served) -> None:
     for _ in range(2):
         with subscribed(served, "/tf_static", "tf2_msgs/TFMessage", "94810edda583a504dfda3829e70d7eec") as frames:
             assert b"\x08\x00\x00\x00imu_link" in frames.receive()
 
 
-def test_what_is_wrong_is_said_in_a_header(served: Served) -> None:
+def test_errors_are_reported_in_the_connection_header(served: Served) -> None:
     assert wait_for(lambda: "/uuv1/arm" in served.master.names("Service"))
     cases = [
         (topic("/uuv1/imu", "sensor_msgs/Imu", "0" * 32), f"md5sum {IMU}; sensor_msgs/Imu came with 000"),
@@ -101,7 +101,7 @@ def test_corrupt_headers_end_their_connections_only(served: Served) -> None:
     served.gateway.expect("a connection from .* was refused")
 
 
-def test_one_that_never_reads_holds_up_nobody(served: Served) -> None:
+def test_a_subscriber_that_does_not_read_does_not_block_others(served: Served) -> None:
     idle = [subscribed(served, "/uuv1/imu", "sensor_msgs/Imu", IMU) for _ in range(3)]
     with subscribed(served, "/uuv1/imu", "sensor_msgs/Imu", IMU) as imu:
         for _ in range(100):
@@ -116,7 +116,7 @@ def bus_info(served: Served) -> list[list[Any]]:
     return list(answer[2])
 
 
-def test_a_publisher_drives_the_vehicle_until_it_vanishes(served: Served) -> None:
+def test_a_publisher_commands_the_vehicle_until_it_is_unregistered(served: Served) -> None:
     assert wait_for(lambda: "/uuv1/cmd_vel" in served.master.names("Subscriber"))
     with (
         Publisher("/driver", "geometry_msgs/Twist", TWIST) as driver,
@@ -157,7 +157,7 @@ def test_a_publisher_of_another_type_is_refused(served: Served) -> None:
         served.node.publisherUpdate("/master", "/uuv1/cmd_vel", [])
 
 
-def test_services_answer_also_on_a_persistent_connection(served: Served) -> None:
+def test_services_answer_on_a_persistent_connection(served: Served) -> None:
     assert wait_for(lambda: "/uuv1/arm" in served.master.names("Service"))
     with Peer(served.tcpros, service("/uuv1/arm", SET_BOOL, persistent="1")) as peer:
         assert peer.header()["type"] == "std_srvs/SetBool"
@@ -177,7 +177,7 @@ def test_services_answer_also_on_a_persistent_connection(served: Served) -> None
             peer.read(1)
 
 
-def test_parameters_are_at_the_master_and_follow_it(served: Served) -> None:
+def test_parameters_are_set_at_the_ros_master_and_updated_from_it(served: Served) -> None:
     key = "/uuv1/gains/surge/p"
     assert wait_for(lambda: key in served.master.parameters)
     before = served.master.parameters[key]
@@ -189,7 +189,7 @@ def test_parameters_are_at_the_master_and_follow_it(served: Served) -> None:
     assert wait_for(lambda: "<robot" in str(served.master.parameters.get("/uuv1/robot_description")))
 
 
-def test_the_interface_answers_what_it_does_not_know(served: Served) -> None:
+def test_unknown_requests_of_xmlrpc_get_an_error(served: Served) -> None:
     answers: list[Any] = [
         served.node.fly("/test"), served.node.getPid(), served.node.requestTopic("/test", "/nothing", [["TCPROS"]]),
         served.node.requestTopic("/test", "/uuv1/imu", [["UDPROS", 1, 2]]),
@@ -200,7 +200,7 @@ def test_the_interface_answers_what_it_does_not_know(served: Served) -> None:
         assert b"no request of XML-RPC" in b"".join(iter(lambda: peer.socket.recv(4096), b""))
 
 
-def test_a_master_that_was_started_again_is_told_everything(tmp_path: Any) -> None:
+def test_a_restarted_ros_master_receives_all_registrations(tmp_path: Any) -> None:
     with served_to_ros1(tmp_path) as served:
         assert wait_for(lambda: "/uuv1/odom" in served.master.names("Publisher"))
         assert not served.master.names("Subscriber") | served.master.names("Service"), "without --command"

@@ -1,4 +1,4 @@
-"""A client of rosbridge looks at a real slave, and with the token commands it and calls its services."""
+"""A rosbridge client subscribes to a real slave, and with the token commands it and calls its services."""
 
 import contextlib
 import json
@@ -64,55 +64,55 @@ def bridge(address: str) -> Iterator[Bridge]:
 
 
 @pytest.fixture
-def looker(address: str) -> Iterator[Bridge]:
+def read_only_bridge(address: str) -> Iterator[Bridge]:
     """Provide a client without the token."""
     with connect(address.partition("?")[0]) as socket:
         yield Bridge(socket)
 
 
-def test_topics_come_as_json(looker: Bridge) -> None:
-    looker.send("subscribe", topic="/uuv1/odom", type="nav_msgs/Odometry")
-    message = looker.receive("publish", topic="/uuv1/odom")["msg"]
+def test_topics_are_sent_as_json(read_only_bridge: Bridge) -> None:
+    read_only_bridge.send("subscribe", topic="/uuv1/odom", type="nav_msgs/Odometry")
+    message = read_only_bridge.receive("publish", topic="/uuv1/odom")["msg"]
     assert message["child_frame_id"] == "base_link"
     assert message["pose"]["pose"]["position"]["z"] < 0.0
-    looker.send("unsubscribe", topic="/uuv1/odom")
-    looker.send("subscribe", topic="/clock")
+    read_only_bridge.send("unsubscribe", topic="/uuv1/odom")
+    read_only_bridge.send("subscribe", topic="/clock")
     for _ in range(10):
-        looker.receive("publish", topic="/clock")
+        read_only_bridge.receive("publish", topic="/clock")
 
 
-def test_topics_come_as_cbor_with_typed_arrays_and_as_they_are(looker: Bridge) -> None:
-    looker.send("subscribe", topic="/uuv1/imu", compression="cbor", id="a")
-    message = looker.receive("publish", topic="/uuv1/imu")["msg"]
+def test_topics_are_sent_as_cbor_and_as_raw_bytes(read_only_bridge: Bridge) -> None:
+    read_only_bridge.send("subscribe", topic="/uuv1/imu", compression="cbor", id="a")
+    message = read_only_bridge.receive("publish", topic="/uuv1/imu")["msg"]
     covariance = message["linear_acceleration_covariance"]
     assert covariance.tag == 86
     assert unpack("<9d", covariance.value)[0] > 0.0
     assert message["linear_acceleration"]["z"] == pytest.approx(9.8, abs=1.0)
-    looker.send("unsubscribe", topic="/uuv1/imu", id="a")
-    looker.send("subscribe", topic="/uuv1/pressure", compression="cbor-raw")
-    raw = looker.receive("publish", topic="/uuv1/pressure")["msg"]
+    read_only_bridge.send("unsubscribe", topic="/uuv1/imu", id="a")
+    read_only_bridge.send("subscribe", topic="/uuv1/pressure", compression="cbor-raw")
+    raw = read_only_bridge.receive("publish", topic="/uuv1/pressure")["msg"]
     sample = ros.decode_pressure(raw["bytes"])
     assert sample is not None
     assert abs(raw["secs"] - time.time()) < PATIENCE_S
 
 
-def test_a_description_comes_to_who_subscribes(looker: Bridge) -> None:
-    looker.send("subscribe", topic="/uuv1/robot_description")
-    assert "<robot" in looker.receive("publish", topic="/uuv1/robot_description")["msg"]["data"]
-    looker.send("subscribe", topic="/uuv1/robot_description")  # again, of a server that has it already
-    looker.receive("publish", topic="/uuv1/robot_description")
+def test_the_robot_description_is_sent_to_each_subscriber(read_only_bridge: Bridge) -> None:
+    read_only_bridge.send("subscribe", topic="/uuv1/robot_description")
+    assert "<robot" in read_only_bridge.receive("publish", topic="/uuv1/robot_description")["msg"]["data"]
+    read_only_bridge.send("subscribe", topic="/uuv1/robot_description")  # again, of a server that has it already
+    read_only_bridge.receive("publish", topic="/uuv1/robot_description")
 
 
-def test_a_throttle_thins_them_out(looker: Bridge) -> None:
-    looker.send("subscribe", topic="/uuv1/imu", throttle_rate=300)
+def test_the_throttle_rate_limits_messages(read_only_bridge: Bridge) -> None:
+    read_only_bridge.send("subscribe", topic="/uuv1/imu", throttle_rate=300)
     stamps = []
     for _ in range(3):
-        looker.receive("publish", topic="/uuv1/imu")
+        read_only_bridge.receive("publish", topic="/uuv1/imu")
         stamps.append(time.monotonic())
     assert stamps[2] - stamps[0] > 0.3  # of 0.6 s, as what comes may have waited
 
 
-def test_commands_drive_the_vehicle_and_services_answer(bridge: Bridge) -> None:
+def test_commands_move_the_vehicle_and_services_answer(bridge: Bridge) -> None:
     bridge.send("subscribe", topic="/uuv1/ground_truth")
     bridge.send("advertise", topic="/uuv1/cmd_vel", type="geometry_msgs/Twist")
 
@@ -131,7 +131,7 @@ def test_commands_drive_the_vehicle_and_services_answer(bridge: Bridge) -> None:
     assert state["state"]["header"]["frame_id"] == "map"
 
 
-def test_what_cannot_be_is_reported(bridge: Bridge) -> None:
+def test_wrong_requests_are_reported(bridge: Bridge) -> None:
     cases: list[tuple[str, dict[str, Any], str]] = [
         ("publish", {"topic": "/uuv1/odom", "msg": {}}, "takes commands"),
         ("publish", {"topic": "/uuv1/cmd_vel", "msg": {"linear": 1}}, "expected an object"),
@@ -151,23 +151,23 @@ def test_what_cannot_be_is_reported(bridge: Bridge) -> None:
     assert not bridge.call("/rosapi/nothing")["result"]
 
 
-def test_without_the_token_nobody_commands_and_no_page_looks(looker: Bridge, address: str) -> None:
+def test_commands_and_web_pages_need_the_token(read_only_bridge: Bridge, address: str) -> None:
     for op, values in (
         ("publish", {"topic": "/uuv1/cmd_vel", "msg": {}}),
         ("advertise", {"topic": "/uuv1/cmd_vel", "type": "a/B"}),
     ):
-        looker.send(op, **values)
-        assert "token" in looker.receive("status")["msg"]
-    assert "token" in looker.call("/uuv1/arm", data=False)["values"]
+        read_only_bridge.send(op, **values)
+        assert "token" in read_only_bridge.receive("status")["msg"]
+    assert "token" in read_only_bridge.call("/uuv1/arm", data=False)["values"]
     with pytest.raises(InvalidStatus), connect(address.partition("?")[0], origin=Origin("http://evil.example")):
         pass
     with connect(address, origin=Origin("http://page.example")):
         pass
 
 
-def test_rosapi_tells_what_there_is(looker: Bridge) -> None:
+def test_rosapi_lists_topics_services_and_parameters(read_only_bridge: Bridge) -> None:
     def values(name: str, /, **args: Any) -> Any:
-        answer = looker.call(f"/rosapi/{name}", **args)
+        answer = read_only_bridge.call(f"/rosapi/{name}", **args)
         assert answer["result"], answer
         return answer["values"]
 
@@ -205,18 +205,18 @@ def test_rosapi_tells_what_there_is(looker: Bridge) -> None:
         },
     ).map(json.dumps)
 )
-def test_noise_ends_nothing(looker: Bridge, text: str) -> None:
-    looker.socket.send(text)
-    assert looker.call("/rosapi/get_ros_version")["values"]["version"] == 2
+def test_random_text_does_not_end_the_connection(read_only_bridge: Bridge, text: str) -> None:
+    read_only_bridge.socket.send(text)
+    assert read_only_bridge.call("/rosapi/get_ros_version")["values"]["version"] == 2
 
 
-def test_a_message_that_is_too_large_ends_that_connection_only(looker: Bridge, bridge: Bridge) -> None:
+def test_a_message_that_is_too_large_ends_its_connection_only(read_only_bridge: Bridge, bridge: Bridge) -> None:
     with contextlib.suppress(OSError, ConnectionClosed):  # it may be closed before all of it is sent
-        looker.socket.send(json.dumps({"op": "publish", "msg": "x" * (2 << 20)}))
+        read_only_bridge.socket.send(json.dumps({"op": "publish", "msg": "x" * (2 << 20)}))
     assert bridge.call("/rosapi/get_ros_version")["result"]
 
 
-def test_payloads_of_commands_are_those_of_ros_2() -> None:
-    """The payload is that of the test above, encoded by the other way."""
+def test_command_payloads_are_those_of_ros_2() -> None:
+    """The payload is that of the test above, encoded by the other encoder."""
     payload = ros_message.encode("geometry_msgs/msg/Twist", {"linear": {"x": 0.5}})
     assert payload == ros.encode_twist((0.5, 0, 0), (0, 0, 0))

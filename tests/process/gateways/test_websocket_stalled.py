@@ -1,4 +1,4 @@
-"""A websocket client that does not read what it is sent is gone after a while, so that its place is free again."""
+"""A websocket client that does not read is disconnected after a timeout, so that another can connect."""
 
 import asyncio
 import base64
@@ -35,7 +35,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoxgloveServer]:
 
 
 def open_websocket(port: int) -> socket.socket:
-    """Return a socket after its handshake, to which the server has written no more than that it is there."""
+    """Return a socket after its handshake, to which the server has written only its information."""
     client = socket.socket()
     client.settimeout(PATIENCE_S)
     client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # so that little waits in the kernel
@@ -50,7 +50,7 @@ def open_websocket(port: int) -> socket.socket:
 
 
 @pytest.mark.parametrize("frame", [NOT_A_MESSAGE, PING], ids=["text", "ping"])
-def test_who_sends_and_never_reads_loses_its_place(server: FoxgloveServer, frame: bytes) -> None:
+def test_a_client_that_sends_but_does_not_read_is_disconnected(server: FoxgloveServer, frame: bytes) -> None:
     def is_admitted() -> bool:
         with open_websocket(server.port) as other:
             return b"serverInfo" in other.recv(4096)
@@ -77,7 +77,7 @@ class WritingServer(WebSocketServer[Idle]):
         return Idle(socket)
 
 
-def test_who_answers_no_heartbeat_and_reads_nothing_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_that_does_not_answer_heartbeats_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(websocket_server, "HEARTBEAT_S", 0.5)
     ended = select.poll()
     with WritingServer("127.0.0.1", 0, "test") as server, open_websocket(server.port) as client:
@@ -85,7 +85,7 @@ def test_who_answers_no_heartbeat_and_reads_nothing_is_cut(monkeypatch: pytest.M
         assert ended.poll(PATIENCE_S * 1e3), "the connection is still there"
 
 
-def test_who_reads_slowly_stays(server: FoxgloveServer) -> None:
+def test_a_client_that_reads_slowly_stays_connected(server: FoxgloveServer) -> None:
     with open_websocket(server.port) as client:
         client.sendall(NOT_A_MESSAGE * 1000)
         received = b""

@@ -1,6 +1,6 @@
 """Installation of a slave as a service: systemd, udev, network, and refusals before anything is changed.
 
-What only a real systemd shows is in tests/system/boards/test_whole_board.py.
+Tests that need a real systemd are in tests/system/boards/test_whole_board.py.
 """
 
 import os
@@ -44,7 +44,7 @@ def linked(port: str, more: str = "") -> str:
     return SERIAL + f'[link]\nport = "{port}"\n{more}'
 
 
-def test_a_device_that_is_not_there_is_waited_for(root: Path, scenario: str) -> None:
+def test_the_service_restarts_until_its_device_exists(root: Path, scenario: str) -> None:
     assert install(root, scenario, "--yes") == 0
     assert values(root, UNIT, "StartLimitIntervalSec") == ["0"]
     assert values(root, UNIT, "StartLimitBurst") == []
@@ -52,8 +52,10 @@ def test_a_device_that_is_not_there_is_waited_for(root: Path, scenario: str) -> 
     assert values(root, UNIT, "RestartPreventExitStatus") == ["2 5"]
 
 
-def test_the_unit_of_the_oldest_python(root: Path, scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It has no option for what -P does: its command is longer, and stands in one line all the same."""
+def test_the_unit_of_the_oldest_python_ignores_the_current_folder(
+    root: Path, scenario: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python 3.10 has no option -P: the command is longer, but still one line."""
     monkeypatch.setattr(sys, "version_info", (3, 10))
     assert install(root, scenario, "--yes") == 0
     (start,) = values(root, UNIT, "ExecStart")
@@ -82,7 +84,9 @@ def test_the_unit_of_the_oldest_python(root: Path, scenario: str, monkeypatch: p
         ),
     ],
 )  # fmt: skip
-def test_which_devices_may_be_opened(root: Path, scenario: str, port: str, kinds: str, modules: str, rule: str) -> None:
+def test_the_unit_allows_the_devices_of_the_link(
+    root: Path, scenario: str, port: str, kinds: str, modules: str, rule: str
+) -> None:
     """A driver that is not loaded has no devices that could be allowed: it is loaded before."""
     plant(root, "dev/ttyACM0", "")
     link(root, "dev/serial/by-id/usb-there-if00", "../../ttyACM0")
@@ -97,7 +101,9 @@ def test_which_devices_may_be_opened(root: Path, scenario: str, port: str, kinds
     assert f'SUBSYSTEM=="tty", {rule}, GROUP="dialout"' in (root / RULES[1:]).read_text()
 
 
-def test_a_usb_can_adapter_without_the_kernel(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_usb_can_adapter_without_a_kernel_driver_gets_its_rights(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     Path(scenario).write_text(linked("can:gs_usb:0", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     assert "DeviceAllow=" not in capsys.readouterr().out.replace("+DeviceAllow=", "")
@@ -108,8 +114,10 @@ def test_a_usb_can_adapter_without_the_kernel(root: Path, scenario: str, capsys:
     assert "note: which device can:pcan:PCAN_USBBUS1 opens only python-can knows" in capsys.readouterr().out
 
 
-def test_a_can_adapter_at_a_serial_port(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """python-can knows a speed behind the device; slcan is not python-can's here."""
+def test_a_can_adapter_at_a_serial_port_gets_its_rights(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """python-can accepts a speed after the device name; slcan here is not that of python-can."""
     Path(scenario).write_text(linked("can:robotell:/dev/ttyUSB0@115200", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     assert 'SUBSYSTEM=="tty", KERNEL=="ttyUSB0", GROUP' in (root / RULES[1:]).read_text()
@@ -119,13 +127,15 @@ def test_a_can_adapter_at_a_serial_port(root: Path, scenario: str, capsys: pytes
     assert "set baud = 115200 in [link]" in capsys.readouterr().err
 
 
-def test_names_that_would_be_patterns(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_name_that_is_a_pattern_is_refused(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     Path(scenario).write_text(linked("/dev/tty*"))
     assert install(root, scenario, "--yes") == 2
     assert "'/dev/tty*' cannot stand in a rule" in capsys.readouterr().err
 
 
-def test_a_pty_of_others_is_in_no_rule(root: Path, scenario: str) -> None:
+def test_a_pty_of_another_program_gets_no_rule(root: Path, scenario: str) -> None:
     Path(scenario).write_text(linked("/tmp/stm32"))
     assert install(root, scenario, "--yes") == 0
     assert "# None: it is no device of a serial port." in (root / RULES[1:]).read_text()
@@ -144,7 +154,7 @@ def test_rules_are_applied_at_once(root: Path, scenario: str, ran: list[str]) ->
     assert ran.index("udevadm control --reload") < ran.index(trigger)
 
 
-def test_power_saving_of_the_wlan(root: Path, scenario: str, ran: list[str]) -> None:
+def test_power_saving_of_the_wlan_is_turned_off(root: Path, scenario: str, ran: list[str]) -> None:
     """The rule holds for any name of the interface, once it has it; NetworkManager does not turn it on again."""
     assert install(root, scenario, "--yes") == 0
     assert os.path.basename(RULES) > "99-com.rules" > "80-net-setup-link.rules"
@@ -161,7 +171,9 @@ def test_power_saving_of_the_wlan(root: Path, scenario: str, ran: list[str]) -> 
     assert not (root / MANAGER[1:]).exists()
 
 
-def test_a_limit_that_the_kernel_does_not_hold(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_memory_limit_that_the_kernel_ignores_is_noted(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     for controllers, reported in (("cpu io memory pids", False), ("cpu io pids", True)):
         plant(root, "sys/fs/cgroup/cgroup.controllers", controllers)
         assert install(root, scenario, "--dry-run") == 0
@@ -170,7 +182,7 @@ def test_a_limit_that_the_kernel_does_not_hold(root: Path, scenario: str, capsys
 
 
 @pytest.mark.parametrize(("version", "filtered"), [(237, False), (239, True), (252, True)])
-def test_system_calls_are_filtered_where_systemd_knows_how(
+def test_system_calls_are_filtered_where_systemd_supports_it(
     root: Path, scenario: str, version: int, filtered: bool
 ) -> None:
     plant(root, "commands/systemctl_--version", f"systemd {version} ({version}.5-1)\n+PAM +AUDIT")
@@ -178,8 +190,8 @@ def test_system_calls_are_filtered_where_systemd_knows_how(
     assert values(root, UNIT, "SystemCallFilter") == (["@system-service"] if filtered else [])
 
 
-def test_the_module_of_a_boards_can_interface(tmp_path: Path, scenario: str) -> None:
-    """Jetsons have mttcan on a denylist, which modules-load.d and modprobe@.service obey."""
+def test_the_kernel_module_of_a_can_interface_is_loaded(tmp_path: Path, scenario: str) -> None:
+    """Jetsons have mttcan on a denylist, which modules-load.d and modprobe@.service respect."""
     root = build("jetson_orin_nano", tmp_path / "orin")
     plant(root, "etc/passwd", PASSWD)
     Path(scenario).write_text(CAN)
@@ -193,7 +205,7 @@ def test_the_module_of_a_boards_can_interface(tmp_path: Path, scenario: str) -> 
     assert values(root, CAN_UNIT, "Wants") == []
 
 
-def test_a_dash_in_an_interfaces_name(root: Path, scenario: str) -> None:
+def test_a_dash_in_an_interface_name_is_escaped(root: Path, scenario: str) -> None:
     Path(scenario).write_text(CAN.replace("can0", "can-a"))
     assert install(root, scenario, "--yes") == 0
     device = r"sys-subsystem-net-devices-can\x2da.device"
@@ -212,7 +224,7 @@ def test_a_dash_in_an_interfaces_name(root: Path, scenario: str) -> None:
         ("tcp/192.168.3.116:7447", True),
     ],
 )
-def test_the_network_is_waited_for_only_where_an_address_is_its(
+def test_the_service_waits_for_the_network_only_with_a_fixed_address(
     root: Path, scenario: str, listen: str, waits: bool
 ) -> None:
     assert install(root, scenario, "--yes", "--listen", listen) == 0
@@ -227,7 +239,7 @@ def test_the_network_is_waited_for_only_where_an_address_is_its(
         (SERIAL + '[slave]\nstep = "20 ms"\n[sensors.imu]\nrate = "60 Hz"\n', "its rate is above 50 Hz"),
     ],
 )
-def test_what_the_slave_would_refuse(
+def test_a_scenario_that_the_slave_would_refuse_is_not_installed(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], text: str, message: str
 ) -> None:
     Path(scenario).write_text(text)
@@ -237,14 +249,14 @@ def test_what_the_slave_would_refuse(
     assert files(root) == before
 
 
-def test_a_vehicle_of_a_fleet(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_member_of_a_fleet_is_installed(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert install(root, "target_hunting", "--yes") == 2
     assert "say with --member which vehicle this is" in capsys.readouterr().err
     assert install(root, "target_hunting", "--yes", "--member", "uuv2") == 0
     assert values(root, UNIT, "ExecStart")[0].endswith("slave target_hunting --member uuv2")
 
 
-def test_sensors_that_make_pictures_are_no_hindrance(root: Path, scenario: str) -> None:
+def test_a_scenario_with_a_camera_is_installed(root: Path, scenario: str) -> None:
     Path(scenario).write_text(SERIAL + "[sensors.camera]\n")
     assert load_scenario(scenario).sensors["camera"].offloaded
     assert install(root, scenario, "--yes") == 0
@@ -254,8 +266,8 @@ def service(path: Path, user: str = "nobody") -> Service:
     return Service(load_scenario(str(path)), str(path), user)
 
 
-def test_a_scenario_where_the_service_has_other_files(scenario: str) -> None:
-    """The machine is this very one: pytest's folders are in /tmp. Nothing is written with --dry-run."""
+def test_a_scenario_in_a_private_folder_of_the_service_is_refused(scenario: str) -> None:
+    """The real machine is checked, as the folders of pytest are in /tmp. Nothing is installed."""
     path = Path("/var/tmp") / f"uuv-hil-{os.getpid()}.toml"
     path.write_text(SERIAL)
     try:
@@ -265,10 +277,10 @@ def test_a_scenario_where_the_service_has_other_files(scenario: str) -> None:
         path.unlink()
 
 
-def test_the_slave_is_tried_as_its_user(
+def test_the_scenario_is_loaded_as_the_user_of_the_service(
     scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Python, the packages, and all that the scenario names have to be that user's to read."""
+    """The user must be able to read Python, the packages, and all files that the scenario names."""
     monkeypatch.setattr(board_check, "VOLATILE", ("/nowhere/",))
     monkeypatch.setattr("os.geteuid", lambda: 0)
     requested: dict[str, object] = {}
@@ -289,7 +301,9 @@ def test_the_slave_is_tried_as_its_user(
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can try as another user")
-def test_a_python_that_its_user_cannot_execute(scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_python_that_the_user_cannot_execute_is_refused(
+    scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(board_check, "VOLATILE", ("/nowhere/",))
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o700)
@@ -299,7 +313,7 @@ def test_a_python_that_its_user_cannot_execute(scenario: str, tmp_path: Path, mo
         board_check.check(Tree("/"), service(Path(scenario)))
 
 
-def test_a_port_of_the_board_itself(tmp_path: Path) -> None:
+def test_the_default_serial_port_of_a_board_has_its_drivers(tmp_path: Path) -> None:
     """The port is the board's when the scenario names none: Raspberry Pis call it serial0."""
     board = load_board("raspberry_pi_4b")
     assert board_install.drivers(Tree(str(tmp_path)), board.uart) == ("ttyS", "ttyAMA")

@@ -1,4 +1,4 @@
-"""Removing the service, and an installation that fails halfway: files are as they were."""
+"""Uninstalling the service, and an installation that fails halfway: both leave all files unchanged."""
 
 import json
 import os
@@ -16,7 +16,7 @@ from tests.support.boards.recorded import link, plant
 __all__ = ["ran", "root", "scenario"]  # the fixtures
 
 
-def test_units_end_before_their_files_go(root: Path, scenario: str, ran: list[str]) -> None:
+def test_units_are_stopped_before_their_files_are_removed(root: Path, scenario: str, ran: list[str]) -> None:
     Path(scenario).write_text(CAN)
     assert install(root, scenario, "--yes") == 0
     assert ran[:2] == ["systemctl daemon-reload", "systemctl enable uuv-hil-can.service uuv-hil.service"]
@@ -31,7 +31,7 @@ def test_units_end_before_their_files_go(root: Path, scenario: str, ran: list[st
     assert ran[:2] == ["systemctl disable --now uuv-hil.service", "systemctl reset-failed uuv-hil.service"]
 
 
-def test_a_unit_that_somebody_changed(
+def test_a_changed_unit_is_stopped_but_its_file_is_left(
     root: Path, scenario: str, ran: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The unit is stopped like the others. Its file stays, and is reported, until somebody removes it."""
@@ -51,7 +51,7 @@ def test_a_unit_that_somebody_changed(
     assert "nothing is installed here" in capsys.readouterr().err
 
 
-def test_what_the_service_stored_is_named(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_files_that_the_service_stored_are_named(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert install(root, scenario, "--yes") == 0
     (root / "var/lib/uuv-hil").mkdir(parents=True)
     capsys.readouterr()
@@ -60,7 +60,7 @@ def test_what_the_service_stored_is_named(root: Path, scenario: str, capsys: pyt
     assert (root / "var/lib/uuv-hil").is_dir()
 
 
-def test_folders_that_were_made_go(root: Path, scenario: str) -> None:
+def test_created_folders_are_removed(root: Path, scenario: str) -> None:
     (root / "etc/udev").mkdir()
     before = sorted(root.rglob("*"))
     for text in (CAN, SERIAL):
@@ -70,7 +70,7 @@ def test_folders_that_were_made_go(root: Path, scenario: str) -> None:
     assert sorted(root.rglob("*")) == before
 
 
-def test_a_file_in_another_encoding(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_in_another_encoding_is_restored(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     before = "# für uuv\r\nuuv - rtprio 10\r\n".encode("latin-1")
     plant(root, LIMITS[1:], "")
     (root / LIMITS[1:]).write_bytes(before)
@@ -97,7 +97,7 @@ def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: 
         ("/etc/uuv-hil", f"/etc/uuv-hil: is no folder, where {MANIFEST} belongs"),
     ],
 )
-def test_files_for_folders(
+def test_a_file_in_place_of_a_folder_is_refused(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], made: str, reported: str
 ) -> None:
     plant(root, f"{made[1:]}mine" if made.endswith("/") else made[1:], "")
@@ -108,10 +108,10 @@ def test_files_for_folders(
 
 
 @pytest.mark.parametrize(("size", "path"), [(100, MANIFEST), (1500, UNIT)])
-def test_a_full_disk_leaves_everything_as_it_was(
+def test_a_full_disk_leaves_every_file_unchanged(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], size: int, path: str
 ) -> None:
-    """The disk is full in the first file or in a later one, or the user may write no longer files."""
+    """The disk is full in the first file or in a later one, or the file size of the user is limited."""
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
     before = [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))]
     _, hard = limit = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -127,14 +127,16 @@ def test_a_full_disk_leaves_everything_as_it_was(
 
 
 @pytest.mark.parametrize("text", ["", "{", "null", "[]", '""', '{"a": 3}', '{"a": {}}', '{"a": {"sha256": 1}}'])
-def test_a_damaged_manifest(root: Path, scenario: str, capsys: pytest.CaptureFixture[str], text: str) -> None:
+def test_a_damaged_manifest_is_reported(
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
     plant(root, MANIFEST[1:], text)
     for code in (install(root, scenario, "--yes"), uninstall(root)):
         assert code == 2
     assert capsys.readouterr().err.count(f"{MANIFEST}: is not what was written there; remove it, and the files") == 2
 
 
-def test_a_manifest_of_an_earlier_release(root: Path, scenario: str) -> None:
+def test_a_manifest_of_an_earlier_release_is_accepted(root: Path, scenario: str) -> None:
     """The manifest has neither modes nor owners."""
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
     before = files(root)
@@ -146,8 +148,8 @@ def test_a_manifest_of_an_earlier_release(root: Path, scenario: str) -> None:
     assert files(root) == before
 
 
-def test_whose_a_file_was(root: Path, scenario: str) -> None:
-    """The manifest holds owner and mode, and nobody can read it who could not read the file."""
+def test_owner_and_mode_of_a_replaced_file_are_restored(root: Path, scenario: str) -> None:
+    """The manifest holds owner and mode, and can be read only by users who could read the file."""
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
     place, manifest = root / LIMITS[1:], root / MANIFEST[1:]
     place.chmod(0o600)

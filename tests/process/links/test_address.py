@@ -1,4 +1,4 @@
-"""Addresses of wires: each form, what it opens at each end, and what is none."""
+"""Addresses of wires: each form, the wire that it opens at each end, and invalid addresses."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -39,7 +39,7 @@ def _no_leaks() -> Iterator[None]:
         ("can:udp_multicast:ff15::1", Address("can", "ff15::1", interface="udp_multicast")),
     ],
 )
-def test_each_form(text: str, address: Address) -> None:
+def test_each_form_of_address_is_parsed(text: str, address: Address) -> None:
     assert parse_address(text) == address
     assert address.carries_can == text.startswith("can:")
 
@@ -53,22 +53,22 @@ def test_each_form(text: str, address: Address) -> None:
         "serial:/dev/ttyUSB0@115200",
     ],
 )
-def test_what_is_no_address(text: str) -> None:
+def test_an_invalid_address_is_refused(text: str) -> None:
     with pytest.raises(ConfigError) as caught:
         parse_address(text)
     assert str(caught.value).startswith(f"{text!r} is not the address of a wire; there are pty:/tmp/name, ")
 
 
 @pytest.mark.parametrize("text", ["can:slcan:/dev/ttyACM0", "/dev/ttyACM0", "rs485:/dev/ttyACM0"])
-def test_a_speed_is_no_part_of_it(text: str) -> None:
-    """python-can allows a speed in the address; ours is a key of its own."""
+def test_a_speed_in_an_address_is_refused(text: str) -> None:
+    """python-can allows a speed in the address; here it is a key of its own."""
     with pytest.raises(ConfigError) as caught:
         parse_address(f"{text}@115200")
     remedy = "leave @115200 out, and set baud = 115200 in [link] (--baud of stm32 and loopback)"
     assert str(caught.value) == f"'{text}@115200': a speed is no part of it: {remedy}"
 
 
-def test_a_pty(tmp_path: Path) -> None:
+def test_a_named_pty_is_opened_at_both_ends(tmp_path: Path) -> None:
     address = f"pty:{tmp_path}/stm32"
     device = open_address(address, "device")
     host = open_address(address, "host")
@@ -82,7 +82,7 @@ def test_a_pty(tmp_path: Path) -> None:
     device.close()
 
 
-def test_a_pty_without_a_name() -> None:
+def test_a_pty_without_a_name_can_be_opened_by_the_device_only() -> None:
     device = open_address("pty", "device")
     assert device.name.startswith("/dev/pts/")
     device.close()
@@ -90,7 +90,7 @@ def test_a_pty_without_a_name() -> None:
         open_address("pty", "host")
 
 
-def test_rs485_is_asked_for() -> None:
+def test_rs485_mode_is_requested() -> None:
     device = PtyWire()
     with pytest.raises(DeviceError, match="RS-485"):
         open_address(f"rs485:{device.path}", "host")
@@ -100,7 +100,7 @@ def test_rs485_is_asked_for() -> None:
 @pytest.mark.parametrize(
     ("scheme", "listens", "connects"), [("tcp", TcpWire, TcpHostWire), ("udp", UdpWire, UdpHostWire)]
 )
-def test_the_network(scheme: str, listens: type[TcpWire | UdpWire], connects: type) -> None:
+def test_tcp_and_udp_addresses_are_opened(scheme: str, listens: type[TcpWire | UdpWire], connects: type) -> None:
     device = open_address(f"{scheme}://127.0.0.1:0", "device")
     assert isinstance(device, listens)
     host = open_address(f"{scheme}://127.0.0.1:{device.port}", "host")
@@ -113,7 +113,7 @@ def test_the_network(scheme: str, listens: type[TcpWire | UdpWire], connects: ty
 
 
 @pytest.mark.parametrize("scheme", ["tcp", "udp"])
-def test_the_network_by_ipv6(scheme: str) -> None:
+def test_ipv6_addresses_are_opened(scheme: str) -> None:
     device = open_address(f"{scheme}://[::1]:0", "device")
     assert isinstance(device, TcpWire | UdpWire)
     host = open_address(f"{scheme}://[::1]:{device.port}", "host")
@@ -123,7 +123,7 @@ def test_the_network_by_ipv6(scheme: str) -> None:
     device.close()
 
 
-def test_can() -> None:
+def test_can_addresses_are_opened() -> None:
     bus = open_address("can:virtual:address", "device")
     assert isinstance(bus, PythonCanWire)
     bus.close()

@@ -1,4 +1,4 @@
-"""The contract on CAN buses: each wire for itself, and VESC on those that nobody else tests it on."""
+"""The contract of thruster links on CAN buses: each wire, and VESC on buses without another test."""
 
 from typing import ClassVar
 

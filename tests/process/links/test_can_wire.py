@@ -1,4 +1,4 @@
-"""CAN wires: other software on the bus, adapters and their noise, and every way they cannot be opened."""
+"""CAN wires: other software on the bus, adapters and their noise, and errors when opening."""
 
 import select
 import socket
@@ -45,8 +45,8 @@ def frame_of(received: can.Message | None) -> CanFrame:
     return CanFrame(received.arbitration_id, bytes(received.data), received.is_extended_id)
 
 
-def has_all_it_took(device: Wire, host: Wire, frames: int) -> bool:
-    """Send more than the bus holds while nobody reads; return whether what it took is all there."""
+def receives_all_accepted_frames(device: Wire, host: Wire, frames: int) -> bool:
+    """Send more than the bus can hold without a reader; return whether all accepted frames are received."""
     wanted = records(bytes(8 * frames), 0)
     sent = 0
     for _ in range(4):
@@ -57,7 +57,7 @@ def has_all_it_took(device: Wire, host: Wire, frames: int) -> bool:
 
 
 class TestSocketCan:
-    def test_no_such_interface(self) -> None:
+    def test_a_missing_interface_is_reported(self) -> None:
         """The error says so where the kernel has no CAN at all."""
         with pytest.raises(
             DeviceError, match=r"^can:socketcan:can77: (no such interface|this kernel has no CAN)"
@@ -67,7 +67,7 @@ class TestSocketCan:
             caught.value
         )
 
-    def test_bus_off(self) -> None:
+    def test_bus_off_is_reported(self) -> None:
         device, host = socket_pair()
         device.write((ERROR | 0x40).to_bytes(4, sys.byteorder) + b"\x08" + bytes(11))
         with pytest.raises(DeviceError, match=r"bus-off: check wiring, .*sudo ip link set can0 up"):
@@ -96,7 +96,7 @@ class TestSlcan:
         bus.close()
         assert bus.output == [[b"C", b"S6", b"O", b"C"]]
 
-    def test_with_other_software_on_the_bus(self) -> None:
+    def test_frames_are_exchanged_with_the_slcan_of_python_can(self) -> None:
         """python-can's own slcan is the other end."""
         bus = SlcanBus(2)
         wire = SlcanWire(UartWire(bus.paths[0]))
@@ -130,24 +130,24 @@ class TestSlcan:
     @given(
         noise=st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"t123", b"T00000FFF8", b"t12381", b"tz"])))
     )
-    def test_noise_never_raises_and_costs_no_frame_behind_it(self, noise: list[bytes]) -> None:
+    def test_noise_raises_no_error_and_loses_no_later_frame(self, noise: list[bytes]) -> None:
         line = Canned([*noise, b"\rtF23", b"\x07T1FFFFFFF8000102030405", b"0607\r"])
         wire = SlcanWire(line)
         received = b"".join(wire.read() for _ in line.parts)
         assert list(unpack_frames(received))[-1] == EXTENDED
         assert len(received) % 16 == 0
 
-    def test_a_timestamp_is_passed_over(self) -> None:
+    def test_a_timestamp_is_ignored(self) -> None:
         line = Canned([b"t7FF3010203A1B2\r"])
         assert list(unpack_frames(SlcanWire(line).read())) == [STANDARD]
 
-    def test_a_bitrate_that_adapters_do_not_have(self) -> None:
+    def test_an_unsupported_bit_rate_is_refused(self) -> None:
         adapter = PtyWire()
         with pytest.raises(ConfigError, match="666000 bit/s is not one of 10000, 20000"):
             SlcanWire(PtyHostWire(adapter.path), 666_000)
         adapter.close()
 
-    def test_it_can_be_damaged(self) -> None:
+    def test_faults_can_be_injected(self) -> None:
         adapter = PtyWire()
         wire = FaultyWire(SlcanWire(PtyHostWire(adapter.path)))
         assert wire.record_size == 16
@@ -158,7 +158,7 @@ class TestSlcan:
 
 
 class TestPythonCan:
-    def test_other_software_on_a_virtual_bus(self) -> None:
+    def test_frames_are_exchanged_with_python_can_on_a_virtual_bus(self) -> None:
         wire = PythonCanWire("virtual", "shared")
         with can.Bus("shared", "virtual", ignore_config=True) as other:
             for frame in (STANDARD, EXTENDED, EMPTY):
@@ -168,7 +168,7 @@ class TestPythonCan:
                 assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
         wire.close()
 
-    def test_what_is_no_classic_data_frame_is_passed_over(self) -> None:
+    def test_frames_other_than_classic_data_frames_are_ignored(self) -> None:
         wire = PythonCanWire("virtual", "mixed")
         with can.Bus("mixed", "virtual", ignore_config=True) as other:
             other.send(can.Message(arbitration_id=1, is_remote_frame=True, dlc=2))
@@ -186,8 +186,8 @@ class TestPythonCan:
         device.close()
         host.close()
 
-    def test_what_is_on_a_virtual_bus_can_be_read_at_once(self) -> None:
-        """No thread has to wake up in between; the descriptor says exactly whether there is something."""
+    def test_frames_on_a_virtual_bus_can_be_read_at_once(self) -> None:
+        """No thread has to wake up in between; the descriptor is readable exactly when there is a frame."""
         before = threading.active_count()
         device, host = virtual_pair()
         assert threading.active_count() == before
@@ -201,7 +201,7 @@ class TestPythonCan:
         device.close()
         host.close()
 
-    def test_who_leaves_a_virtual_bus_holds_nobody_up(self) -> None:
+    def test_a_closed_end_of_a_virtual_bus_does_not_block_others(self) -> None:
         device, host = virtual_pair()
         device.close()
         for _ in range(2):
@@ -225,18 +225,18 @@ class TestPythonCan:
             assert sorted(took)[10] < 0.002, "and not when the thread would look by itself"
 
         retry_when_busy(wakes_at_once, "threads of one process", attempts=20)
-        assert has_all_it_took(device, host, frames=2000)
+        assert receives_all_accepted_frames(device, host, frames=2000)
         device.close()
         host.close()
 
-    def test_a_bus_that_nobody_reads_for_a_while_loses_nothing_that_it_took(self) -> None:
+    def test_an_unread_bus_loses_no_accepted_frame(self) -> None:
         device, host = virtual_pair()
-        assert has_all_it_took(device, host, frames=1000)
+        assert receives_all_accepted_frames(device, host, frames=1000)
         device.close()
         host.close()
 
-    def test_other_software_on_a_multicast_bus(self) -> None:
-        """Frames of other tests may come in between: the package hears each group of its port."""
+    def test_frames_are_exchanged_with_python_can_on_a_multicast_bus(self) -> None:
+        """Frames of other tests may come in between: the package receives every group of its port."""
         wire = PythonCanWire("udp_multicast", GROUP)
         with can.Bus(GROUP, "udp_multicast", hop_limit=0, ignore_config=True) as other:
             wire.write(pack_frame(STANDARD))
@@ -251,22 +251,22 @@ class TestPythonCan:
             assert received.count(STANDARD) == 1
         wire.close()
 
-    def test_an_interface_that_is_none(self) -> None:
+    def test_an_unknown_interface_is_refused(self) -> None:
         with pytest.raises(
             DeviceError, match=r"^can:socketcam:can0: python-can has no such interface; it has .*virtual"
         ):
             PythonCanWire("socketcam", "can0")
 
-    def test_a_channel_that_is_none(self) -> None:
+    def test_a_missing_channel_is_refused(self) -> None:
         with pytest.raises(DeviceError, match=r"^can:seeedstudio:/dev/nowhere: .*check the channel"):
             PythonCanWire("seeedstudio", "/dev/nowhere")
 
-    def test_without_the_package(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_without_python_can_the_extra_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "can", None)
         with pytest.raises(MissingExtraError, match=r"can:virtual:x needs python-can: pip install 'uuv-hil\[can\]'"):
             PythonCanWire("virtual", "x")
 
-    def test_it_is_not_loaded_before_it_is_used(self) -> None:
+    def test_python_can_is_not_imported_before_it_is_used(self) -> None:
         modules = "hil.links.address, hil.links.wires.can_bus, hil.links.wires.python_can_bus"
         code = f"import sys, {modules}; print('can' in sys.modules)"
         assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"

@@ -1,4 +1,4 @@
-"""Both ends of a MAVLink link against each other and against plain pymavlink."""
+"""Both ends of a MAVLink link, tested with each other and with plain pymavlink."""
 
 import math
 import subprocess
@@ -36,7 +36,7 @@ def reports(messages: list[Any]) -> list[ThrusterTelemetry]:
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("channels", [1, 8, 9, MAX_THRUSTERS])
-def test_every_microsecond_crosses_on_every_channel(command: str, channels: int) -> None:
+def test_every_pulse_width_is_transmitted_on_every_channel(command: str, channels: int) -> None:
     board, host = Board(channels), host_end(channels, command=command)
     for start in range(1100, 1901, channels):
         pulses = tuple(min(start + i, 1900) for i in range(channels))
@@ -48,7 +48,7 @@ def test_every_microsecond_crosses_on_every_channel(command: str, channels: int)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_what_is_no_pulse_stays_none(command: str) -> None:
+def test_a_width_outside_the_valid_range_turns_the_output_off(command: str) -> None:
     """A width of 0 means that the outputs are off, and must never come out as full astern."""
     board, host = Board(), host_end(command=command)
     board.take(host.encode(order(1)))
@@ -57,7 +57,7 @@ def test_what_is_no_pulse_stays_none(command: str) -> None:
     assert (received.sequence, received.pwm_us) == (2, (0, 0, 0, 1600))
 
 
-def test_wide_pulses_cross_as_servo_output_raw_and_stop_at_the_span_as_controls() -> None:
+def test_wide_pulses_are_sent_by_servo_output_raw_and_limited_by_controls() -> None:
     wide = (800, 2200, 1500, 1900)
     for command, span_us, expected in (
         ("servo_output_raw", 400, list(wide)),
@@ -71,7 +71,7 @@ def test_wide_pulses_cross_as_servo_output_raw_and_stop_at_the_span_as_controls(
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_disarmed_is_neutral_whatever_the_pulses_say(command: str) -> None:
+def test_disarmed_outputs_are_neutral_whatever_the_pulses(command: str) -> None:
     board, host = Board(), host_end(command=command)
     host.feed(board.take(host.encode(order(1))))
     assert board.stm32.armed
@@ -81,7 +81,7 @@ def test_disarmed_is_neutral_whatever_the_pulses_say(command: str) -> None:
     assert (received.armed, received.pwm_us, received.sequence) == (False, (1500,) * 4, 2)
 
 
-def test_arming_is_sent_until_the_device_says_so_and_not_longer() -> None:
+def test_arming_is_sent_until_the_device_confirms_it() -> None:
     host, peer, sees = host_end(), Peer(1, 1), Peer()
     first, second = [sees.parse(host.encode(order(i))) for i in (1, 2)]
     assert [m.get_type() for m in first] == [m.get_type() for m in second] == ["COMMAND_LONG", "SERVO_OUTPUT_RAW"]
@@ -97,7 +97,7 @@ def test_arming_is_sent_until_the_device_says_so_and_not_longer() -> None:
     assert unacknowledged[0].confirmation == 255
 
 
-def test_a_lost_arming_or_a_tripped_watchdog_heals_with_the_next_command() -> None:
+def test_a_lost_arming_or_tripped_watchdog_is_corrected_by_the_next_command() -> None:
     board, host = Board(), host_end()
     board.take(host.encode(order(1))[-41:])  # the packet of COMPONENT_ARM_DISARM got lost
     assert board.pwm_us == [1500] * 4
@@ -124,7 +124,7 @@ def test_the_report_shows_the_watchdog_in_the_same_instant() -> None:
     assert (received.timed_out, received.armed, received.watchdog_trips) == (False, True, 1)
 
 
-def test_a_steady_report_is_one_message_of_its_own() -> None:
+def test_an_unchanged_report_is_one_message() -> None:
     device, sees = device_end(), Peer()
     assert sees.names(device.encode(report(armed=True))) == ["HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
     assert sees.names(device.encode(report(armed=True, frames=9, errors=3))) == ["SERVO_OUTPUT_RAW"]
@@ -132,7 +132,7 @@ def test_a_steady_report_is_one_message_of_its_own() -> None:
     assert sees.names(changed) == ["HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
 
 
-def test_counters_come_with_the_heartbeat() -> None:
+def test_counters_are_sent_with_the_heartbeat() -> None:
     device, host = device_end(), host_end()
     reported = report(frames=65_535, errors=65_534, watchdog_trips=65_533)
     data = device.encode(reported) + device.tick(0) + device.encode(reported)
@@ -141,7 +141,7 @@ def test_counters_come_with_the_heartbeat() -> None:
     assert (second.frames, second.errors) == (65_535, 65_534)
 
 
-def test_heartbeats_of_both_ends_say_who_they_are_and_how_they_are() -> None:
+def test_heartbeats_of_both_ends_have_identity_and_state() -> None:
     sees = Peer()
     host, device = host_end(), device_end()
     (beat,) = sees.parse(host.tick(0))
@@ -155,7 +155,7 @@ def test_heartbeats_of_both_ends_say_who_they_are_and_how_they_are() -> None:
 
 
 @pytest.mark.parametrize("open_end", [host_end, device_end])
-def test_heartbeats_come_once_a_second_and_skip_what_was_slept_through(open_end: Any) -> None:
+def test_heartbeats_are_sent_once_a_second_and_missed_ones_are_skipped(open_end: Any) -> None:
     end, sees, beats = open_end(), Peer(), []
     now = 0
     while now < 5_000 * MS:
@@ -167,7 +167,7 @@ def test_heartbeats_come_once_a_second_and_skip_what_was_slept_through(open_end:
     assert end.deadline_ns > 10**12, "and then has its peace"
 
 
-def test_the_age_counts_on_the_devices_clock_from_the_first_report_that_shows_a_command() -> None:
+def test_the_age_of_a_command_counts_on_the_device_clock() -> None:
     board, host = Board(), host_end()
     board.clock.now = 3 * 10**9
     host.feed(board.take(host.encode(order(7))))
@@ -180,7 +180,7 @@ def test_the_age_counts_on_the_devices_clock_from_the_first_report_that_shows_a_
     assert (received.sequence, received.age_us) == (8, 0)
 
 
-def test_commands_overtaken_on_the_way_are_refused() -> None:
+def test_reordered_commands_are_refused() -> None:
     board, host = Board(), host_end()
     host.feed(board.take(host.encode(order(0))))
     packets = [host.encode(order(i, (1500 + i,) * 4)) for i in range(1, 5)]
@@ -190,7 +190,7 @@ def test_commands_overtaken_on_the_way_are_refused() -> None:
     assert board.pwm_us == [1504] * 4
 
 
-def test_a_report_overtaken_on_the_way_does_not_count() -> None:
+def test_reordered_reports_are_ignored() -> None:
     """Old pulses and counters are ignored, as on UDP; those of a device that has restarted are not."""
     clock = Clock(10_000 * MS)
     device, host = device_end(clock=clock), host_end()
@@ -220,7 +220,7 @@ def test_packet_numbers_may_wrap_and_jump() -> None:
     assert sees.names(host.encode(order(600)))[-1] == "SERVO_OUTPUT_RAW"
 
 
-def test_others_on_the_wire_do_not_disturb() -> None:
+def test_other_mavlink_systems_on_the_wire_are_ignored() -> None:
     board, host = Board(), host_end()
     host.feed(board.take(host.encode(order(1))))
     ground, other = Peer(255, 190), Peer(2, 1)
@@ -261,7 +261,7 @@ def test_both_ends_answer_timesync() -> None:
 
 
 @pytest.mark.parametrize("channels", [1, 4, 6, 16])
-def test_readings_of_the_escs_cross_when_there_are_any(channels: int) -> None:
+def test_esc_readings_are_transmitted(channels: int) -> None:
     device, host, sees = device_end(channels), host_end(channels), Peer()
     assert "ESC_TELEMETRY_1_TO_4" not in sees.names(device.tick(0))
     device.esc = [EscReading(100.0 + i, 14.81, 3.25 + i, 31.0, 720.0) for i in range(channels)]
@@ -274,7 +274,7 @@ def test_readings_of_the_escs_cross_when_there_are_any(channels: int) -> None:
         assert received[1:] == pytest.approx((14.81, 3.25 + i, 31.0, 720.0))
 
 
-def test_readings_stop_at_the_limits_of_their_fields() -> None:
+def test_esc_readings_are_limited_to_their_fields() -> None:
     device, sees = device_end(1), Peer()
     device.esc = [EscReading(-100.0, math.nan, 1e9, -3.0, math.inf)]
     (message,) = [m for m in sees.parse(device.tick(0)) if m.get_type() == "ESC_TELEMETRY_1_TO_4"]
@@ -282,7 +282,7 @@ def test_readings_stop_at_the_limits_of_their_fields() -> None:
     assert (message.temperature[0], message.totalcurrent[0], message.count) == (0, 65_535, [1, 0, 0, 0])
 
 
-def test_an_end_sends_only_its_own_kind_and_number() -> None:
+def test_an_end_refuses_to_send_a_wrong_kind_or_number() -> None:
     with pytest.raises(ValueError, match="4 channels, not 3"):
         host_end().encode(order(1, (1500,) * 3))
     with pytest.raises(ValueError, match="4 channels, not 5"):
@@ -306,7 +306,7 @@ def test_an_end_sends_only_its_own_kind_and_number() -> None:
         ({"sistem": 1}, "no key 'sistem'; did you mean 'system'"),
     ],
 )
-def test_mistakes_in_settings_are_named(settings: dict[str, Any], words: str) -> None:
+def test_wrong_settings_are_named(settings: dict[str, Any], words: str) -> None:
     for role in ("host", "device"):
         with pytest.raises(ConfigError, match=words):
             open_mavlink(role, **{"channels": 4, **settings})
@@ -323,13 +323,13 @@ def test_ids_can_be_chosen() -> None:
     assert Board().take(packets) == b"", "another system's"
 
 
-def test_the_table_of_protocols_knows_it() -> None:
+def test_the_protocol_table_opens_mavlink() -> None:
     end = open_protocol("mavlink", "device", 6, component=140)
     assert isinstance(end, type(device_end()))
     assert end.component == 140
 
 
-def test_without_pymavlink_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pymavlink_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.startswith(("pymavlink", "hil.links.mavlink."))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pymavlink", None)

@@ -1,4 +1,4 @@
-"""CAN in UDP multicast: by the bytes of the public library, with it, and with what others send there."""
+"""CAN over UDP multicast: compatible with the public library, and robust against other senders."""
 
 import json
 import random
@@ -56,7 +56,7 @@ def test_frames_have_the_bytes_of_the_public_library() -> None:
         wire.close()
 
 
-def test_two_ends_hear_each_other_and_not_themselves() -> None:
+def test_two_ends_receive_each_other_and_not_themselves() -> None:
     with nothing_leaks():
         device, host = mcast_pair()
         sent = b"".join([pack_frame(frame) for frame in FRAMES])
@@ -67,7 +67,7 @@ def test_two_ends_hear_each_other_and_not_themselves() -> None:
         host.close()
 
 
-def test_noise_costs_no_frame() -> None:
+def test_noise_loses_no_frame() -> None:
     wire, other = MulticastCanWire(str(MCAST)), Other()
     source = random.Random(1)
     good = FRAMES[0]
@@ -102,12 +102,12 @@ def test_frames_of_other_machines_are_dropped(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("number", ["256", "-1", "x", "²"])
-def test_a_bus_that_is_none(number: str) -> None:
+def test_an_invalid_bus_number_is_refused(number: str) -> None:
     with pytest.raises(ConfigError, match="0 to 255"):
         open_address(f"can:mcast:{number}", "host")
 
 
-def test_the_public_library_drives_our_stm32(tmp_path: Path) -> None:
+def test_the_public_library_commands_the_emulated_stm32(tmp_path: Path) -> None:
     with Program(tmp_path, "stm32", "--protocol", "dronecan", "--port", f"can:mcast:{MCAST}"):
         command = [sys.executable, "-m", "tests.support.links.mcast_peer", f"mcast:{MCAST}"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=200, cwd=ROOT)

@@ -1,4 +1,4 @@
-"""The contract on TCP and UDP."""
+"""The contract of thruster links on TCP and UDP."""
 
 from hil.links.contract import Wire
 from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
@@ -8,18 +8,18 @@ from tests.support.links.link_contract import LinkContract, wait_readable
 def tcp_pair() -> tuple[Wire, Wire]:
     device = TcpWire()
     host = TcpHostWire("127.0.0.1", device.port)
-    take_up(device)
+    receive_greeting(device)
     return device, host
 
 
 def udp_pair() -> tuple[Wire, Wire]:
     device = UdpWire()
     host = UdpHostWire("127.0.0.1", device.port)
-    take_up(device)
+    receive_greeting(device)
     return device, host
 
 
-def take_up(device: Wire) -> None:
+def receive_greeting(device: Wire) -> None:
     assert wait_readable(device), "the device's loop must wake for a host"
     assert device.read() == b""
 

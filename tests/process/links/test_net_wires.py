@@ -1,4 +1,4 @@
-"""Properties of network wires alone: peers that come and go, and every way they cannot be opened."""
+"""Network wires: peers that connect and disconnect, other senders, and errors when opening."""
 
 import socket
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ def udp() -> Iterator[UdpWire]:
 
 
 class TestTcp:
-    def test_peers_come_and_go(self, tcp: TcpWire) -> None:
+    def test_peers_connect_and_disconnect(self, tcp: TcpWire) -> None:
         descriptor = tcp.fileno()
         for word in (b"one", b"two", b"three"):
             assert tcp.write(b"nobody is there") == 0
@@ -50,7 +50,7 @@ class TestTcp:
             assert not wait_readable(tcp, 0), "a peer that went must not wake the loop for ever"
         assert tcp.fileno() == descriptor, "a loop may have registered it"
 
-    def test_a_second_caller_is_turned_away(self, tcp: TcpWire) -> None:
+    def test_a_second_peer_is_disconnected(self, tcp: TcpWire) -> None:
         first, second = TcpHostWire(HERE, tcp.port), TcpHostWire(HERE, tcp.port)
         first.write(b"mine")
         assert read_bytes(tcp, 4) == b"mine"
@@ -65,30 +65,30 @@ class TestTcp:
         first.close()
         second.close()
 
-    def test_a_peer_that_vanishes_while_we_write(self, tcp: TcpWire) -> None:
+    def test_writing_to_a_closed_peer_writes_nothing(self, tcp: TcpWire) -> None:
         host = TcpHostWire(HERE, tcp.port)
         host.write(b"x")
         assert read_bytes(tcp, 1) == b"x"
         host.close()
         assert [tcp.write(b"telemetry") for _ in range(3)][-1] == 0
 
-    def test_it_waits_for_nothing(self, tcp: TcpWire) -> None:
+    def test_socket_options_send_at_once_and_limit_retries(self, tcp: TcpWire) -> None:
         host = TcpHostWire(HERE, tcp.port)
         with socket.socket(fileno=socket.dup(host.fileno())) as same:
             assert same.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
             assert same.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 2000
         host.close()
 
-    def test_only_this_machine_is_listened_to(self, tcp: TcpWire) -> None:
+    def test_only_the_loopback_address_is_listened_on(self, tcp: TcpWire) -> None:
         with pytest.raises(DeviceError, match=rf"^tcp://127\.0\.0\.2:{tcp.port}: Connection refused; start"):
             TcpHostWire("127.0.0.2", tcp.port)
 
-    def test_nobody_listens(self) -> None:
+    def test_a_missing_listener_is_reported(self) -> None:
         port = free_port()
         with pytest.raises(DeviceError, match=rf"^tcp://{HERE}:{port}: .*refused; start the end that listens first"):
             TcpHostWire(HERE, port)
 
-    def test_the_port_is_taken(self, tcp: TcpWire) -> None:
+    def test_a_port_in_use_is_reported(self, tcp: TcpWire) -> None:
         with pytest.raises(DeviceError, match=rf"^tcp://{HERE}:{tcp.port}: cannot listen: Address already in use"):
             TcpWire(HERE, tcp.port)
 
@@ -103,7 +103,7 @@ class TestTcp:
         again.close()
         host.close()
 
-    def test_no_such_host(self) -> None:
+    def test_an_unknown_host_is_reported(self) -> None:
         with pytest.raises(DeviceError, match=r"^tcp://no\.such\.host\.invalid:1: "):
             TcpHostWire("no.such.host.invalid", 1)
 
@@ -118,7 +118,7 @@ class TestUdp:
                 udp.write(data)
                 assert peer.recv(1000) == data
 
-    def test_it_sends_nowhere_until_somebody_spoke(self, udp: UdpWire) -> None:
+    def test_nothing_is_sent_before_a_peer_has_sent(self, udp: UdpWire) -> None:
         assert udp.write(b"telemetry") == 0
         host = UdpHostWire(HERE, udp.port)
         assert wait_readable(udp)
@@ -160,7 +160,7 @@ class TestUdp:
         assert read_bytes(host, 4) == b"true"
         host.close()
 
-    def test_a_device_that_returns_is_received_again(self) -> None:
+    def test_a_restarted_device_is_received_again(self) -> None:
         device = UdpWire()
         host = UdpHostWire(HERE, device.port)
         device.close()
@@ -181,15 +181,15 @@ class TestUdp:
         assert udp.read() == EVERY_BYTE[:20]
         host.close()
 
-    def test_a_datagram_that_is_too_long(self, udp: UdpWire) -> None:
+    def test_a_datagram_that_is_too_long_is_not_sent(self, udp: UdpWire) -> None:
         host = UdpHostWire(HERE, udp.port)
         assert host.write(bytes(70_000)) == 0
         host.close()
 
-    def test_the_port_is_taken(self, udp: UdpWire) -> None:
+    def test_a_port_in_use_is_reported(self, udp: UdpWire) -> None:
         with pytest.raises(DeviceError, match=rf"^udp://{HERE}:{udp.port}: cannot listen: Address already in use"):
             UdpWire(HERE, udp.port)
 
-    def test_no_such_host(self) -> None:
+    def test_an_unknown_host_is_reported(self) -> None:
         with pytest.raises(DeviceError, match=r"^udp://no\.such\.host\.invalid:1: "):
             UdpHostWire("no.such.host.invalid", 1)

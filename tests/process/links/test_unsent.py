@@ -1,4 +1,4 @@
-"""At most one command is unsent on any wire, and one that disarms goes before it."""
+"""At most one command waits for a busy wire, and a disarming command replaces it."""
 
 import contextlib
 import re
@@ -41,7 +41,7 @@ def disarmed(sequence: int) -> ThrusterCommand:
 
 
 class SlowWire(Wire):
-    """Keeps what is written until `drain`."""
+    """A wire that holds written bytes until `drain`."""
 
     name = "slow"
 
@@ -71,8 +71,8 @@ class SlowWire(Wire):
         pass
 
 
-class OneByte(Protocol):
-    """A command is its sequence number; a byte 255 is what the protocol says by itself."""
+class OneByteProtocol(Protocol):
+    """A protocol whose commands are one byte, the sequence number; 255 is a message of the protocol itself."""
 
     def __init__(self) -> None:
         self.counters = Counters()
@@ -86,7 +86,7 @@ class OneByte(Protocol):
 
 @pytest.fixture
 def link() -> ThrusterLink:
-    return ThrusterLink(SlowWire(), OneByte())
+    return ThrusterLink(SlowWire(), OneByteProtocol())
 
 
 def wire_of(link: ThrusterLink) -> SlowWire:
@@ -118,7 +118,7 @@ def test_a_free_wire_is_written_at_once(link: ThrusterLink) -> None:
     assert link.deadline_ns == link.protocol.deadline_ns
 
 
-def test_a_command_that_disarms_throws_the_queue_away_once(link: ThrusterLink) -> None:
+def test_a_disarming_command_discards_the_queue_once(link: ThrusterLink) -> None:
     link.send(armed(1))
     link.send(armed(2))
     link.send(disarmed(3))
@@ -141,7 +141,7 @@ def test_a_held_command_is_sent_once(link: ThrusterLink) -> None:
     assert wire_of(link).carried == b"\x01\x03"
 
 
-def test_a_slow_line_counts_what_it_has_not_carried(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_line_counts_its_unsent_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [1_000 * NS_PER_S]
     monkeypatch.setattr(faults, "now_ns", lambda: now[0])
     device = PtyWire()
@@ -157,7 +157,7 @@ def test_a_slow_line_counts_what_it_has_not_carried(monkeypatch: pytest.MonkeyPa
         assert wire.unsent() == 0, "the rest of 33 ms"
 
 
-def test_delay_alone_is_no_queue() -> None:
+def test_delayed_bytes_do_not_count_as_unsent() -> None:
     device = PtyWire()
     with (
         contextlib.closing(device),
@@ -167,7 +167,7 @@ def test_delay_alone_is_no_queue() -> None:
         assert wire.unsent() == 0
 
 
-def test_a_stalled_line_carries_nothing_and_loses_what_is_discarded() -> None:
+def test_a_stalled_line_sends_nothing_and_loses_discarded_bytes() -> None:
     device = PtyWire()
     stalled = Faults(stall=1.0, stall_time=10.0, direction="sent")
     with contextlib.closing(device), contextlib.closing(FaultyWire(PtyHostWire(device.path), stalled)) as wire:
@@ -177,7 +177,7 @@ def test_a_stalled_line_carries_nothing_and_loses_what_is_discarded() -> None:
         assert wire.unsent() == 0
 
 
-def test_the_queue_of_a_serial_device_is_asked_for_and_emptied(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_queue_of_a_serial_device_is_read_and_discarded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pty has no such queue, so the calls to the kernel are checked."""
     requests: list[tuple[int, int]] = []
 
@@ -194,14 +194,14 @@ def test_the_queue_of_a_serial_device_is_asked_for_and_emptied(monkeypatch: pyte
         assert requests == [(wire.terminal, termios.TIOCOUTQ), (wire.terminal, termios.TCOFLUSH)]
 
 
-def test_tcp_counts_what_the_peer_has_no_room_for() -> None:
+def test_tcp_counts_bytes_that_the_peer_has_no_room_for() -> None:
     with contextlib.closing(TcpWire()) as device, contextlib.closing(TcpHostWire("127.0.0.1", device.port)) as wire:
         assert wire.unsent() == 0
         assert wait_for(lambda: wire.write(bytes(4096)) >= 0 and wire.unsent() > 0), "the peer does not read"
         assert wait_for(lambda: device.read() == b"" and wire.unsent() == 0), "it reads"
 
 
-def test_tcp_counts_what_is_not_acknowledged_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tcp_counts_bytes_that_stay_unacknowledged(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [NS_PER_S]
     monkeypatch.setattr("hil.links.wires.net.now_ns", lambda: now[0])
     listener = socket.create_server(("127.0.0.1", 0))
@@ -219,7 +219,7 @@ def test_tcp_counts_what_is_not_acknowledged_for_long(monkeypatch: pytest.Monkey
         assert wire.unsent() == 0, "some of it was acknowledged"
 
 
-def test_slcan_begins_a_new_line_after_one_that_was_cut() -> None:
+def test_slcan_begins_a_new_line_after_discarded_bytes() -> None:
     line = SlowWire()
     wire = SlcanWire(line, 1_000_000)
     line.drain()
@@ -241,8 +241,8 @@ def test_a_closed_wire_has_nothing_unsent() -> None:
 
 
 @retried_when_busy("seconds of a thread that reads as slowly as the line carries")
-def test_commands_that_9600_baud_cannot_carry_do_not_outlive_the_stop() -> None:
-    """The line carries 34 of 80 commands a second: if they queued, the thrusters would turn 4 s too long."""
+def test_commands_beyond_9600_baud_do_not_delay_the_stop() -> None:
+    """The line carries 34 of 80 commands a second: if they were queued, the thrusters would run 4 s too long."""
     driver = open_driver("python", Link(faults=Faults(baud=9600), watchdog=0.2), 6, True, 1, lambda _: None)
     with contextlib.closing(driver):
         due, end, sequence = now_ns(), now_ns() + 3 * NS_PER_S, 0
@@ -286,7 +286,7 @@ def test_a_line_that_is_too_slow_for_the_rate_is_refused(link: Link, rate: float
         check_line_rate(link, 6, rate)
 
 
-def test_doctor_and_slave_refuse_such_a_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_and_slave_refuse_a_line_that_is_too_slow(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario, _ = write_scenario(tmp_path, link="faults = { baud = 9600 }")
     assert main(["doctor", str(scenario)]) == 1
     assert re.search(
@@ -297,7 +297,7 @@ def test_doctor_and_slave_refuse_such_a_scenario(tmp_path: Path, capsys: pytest.
         assert "link: faults.baud: 9600 bit/s carry" in slave.output
 
 
-def test_the_rate_that_is_named_is_one_that_the_line_carries() -> None:
+def test_the_rate_in_the_error_is_one_that_the_line_carries() -> None:
     protocol = open_protocol("frame", "host", 6)
     bits = len(protocol.encode(disarmed(1))) * 10
     with pytest.raises(ConfigError, match=f"link: baud: 9600 bit/s carry {8640 / bits:.3g} commands a second"):
@@ -305,13 +305,13 @@ def test_the_rate_that_is_named_is_one_that_the_line_carries() -> None:
     check_line_rate(Link(port="/dev/ttyS0", baud=9600), 6, 8639 / bits)
 
 
-def test_the_slowest_part_of_a_link_counts() -> None:
+def test_the_slowest_part_of_a_link_limits_its_speed() -> None:
     assert line_speed(parse_address("/dev/ttyS0"), 9600, 500_000, 2400) == (2400, "faults.baud")
     assert line_speed(parse_address("can:slcan:/dev/ttyACM0"), 9600, 500_000) == (500_000, "bitrate")
     assert line_speed(parse_address("pty:"), 9600, 500_000) == (0, "")
 
 
-def test_a_wire_that_is_gone_is_reported_by_the_write(link: ThrusterLink) -> None:
+def test_writing_to_a_closed_wire_is_an_error(link: ThrusterLink) -> None:
     device = PtyWire()
     wire = PtyHostWire(device.path)
     gone = ThrusterLink(wire, open_protocol("frame", "host", 6))

@@ -1,4 +1,4 @@
-"""A mission with a vehicle that says too little, does not obey, or was restarted: without network, at once."""
+"""A mission whose vehicle sends no odometry, refuses commands or was restarted; without network, in simulated time."""
 
 import json
 import threading
@@ -29,7 +29,7 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
 class Clock:
-    """The monotonic clock, which goes on by a command's period whenever the mission waits."""
+    """A monotonic clock that advances by the command period whenever the mission waits."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100 * NS_PER_S
@@ -49,11 +49,11 @@ class Contact:
     samples = 0
 
     def forget_clock(self) -> None:
-        """Another slave has come."""
+        """Do nothing: a new slave was detected."""
 
 
 class Vehicle:
-    """A client's interface as a mission uses it: a vehicle that is at once where it is commanded to go."""
+    """The interface of a client as a mission uses it; the vehicle does not move unless the test moves it."""
 
     node, endpoint = "uuv1", "tcp/nowhere:1"
 
@@ -125,7 +125,7 @@ def fly(tmp_path: Path, vehicle: Vehicle, plan: Plan) -> Iterator[Callable[[], O
         yield run
 
 
-def test_a_vehicle_without_odometry_is_waited_for_and_then_named(
+def test_a_vehicle_without_odometry_ends_the_mission_after_a_timeout(
     fly: Callable[[], Outcome], vehicle: Vehicle, tmp_path: Path
 ) -> None:
     with pytest.raises(NetworkError, match=r"uuv1 at tcp/nowhere:1 has sent no odom for 10 s.*\[sensors.odometry\]"):
@@ -134,7 +134,7 @@ def test_a_vehicle_without_odometry_is_waited_for_and_then_named(
     assert not any(command.surge for command in vehicle.commands)
 
 
-def test_a_vehicle_that_does_not_obey_ends_it_with_the_reason(
+def test_a_vehicle_that_refuses_commands_ends_the_mission_with_the_reason(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock
 ) -> None:
     def disarm() -> None:
@@ -146,7 +146,7 @@ def test_a_vehicle_that_does_not_obey_ends_it_with_the_reason(
         fly()
 
 
-def test_a_silence_is_an_event_with_its_beginning_and_its_length(
+def test_missing_odometry_is_an_event_with_start_and_duration(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock
 ) -> None:
     def fall_silent() -> None:
@@ -163,9 +163,7 @@ def test_a_silence_is_an_event_with_its_beginning_and_its_length(
     assert outcome.verdict == "time limit, but link lost: no odometry from uuv1"
 
 
-def test_a_vehicle_that_came_back_at_once_has_been_away(
-    fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock
-) -> None:
+def test_a_short_loss_of_the_vehicle_is_an_event(fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock) -> None:
     def come_back() -> None:
         vehicle.sense()
         vehicle.contact.losses = int(clock.now > 110 * NS_PER_S)
@@ -174,10 +172,10 @@ def test_a_vehicle_that_came_back_at_once_has_been_away(
     assert [event.kind for event in fly().events] == ["link_lost"]
 
 
-def test_what_the_vehicle_says_and_what_is_seen_from_here_is_one_account(
+def test_events_of_the_vehicle_and_of_the_mission_are_merged(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock
 ) -> None:
-    """The vehicle capsizes (both report it), surfaces (seen here), and hits the bed (only the vehicle knows)."""
+    """Both report the capsizing, only the mission the surfacing, and only the vehicle the collision with the bed."""
 
     def tumble() -> None:
         on = clock.now - 100 * NS_PER_S
@@ -214,7 +212,7 @@ def test_what_the_vehicle_says_and_what_is_seen_from_here_is_one_account(
 
 
 def receiver() -> VehicleClient:
-    """Return a client that was never connected: what comes is given to it."""
+    """Return a client that was never connected; the test passes messages to it."""
     client = VehicleClient.__new__(VehicleClient)
     client.received, client.latest, client.malformed = {}, {}, 0
     client._senders = {}
@@ -225,7 +223,7 @@ def receiver() -> VehicleClient:
     return client
 
 
-def test_start_up_is_measured_by_the_first_sample_of_that_slave(clock: Clock) -> None:
+def test_start_up_time_ends_with_the_first_sample_of_the_same_slave(clock: Clock) -> None:
     """A slave was replaced while the master waited: the start-up was -7.669 s, from the first one's sample."""
     client, exec_wall_ns = receiver(), {}
     for second, gid in ((0, b"a"), (8, b"b")):
@@ -241,7 +239,7 @@ def test_start_up_is_measured_by_the_first_sample_of_that_slave(clock: Clock) ->
     assert client.first_sample_ns(exec_wall_ns[b"b"] + NS_PER_S) is None, "a third one has sent nothing yet"
 
 
-def test_others_are_told_the_path_at_once_and_then_once_a_second(
+def test_the_path_is_published_at_once_and_then_once_a_second(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock, plan: Plan
 ) -> None:
     """A new path is published at once, then once a second."""

@@ -1,4 +1,4 @@
-"""The track of a run: whole rows, and no flight ends because of it."""
+"""The track file of a run: complete rows, and errors that do not end the flight."""
 
 import os
 import subprocess
@@ -32,27 +32,29 @@ def fly(folder: str, rows: int) -> list[str]:
     return output
 
 
-def test_every_row_is_there_at_once(tmp_path: Path) -> None:
+def test_each_row_is_written_at_once(tmp_path: Path) -> None:
     with TrackWriter(str(tmp_path)) as track:
         track.row(0.05, SAMPLE, SAMPLE, VelocityCommand(surge=0.5))
         lines = (tmp_path / "track.csv").read_text().splitlines()
     assert lines == [COLUMNS, "0.0500,1.0000,2.0000,3.0000,1.0000,2.0000,3.0000,0.0000,0.5000,0.5000,0.0000"]
 
 
-def test_a_full_disk_is_said_once(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_once(tmp_path: Path) -> None:
     (tmp_path / "track.csv").symlink_to("/dev/full")
     (line,) = fly(str(tmp_path), 100)
     assert line == f"{tmp_path}/track.csv ends here: No space left on device; the flight goes on"
 
 
-def test_it_is_said_even_if_nobody_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_error_is_printed_when_no_report_function_is_given(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "track.csv").mkdir()
     with TrackWriter(str(tmp_path)) as track:
         track.row(0.05, SAMPLE, SAMPLE, VelocityCommand())
     assert capsys.readouterr().err.count("Is a directory") == 1
 
 
-def test_what_fitted_is_whole_rows(tmp_path: Path) -> None:
+def test_a_file_of_limited_size_has_complete_rows(tmp_path: Path) -> None:
     command = [sys.executable, "-c", LIMITED, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
@@ -63,7 +65,7 @@ def test_what_fitted_is_whole_rows(tmp_path: Path) -> None:
     assert {line.count(",") for line in text.splitlines()} == {COLUMNS.count(",")}
 
 
-def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match=r"choose another folder$"):
         make_folder(str(tmp_path / "file" / "run"))
@@ -74,7 +76,7 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.Monkey
         make_folder(str(tmp_path))
 
 
-def test_two_runs_of_one_second_have_a_folder_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_in_the_same_second_have_separate_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.recording.recorder.time.strftime", lambda form: "20260101-120000")
     made = [new_folder("scenarios/reef.toml", str(tmp_path / "runs")) for _ in range(3)]
     assert [os.path.basename(path) for path in made] == [f"reef-20260101-120000{tail}" for tail in ("", "-2", "-3")]

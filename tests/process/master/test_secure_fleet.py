@@ -1,4 +1,4 @@
-"""Planners of a fleet under TLS: who exchanges reports with them, and who gets nothing."""
+"""Planners of a fleet with TLS: access to their reports and commands by certificate."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,7 +27,7 @@ def security(keys: Path, master: str) -> Security:
 
 @pytest.fixture
 def first(keys: Path) -> Iterator[tuple[Session, str, str]]:
-    """Provide the first planner, connected to its vehicle; where it listens and where the vehicle does."""
+    """Provide the first planner, connected to its vehicle, with the endpoints of the planner and of the vehicle."""
     agent, vehicle = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     with (
         listen(vehicle, security=security(keys, PLANNERS[0])),
@@ -36,9 +36,7 @@ def first(keys: Path) -> Iterator[tuple[Session, str, str]]:
         yield session, agent, vehicle
 
 
-def test_only_reports_pass_between_planners_and_only_planners_report(
-    first: tuple[Session, str, str], keys: Path
-) -> None:
+def test_planners_exchange_reports_only_and_others_cannot_report(first: tuple[Session, str, str], keys: Path) -> None:
     session, endpoint, _ = first
     received: list[tuple[str, str]] = []
     session.subscribe("uuv1", "*", lambda topic, payload, _: received.append((payload.decode(), topic)), 64)
@@ -69,7 +67,7 @@ def test_only_reports_pass_between_planners_and_only_planners_report(
         other.close()
 
 
-def test_who_connects_to_a_planner_passes_for_no_vehicle(first: tuple[Session, str, str], keys: Path) -> None:
+def test_a_client_of_a_planner_can_only_appear_as_an_observer(first: tuple[Session, str, str], keys: Path) -> None:
     session, endpoint, _ = first
     seen: list[str] = []
     watch_presence(session, "uuv1", lambda presence, _: seen.append(presence.part))
@@ -81,7 +79,7 @@ def test_who_connects_to_a_planner_passes_for_no_vehicle(first: tuple[Session, s
     assert set(seen) == {"observer"}
 
 
-def test_a_planner_still_commands_its_vehicle_and_sees_it(keys: Path) -> None:
+def test_a_planner_with_tls_commands_its_vehicle_and_receives_samples(keys: Path) -> None:
     agent, vehicle = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     arrived: list[str] = []
     got: list[str] = []
@@ -96,7 +94,7 @@ def test_a_planner_still_commands_its_vehicle_and_sees_it(keys: Path) -> None:
         assert wait_for(lambda: (command.put(b"", 0), odom.put(b"", 0)) and arrived and got)
 
 
-def test_a_modem_has_no_security(keys: Path, tmp_path: Path) -> None:
+def test_a_modem_together_with_security_is_refused(keys: Path, tmp_path: Path) -> None:
     changes = {
         "security.slave": str(keys / "uuv"),
         "security.master": str(keys / PLANNERS[0]),

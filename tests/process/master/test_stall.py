@@ -1,4 +1,4 @@
-"""A vehicle that answers and whose samples do not come is connected to again, and they come again."""
+"""Recovery from a stalled link: a vehicle that answers but whose samples do not arrive is connected to again."""
 
 import signal
 import socket
@@ -28,7 +28,7 @@ from tests.support.processes import Program, free_port, wait_for, write_scenario
 def slow_session(port: int, opened: list[str]) -> Iterator[Session]:
     """Provide a master's session whose first link for samples is never read.
 
-    The library never reads one if its time limit for opening it ends while it tells a listener who is slow.
+    The library never reads a link whose time limit for opening ends while it calls a slow listener.
     """
 
     def be_slow(event: zenoh.LinkEvent) -> None:
@@ -43,7 +43,7 @@ def slow_session(port: int, opened: list[str]) -> Iterator[Session]:
         listener.undeclare()  # type: ignore[no-untyped-call]
 
 
-def test_samples_come_again_when_the_library_does_not_read_a_link(tmp_path: Path) -> None:
+def test_samples_arrive_again_when_the_library_does_not_read_a_link(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     reports, opened = list[str](), list[str]()
     with (
@@ -57,8 +57,8 @@ def test_samples_come_again_when_the_library_does_not_read_a_link(tmp_path: Path
     assert len(opened) > 1
 
 
-def test_samples_come_again_without_a_client_too(tmp_path: Path) -> None:
-    """Commands that only listen, and those that watch a hunt, have no client."""
+def test_samples_arrive_again_without_a_client_too(tmp_path: Path) -> None:
+    """Commands that only subscribe, and those that watch a hunt, have no client."""
     scenario, port = write_scenario(tmp_path)
     received, opened = list[str](), list[str]()
     with slow_session(port, opened) as session, Program(tmp_path, "slave", scenario):
@@ -66,8 +66,8 @@ def test_samples_come_again_without_a_client_too(tmp_path: Path) -> None:
         assert wait_for(lambda: len(opened) > 1 and len(received) > 10)
 
 
-def test_it_connects_again_when_the_vehicle_never_appears() -> None:
-    """The first declaration may be lost on the way, as now and then on a busy machine."""
+def test_a_client_reconnects_when_the_vehicle_never_appears() -> None:
+    """The first declaration may be lost, as happens now and then on a busy machine."""
     endpoint, reports = f"tcp/127.0.0.1:{free_port()}", list[str]()
     with listen(endpoint), VehicleClient(endpoint, "uuv1", part="observer", report=reports.append) as client:
         assert wait_for(lambda: client.contact.reconnections)
@@ -75,7 +75,7 @@ def test_it_connects_again_when_the_vehicle_never_appears() -> None:
         assert wait_for(lambda: len(client.session.links()) > 0)
 
 
-def test_who_looks_for_any_vehicle_connects_again_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_that_looks_for_any_vehicle_reconnects_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stall, "GAPS", 0)  # nothing has come yet, so no gap is usual
     scenario, port = write_scenario(tmp_path)
     endpoint = f"tcp/127.0.0.1:{port}"
@@ -90,7 +90,9 @@ def test_who_looks_for_any_vehicle_connects_again_too(tmp_path: Path, monkeypatc
         assert wait_for(watch.statuses)
 
 
-def test_a_vehicle_that_ends_behind_a_router_disturbs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_vehicle_that_ends_behind_a_router_does_not_disturb_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s instead of 4 s
     router = f"tcp/127.0.0.1:{free_port()}"
     scenarios = []
@@ -116,7 +118,7 @@ def test_a_vehicle_that_ends_behind_a_router_disturbs_no_other(tmp_path: Path, m
         assert stays.client.received["odom"] > before
 
 
-def test_clients_of_one_session_open_it_again_once() -> None:
+def test_clients_of_one_session_reopen_it_once() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint), open_master_session(endpoint) as session:
         known = session.openings
@@ -128,15 +130,15 @@ def test_clients_of_one_session_open_it_again_once() -> None:
         assert session.openings == known + 1
 
 
-def test_a_socket_that_cannot_be_cut_is_left() -> None:
+def test_a_socket_without_connection_is_not_cut() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
         end.bind(("127.0.0.1", 0))
         cut({(end.getsockname()[1], 0)})
         assert end.getsockname()[1]
 
 
-def test_a_recorder_is_not_cut_off() -> None:
-    """A recorder has one link, as every session that only listens."""
+def test_the_link_of_a_recorder_is_not_cut() -> None:
+    """A recorder has one link, as every session that only subscribes."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_client_session(endpoint):
         links = UnreadLinks(0.5)
@@ -146,7 +148,7 @@ def test_a_recorder_is_not_cut_off() -> None:
             time.sleep(0.1)
 
 
-def test_what_a_socket_has_not_read_is_counted() -> None:
+def test_the_read_progress_of_a_socket_is_measured() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener, socket.create_connection(listener.getsockname()) as far:
         near, _ = listener.accept()
         with near:

@@ -1,4 +1,4 @@
-"""Connections that come to nothing: they do not keep a newcomer out of a slave with TLS, nor fill its descriptors."""
+"""Abandoned connections: they neither block new clients of a slave with TLS nor exhaust its descriptors."""
 
 import socket
 import struct
@@ -28,7 +28,7 @@ def queue_of(listener: socket.socket) -> int:
     return waiting
 
 
-def test_listening_sockets_get_a_short_queue_and_others_none() -> None:
+def test_only_listening_sockets_get_a_short_queue() -> None:
     with socket.create_server(("127.0.0.1", 0), backlog=128) as listener, socket.socket() as other:
         assert queue_of(listener) == 128
         assert shorten_queues() >= 1
@@ -39,7 +39,7 @@ def test_listening_sockets_get_a_short_queue_and_others_none() -> None:
 
 
 def attack(port: int, connections: int, seconds: float) -> None:
-    """Connect and close, without waiting for any, from another address than others."""
+    """Connect and close many times without waiting, from an address of its own."""
     began = time.monotonic()
     open_ones: list[socket.socket] = []
     for number in range(connections):
@@ -55,8 +55,8 @@ def attack(port: int, connections: int, seconds: float) -> None:
         end.close()
 
 
-def test_a_newcomer_is_let_in_after_an_attack(tmp_path: Path) -> None:
-    """Each failed handshake takes the library 0.1 s: of 600 that waited, a newcomer had to wait for all."""
+def test_a_new_client_connects_soon_after_an_attack(tmp_path: Path) -> None:
+    """Each failed handshake takes the library 0.1 s: a new client had to wait for all 600 in the queue."""
     init(str(tmp_path / "keys"))
     for name in ("uuv1", "laptop"):
         add_machine(str(tmp_path / "keys"), name, [])

@@ -1,4 +1,4 @@
-"""Routers of two sites, joined: who is behind one commands a slave behind the other."""
+"""Joined routers of two sites: a client behind one commands a slave behind the other."""
 
 import signal
 from pathlib import Path
@@ -8,7 +8,7 @@ from hil.network.settings import Network
 from tests.support.processes import Program, command_until, free_port, surge_of, wait_for, write_scenario
 
 
-def test_a_slave_behind_another_router_is_driven(tmp_path: Path) -> None:
+def test_a_slave_behind_another_router_is_commanded(tmp_path: Path) -> None:
     near, far = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     plain, _ = write_scenario(tmp_path)
     plain.write_text(f'{plain.read_text()}\n[network]\nmode = "routed"\nrouter = "{far}"\n')

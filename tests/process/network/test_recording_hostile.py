@@ -1,4 +1,4 @@
-"""Recordings made to take memory and time: refused, or read within bounds, in one line."""
+"""Hostile recordings that would take much memory or time: refused in one line, or read within bounds."""
 
 import struct
 import subprocess
@@ -32,7 +32,7 @@ def text(words: str) -> bytes:
 
 
 def chunk(content: bytes, size: int, packing: str = "zstd") -> bytes:
-    """Return a chunk that says it has `size` bytes, with `content` as it is in the file."""
+    """Return a chunk with `content` whose header gives `size` bytes."""
     return record(6, struct.pack("<QQQI", 0, 0, size, 0) + text(packing) + struct.pack("<Q", len(content)) + content)
 
 
@@ -53,7 +53,7 @@ CHANNEL = record(4, struct.pack("<HH", 1, 1) + text("/uuv1/odom") + text("cdr") 
 EMPTY = record(5, struct.pack("<HIQQ", 1, 0, 0, 0))  # a message without content
 
 
-def test_a_chunk_that_says_it_is_huge(tmp_path: Path) -> None:
+def test_a_chunk_of_huge_declared_size_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, chunk(zeros(256 * MIB), 2048 * MIB))
     assert Path(path).stat().st_size < 70_000
     with pytest.raises(ConfigError, match=r"hostile\.mcap: a chunk of 2048 MiB, where a recording has at most 128 MiB"):
@@ -63,20 +63,20 @@ def test_a_chunk_that_says_it_is_huge(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("packing", "pack"), [("zstd", zeros), ("lz4", lambda size: lz4.frame.compress(bytes(size)))], ids=["zstd", "lz4"]
 )
-def test_a_chunk_that_is_larger_than_it_says(tmp_path: Path, packing: str, pack: Callable[[int], bytes]) -> None:
+def test_a_chunk_larger_than_declared_is_refused(tmp_path: Path, packing: str, pack: Callable[[int], bytes]) -> None:
     path = written(tmp_path, chunk(pack(64 * MIB), 1000, packing))
     with pytest.raises(ConfigError, match="a chunk that is larger than it says"):
         list(read_messages(path))
 
 
-def test_many_chunks_that_unpack_without_end(tmp_path: Path) -> None:
+def test_a_recording_that_unpacks_to_a_thousandfold_is_refused(tmp_path: Path) -> None:
     private = record(0x80, bytes(32 * MIB))  # of a kind that is passed over
     path = written(tmp_path, *[chunk(zstandard.compress(private), len(private))] * 20)
     with pytest.raises(ConfigError, match="unpacks to more than 1000 times its size"):
         list(read_messages(path))
 
 
-def test_lengths_beyond_the_file_end_it_as_a_tear_does(tmp_path: Path) -> None:
+def test_lengths_beyond_the_file_are_treated_as_truncation(tmp_path: Path) -> None:
     whole = written(tmp_path, SCHEMA, CHANNEL, EMPTY)
     for tail in (
         struct.pack("<BQ", 5, 1 << 63), struct.pack("<BQ", 5, 1 << 27), struct.pack("<BQ", 6, 40) + b"\xff" * 40,
@@ -96,7 +96,7 @@ def test_attachments_are_bounded(tmp_path: Path) -> None:
             read_about(written(tmp_path, *parts))
 
 
-def test_a_column_keeps_to_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_are_thinned_to_a_maximum_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_data, "MOST_ROWS", 100)
     rows = Rows()
     for number in range(10_000):
@@ -108,7 +108,7 @@ def test_a_column_keeps_to_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
     assert rows[-1][0] > 9_000
 
 
-def test_more_vehicles_than_a_figure_can_show() -> None:
+def test_more_vehicles_than_a_figure_can_show_are_refused() -> None:
     twist = ros.encode_twist((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     messages = [Message(f"/uuv{n}/cmd_vel", "geometry_msgs/msg/Twist", 1, 1, 1, twist) for n in range(70)]
     assert len(collect(messages[:64], "x")) == 64

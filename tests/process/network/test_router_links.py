@@ -1,4 +1,4 @@
-"""A router cuts links of slaves that it does not know, and gives new links room for all that was declared."""
+"""Links of a router: it cuts links without known declarations, and gives new links large send buffers."""
 
 import socket
 from functools import partial
@@ -21,19 +21,19 @@ from hil.network.unread_links import port_of
 from tests.support.processes import Program, free_port, wait_for
 
 
-def router_of_others(endpoint: str) -> zenoh.Session:
-    """Return a session that is a router to the library, as a slave is, and of which nothing is known."""
+def foreign_router(endpoint: str) -> zenoh.Session:
+    """Return a session that is a router to the library, as a slave is, but declares nothing."""
     text = settings("slave", (f"tcp/127.0.0.1:{free_port()}",), (endpoint,), Network("routed", endpoint), None)
     return zenoh.open(zenoh.Config.from_json5(text))
 
 
-def _is_gone(session: Session, link: tuple[str, str, str]) -> bool:
+def _is_closed(session: Session, link: tuple[str, str, str]) -> bool:
     return link not in session.links()
 
 
-def test_a_router_of_which_nothing_is_known_is_cut_a_few_times() -> None:
+def test_a_link_to_an_unknown_router_is_cut_a_few_times() -> None:
     endpoint, reported = f"tcp/127.0.0.1:{free_port()}", list[str]()
-    with open_router_session(endpoint) as session, router_of_others(endpoint):
+    with open_router_session(endpoint) as session, foreign_router(endpoint):
         links, cut_at, now = RouterLinks(session, reported.append), list[int](), 0
         for _ in range(ATTEMPTS):
             assert wait_for(session.links)
@@ -43,7 +43,7 @@ def test_a_router_of_which_nothing_is_known_is_cut_a_few_times() -> None:
                 now += NS_PER_S
                 links.check(now)
             cut_at.append(now)
-            assert wait_for(partial(_is_gone, session, link))
+            assert wait_for(partial(_is_closed, session, link))
         waits = [later - sooner for sooner, later in pairwise([0, *cut_at])]
         assert waits[0] == SETTLED_NS
         assert all(later >= 2 * sooner for sooner, later in pairwise(waits))
@@ -54,7 +54,7 @@ def test_a_router_of_which_nothing_is_known_is_cut_a_few_times() -> None:
         assert session.links(), "then it is left as it is: it may be a router of others"
 
 
-def test_those_that_never_come_back_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_peers_that_never_reconnect_are_removed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.network.router_links.MOST_PEERS", 10)
     session, reported = Mock(), list[str]()
     session.tokens.return_value = []
@@ -68,7 +68,7 @@ def test_those_that_never_come_back_are_forgotten(monkeypatch: pytest.MonkeyPatc
     assert len(links._attempts) == 10
 
 
-def test_slaves_clients_and_joined_routers_are_left() -> None:
+def test_links_of_slaves_clients_and_joined_routers_are_not_cut() -> None:
     endpoint, further = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     network, reported = Network("routed", endpoint), list[str]()
     with (
@@ -86,7 +86,7 @@ def test_slaves_clients_and_joined_routers_are_left() -> None:
         assert not reported
 
 
-def test_a_new_link_has_room_for_all_that_was_declared_and_later_little() -> None:
+def test_a_new_link_has_a_large_send_buffer_and_later_a_small_one() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with open_router_session(endpoint) as session, open_client_session(endpoint, Network("routed", endpoint)):
         assert wait_for(session.links)
@@ -107,9 +107,9 @@ def test_a_new_link_has_room_for_all_that_was_declared_and_later_little() -> Non
         assert send_buffer() == 2 * SEND_BUFFER
 
 
-def test_the_command_does_so_and_says_it(tmp_path: Path) -> None:
+def test_the_router_command_cuts_and_reports_unknown_links(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with Program(tmp_path, "router", "--listen", endpoint) as router:
         router.expect("forwarding between all")
-        with router_of_others(endpoint):
+        with foreign_router(endpoint):
             router.expect(r"nothing is known of who dials from port \d+; cutting it, to be dialled again")

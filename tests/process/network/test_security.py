@@ -1,4 +1,4 @@
-"""Mutual TLS and access control: who is let in, who may command, and what the refused get to know."""
+"""Mutual TLS and access control: who may connect, who may command, and the reasons given to those refused."""
 
 from collections.abc import Iterator
 from itertools import cycle
@@ -41,7 +41,7 @@ def security(keys: Path, master: str = "laptop", may_listen: tuple[str, ...] = (
 
 @pytest.fixture
 def slave(keys: Path) -> Iterator[tuple[Session, str, list[str]]]:
-    """Provide a slave, its endpoint, and those whose commands came."""
+    """Provide a slave, its endpoint, and the names whose commands arrived."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     received: list[str] = []
     with listen(endpoint, security=security(keys)) as session:
@@ -50,14 +50,14 @@ def slave(keys: Path) -> Iterator[tuple[Session, str, list[str]]]:
         yield session, endpoint, received
 
 
-def meets(session: Session) -> list[Presence]:
+def watch_node(session: Session) -> list[Presence]:
     """Return a list that receives the presences of the node as the session sees them."""
     seen: list[Presence] = []
     watch_presence(session, "uuv1", lambda presence, alive: seen.append(presence) if alive else None)
     return seen
 
 
-def test_each_may_do_what_its_certificate_says(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+def test_rights_follow_from_the_certificate(slave: tuple[Session, str, list[str]], keys: Path) -> None:
     session, endpoint, received = slave
     samples = session.publisher("uuv1", TOPICS["pressure"])
     got: dict[str, list[str]] = {name: [] for name in MACHINES[1:]}
@@ -83,18 +83,18 @@ def test_each_may_do_what_its_certificate_says(slave: tuple[Session, str, list[s
         other.close()
 
 
-def test_presence_is_for_those_who_may_listen(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+def test_presence_is_sent_only_to_those_who_may_listen(slave: tuple[Session, str, list[str]], keys: Path) -> None:
     _, endpoint, _ = slave
     with (
         open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
         open_master_session(endpoint, security=security(keys, "outsider")) as outsider,
     ):
-        seen, unseen = meets(viewer), meets(outsider)
+        seen, unseen = watch_node(viewer), watch_node(outsider)
         assert wait_for(lambda: [presence.part for presence in seen]) == ["slave"]
         assert not unseen
 
 
-def test_who_may_listen_is_seen_as_nothing_else(slave: tuple[Session, str, list[str]], keys: Path) -> None:
+def test_a_listener_cannot_appear_as_a_master_or_slave(slave: tuple[Session, str, list[str]], keys: Path) -> None:
     session, endpoint, _ = slave
     seen: list[str] = []
     session.watch_tokens("uuv_hil/**", lambda key, _: seen.append(key))
@@ -113,9 +113,7 @@ def test_who_may_listen_is_seen_as_nothing_else(slave: tuple[Session, str, list[
     assert wait_for(lambda: len(seen) == 5), "both have gone, and nobody else"
 
 
-def test_who_may_listen_asks_for_the_time_but_pings_for_no_master(
-    slave: tuple[Session, str, list[str]], keys: Path
-) -> None:
+def test_a_listener_may_ping_but_not_report_as_a_master(slave: tuple[Session, str, list[str]], keys: Path) -> None:
     session, endpoint, _ = slave
     ask, _, masters = clock_keys("uuv1")
     requested: list[bytes] = []
@@ -140,14 +138,14 @@ def test_who_may_listen_asks_for_the_time_but_pings_for_no_master(
     assert set(reported) == {b"laptop"}
 
 
-def test_everyone_with_a_certificate_may_listen(keys: Path) -> None:
+def test_a_wildcard_lets_everyone_with_a_certificate_listen(keys: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with (
         listen(endpoint, security=security(keys, may_listen=("*",))) as slave,
         open_master_session(endpoint, security=security(keys, "outsider")) as outsider,
     ):
         declare_presence(slave, "uuv1", "slave")
-        seen = meets(outsider)
+        seen = watch_node(outsider)
         assert wait_for(lambda: seen)
 
 
@@ -160,7 +158,7 @@ def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
 ) -> None:
     session, endpoint, received = slave
     with open_master_session(endpoint, security=security(keys, folder) if folder else None) as refused:
-        publisher, seen = refused.publisher("uuv1", TOPICS["cmd_vel"]), meets(refused)
+        publisher, seen = refused.publisher("uuv1", TOPICS["cmd_vel"]), watch_node(refused)
         assert not wait_for(lambda: publisher.put(b"refused", 0) and (received or seen or refused.others()), 1)
     assert session.others() == []
     fault = why_not(endpoint, str(keys / folder) if folder else "")
@@ -169,8 +167,10 @@ def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
     assert all(word in fault.text for word in words), fault.text
 
 
-def test_a_certificate_that_they_do_not_know(slave: tuple[Session, str, list[str]], keys: Path, tmp_path: Path) -> None:
-    """This side trusts their authority, and they do not know ours."""
+def test_a_certificate_that_the_slave_does_not_trust_is_reported(
+    slave: tuple[Session, str, list[str]], keys: Path, tmp_path: Path
+) -> None:
+    """This side trusts the authority of the slave, which does not trust that of this side."""
     for name, source in (("ca.pem", "laptop"), ("cert.pem", "other/laptop"), ("key.pem", "other/laptop")):
         (tmp_path / name).write_bytes((keys / source / name).read_bytes())
     fault = why_not(slave[1], str(tmp_path))
@@ -180,14 +180,14 @@ def test_a_certificate_that_they_do_not_know(slave: tuple[Session, str, list[str
     assert str(tmp_path) in fault.text
 
 
-def test_a_name_that_is_not_in_the_certificate(keys: Path) -> None:
+def test_a_host_that_is_not_in_the_certificate_is_reported(keys: Path) -> None:
     endpoint = f"tcp/127.0.0.2:{free_port()}"
     with (
         listen(endpoint, security=security(keys)) as slave,
         open_master_session(endpoint, security=security(keys)) as master,
     ):
         declare_presence(slave, "uuv1", "slave")
-        seen = meets(master)
+        seen = watch_node(master)
         fault = why_not(endpoint, str(keys / "laptop"))
         assert fault is not None
         assert "not made for '127.0.0.2'" in fault.text
@@ -199,7 +199,7 @@ def test_the_right_certificate_has_no_fault(slave: tuple[Session, str, list[str]
     assert why_not(slave[1], str(keys / "laptop")) is None
 
 
-def test_open_and_secure_sides_do_not_meet(keys: Path) -> None:
+def test_a_client_with_tls_and_a_slave_without_is_reported(keys: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint):
         assert why_not(endpoint) is None

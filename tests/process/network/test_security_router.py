@@ -1,4 +1,4 @@
-"""Certificates with a router in between: real processes, who may command, and reasons for those who are refused."""
+"""Access control by certificates through a router, with real processes: who may command, and reasons for refusals."""
 
 import time
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ may_listen = ["viewer"]
 
 
 class Site(NamedTuple):
-    """A router and a slave that connects to it, and how masters see them."""
+    """A router, a slave that connects to it, and clients of both."""
 
     folder: Path
     endpoint: str
@@ -71,7 +71,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     assert "Traceback" not in router.output + slave.output
 
 
-def test_who_may_command_drives_through_the_router(site: Site) -> None:
+def test_a_permitted_master_commands_through_the_router(site: Site) -> None:
     with site.client("keys/laptop") as laptop:
         assert laptop.wait_for_vehicle(60)
         assert command_until(lambda: len(laptop.delays) > 50, laptop, surge=0.4)
@@ -81,7 +81,7 @@ def test_who_may_command_drives_through_the_router(site: Site) -> None:
     site.router.expect("connected: laptop, uuv1")
 
 
-def test_who_may_listen_only_listens(site: Site) -> None:
+def test_a_listener_receives_but_cannot_command(site: Site) -> None:
     with site.client("keys/viewer") as viewer:
         assert viewer.wait_for_vehicle(60)
         assert wait_for(lambda: viewer.received["diagnostics"] > 2), "the laptop's last message is counted by then"
@@ -95,13 +95,13 @@ def test_who_may_listen_only_listens(site: Site) -> None:
         assert "may_command" in viewer.refusal()
 
 
-def test_whom_nobody_names_gets_nothing(site: Site) -> None:
+def test_a_machine_without_rights_receives_nothing(site: Site) -> None:
     with site.client("keys/outsider") as outsider:
         assert not outsider.wait_for_vehicle(1.0)
         assert not outsider.contact.present
 
 
-def test_tokens_pass_for_those_who_may_listen(site: Site) -> None:
+def test_listeners_receive_liveliness_tokens(site: Site) -> None:
     scenario = site.scenario("keys/viewer")
     with open_client_session(site.endpoint, scenario.network, scenario.security, seconds=3.0) as client:
         assert wait_for(lambda: any("uuv1%cmd_vel" in key for key in client.tokens(graph.ALL)))
@@ -124,7 +124,7 @@ def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
     assert all(word in str(caught.value) for word in (site.endpoint, *words)), str(caught.value)
 
 
-def test_the_commands_say_so_too(site: Site) -> None:
+def test_commands_report_a_foreign_certificate(site: Site) -> None:
     scenario = site.folder / "foreigner.toml"
     options = ("--connect", site.endpoint, "--output", site.folder / "run")
     asking = ("list", "--connect", site.endpoint, "--scenario", scenario, "--wait", 0.3)
@@ -138,7 +138,7 @@ def test_the_commands_say_so_too(site: Site) -> None:
         assert "Traceback" not in program.output
 
 
-def test_a_slave_with_a_foreign_certificate_is_kept_out_and_says_so(site: Site, tmp_path: Path) -> None:
+def test_a_slave_with_a_foreign_certificate_is_refused_and_reports_it(site: Site, tmp_path: Path) -> None:
     text = (site.folder / "laptop.toml").read_text().replace('"keys/uuv1"', f'"{site.folder}/other/foreigner"')
     text = text.replace('"keys/', f'"{site.folder}/keys/').replace("listen = ", 'node = "uuv9"\nlisten = ', 1)
     port = free_port()

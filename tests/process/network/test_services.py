@@ -1,4 +1,4 @@
-"""Service calls between two sessions: the way of rmw_zenoh, and every way they can fail."""
+"""Service calls between two sessions in the format of rmw_zenoh, and their errors."""
 
 import select
 import threading
@@ -29,7 +29,7 @@ SET_BOOL = "std_srvs/srv/SetBool"
 
 
 class Serving:
-    """A server whose loop is a thread; `requested` are the calls that it got."""
+    """A server whose loop runs in a thread; `requested` are the received calls."""
 
     def __init__(self, session: Session) -> None:
         self.requested: list[Mapping[str, Any]] = []
@@ -81,7 +81,7 @@ def test_a_call_is_answered_in_the_servers_own_thread(both: tuple[Serving, Sessi
     assert serving.server.calls == 3
 
 
-def test_the_answer_repeats_number_and_gid_of_the_request(both: tuple[Serving, Session]) -> None:
+def test_the_response_repeats_number_and_gid_of_the_request(both: tuple[Serving, Session]) -> None:
     _, master = both
     gid = bytes(range(16))
     replies = master._session.get(
@@ -106,7 +106,7 @@ def test_the_answer_repeats_number_and_gid_of_the_request(both: tuple[Serving, S
     [(b"", ros.pack_attachment(1, 2, bytes(16))), (HEADER, ros.pack_attachment(1, 2, bytes(16))),
      (b"\xff" * 9, ros.pack_attachment(1, 2, bytes(16))), (HEADER + b"\1", b""), (HEADER + b"\1", b"short")],
 )  # fmt: skip
-def test_noise_is_counted_and_ends_without_an_answer(
+def test_a_malformed_request_is_counted_and_not_answered(
     both: tuple[Serving, Session], payload: bytes, attachment: bytes
 ) -> None:
     serving, master = both
@@ -118,7 +118,7 @@ def test_noise_is_counted_and_ends_without_an_answer(
     assert call(master, "/uuv1/arm", SET_BOOL, {"data": True})["success"] is True
 
 
-def test_a_call_that_comes_again_is_answered_and_not_done_again(both: tuple[Serving, Session]) -> None:
+def test_a_repeated_call_is_answered_but_not_executed_again(both: tuple[Serving, Session]) -> None:
     serving, master = both
     requests = [ros.pack_attachment(1, 2, bytes(16))] * 2 + [ros.pack_attachment(1, 3, bytes(16))]
     answers = [list(master.query(key_of("/uuv1/arm"), 60.0, HEADER + b"\1", request)) for request in requests]
@@ -127,7 +127,7 @@ def test_a_call_that_comes_again_is_answered_and_not_done_again(both: tuple[Serv
     assert len(serving.requested) == 2
 
 
-def test_a_call_waits_for_who_offers_it() -> None:
+def test_a_call_waits_until_the_service_appears() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with open_master_session(endpoint) as master, ThreadPoolExecutor() as pool:
         response = pool.submit(call, master, "/uuv1/arm", SET_BOOL, {"data": True}, 60.0)
@@ -139,7 +139,7 @@ def test_a_call_waits_for_who_offers_it() -> None:
                 serving.close()
 
 
-def test_a_service_that_is_not_there(both: tuple[Serving, Session]) -> None:
+def test_a_missing_service_and_wrong_requests_are_reported(both: tuple[Serving, Session]) -> None:
     _, master = both
     with pytest.raises(NetworkError, match=r"/uuv1/arn \(std_srvs/srv/SetBool\) did not answer within 0.5 s"):
         call(master, "/uuv1/arn", SET_BOOL, {"data": True}, 0.5)
@@ -151,7 +151,7 @@ def test_a_service_that_is_not_there(both: tuple[Serving, Session]) -> None:
 
 @contextmanager
 def unattended() -> Iterator[tuple[Server, Session]]:
-    """Provide a server that answers when the test lets it, and who calls."""
+    """Provide a server that answers only when the test calls `serve`, and a client session."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         server = Server(slave, Node(slave, "uuv1"))
@@ -160,7 +160,7 @@ def unattended() -> Iterator[tuple[Server, Session]]:
         yield server, master
 
 
-def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
+def test_calls_beyond_the_queue_are_not_answered() -> None:
     with unattended() as (server, master):
         payload = HEADER + b"\1"
         pending = [
@@ -182,7 +182,7 @@ def test_calls_beyond_the_queue_go_without_an_answer_and_harm_nothing() -> None:
         assert list(master.query(key_of("/uuv1/arm"), 0.3, payload, ros.pack_attachment(1, 3, bytes(16)))) == []
 
 
-def test_one_call_is_answered_a_turn() -> None:
+def test_each_serve_answers_one_call() -> None:
     """The descriptor stays readable while another call waits."""
     with unattended() as (server, master):
         patient = (master, "/uuv1/arm", SET_BOOL, None, PATIENCE_S)
@@ -202,7 +202,7 @@ def test_one_call_is_answered_a_turn() -> None:
         server.close()
 
 
-def test_a_large_request_is_refused_unread(both: tuple[Serving, Session], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_large_request_is_refused_undecoded(both: tuple[Serving, Session], monkeypatch: pytest.MonkeyPatch) -> None:
     serving, master = both
     payload, attachment = bytes(services.LARGEST + 1), ros.pack_attachment(1, 2, bytes(16))
     reasons: list[str] = []

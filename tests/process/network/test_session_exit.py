@@ -1,4 +1,4 @@
-"""A process with an open session ends when it should: normally, by an exception, by sys.exit, by a signal."""
+"""Exit of a process with an open session: at its end, by an exception, by sys.exit, by a signal."""
 
 import gc
 import signal
@@ -41,14 +41,14 @@ print("open", flush=True)
     ("ending", "code"),
     [("", 0), ("raise ValueError('x')", 1), ("sys.exit(7)", 7), ("client.close(); session.close()", 0)],
 )
-def test_it_ends_by_itself_with_the_session_open(ending: str, code: int) -> None:
+def test_a_process_ends_with_an_open_session(ending: str, code: int) -> None:
     text = OPEN.format(port=free_port()) + ending
     done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == code, done.stderr
     assert done.stdout == "open\n"
 
 
-def test_ctrl_c_ends_it() -> None:
+def test_ctrl_c_ends_a_process_with_an_open_session() -> None:
     # A signal that comes just before a sleep does not shorten it: many short ones.
     text = OPEN.format(port=free_port()) + "while True:\n    time.sleep(0.05)\n"
     with subprocess.Popen(
@@ -86,7 +86,7 @@ def test_the_router_ends_cleanly(tmp_path: Path, number: int) -> None:
     assert wait_for(lambda: not psutil.pid_exists(router.process.pid))
 
 
-STUCK = """
+SLAVE_WITH_STUCK_CLOSE = """
 import sys, time
 from hil.cli import main
 from hil.network.session import Session
@@ -97,7 +97,7 @@ sys.exit(main(["slave", sys.argv[1]]))
 
 def test_a_slave_ends_although_the_library_does_not_close_its_session(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
-    command = [sys.executable, "-c", STUCK, str(scenario)]
+    command = [sys.executable, "-c", SLAVE_WITH_STUCK_CLOSE, str(scenario)]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as slave:
         try:
             assert slave.stdout is not None
@@ -111,7 +111,7 @@ def test_a_slave_ends_although_the_library_does_not_close_its_session(tmp_path: 
 
 
 def test_sessions_that_published_leave_no_memory_behind() -> None:
-    """The library keeps a whole session, 30 kB, where a publisher is declared when it is closed."""
+    """The library never frees a session, 30 kB, that has a declared publisher when it is closed."""
     text = """
 from ctypes import CDLL
 import psutil
@@ -146,7 +146,7 @@ print(closed, grown(lambda: held.reopen(held.openings), 100))
     assert reopened < 10.0
 
 
-def test_a_session_closes_while_other_threads_publish_and_look_for_subscribers() -> None:
+def test_a_session_closes_while_other_threads_publish_and_check_subscribers() -> None:
     """The bindings let no thread undeclare a publisher that another uses at that moment."""
     errors: list[BaseException] = []
 
@@ -171,7 +171,7 @@ def test_a_session_closes_while_other_threads_publish_and_look_for_subscribers()
     assert not errors, errors
 
 
-def test_what_is_sent_after_the_end_of_a_session_goes_nowhere() -> None:
+def test_messages_after_the_end_of_a_session_are_dropped() -> None:
     with listen(f"tcp/127.0.0.1:{free_port()}") as session:
         send, publisher = session.sender("a/key"), session.publisher("uuv1", TOPICS["odom"])
     send(b"a pong that came late")
@@ -179,7 +179,7 @@ def test_what_is_sent_after_the_end_of_a_session_goes_nowhere() -> None:
     assert not publisher.check_subscribers()
 
 
-def test_it_closes_at_once_while_the_library_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_closes_at_once_during_a_callback_of_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
     """The close is timed while a peer leaves at the same moment: see `docs/upstream/zenoh_undeclare.md`."""
     called = threading.Event()
 

@@ -1,4 +1,4 @@
-"""One vehicle and several who want something of it: as processes and clients, over the whole way."""
+"""One vehicle with several masters and observers, as real processes and clients."""
 
 import subprocess
 import sys
@@ -37,7 +37,7 @@ def figure(client: VehicleClient, name: str) -> int:
     return int(client.diagnostics()[name] or 0)
 
 
-def test_one_master_at_a_time_and_any_number_of_observers(slave: tuple[Program, str]) -> None:
+def test_one_master_commands_at_a_time_beside_any_number_of_observers(slave: tuple[Program, str]) -> None:
     program, endpoint = slave
     with (
         VehicleClient(endpoint, "uuv1") as first,
@@ -63,7 +63,7 @@ def test_one_master_at_a_time_and_any_number_of_observers(slave: tuple[Program, 
         assert command_until(lambda: figure(first, "masters_lost") >= 1, first), "a busy machine may lose one more"
 
 
-def test_a_silent_master_gives_way(slave: tuple[Program, str]) -> None:
+def test_a_silent_master_loses_the_right_to_command(slave: tuple[Program, str]) -> None:
     _, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as first, VehicleClient(endpoint, "uuv1") as second:
         assert first.wait_for_vehicle(60)
@@ -74,7 +74,7 @@ def test_a_silent_master_gives_way(slave: tuple[Program, str]) -> None:
         assert command_until(lambda: len(second.delays) > before + 15, second)
 
 
-def test_a_flood_of_commands_is_thinned(slave: tuple[Program, str]) -> None:
+def test_a_flood_of_commands_is_limited(slave: tuple[Program, str]) -> None:
     program, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
@@ -90,7 +90,7 @@ def test_a_flood_of_commands_is_thinned(slave: tuple[Program, str]) -> None:
     assert program.process.poll() is None
 
 
-def test_a_flood_of_another_does_not_take_the_vehicle(slave: tuple[Program, str]) -> None:
+def test_a_flood_of_a_second_master_does_not_take_the_vehicle_over(slave: tuple[Program, str]) -> None:
     _, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as first, VehicleClient(endpoint, "uuv1") as second:
         assert first.wait_for_vehicle(60)
@@ -122,7 +122,7 @@ with open_master_session(sys.argv[1]) as session:
 """
 
 
-def test_a_flood_of_pings_by_one_that_may_only_listen_hides_the_vehicle_from_nobody(slave: tuple[Program, str]) -> None:
+def test_a_flood_of_pings_by_a_listener_does_not_hide_the_vehicle(slave: tuple[Program, str]) -> None:
     program, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as master, VehicleClient(endpoint, "uuv1", part="observer") as observer:
         assert wait_for(lambda: master.contact.reported and observer.contact.present)
@@ -143,8 +143,8 @@ def test_a_flood_of_pings_by_one_that_may_only_listen_hides_the_vehicle_from_nob
     assert program.process.poll() is None
 
 
-def test_clocks_are_compared_all_the_time_and_by_both(slave: tuple[Program, str]) -> None:
-    """The truth is known on one machine: no offset, no drift."""
+def test_clocks_are_compared_continuously_by_both_ends(slave: tuple[Program, str]) -> None:
+    """The true values are known on one machine: no offset, no drift."""
     _, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
@@ -166,7 +166,7 @@ def test_clocks_are_compared_all_the_time_and_by_both(slave: tuple[Program, str]
         assert abs(client.contact.reported.offset_ns) <= client.contact.reported.uncertainty_ns
 
 
-def test_a_late_joiner_has_slow_topics_at_once(slave: tuple[Program, str]) -> None:
+def test_a_late_client_gets_slow_topics_at_once(slave: tuple[Program, str]) -> None:
     _, endpoint = slave
 
     def comes_at_once() -> None:
@@ -181,7 +181,7 @@ def test_a_late_joiner_has_slow_topics_at_once(slave: tuple[Program, str]) -> No
     retry_when_busy(comes_at_once, "they may meet just as the next is published, or be held up")
 
 
-def test_one_session_for_several_vehicles(tmp_path: Path) -> None:
+def test_one_session_commands_several_vehicles(tmp_path: Path) -> None:
     folders = [tmp_path / name for name in ("a", "b")]
     endpoints, programs = [], []
     for number, folder in enumerate(folders):
@@ -197,7 +197,7 @@ def test_one_session_for_several_vehicles(tmp_path: Path) -> None:
             client.close()
 
 
-def test_a_command_for_the_future_or_without_sense_changes_nothing(slave: tuple[Program, str]) -> None:
+def test_a_command_from_the_future_or_malformed_changes_nothing(slave: tuple[Program, str]) -> None:
     _, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client, open_master_session(endpoint) as outsider:
         assert client.wait_for_vehicle(60)
@@ -227,7 +227,7 @@ may_listen = ["viewer"]
 """
 
 
-def test_the_refused_master_learns_why(tmp_path: Path) -> None:
+def test_a_refused_master_prints_the_reason(tmp_path: Path) -> None:
     init(str(tmp_path / "keys"))
     for name in ("uuv1", "laptop", "viewer", "outsider"):
         add_machine(str(tmp_path / "keys"), name, [])

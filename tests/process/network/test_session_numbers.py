@@ -23,7 +23,7 @@ TEXT = 90  # bytes of each of these keys, or more
     [("cmd_$*", "cmd_vel"), ("cmd_$*", "cmd_thrusters"), ("odom", "odom"), ("*", "imu"), ("*", "ground_truth")],
 )
 @pytest.mark.parametrize("hearing", ["slave", "master"])
-def test_a_key_on_which_messages_come_often_goes_as_a_number(pattern: str, name: str, hearing: str) -> None:
+def test_the_key_of_frequent_messages_is_sent_as_a_number(pattern: str, name: str, hearing: str) -> None:
     port, received, payloads = free_port(), list[str](), list[bytes]()
     came = threading.Event()
     with listen(f"tcp/127.0.0.1:{port}") as slave, Relay(port) as relay, open_master_session(relay.endpoint) as master:

@@ -1,4 +1,4 @@
-"""Lost peers are detected within the lease and found again at once; late commands are refused."""
+"""Lost peers are detected within the lease and found again at once, and late commands are refused."""
 
 import os
 import socket
@@ -28,19 +28,19 @@ AGE_LIMIT_S = 0.3
 
 
 class End:
-    """A session that remembers who came and went, and when."""
+    """A session that records the appearance and loss of parts with their times."""
 
     def __init__(self, session: Session, part: str, ident: str = "") -> None:
         self.session = session
         self.seen: list[tuple[float, str, bool]] = []
-        watch_presence(session, "uuv1", self._meet)
+        watch_presence(session, "uuv1", self._on_presence)
         declare_presence(session, "uuv1", part, ident)  # type: ignore[arg-type]
 
-    def _meet(self, presence: Presence, alive: bool) -> None:
+    def _on_presence(self, presence: Presence, alive: bool) -> None:
         self.seen.append((time.monotonic(), presence.part, alive))
 
     def sees(self, part: str, alive: bool, after: float) -> float:
-        """Return seconds from `after` until the news that a part came or went."""
+        """Return the seconds from `after` until a part appeared or was lost."""
         found = wait_for(lambda: [at for at, *wakeup in self.seen if wakeup == [part, alive] and at >= after])
         assert found, f"no {part} {'came' if alive else 'went'} in {self.seen}"
         return found[0] - after
@@ -56,7 +56,7 @@ def ends() -> Iterator[tuple[End, End, Relay]]:
         yield *pair, relay
 
 
-def test_a_black_hole_is_seen_by_both_and_data_flow_again(ends: tuple[End, End, Relay]) -> None:
+def test_both_ends_detect_a_silent_link_and_recover(ends: tuple[End, End, Relay]) -> None:
     slave, master, relay = ends
     command_receiver = CommandReceiver(round(AGE_LIMIT_S * 1e9))
     commanded: list[tuple[float, float]] = []  # sent and received, both s
@@ -97,7 +97,7 @@ def to_monotonic(wall_s: float) -> float:
     return from_wall_ns(round(wall_s * 1e9)) / 1e9
 
 
-def test_cut_links_come_back(ends: tuple[End, End, Relay]) -> None:
+def test_cut_links_are_opened_again(ends: tuple[End, End, Relay]) -> None:
     slave, master, relay = ends
 
     def are_cut_and_mended() -> None:
@@ -114,7 +114,7 @@ def test_cut_links_come_back(ends: tuple[End, End, Relay]) -> None:
     retry_when_busy(are_cut_and_mended, "seconds of two sessions and a relay, in threads of one process")
 
 
-def test_a_late_joiner_gets_the_last_state() -> None:
+def test_a_late_client_gets_the_last_state() -> None:
     port = free_port()
     with listen(f"tcp/127.0.0.1:{port}") as slave:
         battery, silent = slave.publisher("uuv1", TOPICS["battery"]), slave.publisher("uuv1", TOPICS["gps"])
@@ -147,7 +147,7 @@ def sockets() -> dict[str, str]:
 
 
 def lingering(besides: Collection[str]) -> list[bool]:
-    """Return for each connected TCP socket of this process, but for those in `besides`, whether it lingers."""
+    """Return for each connected TCP socket of this process, except those in `besides`, whether it has SO_LINGER set."""
     found = []
     for name, place in sockets().items():
         with suppress(OSError):
@@ -160,8 +160,8 @@ def lingering(besides: Collection[str]) -> list[bool]:
     return found
 
 
-def test_no_link_lingers() -> None:
-    """A link whose bytes nobody acknowledges would, when it is closed, block a thread that others need."""
+def test_no_link_has_linger_set() -> None:
+    """Closing a link with unacknowledged bytes would otherwise block a thread of the library."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     before = sockets().values()
     with listen(endpoint) as slave:
@@ -176,7 +176,7 @@ def test_no_link_lingers() -> None:
     assert wait_for(lambda: not [thread for thread in threading.enumerate() if thread.name == "worker"])
 
 
-def test_what_was_said_last_arrives_though_links_do_not_linger() -> None:
+def test_the_last_message_arrives_although_links_do_not_linger() -> None:
     endpoint, received = f"tcp/127.0.0.1:{free_port()}", list[bytes]()
     with listen(endpoint) as slave:
         slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: received.append(payload), 64)

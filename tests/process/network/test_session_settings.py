@@ -1,4 +1,4 @@
-"""Settings of a session, and discovery of others."""
+"""Settings of a session, its errors, and discovery."""
 
 import os
 import re
@@ -37,7 +37,7 @@ def test_an_endpoint_is_two_links_by_priority() -> None:
 
 
 @pytest.mark.parametrize("endpoint", ["7447", "udp/1.2.3.4:7447", "tcp/:7447", "tcp/h:65535", "tcp/h:0", "tcp/h:x", ""])
-def test_what_is_no_endpoint_is_reported(endpoint: str) -> None:
+def test_an_invalid_endpoint_is_reported(endpoint: str) -> None:
     with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
         open_master_session(endpoint)
 
@@ -49,7 +49,7 @@ def test_an_unknown_host_is_reported_with_the_remedy() -> None:
 
 @pytest.mark.skipif(not shutil.which("setpriv"), reason="util-linux's setpriv is not installed")
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give the right to such ports away")
-def test_a_port_that_only_root_may_have_is_reported_with_the_remedy() -> None:
+def test_a_privileged_port_is_reported_with_the_remedy() -> None:
     code = 'from hil.network.opening import listen; listen("tcp/127.0.0.1:81")'
     unprivileged = ["setpriv", "--bounding-set=-net_bind_service", "--inh-caps=-net_bind_service"]
     done = subprocess.run([*unprivileged, sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
@@ -57,8 +57,8 @@ def test_a_port_that_only_root_may_have_is_reported_with_the_remedy() -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1])
-def test_a_port_that_another_has_is_named_and_who_that_may_be(number: int) -> None:
-    """The port is taken at all addresses of both kinds, as rmw_zenohd takes it."""
+def test_a_port_in_use_is_reported_with_its_likely_owner(number: int) -> None:
+    """The port is in use at all IPv4 and IPv6 addresses, as rmw_zenohd uses it."""
     port = free_port()
     with (
         socket.create_server(("::", port + number), family=socket.AF_INET6, dualstack_ipv6=True),
@@ -82,7 +82,7 @@ def test_settings_reach_the_library() -> None:
     assert "'mode':'client'" in settings("master", (), ("tcp/10.0.0.9:7447",), routed, None)
 
 
-def test_a_slave_that_is_dialled_bounds_what_others_than_masters_ask() -> None:
+def test_a_listening_slave_limits_the_pings_of_observers() -> None:
     routed = Network(mode="routed", router="tcp/10.0.0.9:7447")
     here = ("tcp/10.0.0.1:7447",)
     bound = f"'downsampling':[{{'messages':['put','delete'],'flows':['ingress'],'rules':[{{'key_expr':'{PINGS}'"
@@ -91,7 +91,7 @@ def test_a_slave_that_is_dialled_bounds_what_others_than_masters_ask() -> None:
     assert clock_keys("*")[0] == PINGS
 
 
-def test_who_tells_whom_of_others(tmp_path: Path) -> None:
+def test_gossip_is_on_only_for_roles_that_need_it(tmp_path: Path) -> None:
     """ROS 2 contexts find each other by gossip; it is off under TLS and for clients that only listen."""
     here = ("tcp/10.0.0.1:7447",)
     reported = (
@@ -111,7 +111,7 @@ def test_who_tells_whom_of_others(tmp_path: Path) -> None:
         assert "'gossip':{'enabled':false}" in settings(role, ("tls/10.0.0.1:7447",), (), Network(), security)
 
 
-def test_json5() -> None:
+def test_settings_are_encoded_as_json5() -> None:
     assert json5({"a": [True, False, 1, 0.5, "True's"], "b": ()}) == "{'a':[true,false,1,0.5,\"True's\"],'b':[]}"
 
 
@@ -129,7 +129,7 @@ def test_a_wrong_network_section_is_named(table: dict[str, object], word: str) -
         parse(table, Network, "file: network")
 
 
-def test_presence_keys_come_back() -> None:
+def test_presence_keys_are_decoded() -> None:
     presence = Presence("uuv1", "master", 3, "ab" * 16, "my host/é*:7")
     assert read_presence(presence_key(presence)) == presence._replace(process="my_host___:7")
     for key in (
@@ -142,14 +142,14 @@ def test_presence_keys_come_back() -> None:
         assert read_presence(key) is None
 
 
-def test_multicast_finds_those_that_allow_it() -> None:
+def test_multicast_finds_only_slaves_with_discovery() -> None:
     hidden, shown = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     with listen(hidden), listen(shown, Network(discovery=True)):
         assert wait_for(lambda: shown in find(0.3))
         assert hidden not in find(0.3)
 
 
-def test_a_router_forwards_and_keeps_the_links_apart() -> None:
+def test_a_router_forwards_commands_and_presence() -> None:
     endpoint, own = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=endpoint)
     received: list[str] = []
@@ -166,14 +166,14 @@ def test_a_router_forwards_and_keeps_the_links_apart() -> None:
         assert wait_for(lambda: publisher.put(b"go", 0) and received and seen)
 
 
-def test_a_master_says_that_there_is_no_router(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_master_reports_a_missing_router(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.network.settings.ROUTER_WAIT_MS", 200)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with pytest.raises(NetworkError, match="uuv-hil router"):
         open_master_session(endpoint, network=Network(mode="routed", router=endpoint))
 
 
-def test_a_mission_by_multicast(tmp_path: Path) -> None:
+def test_a_mission_finds_its_slave_by_multicast(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text() + "[network]\ndiscovery = true\n")
     with Program(tmp_path, "slave", scenario) as slave:

@@ -1,4 +1,4 @@
-"""Urgent messages of a slave while the network takes nothing: in order, and no more of them than its queue holds."""
+"""Urgent messages of a slave while the network is blocked: queued in order, and no more than the queue holds."""
 
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
@@ -12,7 +12,7 @@ SIZE = BATCH - 192  # one fills a batch: the kernel's buffers take few
 LAST = 1 << 16
 
 
-def test_urgent_messages_wait_in_order_and_in_bounds() -> None:
+def test_urgent_messages_are_queued_in_order_within_bounds() -> None:
     port, received = free_port(), list[int]()
     with (
         listen(f"tcp/127.0.0.1:{port}") as slave,

@@ -1,4 +1,4 @@
-"""One thread for all that comes seldom: in order, bounded, and without a wake-up while nothing comes."""
+"""The worker thread for rare messages: in order, bounded, and asleep while there are none."""
 
 import threading
 import time
@@ -13,7 +13,7 @@ from hil.network.worker import WorkerThread
 from tests.support.processes import free_port, wait_for
 
 
-def test_items_are_used_in_order_and_beyond_the_most_are_lost() -> None:
+def test_items_are_processed_in_order_and_lost_beyond_the_queue_size() -> None:
     worker, few, all_ = WorkerThread(), list[int](), list[int]()
     some, every = worker.open_queue(few.append, 3).put, worker.open_queue(all_.append).put
     for number in range(5):
@@ -25,7 +25,7 @@ def test_items_are_used_in_order_and_beyond_the_most_are_lost() -> None:
     assert (few, all_) == ([0, 1, 2], [0, 1, 2, 3, 4])
 
 
-def test_beyond_the_rate_items_are_lost_until_the_second_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_items_beyond_the_rate_are_lost_until_the_second_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     now = NS_PER_S
     monkeypatch.setattr("hil.network.worker.now_ns", lambda: now)
     worker, used = WorkerThread(), list[int]()
@@ -43,7 +43,7 @@ def test_beyond_the_rate_items_are_lost_until_the_second_is_over(monkeypatch: py
     assert full.lost == 1, "what finds no room is counted too"
 
 
-def test_what_raises_loses_its_item_and_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exception_loses_one_item_and_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     worker, used, reported = WorkerThread(), list[float](), list[threading.ExceptHookArgs]()
     monkeypatch.setattr(threading, "excepthook", reported.append)
     divide = worker.open_queue(lambda number: used.append(1 / number)).put
@@ -62,7 +62,7 @@ def wakeups(name: str) -> int:
     return psutil.Process(thread.native_id).num_ctx_switches().voluntary
 
 
-def test_pings_and_presence_share_a_thread_which_sleeps_while_nothing_comes() -> None:
+def test_pings_and_presence_share_a_thread_that_sleeps_when_idle() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     pings, there, threads = list[bytes](), list[tuple[str, bool]](), set[str]()
 

@@ -1,4 +1,4 @@
-"""Recordings: whole at every instant, readable by others' tools, bounded, and no danger to whoever records."""
+"""Recordings: complete after every flush, readable by other tools, limited in size, safe to read."""
 
 import os
 import sys
@@ -25,18 +25,18 @@ from sim.sensors.samples import OdometrySample
 from tests.support.network.small_recording import SMALL, by_mcap, by_rosbags, imu
 
 
-class Slow(int):
-    """A count to which nothing can be added without another thread having its turn meanwhile."""
+class SlowCounter(int):
+    """A counter whose addition always lets another thread run in between."""
 
-    def __add__(self, other: int) -> "Slow":
+    def __add__(self, other: int) -> "SlowCounter":
         time.sleep(0.002)
-        return Slow(int(self) + other)
+        return SlowCounter(int(self) + other)
 
 
 @pytest.mark.parametrize("fails", [False, True])
 def test_messages_of_several_threads_are_all_counted(fails: bool, tmp_path: Path) -> None:
     with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
-        recorder.lost, recorder._put = Slow(0), Slow(0)
+        recorder.lost, recorder._put = SlowCounter(0), SlowCounter(0)
         if fails:
             recorder.failure = "the disk is full"
         threads = [threading.Thread(target=recorder.put, args=(imu(number),)) for number in range(8)]
@@ -49,7 +49,7 @@ def test_messages_of_several_threads_are_all_counted(fails: bool, tmp_path: Path
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
-def test_a_file_is_whole_after_every_flush(tmp_path: Path, compression: str) -> None:
+def test_a_file_is_complete_after_every_flush(tmp_path: Path, compression: str) -> None:
     path = tmp_path / "one.mcap"
     file = RecordingFile(str(path), {"seed": "7"}, {"scenario.toml": "seed = 7\n"}, compression)
     sent: list[Message] = []
@@ -105,7 +105,7 @@ def test_the_index_leads_to_the_messages(tmp_path: Path) -> None:
         )
 
 
-def test_every_type_of_ours_explains_itself() -> None:
+def test_every_message_type_has_its_schema() -> None:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     for kind in sorted({topic.type for topic in TOPICS.values()}):
@@ -144,7 +144,7 @@ def test_rotation_keeps_within_its_bounds_and_the_index_follows(tmp_path: Path) 
     assert len(by_rosbags(folder)) == len(numbers)
 
 
-def test_topics_are_offered_as_they_were(tmp_path: Path) -> None:
+def test_topics_are_recorded_with_their_qos(tmp_path: Path) -> None:
     from rosbags.interfaces import QosDurability, QosReliability
 
     with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
@@ -157,14 +157,14 @@ def test_topics_are_offered_as_they_were(tmp_path: Path) -> None:
     assert offered["/tf_static"].durability == QosDurability.TRANSIENT_LOCAL
 
 
-def test_an_empty_recording_is_one_too(tmp_path: Path) -> None:
+def test_an_empty_recording_is_valid(tmp_path: Path) -> None:
     Recorder(str(tmp_path / "bag"), SMALL, {}).close()
     assert list(read_messages(str(tmp_path / "bag"))) == []
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == 0
 
 
-def test_the_scenario_comes_back_out_of_a_recording(tmp_path: Path) -> None:
+def test_the_scenario_is_read_from_a_recording(tmp_path: Path) -> None:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "uuv-hil"
     scenario = load_scenario("paper_field")._replace(seed=42)
     about, files = describe(scenario, "slave", board="raspberry_pi_4b")
@@ -192,7 +192,7 @@ def test_the_scenario_comes_back_out_of_a_recording(tmp_path: Path) -> None:
         '[sensors.mine]\nclass = "{}:Warmth"\nrate = 1',
     ],
 )
-def test_a_recording_loads_no_class_unless_that_is_asked_for(
+def test_classes_of_a_recording_are_loaded_only_on_request(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, section: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -222,13 +222,13 @@ def test_a_recording_loads_no_class_unless_that_is_asked_for(
     assert (tmp_path / "trace").exists()
 
 
-def test_a_recording_brings_its_three_files_and_no_others(tmp_path: Path) -> None:
+def test_only_the_three_scenario_files_of_a_recording_are_used(tmp_path: Path) -> None:
     about, files = describe(load_scenario("paper_field"), "slave")
     assert read_run(About(about, files | {"..": "", "other.toml": "x = 1"}), "bag")
 
 
-def test_messages_of_others_are_read(tmp_path: Path) -> None:
-    """The bag is by another writer: it has none of our facts, and unknown types."""
+def test_recordings_of_other_writers_are_read(tmp_path: Path) -> None:
+    """The bag is by another writer: it has no metadata of this project, and unknown types."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -245,7 +245,7 @@ def test_messages_of_others_are_read(tmp_path: Path) -> None:
     assert read_about(str(tmp_path / "bag")) == ({}, {})
 
 
-def test_sequence_numbers_wrap_as_the_format_has_them(tmp_path: Path) -> None:
+def test_sequence_numbers_wrap_at_32_bits(tmp_path: Path) -> None:
     file = RecordingFile(str(tmp_path / "one.mcap"), {}, {}, "none")
     file.write(imu(1)._replace(sequence=(1 << 32) + 3))
     file.close()
@@ -253,7 +253,7 @@ def test_sequence_numbers_wrap_as_the_format_has_them(tmp_path: Path) -> None:
 
 
 def test_a_file_without_an_index_is_in_the_order_of_its_log_times(tmp_path: Path) -> None:
-    """Rosbags reads it in that order: a recorder that was killed leaves such a file, with messages of several ways."""
+    """Rosbags reads it in that order: a killed recorder leaves such a file, with messages of several sources."""
     began = time.time_ns()
     with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
         for number in range(0, 60, 2):

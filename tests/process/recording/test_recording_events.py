@@ -1,4 +1,4 @@
-"""Manual changes to a recorded vehicle stand in the recording and are repeated by `replay --check`."""
+"""Manual changes to a recorded vehicle are in the recording and are repeated by `replay --check`."""
 
 import signal
 import time
@@ -74,7 +74,7 @@ def thruster_names() -> list[str]:
     return [thruster.name for thruster in load_vehicle("paper_six")[0].thrusters]
 
 
-def test_a_run_with_services_repeats_to_the_bit(tmp_path: Path, dive: Path) -> None:
+def test_a_run_with_services_repeats_bit_for_bit(tmp_path: Path, dive: Path) -> None:
     with Program(tmp_path, "replay", dive, "--check") as check:
         assert check.wait() == 0, check.output
     assert "the same bit for bit" in check.output
@@ -109,14 +109,14 @@ def without(path: Path, folder: Path, number: int) -> Path:
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 5])
-def test_no_event_is_without_consequence(tmp_path: Path, dive: Path, number: int) -> None:
-    """The repetition would take another course if an event were not applied again."""
+def test_leaving_out_an_event_changes_the_repetition(tmp_path: Path, dive: Path, number: int) -> None:
+    """The repetition differs if an event is not applied again."""
     verdict = recording_check.check(str(without(dive, tmp_path / "less", number)))
     assert "/uuv1/" in verdict.difference
     assert verdict.compared > 20
 
 
-def test_a_missing_event_is_missed(tmp_path: Path, dive: Path) -> None:
+def test_a_missing_event_is_detected(tmp_path: Path, dive: Path) -> None:
     about = read_about(str(dive))
     with Recorder(str(tmp_path / "less"), Recording(keep_free=0.0), about.facts, about.attachments) as recorder:
         for message in read_messages(str(dive)):
@@ -126,7 +126,7 @@ def test_a_missing_event_is_missed(tmp_path: Path, dive: Path) -> None:
         recording_check.check(str(tmp_path / "less"))
 
 
-def test_events_keep_every_bit() -> None:
+def test_events_are_encoded_exactly() -> None:
     position, quaternion, nu = (1 / 3, -0.1, 2e-17), (0.5, 0.5, -0.5, 0.5), (0.1, 0.2, 0.3, -1 / 7, 0.0, 1e300)
     event = decode_event(encode_place(7, position, quaternion, nu))
     assert event == {"step": 7, "place": [list(position), list(quaternion), list(nu)]}
@@ -139,7 +139,7 @@ def test_events_keep_every_bit() -> None:
     "text",
     ["", "{", "[1]", '{"place": []}', '{"step": 1.5, "fail": []}'],
 )
-def test_noise_is_no_event(text: str) -> None:
+def test_a_malformed_event_is_ignored(text: str) -> None:
     assert decode_event(ros_message.encode(EVENTS.type, {"data": text})) == {}
     assert decode_event(b"\xff" * 9) == {}
 
@@ -148,14 +148,14 @@ def test_noise_is_no_event(text: str) -> None:
     "event",
     [{"place": [1, 2, 3]}, {"place": [[1.0]]}, {"fail": [{"kind": "off"}]}, {"fail": [{"thruster": "no_such"}]}],
 )
-def test_a_damaged_event_is_a_persons_error(event: dict[str, Any]) -> None:
+def test_a_wrong_event_is_a_config_error(event: dict[str, Any]) -> None:
     simulation = Simulation(load_vehicle("paper_six")[0], load_world("pool"), position=(4.0, 4.0, 2.0))
     with pytest.raises(ConfigError):
         repeat(event, simulation)
 
 
 def test_every_topic_is_compared_or_left_out_on_purpose() -> None:
-    """A new topic is a sample, which the repetition says too, or is named as none."""
+    """A new topic is a sample, which the repetition publishes too, or is listed as none."""
     modules = [import_module(f"hil.ros.{name}") for name in ("dvl", "scans", "sensors")]
     output = set(ros._ENCODERS).union(*[module.ENCODERS for module in modules])
     output |= {"/tf", "dvl_twist", "altitude"}  # of odom and dvl

@@ -1,4 +1,4 @@
-"""A recording under faults: a torn file, a kill, a full disk, too much at once."""
+"""A recording under faults: a truncated file, a kill, a full disk, too many messages."""
 
 import json
 import os
@@ -24,7 +24,7 @@ from tests.support.network.small_recording import SMALL, by_mcap, by_rosbags, im
 from tests.support.processes import ROOT, wait_for
 
 
-def test_a_torn_file_gives_what_is_before_the_tear(tmp_path: Path) -> None:
+def test_a_truncated_file_is_read_up_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / "one.mcap"
     file = RecordingFile(str(path), {"seed": "7"}, {}, "zstd")
     sent = [imu(number, noise=True) for number in range(1, 800)]
@@ -64,7 +64,7 @@ while True:
 
 
 @retried_when_busy("a process is killed, and others are late")
-def test_kill_takes_at_most_the_last_second(tmp_path: Path) -> None:
+def test_a_kill_loses_at_most_the_last_second(tmp_path: Path) -> None:
     own = tmp_path / str(time.monotonic_ns())
     own.mkdir()
     folder, printed = own / "bag", own / "printed"
@@ -112,7 +112,7 @@ print(reports == [recorder.failure], recorder.lost, recorder.failure)
 """
 
 
-def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path: Path) -> None:
+def test_a_full_disk_ends_only_the_recording(tmp_path: Path) -> None:
     folder = tmp_path / "bag"
     done = subprocess.run(
         [sys.executable, "-c", FILL, str(folder)],
@@ -133,7 +133,7 @@ def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path:
     assert len(by_rosbags(folder)) == len(found)
 
 
-def test_room_is_left_on_the_disk(tmp_path: Path) -> None:
+def test_free_space_is_left_on_the_disk(tmp_path: Path) -> None:
     reported: list[str] = []
     recorder = Recorder(str(tmp_path / "bag"), SMALL._replace(keep_free=1e7), {}, report=reported.append)
     assert wait_for(lambda: reported)
@@ -144,7 +144,7 @@ def test_room_is_left_on_the_disk(tmp_path: Path) -> None:
     assert "free some space" in reported[0]
 
 
-def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_messages_beyond_the_queue_are_counted_as_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recording_module, "MOST_WAITING", 100)
     monkeypatch.setattr(recording_module, "DRAIN_PERIOD_S", 5.0)
     with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
@@ -153,7 +153,7 @@ def test_what_comes_faster_than_the_disk_takes_it_is_counted(tmp_path: Path, mon
     assert (recorder.written, recorder.lost) == (100, 50)
 
 
-def test_a_recorder_that_comes_late_writes_messages_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_delayed_recorder_writes_messages_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Seconds may pass on a busy machine between reading the clock and fetching the messages."""
     passed_ns: list[int] = []
     monkeypatch.setattr(recording_module, "now_ns", lambda: now_ns() + sum(passed_ns))
@@ -180,7 +180,7 @@ def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
     assert found == [sent[0], sent[1]._replace(published_ns=0), sent[2]]
 
 
-def test_whatever_ends_the_recording_is_reported(tmp_path: Path) -> None:
+def test_an_error_that_ends_the_recording_is_reported(tmp_path: Path) -> None:
     reported: list[str] = []
     with Recorder(str(tmp_path / "bag"), SMALL, {}, report=reported.append) as recorder:
         recorder.put(imu(1))
@@ -194,7 +194,7 @@ def test_whatever_ends_the_recording_is_reported(tmp_path: Path) -> None:
     assert by_mcap(tmp_path / "bag" / "bag_0.mcap") in ([], [imu(1)]), "whole up to the last flush"
 
 
-def test_a_source_is_asked_until_the_end(tmp_path: Path) -> None:
+def test_a_source_is_polled_until_the_end(tmp_path: Path) -> None:
     sent = [imu(number, noise=True) for number in range(1, 2001)]
     portions = [sent[:700], [], sent[700:1990]]
     with Recorder(str(tmp_path / "bag"), SMALL, {}, source=lambda: portions.pop(0) if portions else []) as recorder:
@@ -206,7 +206,7 @@ def test_a_source_is_asked_until_the_end(tmp_path: Path) -> None:
     assert [message for message in found if message.topic == "/uuv2/imu"] == [imu(1, "/uuv2/imu")]
 
 
-def test_a_folder_is_used_once(tmp_path: Path) -> None:
+def test_an_existing_recording_is_not_overwritten(tmp_path: Path) -> None:
     folder = tmp_path / "bag"
     Recorder(str(folder), SMALL, {}).close()
     with pytest.raises(ConfigError, match="choose another"):
@@ -217,7 +217,7 @@ def test_a_folder_is_used_once(tmp_path: Path) -> None:
     Recorder(new_folder("uuv1", str(tmp_path)), SMALL, {}).close()
 
 
-def test_the_recorder_does_not_keep_a_real_time_priority() -> None:
+def test_the_recorder_thread_has_no_real_time_priority() -> None:
     """A slave's thread under SCHED_FIFO makes it; writing must not run before the vehicle's loop."""
     code = """
 import os, sys, threading, time, json

@@ -1,4 +1,4 @@
-"""A tap: all samples and commands in order, with their time; losses counted; endpoints that come and go."""
+"""The recording tap: samples and commands in order, with their times; counted losses; endpoints that appear and end."""
 
 import threading
 import time
@@ -32,19 +32,19 @@ def collect(tap: Tap, enough: Callable[[list[Message]], object], seconds: float 
     return messages
 
 
-def met(*audiences: Callable[[], bool]) -> object:
-    """True once somebody subscribes to each key: what is published before reaches nobody."""
+def have_subscribers(*audiences: Callable[[], bool]) -> object:
+    """Return True once each key has a subscriber; messages published before would be lost."""
     return wait_for(lambda: all(is_received() for is_received in audiences))
 
 
 @retried_when_busy("three sessions, of which one may be late")
-def test_it_hears_the_vehicle_and_its_master() -> None:
+def test_a_tap_receives_from_the_vehicle_and_its_master() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_master_session(endpoint) as master, Tap([endpoint]) as tap:
         slave.subscribe("uuv1", "cmd_vel", lambda *_: None, depth=8)
         imu, commands = slave.publisher("uuv1", TOPICS["imu"]), master.publisher("uuv1", TOPICS["cmd_vel"])
         assert wait_for(lambda: tap.connected)
-        assert met(slave.watch_keys("0/uuv1/imu/**"), master.watch_keys("0/uuv1/cmd_vel/**"))
+        assert have_subscribers(slave.watch_keys("0/uuv1/imu/**"), master.watch_keys("0/uuv1/cmd_vel/**"))
         began = time.time_ns()
         for number in range(100):
             imu.put(b"imu %d" % number, began + number)
@@ -64,7 +64,7 @@ def test_it_hears_the_vehicle_and_its_master() -> None:
     assert all(0 < message.logged_ns - began < 60_000_000_000 for message in arrived)
 
 
-def test_latched_topics_come_late_but_once() -> None:
+def test_latched_messages_are_received_once() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave:
         imu, tf = slave.publisher("uuv1", TOPICS["imu"]), slave.publisher("uuv1", TOPICS["/tf_static"])
@@ -83,12 +83,12 @@ def test_latched_topics_come_late_but_once() -> None:
     assert tap.missed == 0
 
 
-def test_one_topic_of_two_vehicles() -> None:
+def test_messages_of_two_vehicles_on_one_topic_are_counted_separately() -> None:
     ends = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
     with listen(ends[0]) as one, listen(ends[1]) as two, Tap(ends) as tap:
         publishers = [slave.publisher("", TOPICS["/tf"]) for slave in (one, two)]
         imu = two.publisher("uuv2", TOPICS["imu"])
-        assert met(one.watch_keys("0/tf/**"), two.watch_keys("0/tf/**"), two.watch_keys("0/uuv2/imu/**"))
+        assert have_subscribers(one.watch_keys("0/tf/**"), two.watch_keys("0/tf/**"), two.watch_keys("0/uuv2/imu/**"))
         for number in range(50):
             publishers[0].put(b"one %d" % number, 7)
             publishers[1].put(b"two %d" % number, 8)
@@ -136,7 +136,7 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
         listener.undeclare()  # type: ignore[no-untyped-call]
 
 
-def test_a_session_over_which_nothing_comes_any_more_is_opened_again_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_that_receives_nothing_any_more_is_reopened_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stall, "LEASES", 1)
     monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s, the next after 3.5 s
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -165,7 +165,7 @@ def test_topics_of_one_publisher_are_distinguished() -> None:
         publishers = [slave.publisher("uuv1", TOPICS[topic]) for topic in topics]
         for publisher in publishers:
             publisher.gid = publishers[0].gid
-        assert met(*[slave.watch_keys(f"0/uuv1/{topic}/**") for topic in topics])
+        assert have_subscribers(*[slave.watch_keys(f"0/uuv1/{topic}/**") for topic in topics])
         for number in range(1, 31):
             for topic, publisher in zip(topics, publishers, strict=True):
                 if topic != "odom" or not number % 3:
@@ -178,7 +178,7 @@ def test_topics_of_one_publisher_are_distinguished() -> None:
     assert tap.missed == 0
 
 
-def test_a_vehicle_that_comes_late_goes_and_comes_back() -> None:
+def test_a_vehicle_that_starts_late_and_restarts_is_received() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     arrived: list[Message] = []
     with Tap([endpoint]) as tap:
@@ -202,7 +202,7 @@ def test_gaps_are_counted() -> None:
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         assert wait_for(lambda: tap.connected)
         imu = slave.publisher("uuv1", TOPICS["imu"])
-        assert met(slave.watch_keys("0/uuv1/imu/**"))
+        assert have_subscribers(slave.watch_keys("0/uuv1/imu/**"))
         imu.put(b"a", 7)
         imu.sequence += 4
         imu.put(b"b", 7)
@@ -211,7 +211,7 @@ def test_gaps_are_counted() -> None:
     assert tap.missed == 4
 
 
-def test_who_is_not_there_is_named_once_in_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_endpoint_is_reported_once_in_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
     ends = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
     monkeypatch.setattr(recording_tap, "PATIENCE_NS", 100_000_000)
     with listen(ends[0]), Tap(ends) as tap:
@@ -226,7 +226,7 @@ def test_who_is_not_there_is_named_once_in_a_while(monkeypatch: pytest.MonkeyPat
         assert tap.complaint() == ""
 
 
-def test_its_threads_end_with_it() -> None:
+def test_the_threads_of_a_tap_end_with_it() -> None:
     before = set(threading.enumerate())
     with Tap([f"tcp/127.0.0.1:{free_port()}" for _ in range(3)]):
         assert len(set(threading.enumerate()) - before) == 3
@@ -236,7 +236,7 @@ def test_its_threads_end_with_it() -> None:
     tap.close()
 
 
-def test_closing_does_not_wait_for_an_endpoint_that_is_not_there() -> None:
+def test_closing_does_not_wait_for_a_missing_endpoint() -> None:
 
     def comes_and_goes() -> None:
         began = time.monotonic()
@@ -247,8 +247,8 @@ def test_closing_does_not_wait_for_an_endpoint_that_is_not_there() -> None:
     retry_when_busy(comes_and_goes, "a session is opened and closed")
 
 
-class Left:
-    """Stands for a publisher, and notes whether the session was open when it was undeclared."""
+class RecordedUndeclare:
+    """A publisher that records whether the session was open when it was undeclared."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -265,20 +265,20 @@ def test_no_publisher_is_left_in_a_closed_session() -> None:
             wait_for(lambda: tap.connected)
             (line,) = tap._lines
             line.learn("0/a/b")
-            left = Left(line.session)
+            left = RecordedUndeclare(line.session)
             line._known["0/c/d"] = None, left
         assert left.was_open
         assert not line._known
         assert line.session.is_closed()
 
 
-def test_names_that_others_make_up_are_not_remembered_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_remembered_names_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recording_tap, "MOST_NAMES", 8)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         publishers = [slave.publisher(f"uuv{number}", TOPICS["imu"]) for number in range(40)]
         assert wait_for(lambda: tap.connected)
-        assert met(slave.watch_keys("0/uuv1/imu/**"))
+        assert have_subscribers(slave.watch_keys("0/uuv1/imu/**"))
         for publisher in publishers:
             publisher.put(b"imu", time.time_ns())
         received = collect(tap, lambda messages: len({message.topic for message in messages}) == len(publishers))

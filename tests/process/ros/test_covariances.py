@@ -1,4 +1,4 @@
-"""Messages say how good their figures are: what the error models give, found again by measuring often."""
+"""Covariances in messages: those of the error models, compared with the scatter of many measurements."""
 
 from collections.abc import Sequence
 from math import nan
@@ -44,7 +44,7 @@ def mean_squares(rows: Sequence[Sequence[float]]) -> list[float]:
 
 
 @pytest.mark.parametrize(("name", "samples"), [("imu", 1), ("ahrs", 100)])
-def test_an_inertial_unit_is_as_good_as_it_says(name: str, samples: int) -> None:
+def test_the_covariance_of_an_inertial_unit_matches_its_scatter(name: str, samples: int) -> None:
     sensors = fit(ahrs=QUICK)
     fitted, scene, rows = sensors[name], simulation(), []
     for seed in range(RUNS):
@@ -59,7 +59,7 @@ def test_an_inertial_unit_is_as_good_as_it_says(name: str, samples: int) -> None
 
 
 @pytest.mark.parametrize("lost", [None, 0, 3])
-def test_a_velocity_log_is_as_good_as_its_beams_let_it(lost: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_covariance_of_a_dvl_matches_its_scatter(lost: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
     model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.004))
     log = Dvl(model, Mounting(), 3, simulation())
     if lost is not None:
@@ -94,7 +94,7 @@ def diagonal(values: Sequence[float]) -> list[float]:
     return [values[axis * (size + 1)] for axis in range(size)]
 
 
-def test_every_message_that_has_a_place_for_it_says_so() -> None:
+def test_every_message_with_a_covariance_field_fills_it() -> None:
     from sim.sensors.magnetometer import Magnetometer, MagnetometerModel
     from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
     from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
@@ -131,7 +131,7 @@ def test_every_message_that_has_a_place_for_it_says_so() -> None:
     assert not any(found["ground_truth"]["pose"]["covariance"]), "the truth has no errors"
 
 
-def test_a_log_s_covariance_turns_with_its_axes() -> None:
+def test_the_covariance_of_a_dvl_is_rotated_to_ros_axes() -> None:
     covariance = (1.0, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0)
     sample = DvlSample(1, (0.1, 0.2, 0.3), 5.0, True, covariance, 0.25)
     payloads = dict(ros.encoder("dvl")(sample, ""))
@@ -145,7 +145,7 @@ def test_a_log_s_covariance_turns_with_its_axes() -> None:
     assert gone["velocity_covar"][0] == -1.0
 
 
-def test_the_slave_says_it(tmp_path: Path) -> None:
+def test_the_slave_sends_covariances(tmp_path: Path) -> None:
     received: list[bytes] = []
     with slave_with(tmp_path, "") as endpoint, open_master_session(endpoint) as session:
         session.subscribe("uuv1", "imu", lambda _, payload, __: received.append(payload), 8)

@@ -1,4 +1,4 @@
-"""The domain and the release of ROS: from the scenario, else the environment; in keys, tokens and messages."""
+"""The ROS domain and release: read from the scenario or the environment, and used in keys, tokens and messages."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,7 +23,7 @@ CAMERA = '[sensors.camera]\nrate = "2 Hz"\nwidth = 64\nheight = 48\n[ros]\nimage
 
 
 @pytest.fixture(autouse=True)
-def spoken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def default_dialect(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     dialect.select()
     yield
@@ -32,7 +32,7 @@ def spoken(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def nodes_and_topics(session: Session) -> tuple[list[str], set[str], list[tuple[str, int]]]:
-    """Return what ROS sees: nodes, published topics, and what distinguishes entities."""
+    """Return what ROS shows: nodes, published topics, and the identifiers of entities."""
     entities = [entity for key in session.tokens(graph.ALL) if (entity := graph.read_token(key))]
     nodes = [entity.node for entity in entities if entity.kind == "NN"]
     return nodes, {e.topic for e in entities if e.kind == "MP"}, [(e.session, e.ident) for e in entities]
@@ -44,7 +44,7 @@ def scenario_with(folder: Path, text: str) -> str:
     return str(path)
 
 
-def test_the_scenario_s_domain_comes_before_the_environment_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_domain_of_the_scenario_overrides_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     load_scenario(scenario_with(tmp_path, ""))
     assert dialect.domain() == 0
     monkeypatch.setenv("ROS_DOMAIN_ID", "42")
@@ -58,7 +58,9 @@ def test_the_scenario_s_domain_comes_before_the_environment_s(tmp_path: Path, mo
 
 
 @pytest.mark.parametrize("text", ["x", "-1", "233", "1" * 5000, "1.5"])
-def test_no_domain_in_the_environment_is_reported(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_invalid_domain_in_the_environment_is_reported(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
     scenario = scenario_with(tmp_path, "")
     with pytest.raises(ConfigError, match=r"ROS_DOMAIN_ID: .* 0 to 232"):
@@ -67,13 +69,13 @@ def test_no_domain_in_the_environment_is_reported(text: str, tmp_path: Path, mon
 
 
 @pytest.mark.parametrize("text", ["domain = 233", "domain = 1.5", 'distro = "foxy"'])
-def test_no_domain_and_no_release_in_the_scenario_is_reported(text: str, tmp_path: Path) -> None:
+def test_an_invalid_domain_or_release_in_the_scenario_is_reported(text: str, tmp_path: Path) -> None:
     scenario = scenario_with(tmp_path, f"[ros]\n{text}\n")
     with pytest.raises(ConfigError, match="ros: d"):
         load_scenario(scenario)
 
 
-def test_keys_and_tokens_are_of_the_domain_and_the_release() -> None:
+def test_keys_and_tokens_have_the_domain_and_the_release() -> None:
     entity = graph.Entity("MP", "/uuv1", "ab", 0, 1, "/uuv1/imu", IMU.type, TYPE_HASHES[IMU.type])
     at_home = graph.token(entity)
     assert at_home.startswith("@ros2_lv/0/")
@@ -86,7 +88,7 @@ def test_keys_and_tokens_are_of_the_domain_and_the_release() -> None:
     assert key_of(IMU, "uuv1") == f"5/uuv1/imu/sensor_msgs::msg::dds_::Imu_/{TYPE_HASHES[IMU.type]}"
 
 
-def test_humble_s_range_has_no_variance() -> None:
+def test_range_messages_of_humble_have_no_variance() -> None:
     sample, depth = DvlSample(1, (0.0, 0.0, 0.0), 12.5, True), RangeSample(1, 3.5, (0.5, 10.0))
     new = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
     dialect.select(0, "humble")
@@ -117,7 +119,7 @@ def test_a_slave_of_another_domain_is_received_there_and_nowhere_else(tmp_path: 
             assert topic.wait(60) == 0, topic.output
 
 
-def test_a_vehicle_with_a_camera_is_one_node_that_has_its_pictures(tmp_path: Path) -> None:
+def test_a_vehicle_with_a_camera_is_one_node(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     path.write_text(path.read_text() + CAMERA)
     with Program(tmp_path, "slave", path) as slave:

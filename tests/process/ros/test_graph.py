@@ -1,4 +1,4 @@
-"""Liveliness tokens, held against a reader written from rmw_zenoh's rules and against tokens of another library."""
+"""Liveliness tokens of the ROS graph, compared with the rules of rmw_zenoh and with tokens of another library."""
 
 import time
 from contextlib import nullcontext
@@ -22,7 +22,7 @@ from tests.support.processes import free_port, wait_for
 TWIST = TYPE_HASHES["geometry_msgs/msg/Twist"]
 SETBOOL = "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a"
 # What zenoh-ros2-sdk 0.1.8 (ROBOTIS) declares, and what it means.
-OTHERS = {
+FOREIGN_TOKENS = {
     "@ros2_lv/0/5dc6c55f2a9a8ba2ac0f2ef3ba7bc0e3/3/3/NN/%/%/talker": Entity(
         "NN", "/talker", "5dc6c55f2a9a8ba2ac0f2ef3ba7bc0e3", 3, 3
     ),
@@ -80,8 +80,10 @@ def read_by_the_rules(key: str) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(("key", "entity"), OTHERS.items(), ids=[entity.node for entity in OTHERS.values()])
-def test_tokens_of_others(key: str, entity: Entity) -> None:
+@pytest.mark.parametrize(
+    ("key", "entity"), FOREIGN_TOKENS.items(), ids=[entity.node for entity in FOREIGN_TOKENS.values()]
+)
+def test_tokens_of_another_library_are_decoded_and_encoded(key: str, entity: Entity) -> None:
     assert read_token(key) == entity
     assert token(entity) == key
 
@@ -101,12 +103,12 @@ def check_topic(topic: Any) -> None:
     assert read_token(token(entity)) == entity
 
 
-def test_each_topic_by_the_rules() -> None:
+def test_tokens_of_each_topic_follow_the_rules_of_rmw_zenoh() -> None:
     for topic in TOPICS.values():
         check_topic(topic)
 
 
-def test_quality_of_service_of_the_topics_that_all_nodes_share() -> None:
+def test_qos_of_common_topics_is_that_of_ros() -> None:
     assert graph.qos_text(TOPICS["/tf_static"].qos) == ":1:,1:,:,:,,"
     assert graph.qos_text(TOPICS["/tf"].qos) == "::,100:,:,:,,"
     assert graph.qos_text(TOPICS["/clock"].qos) == "2::,1:,:,:,,"
@@ -117,14 +119,14 @@ def test_quality_of_service_of_the_topics_that_all_nodes_share() -> None:
     st.sampled_from(["MP", "MS", "SS", "SC"]), st.lists(NAMES, min_size=1, max_size=3), st.lists(NAMES, min_size=1),
     st.integers(0, 999), st.builds(Qos, st.booleans(), st.booleans(), st.integers(0, 1000)),
 )  # fmt: skip
-def test_round_trip(kind: Any, node: list[str], topic: list[str], ident: int, qos: Qos) -> None:
+def test_tokens_round_trip(kind: Any, node: list[str], topic: list[str], ident: int, qos: Qos) -> None:
     entity = Entity(kind, "/" + "/".join(node), "a1", 0, ident, "/" + "/".join(topic), "a_b/msg/C", "RIHS01_0", qos)
     assert read_token(token(entity)) == entity
     read_by_the_rules(token(entity))
 
 
-@given(st.text(max_size=60), st.sampled_from(list(OTHERS)), st.integers(0, 12))
-def test_noise_never_raises(noise: str, key: str, place: int) -> None:
+@given(st.text(max_size=60), st.sampled_from(list(FOREIGN_TOKENS)), st.integers(0, 12))
+def test_malformed_tokens_raise_no_error(noise: str, key: str, place: int) -> None:
     """A decoded token is an entity, whose own token is the same."""
     parts = key.split("/")
     parts[min(place, len(parts) - 1)] = noise
@@ -133,7 +135,7 @@ def test_noise_never_raises(noise: str, key: str, place: int) -> None:
         assert entity is None or read_token(token(entity)) == entity
 
 
-def test_what_a_newer_rmw_zenoh_adds_hides_nothing() -> None:
+def test_additional_parts_of_a_newer_rmw_zenoh_are_ignored() -> None:
     entity = Entity("MP", "/n", "ab", 1, 2, "/chat", "std_msgs/msg/String", "RIHS01_1", Qos(latched=True, depth=1))
     newer = token(entity)
     for more in ("/cuda:shm", "/a/b", ":9,", ":/a"):
@@ -148,11 +150,11 @@ def test_what_a_newer_rmw_zenoh_adds_hides_nothing() -> None:
      "@ros2_lv/0/a/0/0/MP/%/%/n", "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::dds_::B_/h/::,x:,:,:,,",
      "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::B/h/::,1:,:,:,,", "@ros2_lv/0/a/0/0/MP/%/%/n/%t/a::msg::dds_::B_/h/"],
 )  # fmt: skip
-def test_what_is_no_token_is_none(key: str) -> None:
+def test_an_invalid_token_is_none(key: str) -> None:
     assert read_token(key) is None
 
 
-def test_a_node_and_its_endpoints_are_seen_and_go_with_the_session() -> None:
+def test_a_node_and_its_endpoints_are_declared_until_the_session_closes() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with open_master_session(endpoint) as master:
         with listen(endpoint) as slave:
@@ -179,7 +181,7 @@ def seen(session: Session) -> set[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize("routed", [False, True])
-def test_masters_and_observers_are_nodes_too_while_they_are_there(routed: bool) -> None:
+def test_masters_and_observers_are_nodes_until_they_close(routed: bool) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=endpoint) if routed else Network()
     own = f"tcp/127.0.0.1:{free_port()}" if routed else endpoint
@@ -211,7 +213,7 @@ def test_masters_and_observers_are_nodes_too_while_they_are_there(routed: bool) 
         clients[2].close()
 
 
-def test_a_client_learns_that_nobody_is_there() -> None:
+def test_a_client_reports_that_nobody_answers() -> None:
     endpoint, tries = f"tcp/127.0.0.1:{free_port()}", list[float]()
     with pytest.raises(NetworkError, match=f"nobody answered at {endpoint} within 0.2 s; is `uuv-hil slave` running"):
         open_client_session(endpoint, seconds=0.2, pause=lambda: tries.append(time.monotonic()))

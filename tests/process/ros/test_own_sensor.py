@@ -1,4 +1,4 @@
-"""The README's sensor of a user's own, run as it stands there: in the simulator, in a slave, recorded, shown."""
+"""The tutorial's own sensor class, run unchanged: in the simulator, in a slave, recorded and echoed."""
 
 import os
 import re
@@ -23,7 +23,7 @@ from sim.sensors.own import OwnSample
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.processes import ROOT, Program, wait_for, write_scenario
 
-OTHERS = """
+OTHER_SENSORS = """
 class Bare:
     message = "std_msgs/Float64"
     def begin(self, scene, mounting, random): pass
@@ -60,7 +60,7 @@ def topics_as_before() -> Iterator[None]:
 
 @pytest.fixture
 def where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "my_sensors.py").write_text(from_tutorial("python") + OTHERS)
+    (tmp_path / "my_sensors.py").write_text(from_tutorial("python") + OTHER_SENSORS)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "my_sensors", raising=False)
     return tmp_path
@@ -82,7 +82,7 @@ def samples(path: Path, seconds: float, topic: str) -> list[OwnSample]:
     return found  # type: ignore[return-value]
 
 
-def test_it_is_as_short_as_it_says_and_measures(where: Path) -> None:
+def test_the_sensor_of_the_tutorial_measures_and_has_nine_lines(where: Path) -> None:
     assert len([line for line in from_tutorial("python").splitlines() if line.strip()]) == 9
     assert parse_toml(from_tutorial("toml"))["sensors"]["thermometer"]["rate"] == "5 Hz"
     path, _ = scenario_with(where, from_tutorial("toml"))
@@ -101,7 +101,7 @@ def test_it_is_as_short_as_it_says_and_measures(where: Path) -> None:
     assert decode(payload[:-9]) is None
 
 
-def test_a_short_type_no_header_and_no_measurement(where: Path) -> None:
+def test_a_sensor_may_have_a_short_type_no_header_and_missing_measurements(where: Path) -> None:
     section = '[sensors.mine]\nclass = "my_sensors:Bare"\nrate = "10 Hz"\n'
     path, _ = scenario_with(where, section)
     found = samples(path, 1.0, "mine")
@@ -110,7 +110,7 @@ def test_a_short_type_no_header_and_no_measurement(where: Path) -> None:
     assert payload == bytes.fromhex("00010000") + struct.pack("<d", found[0].values["data"])
 
 
-def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
+def test_a_slave_publishes_records_and_repeats_an_own_sensor(where: Path) -> None:
     top = f'[recording]\nslave = true\nfolder = "{where / "recording"}"'
     path, port = scenario_with(where, from_tutorial("toml"), top)
     environment = {"PYTHONPATH": str(where)}
@@ -139,7 +139,7 @@ def test_a_real_slave_says_it_records_it_and_repeats_it(where: Path) -> None:
         assert check.wait() == 0, check.output
 
 
-def test_a_planner_gets_it_in_simulated_time_and_over_the_network(where: Path) -> None:
+def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(where: Path) -> None:
     (where / "warm.py").write_text(
         "from hil.autonomy.control.controller import VelocityCommand\n"
         "from hil.master.planner import Done, Planner\n"
@@ -173,20 +173,20 @@ def test_a_planner_gets_it_in_simulated_time_and_over_the_network(where: Path) -
         ("[sensors.mine]\nrate = 1", 'one of your own class = "module:Class"'),
     ],
 )
-def test_what_is_wrong_is_reported(where: Path, section: str, words: str) -> None:
+def test_wrong_sensor_sections_are_reported(where: Path, section: str, words: str) -> None:
     path, _ = scenario_with(where, section)
     with pytest.raises(ConfigError, match=re.escape(words)):
         load_scenario(str(path))
 
 
-def test_a_slave_whose_sensor_says_nonsense_ends_with_its_name(where: Path) -> None:
+def test_a_slave_with_a_wrong_sensor_message_ends_with_its_name(where: Path) -> None:
     path, _ = scenario_with(where, '[sensors.mine]\nclass = "my_sensors:Wrong"\nrate = 10\n')
     with Program(where, "slave", path, environment={"PYTHONPATH": str(where)}) as slave:
         assert slave.wait() == 2, slave.output
     assert "sensors: mine: what it measures is no std_msgs/msg/Float64: no field 'date'" in slave.output
 
 
-def test_without_one_nothing_is_loaded_for_it() -> None:
+def test_without_own_sensors_no_modules_are_loaded_for_them() -> None:
     script = (
         "import sys; from hil.scenario.config import load_scenario; load_scenario('paper_field')\n"
         "print([m for m in sys.modules if m.endswith(('.own', 'hil.common.plugins', 'modem', 'hil.ros.message'))])"

@@ -1,4 +1,4 @@
-"""ROS 2 with rmw_zenoh's default settings and the vehicle: it and the contexts all find each other, in each way."""
+"""ROS 2 contexts with default settings of rmw_zenoh and the vehicle discover each other in each kind of connection."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -19,7 +19,7 @@ from tests.support.processes import free_port, wait_for
 
 DEADLINE_S = 30.0  # generous: ROS tries again after up to 4 s
 TWIST = TOPICS["cmd_vel"]
-WAYS = ("to the slave", "through rmw_zenohd", "through uuv-hil router")
+CONNECTIONS = ("to the slave", "through rmw_zenohd", "through uuv-hil router")
 
 
 class Vehicle:
@@ -40,7 +40,7 @@ class Vehicle:
 
 
 class Site:
-    """A vehicle, and where ROS finds it."""
+    """A vehicle, and the endpoint to which ROS connects."""
 
     def __init__(self, way: str, release: Release, stack: ExitStack) -> None:
         own, self.endpoint = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
@@ -55,7 +55,7 @@ class Site:
         stack.enter_context(self.vehicle.session)
 
 
-@pytest.fixture(params=[(way, release) for way in WAYS for release in RELEASES], ids=" ".join)
+@pytest.fixture(params=[(way, release) for way in CONNECTIONS for release in RELEASES], ids=" ".join)
 def site(request: pytest.FixtureRequest) -> Iterator[Site]:
     with ExitStack() as stack:
         way, release = request.param
@@ -81,14 +81,14 @@ def command(payload: bytes) -> float:
     return decoded[0][0]
 
 
-def test_two_contexts_and_the_vehicle_hear_and_see_each_other(site: Site) -> None:
+def test_two_contexts_and_the_vehicle_exchange_messages_and_tokens(site: Site) -> None:
     with Context("a", site.endpoint) as first, Context("bb", site.endpoint) as second:
         assert wait_for(lambda: all_reported(site.vehicle, first, second), DEADLINE_S), (
             first.received, first.there, second.received, second.there, len(site.vehicle.commands),
         )  # fmt: skip
 
 
-def test_a_master_of_ours_is_at_home_there_too(site: Site) -> None:
+def test_a_master_connects_together_with_a_ros_context(site: Site) -> None:
     received: set[str] = set()
     seen: set[Presence] = set()
     with open_master_session(site.endpoint, network=site.network) as master, Context("a", site.endpoint) as context:
@@ -105,8 +105,8 @@ def test_a_master_of_ours_is_at_home_there_too(site: Site) -> None:
         assert wait_for(done, DEADLINE_S), (received, seen, context.received, context.there)
 
 
-def test_rmw_zenohd_may_dial_the_vehicle_instead() -> None:
-    """Two machines are connected in ROS's way: by a router each, whose contexts know nothing of the vehicle."""
+def test_rmw_zenohd_may_connect_to_the_vehicle() -> None:
+    """Two machines are connected as usual in ROS: each has a router, whose contexts have no endpoint of the vehicle."""
     own, hub = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     vehicle = Vehicle(own)
     config = zenoh.Config.from_json5(router_settings(hub))

@@ -42,9 +42,7 @@ class Listener:
 
 
 @pytest.mark.parametrize("name", DESCRIPTIONS)
-def test_a_description_comes_to_the_first_who_subscribes_and_to_a_late_one(
-    slave: tuple[Program, str], name: str
-) -> None:
+def test_descriptions_are_sent_to_the_first_and_to_late_subscribers(slave: tuple[Program, str], name: str) -> None:
     program, endpoint = slave
     for _ in range(2):
         with open_master_session(endpoint) as session:
@@ -59,7 +57,7 @@ def test_a_description_comes_to_the_first_who_subscribes_and_to_a_late_one(
                 assert message == {"markers": []}  # the pool is empty
 
 
-def test_a_master_that_subscribes_to_all_topics_has_nothing_made(tmp_path: Path) -> None:
+def test_a_master_of_all_topics_does_not_cause_descriptions(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario) as program:
         program.expect("ready")
@@ -69,7 +67,7 @@ def test_a_master_that_subscribes_to_all_topics_has_nothing_made(tmp_path: Path)
             assert client.malformed == 0
 
 
-def test_diagnostics_come_on_the_topic_where_tools_look(slave: tuple[Program, str]) -> None:
+def test_diagnostics_are_published_on_the_standard_topic(slave: tuple[Program, str]) -> None:
     with open_master_session(slave[1]) as session:
         message = Listener(session, TOPICS["/diagnostics"]).first()
     (status,) = message["status"]
@@ -77,7 +75,7 @@ def test_diagnostics_come_on_the_topic_where_tools_look(slave: tuple[Program, st
     assert {"loop_rate_hz", "commands_received"} <= {pair["key"] for pair in status["values"]}
 
 
-def test_a_parameter_that_is_set_is_an_event(slave: tuple[Program, str]) -> None:
+def test_setting_a_parameter_publishes_an_event(slave: tuple[Program, str]) -> None:
     with open_master_session(slave[1]) as session:
         listener = Listener(session, TOPICS["/parameter_events"])
         assert Listener(session, TOPICS["/clock"]).first()  # by then the services are known here
@@ -95,7 +93,7 @@ def test_a_parameter_that_is_set_is_an_event(slave: tuple[Program, str]) -> None
     assert not event["deleted_parameters"]
 
 
-def test_a_stamped_velocity_drives_the_vehicle(slave: tuple[Program, str]) -> None:
+def test_a_stamped_velocity_moves_the_vehicle(slave: tuple[Program, str]) -> None:
     twist = {"linear": {"x": 0.4}, "angular": {}}
     topic = TOPICS["cmd_vel_stamped"]
     with open_master_session(slave[1]) as session:
@@ -112,7 +110,7 @@ def test_a_stamped_velocity_drives_the_vehicle(slave: tuple[Program, str]) -> No
 
 
 def test_a_stamped_velocity_on_the_plain_topic_is_malformed(slave: tuple[Program, str]) -> None:
-    """The message's first numbers are a time, which would be nonsense as velocities."""
+    """The message begins with a time, which must not be decoded as velocities."""
     topic = TOPICS["cmd_vel_stamped"]._replace(name="cmd_vel")
     with open_master_session(slave[1]) as session:
         health = Listener(session, TOPICS["diagnostics"])

@@ -1,4 +1,4 @@
-"""Samples published by a session: each on its topic, stamped, and nothing declared that is not published."""
+"""Samples published by a session: each on its topic with its time, and only declared topics."""
 
 import math
 import time
@@ -47,7 +47,7 @@ def test_samples_arrive_on_their_topics() -> None:
 
 
 def test_topics_are_declared_before_the_first_sample() -> None:
-    """ROS sees the publisher of a slow sensor at once."""
+    """ROS can discover the publisher of a slow sensor at once."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS, excluded_topics=("/tf",))
@@ -63,7 +63,7 @@ def test_topics_are_declared_before_the_first_sample() -> None:
 
 
 def test_every_sample_begins_with_its_time() -> None:
-    """The sample_publisher replaces what comes first."""
+    """The sample publisher replaces the first field by the wall time."""
     modules = samples, extra_samples, imaging_samples, own
     named = [kind for module in modules for name, kind in vars(module).items() if name.endswith("Sample")]
     kinds = [kind for kind in named if hasattr(kind, "_fields")]  # Sample itself is a protocol
@@ -71,7 +71,7 @@ def test_every_sample_begins_with_its_time() -> None:
     assert {kind._fields[0] for kind in kinds} == {"time_ns"}
 
 
-def test_what_is_silent_is_not_said_and_frames_have_their_prefix() -> None:
+def test_excluded_topics_are_not_published_and_frames_have_their_prefix() -> None:
     endpoint, received = f"tcp/127.0.0.1:{free_port()}", dict[str, bytes]()
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         master.subscribe_keys("0/**", lambda key, payload, _: received.update({key: payload}), depth=64)

@@ -37,7 +37,7 @@ def simulated_ns(session: Session) -> int:
     return ros_message.time_of(state)
 
 
-def test_time_stands_still_and_goes_on(session: Session) -> None:
+def test_simulated_time_stops_steps_and_continues(session: Session) -> None:
     clocks: list[int] = []
 
     def deliver(_key: str, payload: bytes, _attachment: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Several vehicles in one scenario file: each finds its own part, and every mistake is named."""
+"""Scenario files of several vehicles: the part of each member, and errors that name the wrong key."""
 
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,8 @@ north = {north}
 east = 0
 """
 FLEET = "target_hunting.toml: member: this is a fleet (uuv1, uuv2, uuv3, uuv4)"
-ENDS = "name those to listen to, --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:"
-EACH = f"{FLEET}, and each vehicle has an endpoint of its own: {ENDS}"
+CONNECT_HINT = "name those to listen to, --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:"
+EACH_ENDPOINT_HINT = f"{FLEET}, and each vehicle has an endpoint of its own: {CONNECT_HINT}"
 HEAD = """
 vehicle = "paper_seven"
 world = "pool"
@@ -42,7 +42,7 @@ def fleet(folder: Path, nodes: str = "a b c", tail: str = "", **changes: Any) ->
     return load_scenario(str(path))
 
 
-def test_each_is_itself(tmp_path: Path) -> None:
+def test_each_member_has_its_own_settings(tmp_path: Path) -> None:
     scenario = fleet(tmp_path)
     second = as_member(scenario, "b")
     assert as_member(scenario, "2") == second
@@ -52,7 +52,7 @@ def test_each_is_itself(tmp_path: Path) -> None:
     assert [as_member(scenario, node).ros.clock > 0.0 for node in "abc"] == [True, False, False]
 
 
-def test_no_two_share_a_seed(tmp_path: Path) -> None:
+def test_members_have_different_seeds(tmp_path: Path) -> None:
     scenario = fleet(tmp_path)
     seeds = {as_member(scenario._replace(seed=seed), node).seed for seed in range(50) for node in "abc"}
     assert len(seeds) == 150
@@ -62,12 +62,12 @@ def test_no_two_share_a_seed(tmp_path: Path) -> None:
     ("which", "message"),
     [("d", "no member 'd'.*there are: a, b, c"), ("0", "no member"), ("4", "no member"), ("", "say with --member")],
 )
-def test_who_is_none_of_them(tmp_path: Path, which: str, message: str) -> None:
+def test_an_unknown_member_is_reported(tmp_path: Path, which: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         member_number(fleet(tmp_path), which)
 
 
-def test_one_vehicle_has_no_members() -> None:
+def test_a_scenario_of_one_vehicle_has_no_members() -> None:
     with pytest.raises(ConfigError, match="is of one vehicle, not of a fleet"):
         as_member(load_scenario("paper_field"), "uuv1")
 
@@ -104,12 +104,12 @@ def test_wrong_hunts_are_named(tmp_path: Path, tail: str, message: str) -> None:
         fleet(tmp_path, tail=tail)
 
 
-def test_a_hunt_is_a_table() -> None:
+def test_a_hunt_that_is_no_table_is_refused() -> None:
     with pytest.raises(ConfigError, match="hunting: expected a table"):
         load_scenario("target_hunting", {"hunting": 3})
 
 
-def test_a_plan_needs_a_hunt_and_three(tmp_path: Path) -> None:
+def test_a_hunt_plan_needs_a_hunt_and_three_members(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"there is no \[hunting\].*such as target_hunting"):
         hunting_of(fleet(tmp_path))
     with pytest.raises(MissionError, match="it takes three"):
@@ -129,11 +129,13 @@ def test_a_plan_needs_a_hunt_and_three(tmp_path: Path) -> None:
         (["agent", "target_hunting", "--member", "2", "--wait", "0.2"], "no vehicle 'uuv2' answered at tcp/"),
         (["bench", "table", "target_hunting"], f"{FLEET}, and a benchmark is of one vehicle: take another scenario"),
         (["bench", "stream", "target_hunting", "--connect", "HOST"], f"{FLEET}, and a benchmark is of one vehicle"),
-        (["record", "--scenario", "target_hunting"], EACH),
-        (["top", "--scenario", "target_hunting", "--once"], EACH),
-        (["foxglove", "--scenario", "target_hunting"], EACH),
+        (["record", "--scenario", "target_hunting"], EACH_ENDPOINT_HINT),
+        (["top", "--scenario", "target_hunting", "--once"], EACH_ENDPOINT_HINT),
+        (["foxglove", "--scenario", "target_hunting"], EACH_ENDPOINT_HINT),
     ],
 )
-def test_commands_say_what_is_missing(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_name_the_missing_option(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(arguments) != 0
     assert message in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""taplo, which is what "Even Better TOML" of VS Code runs, reads our schemas and finds a wrong key by them."""
+"""taplo, the checker in "Even Better TOML" of VS Code, reads the schemas and finds wrong keys with them."""
 
 import shutil
 import subprocess
@@ -37,14 +37,14 @@ def lint(folder: Path, text: str) -> str:
 
 
 @pytest.mark.parametrize("kind", PRESETS)
-def test_a_key_that_there_is_not_is_found(kind: str, folder: Path) -> None:
+def test_an_unknown_key_is_found(kind: str, folder: Path) -> None:
     head = f"#:schema ./schemas/{kind}.schema.json\n"
     text = Path(find_preset(*PRESETS[kind])).read_text()
     assert lint(folder, head + text) == ""
     assert "'no_such_key'" in lint(folder, f"{head}no_such_key = 1\n{text}")
 
 
-def test_the_page_shows_what_taplo_finds(folder: Path) -> None:
+def test_the_example_of_the_documentation_is_checked(folder: Path) -> None:
     (toml,) = [block.text for block in blocks("toml") if "#:schema" in block.text]
     assert lint(folder, toml) == ""
     assert "is not valid" in lint(folder, toml.replace('"200 ms"', '"200"'))

@@ -55,5 +55,5 @@ def check_repeats(steps: int) -> None:
     assert fingerprint(2000).split()[1] != one
 
 
-def test_many_steps() -> None:
+def test_many_steps_repeat_bit_for_bit_in_another_process() -> None:
     check_repeats(STEPS)

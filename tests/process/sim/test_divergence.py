@@ -1,4 +1,4 @@
-"""Numbers that are none: refused at the start, and a state that is not finite ends the run with time and term."""
+"""Numbers that are not finite: refused as input, and a diverged state ends the run with the time and the cause."""
 
 from collections.abc import Iterator, Sequence
 from math import inf, isfinite, nan
@@ -42,8 +42,8 @@ def twin(request: pytest.FixtureRequest, binaries: Path, monkeypatch: pytest.Mon
         yield
 
 
-class Broken:
-    """A force that gives what is no number from `since` ns on."""
+class BrokenForce:
+    """A force that is not finite from `since` ns on."""
 
     def __init__(self, since: int, value: float = nan) -> None:
         self._since, self._value = since, value
@@ -57,7 +57,7 @@ class Broken:
 
 
 def fly(simulation: Simulation, steps: int = 2000) -> str:
-    """Step until the simulation diverges; return exit code and error. The state stays the last finite one."""
+    """Step until the simulation diverges; return exit code and error. The state remains the last finite one."""
     try:
         for _ in range(steps):
             simulation.step(NEUTRAL)
@@ -98,7 +98,7 @@ def fly(simulation: Simulation, steps: int = 2000) -> str:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )  # fmt: skip
-def test_a_simulation_refuses_what_cannot_be(arguments: dict[str, Any], words: str) -> None:
+def test_a_simulation_refuses_invalid_arguments(arguments: dict[str, Any], words: str) -> None:
     given = {"vehicle": SIX, "world": POOL, "position": PLACE, **arguments}
     with pytest.raises(ConfigError) as caught:
         Simulation(**given)
@@ -106,7 +106,7 @@ def test_a_simulation_refuses_what_cannot_be(arguments: dict[str, Any], words: s
     assert "\n" not in str(caught.value)
 
 
-def test_the_ends_of_what_a_step_may_take() -> None:
+def test_the_shortest_and_the_longest_step_are_accepted() -> None:
     for dt_ns in (1_000, 100_000_000):
         assert Simulation(SIX, POOL, {}, dt_ns=dt_ns, position=PLACE).step(NEUTRAL) == []
 
@@ -132,7 +132,7 @@ def test_a_pulse_that_is_no_number_is_refused(vehicle: Vehicle, pulse: Any, may_
 
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize("may_fail", [False, True], ids=["sound", "failing"])
-def test_no_pulses_are_too_few(may_fail: bool) -> None:
+def test_an_empty_list_of_pulses_is_refused(may_fail: bool) -> None:
     simulation = Simulation(SIX, POOL, {}, position=PLACE)
     if may_fail:
         simulation.fail()
@@ -145,7 +145,7 @@ def test_no_pulses_are_too_few(may_fail: bool) -> None:
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 @pytest.mark.parametrize("kind", [Dynamics, NativeDynamics])
-def test_a_step_that_is_no_number_leaves_the_state(
+def test_a_step_with_nan_leaves_the_state_unchanged(
     kind: type[Dynamics], integrator: Integrator, binaries: Path
 ) -> None:
     with taken_from(binaries):
@@ -161,9 +161,14 @@ def test_a_step_that_is_no_number_leaves_the_state(
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 @pytest.mark.parametrize(("value", "reported"), [(nan, "nan"), (-inf, "-inf")])
-def test_a_force_that_breaks_is_named_with_its_time(value: float, reported: str, integrator: Integrator) -> None:
+def test_a_force_that_is_not_finite_is_named_with_its_time(value: float, reported: str, integrator: Integrator) -> None:
     simulation = Simulation(
-        SIX, POOL, {}, position=PLACE, forces=[Broken(0, 0.0), Broken(250_000_000, value)], integrator=integrator
+        SIX,
+        POOL,
+        {},
+        position=PLACE,
+        forces=[BrokenForce(0, 0.0), BrokenForce(250_000_000, value)],
+        integrator=integrator,
     )
     words = fly(simulation)
     assert words.startswith("6: paper_six: its state is not finite any more after 0.2500 s: the force ")
@@ -187,7 +192,7 @@ def test_a_step_too_long_for_its_damping_is_named() -> None:
     ("name", "numbers", "words"),
     [("nu", [nan] * 6, "its velocity is nan"), ("position", [0.0, inf, 0.0], "its position is inf")],
 )
-def test_a_state_that_was_set_so_is_named(name: str, numbers: list[float], words: str) -> None:
+def test_a_state_that_was_set_to_nan_is_named(name: str, numbers: list[float], words: str) -> None:
     simulation = Simulation(SIX, POOL, {}, position=PLACE)
     simulation.step(NEUTRAL)
     setattr(simulation.state, name, numbers)
@@ -204,7 +209,7 @@ def scenario_of(folder: Path) -> Path:
     return path
 
 
-def test_sim_ends_with_one_line(
+def test_sim_reports_divergence_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
@@ -214,7 +219,7 @@ def test_sim_ends_with_one_line(
     assert "after 0.2500 s: the force broken:Broken is nan" in error
 
 
-def test_the_slave_ends_with_its_thrusters_neutral(tmp_path: Path) -> None:
+def test_a_diverged_slave_ends_with_neutral_thrusters(tmp_path: Path) -> None:
     here = {"PYTHONPATH": str(tmp_path)}
     with Program(tmp_path, "slave", scenario_of(tmp_path), environment=here) as slave:
         assert slave.wait(60.0) == 6
@@ -270,7 +275,9 @@ def _full(diagonal: float, **entries: float) -> list[float]:
         ("inertia", [0.2, 0.12, 0.0, 0.12, 0.2, 0.0, 0.0, 0.0, 0.05], "each principal moment is at most"),
     ],
 )
-def test_a_file_that_makes_energy_is_refused(key: str, numbers: list[float], words: str, tmp_path: Path) -> None:
+def test_coefficients_that_generate_energy_are_refused(
+    key: str, numbers: list[float], words: str, tmp_path: Path
+) -> None:
     path = changed(tmp_path, key, numbers)
     with pytest.raises(ConfigError) as caught:
         load_vehicle(path)
@@ -290,6 +297,6 @@ def test_a_file_that_makes_energy_is_refused(key: str, numbers: list[float], wor
         ("inertia", [0.2, 0.1, 0.0, 0.1, 0.2, 0.0, 0.0, 0.0, 0.3]),
     ],
 )
-def test_what_is_at_the_edge_is_not(key: str, numbers: list[float], tmp_path: Path) -> None:
+def test_coefficients_at_the_limit_are_accepted(key: str, numbers: list[float], tmp_path: Path) -> None:
     vehicle: Vehicle = load_vehicle(changed(tmp_path, key, numbers))[0]
     assert getattr(vehicle, key) == tuple(numbers)

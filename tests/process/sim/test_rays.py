@@ -1,4 +1,4 @@
-"""Rays against known truth: planes, steps, spheres, cylinders, boxes, meshes; with each of the three engines."""
+"""Ray casting with each of the three engines, compared with known distances to shapes."""
 
 import random
 from array import array
@@ -63,7 +63,7 @@ def around(count: int, seed: int = 1) -> list[Vector3]:
 # --- the seabed
 
 
-def test_flat_seabed(make: Make) -> None:
+def test_a_flat_seabed_gives_exact_ranges(make: Make) -> None:
     directions = around(200)
     found = make(DEEP._replace(depth=12.5)).ranges((3.0, 4.0, 2.5), rays(*directions), 300.0)
     expected = [10.0 / z if z > 0.0 and 10.0 / z <= 300.0 else inf for _, _, z in directions]
@@ -97,7 +97,7 @@ def test_a_step_gives_exact_ranges(make: Make) -> None:
     assert over[0] == pytest.approx(sqrt(101.0), abs=1e-9)  # on the plateau
 
 
-def test_rough_ground_as_marching_in_small_steps_finds_it(make: Make) -> None:
+def test_ranges_to_rough_ground_match_marching_in_small_steps(make: Make) -> None:
     """The reference marches in steps of 5 mm until the ray is below the seabed, then bisects."""
     world = by_rule(Fractal(15.0, 1.5, 0.7, seed=3))
     origin, directions = (0.3, 0.7, 9.0), [d for d in around(150, 5) if d[2] > -0.1]
@@ -120,8 +120,8 @@ def test_rough_ground_as_marching_in_small_steps_finds_it(make: Make) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_single_cell_that_is_twisted(make: Make, seed: int) -> None:
-    """The hit lies on the bilinear surface, and all of the way before it above."""
+def test_ranges_to_a_single_twisted_cell_are_exact(make: Make, seed: int) -> None:
+    """The hit is on the bilinear surface, and the ray before it is above the surface."""
     chance = random.Random(seed)
     corners = array("f", [chance.uniform(5.0, 9.0) for _ in range(4)])
     world = relief(Terrain(Grid(0.0, 0.0, 8.0, 2, 2), corners, 9.0))
@@ -163,7 +163,7 @@ def test_cells_without_data_are_a_wall(make: Make) -> None:
     assert found.normals[:3].tolist() == [-1.0, 0.0, 0.0]
 
 
-def test_within_something_the_distance_is_zero(make: Make) -> None:
+def test_the_range_from_inside_an_object_is_zero(make: Make) -> None:
     scene = make(by_rule(Slope(10.0, 0.25))._replace(cylinder=(Cylinder(5.0, 5.0, 2.0),)))
     directions = rays(*around(20))
     assert set(scene.ranges((0.0, 0.0, 11.0), directions, 50.0)) == {0.0}
@@ -185,7 +185,7 @@ def test_a_sphere_gives_exact_ranges(make: Make) -> None:
         assert found.normals.tolist() == pytest.approx([-d for d in direction], abs=1e-9), direction
 
 
-def test_a_sphere_off_its_middle(make: Make) -> None:
+def test_rays_off_the_centre_of_a_sphere_give_exact_ranges(make: Make) -> None:
     scene = make(DEEP)
     scene.add(solids.sphere((10.0, 0.0, 5.0), 2.0))
     found = scene.ranges((0.0, 1.2, 5.0), rays((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)), 100.0)
@@ -222,8 +222,8 @@ def cube(half: float) -> Solid:
     return solids.mesh(triangles)
 
 
-def test_a_turned_box_and_the_same_as_a_mesh(make: Make) -> None:
-    """A mesh with a state is where the state is; a box put there with the state's attitude is the same thing."""
+def test_a_rotated_box_and_the_same_mesh_give_equal_ranges(make: Make) -> None:
+    """A mesh follows its state; a box with the position and attitude of that state is the same object."""
     state = State((8.0, 1.0, 6.0), from_euler(0.4, -0.7, 1.1))
     meshed, boxed = make(DEEP), make(DEEP)
     meshed.add(cube(1.5), state)
@@ -240,7 +240,7 @@ def test_a_turned_box_and_the_same_as_a_mesh(make: Make) -> None:
     assert straight[0] == pytest.approx(3.5, abs=1e-9)
 
 
-def test_another_vehicle_is_seen_where_it_is_now(make: Make) -> None:
+def test_another_vehicle_is_hit_at_its_present_position(make: Make) -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")
     length, width, _ = vehicle.dimensions
     scene, state = make(DEEP), State((10.0, 0.0, 5.0))
@@ -255,7 +255,7 @@ def test_another_vehicle_is_seen_where_it_is_now(make: Make) -> None:
     assert scene.ranges((0.0, 0.0, 5.0), ahead, 50.0)[0] == inf
 
 
-def test_walls_boxes_and_the_surface(make: Make) -> None:
+def test_walls_boxes_and_the_surface_give_exact_ranges(make: Make) -> None:
     world = World("pool", "test", EXTENT, 10.0, walls=True, box=(Box(6.0, 0.0, 2.0, 4.0, radians(90)),))
     scene = make(world)
     surface = scene.add(solids.half_space((0.0, 0.0, 1.0), 0.0))
@@ -266,8 +266,8 @@ def test_walls_boxes_and_the_surface(make: Make) -> None:
     assert found.normals[-3:].tolist() == [0.0, 0.0, 1.0]
 
 
-def test_directions_in_the_sensors_axes(make: Make) -> None:
-    """The rotation turns them, as it would turn each by hand."""
+def test_directions_are_rotated_from_sensor_axes(make: Make) -> None:
+    """The result equals that of directions that were rotated one by one."""
     world = by_rule(Fractal(15.0, 1.0, seed=2))._replace(cylinder=(Cylinder(4.0, 5.0, 1.0),))
     attitude, directions = from_euler(0.3, -0.2, 2.0), around(100)
     turned = [rotate(attitude, direction) for direction in directions]
@@ -275,7 +275,7 @@ def test_directions_in_the_sensors_axes(make: Make) -> None:
     assert list(one) == pytest.approx(list(make(world).ranges((0.0, 0.0, 8.0), rays(*turned), 40.0)), abs=1e-9)
 
 
-def test_what_are_no_directions_is_refused(make: Make) -> None:
+def test_invalid_directions_are_refused(make: Make) -> None:
     scene = make(DEEP)
     for wrong in (array("f", [1.0, 0.0, 0.0]), array("d", [1.0, 0.0]), b"123"):
         with pytest.raises(ValueError, match="three doubles a ray"):
@@ -285,7 +285,7 @@ def test_what_are_no_directions_is_refused(make: Make) -> None:
         solids.mesh([])
 
 
-def test_a_ring_of_a_pool(make: Make) -> None:
+def test_a_horizontal_scan_of_a_pool_matches_its_walls(make: Make) -> None:
     """A sonar of 360 beams is in a square of 40 m x 50 m: each range follows from the walls alone."""
     scene = make(World("pool", "test", EXTENT, 10.0, walls=True))
     angles = [radians(i + 0.5) for i in range(360)]

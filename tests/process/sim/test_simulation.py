@@ -39,7 +39,7 @@ def fingerprint(seed: int, steps: int = 1200, integrator: str = "verlet") -> str
     return digest.hexdigest()
 
 
-def test_same_seed_same_bits_in_another_process_too() -> None:
+def test_the_same_seed_gives_the_same_bits_in_another_process() -> None:
     here = fingerprint(7)
     assert fingerprint(7) == here
     assert fingerprint(8) != here
@@ -54,7 +54,7 @@ def test_same_seed_same_bits_in_another_process_too() -> None:
     assert there.stdout.strip() == here
 
 
-def test_a_sensor_does_not_change_its_neighbours() -> None:
+def test_a_sensor_does_not_change_the_samples_of_others() -> None:
     def imu(sensors: SensorSet) -> list[object]:
         simulation = Simulation(VEHICLE, FIELD, sensors, seed=3, position=(0, 0, 3))
         return [sample for _ in range(200) for topic, sample in simulation.step(IDLE) if topic == "imu"]
@@ -64,7 +64,7 @@ def test_a_sensor_does_not_change_its_neighbours() -> None:
     assert len(imu(fit())) == 50
 
 
-def test_rates_do_not_drift() -> None:
+def test_sample_rates_do_not_drift() -> None:
     """A rate of 7 Hz does not divide 400 Hz: 20 s hold 7 samples a second, each with the first step due."""
     simulation = Simulation(VEHICLE, FIELD, fit(dvl=DvlModel(rate=7.0)), position=(0, 0, 3))
     counts: Counter[str] = Counter()
@@ -79,7 +79,7 @@ def test_rates_do_not_drift() -> None:
                       "ground_truth": 400}  # fmt: skip
 
 
-def test_it_goes_where_it_is_commanded() -> None:
+def test_the_vehicle_moves_as_its_thrusters_push() -> None:
     """The vehicle goes east at heading 90 deg; both verticals push down; the left bank turns it to starboard."""
     simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.5707963)
     for _ in range(800):
@@ -95,7 +95,7 @@ def test_it_goes_where_it_is_commanded() -> None:
     assert simulation.truth().nu[5] > 0.1
 
 
-def test_rest_is_rest() -> None:
+def test_a_vehicle_at_rest_stays_at_rest() -> None:
     """A trimmed vehicle stays where it is for a minute, with neutral outputs or with outputs off."""
     for pulses in (IDLE, (0,) * 6):
         simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.0)
@@ -107,7 +107,7 @@ def test_rest_is_rest() -> None:
         assert simulation.contacts == 0
 
 
-def test_ground_truth_sample_is_the_truth() -> None:
+def test_the_ground_truth_sample_is_the_true_state() -> None:
     simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0))
     samples = [pair for _ in range(20) for pair in simulation.step((1700,) * 6)]
     topic, sample = samples[-1]
@@ -116,7 +116,7 @@ def test_ground_truth_sample_is_the_truth() -> None:
     assert sample == simulation.truth()
 
 
-def test_the_accelerometer_feels_a_blow() -> None:
+def test_a_collision_appears_in_the_acceleration() -> None:
     simulation = Simulation(VEHICLE, load_world("pool"), position=(8.5, 0.0, 2.0))
     hardest = 0.0
     for _ in range(1200):
@@ -126,14 +126,14 @@ def test_the_accelerometer_feels_a_blow() -> None:
     assert hardest < -20.0
 
 
-def test_what_cannot_be() -> None:
+def test_a_start_in_an_obstacle_and_a_rate_above_the_step_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"paper_six cannot start at .*; move the start"):
         Simulation(VEHICLE, FIELD, position=(6.5, 7.5, 3.0))
     with pytest.raises(ConfigError, match="'imu': its rate is above 400 Hz"):
         Simulation(VEHICLE, FIELD, fit(imu=ImuModel(rate=500.0)))
 
 
-def test_sensors_from_a_scenario() -> None:
+def test_sensor_sections_of_a_scenario_change_the_defaults() -> None:
     table = {"imu": {"rate": "50 Hz", "acceleration": {"noise": 0.1}}, "dvl": {"rate": 0}, "odometry": {"rate": 10}}
     sensors = read_sensors(table, "scenario.toml: sensors")
     assert sensors["imu"].model.acceleration.noise == 0.1
@@ -154,14 +154,14 @@ def test_sensors_from_a_scenario() -> None:
         ([], "expected a table for each sensor, such as [sensors.imu]"),
     ],
 )
-def test_wrong_sensors_are_named(sections: object, words: str) -> None:
+def test_wrong_sensor_sections_are_named(sections: object, words: str) -> None:
     with pytest.raises(ConfigError, match=r"mine\.toml: sensors") as caught:
         read_sensors(sections, "mine.toml: sensors")
     assert words in str(caught.value)
 
 
-def test_latency_delays_and_drop_out_loses() -> None:
-    """A late sample keeps the instant it was measured; a lost one leaves the others as they are."""
+def test_latency_delays_samples_and_drop_out_loses_them() -> None:
+    """A late sample has the time of its measurement; a lost one does not change the others."""
 
     def dvl(mounting: Mounting) -> list[tuple[int, object]]:
         sensors = fit(dvl=SensorSpec(Dvl, DvlModel(rate=10.0), mounting))

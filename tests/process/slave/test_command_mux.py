@@ -1,4 +1,4 @@
-"""Commands of every kind, from the bytes of their messages to where the vehicle then is, without network and clock."""
+"""Commands of every kind, from the bytes of their messages to the motion of the vehicle, without network and clock."""
 
 import random
 import subprocess
@@ -33,19 +33,19 @@ def heading(truth: OdometrySample) -> float:
     return heading_of(truth.orientation)
 
 
-def test_depth_alone_dives_on_the_spot(bench: Bench) -> None:
+def test_a_depth_command_dives_at_the_present_position(bench: Bench) -> None:
     truth = bench.fly(8.0, cmd_depth=encode_number(3.0))
     assert truth.position[2] == pytest.approx(3.0, abs=0.1)
     assert truth.position[:2] == pytest.approx((4.0, 4.0), abs=0.2)
 
 
-def test_a_heading_is_turned_to_the_short_way(bench: Bench) -> None:
+def test_the_vehicle_turns_to_a_heading_the_short_way(bench: Bench) -> None:
     assert heading(bench.fly(8.0, cmd_heading=encode_number(-2.5))) == pytest.approx(-2.5, abs=0.1)
     truth = bench.fly(5.0, cmd_heading=encode_number(2.5))
     assert wrap(heading(truth) - 2.5) == pytest.approx(0.0, abs=0.1)
 
 
-def test_speed_depth_and_heading_go_together(bench: Bench) -> None:
+def test_velocity_depth_and_heading_commands_combine(bench: Bench) -> None:
     messages = {"cmd_depth": encode_number(2.5), "cmd_heading": encode_number(1.0), "cmd_vel": twist(surge=0.3)}
     truth = bench.fly(8.0, **messages)
     assert truth.nu[0] == pytest.approx(0.3, abs=0.05)
@@ -53,7 +53,7 @@ def test_speed_depth_and_heading_go_together(bench: Bench) -> None:
     assert heading(truth) == pytest.approx(1.0, abs=0.1)
 
 
-def test_who_asks_for_heave_and_turn_gets_them_in_spite_of_a_hold(bench: Bench) -> None:
+def test_commanded_heave_and_yaw_rate_override_holds(bench: Bench) -> None:
     messages = {"cmd_depth": encode_number(2.0), "cmd_heading": encode_number(0.0)}
     bench.fly(1.0, **messages)
     truth = bench.fly(3.0, **messages, cmd_vel=twist(heave=0.2, yaw_rate=0.3))
@@ -61,7 +61,7 @@ def test_who_asks_for_heave_and_turn_gets_them_in_spite_of_a_hold(bench: Bench) 
     assert truth.nu[5] == pytest.approx(0.3, abs=0.05)
 
 
-def test_a_pose_is_gone_to_and_kept(bench: Bench) -> None:
+def test_a_pose_is_reached_and_held(bench: Bench) -> None:
     pose = encode_pose(PoseCommand((6.0, 5.0, 2.6), 1.2), 0, "uuv1/odom")
     truth = bench.fly(14.0, cmd_pose=pose)
     assert bench.pilot.position == pytest.approx((6.0, 5.0, 2.6), abs=0.1), "as far as it knows"
@@ -72,7 +72,7 @@ def test_a_pose_is_gone_to_and_kept(bench: Bench) -> None:
     assert max(map(abs, truth.nu[:3])) < 0.05
 
 
-def test_a_wrench_goes_straight_to_the_thrusters(bench: Bench) -> None:
+def test_a_wrench_is_allocated_to_the_thrusters(bench: Bench) -> None:
     bench.fly(0.5, cmd_wrench=encode_wrench(0, (20.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     forces = bench.simulation.forces().thrusters
     assert forces[0] == pytest.approx(20.0, rel=0.05)
@@ -81,7 +81,7 @@ def test_a_wrench_goes_straight_to_the_thrusters(bench: Bench) -> None:
     assert bench.simulation.forces().thrusters[5] == pytest.approx(5.0, rel=0.1)
 
 
-def test_each_thruster_has_its_own_thrust(bench: Bench) -> None:
+def test_each_thruster_gets_its_commanded_thrust(bench: Bench) -> None:
     bench.fly(0.5, cmd_thrusters=encode_thrusts((5.0, -5.0, 0.0, 0.0, 1e5, 0.0)))
     limits = VEHICLE.thrusters[4]
     assert bench.pulses[0] > 1500 > bench.pulses[1]
@@ -89,7 +89,7 @@ def test_each_thruster_has_its_own_thrust(bench: Bench) -> None:
     assert bench.pulses[4] == limits.pwm_max_us, "what is too much is as much as there is"
 
 
-def test_silence_ends_every_kind(bench: Bench) -> None:
+def test_the_deadman_ends_every_kind_of_command(bench: Bench) -> None:
     kinds = {
         "cmd_depth": encode_number(4.0),
         "cmd_pose": encode_pose(PoseCommand((9.0, 9.0, 2.0), 0.0), 0),
@@ -104,8 +104,8 @@ def test_silence_ends_every_kind(bench: Bench) -> None:
         assert bench.pilot.deadman_trips == trips
 
 
-def test_after_an_open_loop_the_controller_begins_again(bench: Bench) -> None:
-    """Integrals from before do not act on a command that has ended."""
+def test_the_controller_is_reset_after_an_open_loop_command(bench: Bench) -> None:
+    """Integrals from before the open-loop command do not act after it."""
     bench.fly(3.0, cmd_vel=twist(surge=0.6))
     bench.fly(6.0, cmd_wrench=encode_wrench(0, (0.0,) * 6))
     truth = bench.fly(0.5, cmd_vel=twist())
@@ -137,7 +137,7 @@ def test_after_an_open_loop_the_controller_begins_again(bench: Bench) -> None:
         *[(topic, b"\0\1\0\0" + b"\xff" * 60) for topic in COMMANDS],
     ],
 )
-def test_what_cannot_be_meant_is_counted_and_harmless(bench: Bench, topic: str, payload: bytes) -> None:
+def test_an_invalid_command_is_counted_and_ignored(bench: Bench, topic: str, payload: bytes) -> None:
     bench.send(topic, payload)
     assert bench.command_receiver.malformed == 1
     assert bench.command_receiver.take_latest() is None
@@ -150,7 +150,7 @@ def test_the_wrong_number_of_thrusts_is_reported(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("topic", sorted(DECODERS))
-def test_any_bytes_are_survived(topic: str) -> None:
+def test_decoders_accept_any_bytes(topic: str) -> None:
     noise = random.Random(topic)
     for length in range(120):
         for data in (b"\0\1\0\0" + noise.randbytes(length), noise.randbytes(length)):
@@ -158,7 +158,7 @@ def test_any_bytes_are_survived(topic: str) -> None:
             assert command is None or isinstance(command, tuple | float)
 
 
-def test_a_pose_keeps_place_and_heading_on_its_way_through_enu() -> None:
+def test_a_pose_is_unchanged_by_conversion_to_enu_and_back() -> None:
     pose = PoseCommand((3.0, -4.0, 5.0), 2.2)
     back = DECODERS["cmd_pose"](encode_pose(pose, 123, "map"))
     assert back.position == pytest.approx(pose.position)
@@ -171,7 +171,7 @@ def test_a_pose_keeps_place_and_heading_on_its_way_through_enu() -> None:
     assert abs(seen["orientation"]["w"]) == pytest.approx(1.0)
 
 
-def test_one_master_has_one_number_line_a_topic(bench: Bench) -> None:
+def test_sequence_numbers_of_a_master_count_per_topic(bench: Bench) -> None:
     bench.command_receiver.ranks[GID] = bench.command_receiver.ranks[OTHER] = 0
     bench.send("cmd_vel", twist())
     bench.send("cmd_depth", encode_number(2.0))
@@ -180,8 +180,8 @@ def test_one_master_has_one_number_line_a_topic(bench: Bench) -> None:
     assert bench.command_receiver.refused == 1, "another master, on whatever topic"
 
 
-def test_nodes_that_do_not_say_who_they_are_share_a_vehicle_by_topic(bench: Bench) -> None:
-    """Two ROS 2 publishers, one of speeds and one of depths, are as good as one master; two of speeds are not."""
+def test_anonymous_senders_share_a_vehicle_by_topic(bench: Bench) -> None:
+    """Two ROS 2 publishers, one of velocities and one of depths, count as one master; two of velocities do not."""
     bench.send("cmd_depth", encode_number(3.0), OTHER)
     bench.send("cmd_vel", twist(surge=0.2))
     taken = bench.command_receiver.take_latest()
@@ -193,7 +193,7 @@ def test_nodes_that_do_not_say_who_they_are_share_a_vehicle_by_topic(bench: Benc
     assert bench.command_receiver.refused == 2
 
 
-def test_a_hold_of_the_master_before_is_forgotten(bench: Bench) -> None:
+def test_a_hold_of_the_previous_master_is_dropped(bench: Bench) -> None:
     bench.command_receiver.ranks.update({GID: 0, OTHER: 1})
     bench.send("cmd_depth", encode_number(3.0))
     bench.send("cmd_vel", twist(surge=0.2), OTHER)
@@ -202,7 +202,7 @@ def test_a_hold_of_the_master_before_is_forgotten(bench: Bench) -> None:
     assert taken.command == VelocityCommand(surge=0.2)
 
 
-def test_the_newest_kind_counts() -> None:
+def test_the_newest_kind_of_command_applies() -> None:
     mux = CommandMux(6, NS_PER_S)
     pose = PoseCommand((1.0, 2.0, 3.0), 0.5)
     assert mux.combine("cmd_depth", 4.0, 0) == VelocityCommand(depth=4.0)
@@ -211,7 +211,7 @@ def test_the_newest_kind_counts() -> None:
     assert mux.combine("cmd_vel", VelocityCommand(surge=1.0), NS_PER_S + 1) == VelocityCommand(surge=1.0)
 
 
-def test_a_plain_start_loads_none_of_this() -> None:
+def test_a_plain_start_loads_no_modules_of_other_commands() -> None:
     code = (
         "import sys; import hil.commands.slave, hil.slave.daemon; "
         "print([m for m in sys.modules if m in ('hil.slave.command_mux', 'hil.ros.commands', "

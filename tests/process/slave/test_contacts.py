@@ -22,7 +22,7 @@ from hil.slave.contacts import MOST_THERE, TWIN_S, Contacts
 from hil.slave.sample_publisher import SamplePublisher
 from tests.support.processes import free_port, wait_for
 
-ASK, ANSWER, MASTERS = clock_keys("uuv1")
+PING_KEY, PONG_KEY, MASTERS_PING_KEY = clock_keys("uuv1")
 LAST, FIRST = (1 << 63) - 1, -(1 << 63)
 
 
@@ -54,13 +54,13 @@ def slave() -> Iterator[Slave]:
 
 
 def ping(ident: bytes, ahead_ns: int) -> bytes:
-    """Return a ping by a clock that is ahead, with an answer that came to it a moment ago."""
+    """Return a ping of a clock that is ahead, with the times of a reply that it has just received."""
     now = to_wall_ns(now_ns())
     return PING.pack(ident, now + ahead_ns, now - 1_000_000, now + ahead_ns - 100_000)
 
 
-@pytest.mark.parametrize("key", [ASK, MASTERS])
-def test_instants_that_cannot_be_are_malformed_and_others_are_served_after_them(slave: Slave, key: str) -> None:
+@pytest.mark.parametrize("key", [PING_KEY, MASTERS_PING_KEY])
+def test_pings_with_impossible_times_are_malformed_and_later_ones_are_answered(slave: Slave, key: str) -> None:
     send = slave.other.sender(key)
 
     def tell() -> int:
@@ -74,11 +74,11 @@ def test_instants_that_cannot_be_are_malformed_and_others_are_served_after_them(
         assert observer.contact.known.wait(60)
 
 
-def test_only_masters_make_their_clocks_known(slave: Slave) -> None:
+def test_only_clocks_of_masters_are_stored(slave: Slave) -> None:
     answers: list[bytes] = []
-    slave.other.receive(ANSWER, answers.append, 16)
+    slave.other.receive(PONG_KEY, answers.append, 16)
     with VehicleClient(slave.endpoint, "uuv1") as master, VehicleClient(slave.endpoint, "uuv1", part="observer") as one:
-        ident, ask = master._commands.gid, slave.other.sender(ASK)
+        ident, ask = master._commands.gid, slave.other.sender(PING_KEY)
         assert one.contact.known.wait(60)
         assert wait_for(lambda: ident in slave.command_receiver.clocks and master.contact.reported)
         assert wait_for(lambda: ask(ping(ident, 3600 * NS_PER_S)) or len(answers) > 20)
@@ -87,7 +87,7 @@ def test_only_masters_make_their_clocks_known(slave: Slave) -> None:
     assert all(abs(offset) < NS_PER_S for offset, _ in printed)
 
 
-def test_many_pings_do_not_push_out_the_clock_of_the_one_that_is_obeyed(slave: Slave) -> None:
+def test_many_pings_do_not_remove_the_clock_of_the_active_master(slave: Slave) -> None:
     slave.command_receiver.master = b"m" * 16
     for number in range(3 * MOST_THERE):
         ident = slave.command_receiver.master if number == 3 else number.to_bytes(16, "big")
@@ -96,7 +96,7 @@ def test_many_pings_do_not_push_out_the_clock_of_the_one_that_is_obeyed(slave: S
     assert slave.command_receiver.master in slave.command_receiver.clocks
 
 
-def test_an_observer_with_a_masters_ident_does_not_stand_for_it(slave: Slave) -> None:
+def test_an_observer_with_the_ident_of_a_master_does_not_replace_it(slave: Slave) -> None:
     slave.command_receiver.master = bytes.fromhex("ab" * 16)
     declare_presence(slave.other, "uuv1", "master", "ab" * 16)
     assert wait_for(lambda: slave.output.commander)
@@ -109,7 +109,7 @@ def test_an_observer_with_a_masters_ident_does_not_stand_for_it(slave: Slave) ->
     assert slave.output.commander == name
 
 
-def test_of_very_many_masters_only_some_are_reported(slave: Slave) -> None:
+def test_the_number_of_reported_masters_is_limited(slave: Slave) -> None:
     """An outsider announces thousands: neither the log nor the table of ranks grows with them."""
     reported: list[str] = []
     slave.contacts._report = reported.append
@@ -122,7 +122,7 @@ def test_of_very_many_masters_only_some_are_reported(slave: Slave) -> None:
     assert len(slave.command_receiver.ranks) <= MOST_THERE
 
 
-def test_a_newcomer_gives_way_to_a_slave_of_its_name(slave: Slave, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_slave_ends_when_its_name_is_in_use(slave: Slave, monkeypatch: pytest.MonkeyPatch) -> None:
     signals: list[int] = []
     monkeypatch.setattr(os, "kill", lambda _, number: signals.append(number))
     declare_presence(slave.other, "uuv1", "slave", "00" * 16)
@@ -131,8 +131,8 @@ def test_a_newcomer_gives_way_to_a_slave_of_its_name(slave: Slave, monkeypatch: 
     assert re.match(r"another slave of the name uuv1 is there: .+:\d+; end that one", str(slave.contacts.conflict))
 
 
-def test_of_two_that_start_at_once_the_younger_gives_way(slave: Slave, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The younger gives way in whatever order they see each other."""
+def test_the_younger_of_two_slaves_that_start_together_ends(slave: Slave, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The younger ends in whatever order they discover each other."""
     signals: list[int] = []
     monkeypatch.setattr(os, "kill", lambda _, number: signals.append(number))
     monkeypatch.setattr("hil.slave.contacts.FIRST_NS", 3600 * NS_PER_S)
@@ -148,7 +148,7 @@ def test_of_two_that_start_at_once_the_younger_gives_way(slave: Slave, monkeypat
     assert wait_for(lambda: signals == [signal.SIGTERM], 60), "the other is older"
 
 
-def test_a_slave_that_is_there_stays_when_another_comes(slave: Slave) -> None:
+def test_a_running_slave_stays_when_another_of_its_name_starts(slave: Slave) -> None:
     reported: list[str] = []
     slave.contacts._report = reported.append
     slave.contacts._began_ns -= 3600 * NS_PER_S
@@ -158,7 +158,7 @@ def test_a_slave_that_is_there_stays_when_another_comes(slave: Slave) -> None:
     assert slave.contacts.conflict is None
 
 
-def test_a_slave_that_was_killed_just_before_is_no_other(slave: Slave) -> None:
+def test_a_slave_that_was_just_killed_is_no_conflict(slave: Slave) -> None:
     leave = declare_presence(slave.other, "uuv1", "slave")
     assert wait_for(lambda: bool(slave.contacts._twins), 60)
     leave()

@@ -27,7 +27,7 @@ from tests.support.processes import Program, wait_for, write_scenario
 NO_ANSWER = "has not answered for 0.5 s; check wiring, baud, protocol"
 
 
-def test_what_a_histogram_counted_since_a_look() -> None:
+def test_a_histogram_counts_since_an_earlier_state() -> None:
     lateness = Histogram()
     for value in (5, 900, 40_000_000):
         lateness.add(value)
@@ -53,13 +53,13 @@ def test_skipped_steps_are_reported_at_once_and_then_once_a_minute() -> None:
     assert "30 steps skipped, 730" in skipped.line(730, 917 * NS_PER_MS, began + 2 * SKIPPED_PERIOD_NS)
 
 
-def test_a_slave_that_was_stopped_reports_the_steps_it_skipped(tmp_path: Path) -> None:
+def test_a_paused_slave_reports_its_skipped_steps(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
 
         def stop_and_look() -> bool:
-            """Its loop begins a while after it is ready."""
+            """Pause the slave; return whether skipped steps were reported. Its loop starts after "ready"."""
             slave.process.send_signal(signal.SIGSTOP)
             time.sleep(0.6)  # it makes up for 0.4 s
             slave.process.send_signal(signal.SIGCONT)
@@ -70,7 +70,7 @@ def test_a_slave_that_was_stopped_reports_the_steps_it_skipped(tmp_path: Path) -
         assert wait_for(stop_and_look), slave.output
 
 
-def test_no_thread_of_ours_has_a_lower_class_of_scheduling_than_the_loop(tmp_path: Path) -> None:
+def test_no_python_thread_has_a_lower_scheduling_class_than_the_loop(tmp_path: Path) -> None:
     """A thread with the interpreter's lock would hold up the loop when other programs take its processor."""
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario) as slave, open_master_session(f"tcp/127.0.0.1:{port}") as session:
@@ -92,7 +92,7 @@ def test_no_thread_of_ours_has_a_lower_class_of_scheduling_than_the_loop(tmp_pat
         assert max(below) == os.sched_getparam(pid).sched_priority
 
 
-def test_a_loop_that_was_late_long_ago_is_well_now() -> None:
+def test_recent_lateness_covers_only_the_last_period() -> None:
     lateness, recent = Histogram(), RecentLateness()
 
     def looked(now: int) -> tuple[float, float, float]:
@@ -115,11 +115,11 @@ def test_a_loop_that_was_late_long_ago_is_well_now() -> None:
     assert looked(began + 2 * NS_PER_S)[2] >= 71_000
 
 
-def test_a_machine_that_is_no_known_board_has_its_own_name() -> None:
+def test_an_unknown_board_is_named_by_its_architecture_and_host() -> None:
     assert own_name() == f"{os.uname().machine} machine {os.uname().nodename}"
 
 
-def test_a_slave_tells_what_its_machine_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slave_reports_that_its_machine_is_emulated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("UUV_HIL_EMULATED", "a test")
     assert labels(Tree(), os.uname().machine) == describe()[1]
     with Bench("paper_field", {"slave.realtime": False}) as bench:
@@ -129,13 +129,13 @@ def test_a_slave_tells_what_its_machine_is_not(monkeypatch: pytest.MonkeyPatch) 
             assert (client.diagnostics().labels or ("",))[0] == "emulated: a test"
 
 
-def test_a_real_machine_needs_no_label(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_real_machine_has_no_label(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("UUV_HIL_EMULATED", raising=False)
     assert labels(Tree(str(tmp_path)), "aarch64") == ()
 
 
 def test_a_silent_stm32_is_an_error() -> None:
-    """The port is open and nobody answers, as with a wrong wire, baud rate or protocol."""
+    """The port is open but nothing answers, as with a wrong wire, baud rate or protocol."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     changes = {"slave.realtime": False, "stm32": "device", "link.port": os.ttyname(theirs)}

@@ -1,4 +1,4 @@
-"""A slave with sensors that make pictures: a second process, and a loop that does not notice it."""
+"""A slave with imaging sensors: their process, its pictures, its restarts and its processor time."""
 
 import io
 import signal
@@ -45,7 +45,7 @@ def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
 
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VehicleClient]:
-    """Provide a master that has every picture of a slave which nobody harms.
+    """Provide a master that receives every picture of a slave, shared by tests that do not disturb it.
 
     The environment exports a recorder's single thread of the library, with which no sonar's image would be passed on.
     """
@@ -60,7 +60,7 @@ def imaging_pid(client: VehicleClient) -> int:
     return wait_for(lambda: client.diagnostics().imaging_pid or 0) or 0
 
 
-def test_pictures_arrive_as_they_were_taken(watched: VehicleClient) -> None:
+def test_pictures_arrive_unchanged(watched: VehicleClient) -> None:
     latest: dict[str, Any] = {topic: watched.latest[topic].value for topic in PICTURES}
     raw, packed = latest["camera/image_raw"], latest["camera/image_raw/compressed"]
     assert (raw.width, raw.height, raw.encoding) == (WIDTH, HEIGHT, "rgb8")
@@ -72,7 +72,7 @@ def test_pictures_arrive_as_they_were_taken(watched: VehicleClient) -> None:
     assert len(sonar.intensities) == 64 * sonar.bins
 
 
-def test_down_is_down(watched: VehicleClient) -> None:
+def test_the_depth_image_shows_the_floor_below(watched: VehicleClient) -> None:
     """The depth along the optical axis is the pool floor's, from the middle column at the lower edge."""
     picture, info = (watched.latest[f"camera/{name}"].value for name in ("depth/image_raw", "camera_info"))
     depth = np.frombuffer(picture.data, "<f4").reshape(HEIGHT, WIDTH)
@@ -82,7 +82,7 @@ def test_down_is_down(watched: VehicleClient) -> None:
     assert depth[-1, WIDTH // 2] < depth[HEIGHT // 2, WIDTH // 2]
 
 
-def test_points_are_those_of_the_depth_image(watched: VehicleClient) -> None:
+def test_the_point_cloud_matches_the_depth_image(watched: VehicleClient) -> None:
     """A cloud and a depth image of one instant agree through the camera's pinhole, in its frame: z ahead, y down."""
 
     def both() -> tuple[Any, Any] | None:
@@ -104,7 +104,7 @@ def test_points_are_those_of_the_depth_image(watched: VehicleClient) -> None:
         assert axis[seen] == pytest.approx(expected[seen], abs=1e-4)
 
 
-def test_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:
+def test_picture_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:
 
     def agree() -> bool:
         """Return whether both have the same instants, 20 a second, as long as no step was skipped in between."""
@@ -119,15 +119,15 @@ def test_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:
     assert figures.imaging_restarts == 0
 
 
-def test_a_killed_process_is_reported_and_started_again(slave: tuple[Program, VehicleClient]) -> None:
+def test_a_killed_imaging_process_is_reported_and_restarted(slave: tuple[Program, VehicleClient]) -> None:
     program, client = slave
     assert wait_for(lambda: has_all(client)), client.received
     kill_and_wait(program, client, 1)
     assert "signal 9; started again in 0.5 s" in program.output
 
 
-def test_its_one_link_is_not_taken_for_half_of_two(tmp_path: Path) -> None:
-    """A master has two links with a slave, and one that is left alone is cut. A client of the library has one."""
+def test_the_single_link_of_the_imaging_process_is_not_cut(tmp_path: Path) -> None:
+    """A master has two links with a slave, and a single one of a pair is cut. The imaging process has only one."""
     scenario = load_scenario(str(write_scenario(tmp_path)[0]))
     with listen(scenario.slave.listen), join(scenario) as session:
         assert wait_for(session.links)
@@ -138,8 +138,8 @@ def test_its_one_link_is_not_taken_for_half_of_two(tmp_path: Path) -> None:
 IDLE = 0.03  # of a core, of a process that makes no pictures; those below take four times as much where it is calm
 
 
-def test_pictures_are_made_for_those_who_watch(tmp_path: Path) -> None:
-    """The processor time of the process tells whether pictures are made."""
+def test_pictures_are_rendered_only_for_subscribers(tmp_path: Path) -> None:
+    """The processor time of the process shows whether pictures are rendered."""
     program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 10\nwidth = 640\nheight = 480\n")
     with program, VehicleClient(endpoint, "uuv1") as client:
         program.expect("ready")
@@ -152,8 +152,8 @@ def test_pictures_are_made_for_those_who_watch(tmp_path: Path) -> None:
         assert wait_for(lambda: takes(client, 0.9) < IDLE), "the onlooker has gone"
 
 
-def test_a_fan_is_made_for_who_asks_for_it_alone_and_pings_of_a_scanning_sonar_come(tmp_path: Path) -> None:
-    """Whoever watches nothing but the fan gets it; of a scanning sonar with intensities come distances and echoes."""
+def test_a_sonar_fan_and_a_scanning_sonar_are_sent_to_their_subscribers(tmp_path: Path) -> None:
+    """A subscriber of the fan alone gets it; a scanning sonar with intensities sends ranges and echoes."""
     sensors = (
         "[sensors.forward_sonar]\nrate = 5\nbeams = 64\n"
         '[sensors.scanning_sonar]\ndevice = "ping360"\nbins = 200\nmax_range = 20.0\n'
@@ -173,8 +173,8 @@ def test_a_fan_is_made_for_who_asks_for_it_alone_and_pings_of_a_scanning_sonar_c
             assert client.received["forward_sonar/image"] == 0
 
 
-def test_a_first_picture_that_is_lost_does_not_end_them(tmp_path: Path) -> None:
-    """The first picture only shows which topics there are to subscribe to."""
+def test_a_lost_first_picture_does_not_end_the_pictures(tmp_path: Path) -> None:
+    """The first picture only shows which topics exist."""
     program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 20\nwidth = 40\nheight = 30\ndrop_out = 0.9\n")
     with program, VehicleClient(endpoint, "uuv1") as client:
         client.watch("camera/camera_info")
@@ -195,7 +195,7 @@ def takes(client: VehicleClient, seconds: float) -> float:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_it_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: int) -> None:
+def test_the_imaging_process_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: int) -> None:
     program, client = slave
     pid = imaging_pid(client)
     assert is_running(pid)
@@ -207,21 +207,21 @@ def test_it_ends_with_the_slave(slave: tuple[Program, VehicleClient], number: in
 
 
 def start_with_pillow(folder: Path, text: str) -> Program:
-    """Return a slave for which this is all that there is of Pillow."""
+    """Return a slave whose Pillow package consists of this text."""
     package = folder / "other" / "PIL"
     package.mkdir(parents=True)
     (package / "__init__.py").write_text(text)
     return start(folder, environment={"PYTHONPATH": str(package.parent)})[0]
 
 
-def test_what_cannot_be_mended_is_reported_once(tmp_path: Path) -> None:
+def test_a_missing_package_is_reported_once(tmp_path: Path) -> None:
     with start_with_pillow(tmp_path, "raise ImportError") as program:
         program.expect(r"no pictures: pictures as JPEG need Pillow: pip install 'uuv-hil\[imaging\]'")
         assert program.process.poll() is None
         assert "ended" not in program.output
 
 
-def test_why_it_ended_is_reported_and_it_is_started_less_and_less_often(tmp_path: Path) -> None:
+def test_the_reason_of_its_end_is_reported_and_restarts_become_rarer(tmp_path: Path) -> None:
     with start_with_pillow(tmp_path, "raise RuntimeError('no lens')") as program:
         for pause in ("0.5", "1"):
             program.expect(
@@ -231,8 +231,8 @@ def test_why_it_ended_is_reported_and_it_is_started_less_and_less_often(tmp_path
         assert "Traceback" not in program.output
 
 
-def test_recordings(tmp_path: Path) -> None:
-    """A recorder has the pictures; the slave's own has not, and is repeated to the bit."""
+def test_pictures_are_in_recordings_of_clients_but_not_of_the_slave(tmp_path: Path) -> None:
+    """The slave's own recording is still repeated bit for bit."""
     folder = tmp_path / "recording"
     program, endpoint = start(tmp_path, f'{SENSORS}\n[recording]\nslave = true\nfolder = "{folder}"\n')
     with program:
@@ -263,7 +263,7 @@ print(*sorted({"numpy", "PIL", "subprocess", "socket", "ctypes", "hil.ros.images
 """
 
 
-def test_the_loops_side_is_lean(tmp_path: Path) -> None:
+def test_the_slave_process_imports_no_imaging_modules(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path, top=SENSORS)
     done = subprocess.run([sys.executable, "-c", LEAN, scenario], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr

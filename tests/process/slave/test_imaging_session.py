@@ -1,4 +1,4 @@
-"""The session of the imaging process: its messages go through that of the slave, to those who may receive them."""
+"""The session of the imaging process: its messages pass through that of the slave to permitted receivers."""
 
 import time
 from collections.abc import Iterator
@@ -53,14 +53,14 @@ def arrives(imaging: Session, *masters: Session) -> list[set[int]]:
     return got
 
 
-def test_masters_hear_it_through_the_slave(stack: ExitStack) -> None:
+def test_masters_receive_pictures_through_the_slave(stack: ExitStack) -> None:
     given = scenario(f"tcp/0.0.0.0:{free_port()}")
     stack.enter_context(listen(given.slave.listen, pictures=True))
     master = stack.enter_context(open_master_session(given.slave.listen.replace("0.0.0.0", "127.0.0.1")))
     assert arrives(stack.enter_context(join(given)), master) == [{len(PICTURE)}]
 
 
-def test_with_a_router(stack: ExitStack) -> None:
+def test_masters_receive_pictures_through_a_router(stack: ExitStack) -> None:
     router = f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=router)
     given = scenario(f"tcp/127.0.0.1:{free_port()}", network)
@@ -70,7 +70,7 @@ def test_with_a_router(stack: ExitStack) -> None:
     assert arrives(stack.enter_context(join(given)), master) == [{len(PICTURE)}]
 
 
-def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
+def test_only_permitted_listeners_receive_pictures(stack: ExitStack, tmp_path: Path) -> None:
     init(str(tmp_path))
     for name in ("uuv1", "laptop", "outsider"):
         add_machine(str(tmp_path), name, [])
@@ -87,8 +87,8 @@ def test_only_those_who_may_listen(stack: ExitStack, tmp_path: Path) -> None:
     assert arrives(stack.enter_context(join(given)), *masters) == [{len(PICTURE)}, set()]
 
 
-def test_subscribers_are_known_although_a_link_was_not_read(stack: ExitStack) -> None:
-    """The library never reads one if its time limit for opening it ends while it tells a listener who is slow."""
+def test_subscribers_are_known_after_an_unread_link(stack: ExitStack) -> None:
+    """The library never reads a link whose time limit for opening ends while it calls a slow listener."""
     given = scenario(f"tcp/127.0.0.1:{free_port()}")
     opened: list[str] = []
 
@@ -109,6 +109,6 @@ def test_subscribers_are_known_although_a_link_was_not_read(stack: ExitStack) ->
     assert arrives(imaging, master) == [{len(PICTURE)}]
 
 
-def test_without_a_slave() -> None:
+def test_joining_without_a_slave_is_an_error() -> None:
     with pytest.raises(NetworkError, match=r"cannot join tcp/127\.0\.0\.1"):
         join(scenario(f"tcp/127.0.0.1:{free_port()}"))

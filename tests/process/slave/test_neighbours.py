@@ -1,4 +1,4 @@
-"""Two slaves of a fleet, one with a camera and a sonar: what they show of the other vehicle, and where."""
+"""Two slaves of a fleet: the camera and the sonar of one show the other at its position."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -67,7 +67,7 @@ def write(folder: Path, network: str = "") -> tuple[Path, int, int]:
     return path, one, two
 
 
-class Onlooker:
+class Viewer:
     """A viewer of vehicle one, which can move vehicle two."""
 
     def __init__(self, client: VehicleClient, hand: Session, two: Program) -> None:
@@ -90,7 +90,7 @@ class Onlooker:
 
 
 @pytest.fixture(scope="module", params=["direct", "routed"])
-def onlooker(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Onlooker]:
+def onlooker(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Viewer]:
     folder = tmp_path_factory.mktemp(request.param)
     with ExitStack() as stack:
         network, text = Network(), ""
@@ -105,11 +105,11 @@ def onlooker(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
             slave.expect("ready")
         hand = stack.enter_context(open_master_session(ends[1], network=network))
         seeing = stack.enter_context(open_master_session(ends[0], network=network))
-        yield Onlooker(stack.enter_context(VehicleClient(seeing, "one", network=network)), hand, slaves[1])
+        yield Viewer(stack.enter_context(VehicleClient(seeing, "one", network=network)), hand, slaves[1])
 
 
-def test_it_is_where_its_slave_says(onlooker: Onlooker) -> None:
-    """Its stern stands half its length before its middle, and is as wide and high as it is."""
+def test_the_camera_shows_the_other_vehicle_at_its_position(onlooker: Viewer) -> None:
+    """The stern is half a length nearer than the centre, and has the width and height of the vehicle."""
     assert wait_for(lambda: abs(onlooker.middle() - (2.0 - LENGTH / 2.0)) < 0.1), onlooker.middle()
     assert wait_for(lambda: {"camera/labels", "camera/camera_info"} <= set(onlooker.client.latest))
     focal = onlooker.client.latest["camera/camera_info"].value.intrinsics.fx
@@ -124,7 +124,7 @@ def test_it_is_where_its_slave_says(onlooker: Onlooker) -> None:
     assert wait_for(lambda: sizes() == pytest.approx(wanted, abs=1.0)), (sizes(), wanted)
 
 
-def test_the_sonar_hears_it(onlooker: Onlooker) -> None:
+def test_the_sonar_detects_the_other_vehicle(onlooker: Viewer) -> None:
     """The strongest echo of the middle beam comes from its stern."""
 
     def loudest() -> float:
@@ -138,7 +138,7 @@ def test_the_sonar_hears_it(onlooker: Onlooker) -> None:
     assert wait_for(lambda: abs(loudest() - (2.0 - LENGTH / 2.0)) < 0.3), loudest()
 
 
-def test_it_moves_and_goes(onlooker: Onlooker) -> None:
+def test_the_other_vehicle_moves_and_disappears_with_its_slave(onlooker: Viewer) -> None:
     onlooker.move(2.5, 0.0, 5.0)
     assert wait_for(lambda: abs(onlooker.middle() - (2.5 - LENGTH / 2.0)) < 0.1), onlooker.middle()
     onlooker.move(-3.0, 0.0, 5.0)
@@ -158,7 +158,7 @@ def scenario(tmp_path: Path) -> Scenario:
 
 
 class Received(Neighbours):
-    """Hears what a test says."""
+    """Neighbours that receive their states from the test instead of the network."""
 
     def receive_from(self, node: str, sample: OdometrySample, came_ns: int) -> None:
         self._store_samples(node)("ground_truth", ros.encode_odometry(sample, "map", "base_link"), b"")
@@ -169,7 +169,7 @@ class Received(Neighbours):
 SAMPLE = OdometrySample(5, (1.0, 2.0, 3.0), from_euler(0.0, 0.0, np.pi / 2), (0.4, 0.0, 0.1, 0.0, 0.0, 0.5))
 
 
-def test_between_two_words_it_goes_on_and_then_it_is_gone(scenario: Scenario) -> None:
+def test_a_neighbour_is_extrapolated_between_samples_and_removed_after_a_timeout(scenario: Scenario) -> None:
     received = Received(scenario, load_vehicle(scenario.vehicle)[0])
     assert list(received.states) == ["two"], "not itself"
     state = received.states["two"]
@@ -190,7 +190,7 @@ def test_between_two_words_it_goes_on_and_then_it_is_gone(scenario: Scenario) ->
         {"orientation": (np.nan, 0.0, 0.0, 0.0)}, {"nu": (np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)},
     ],
 )  # fmt: skip
-def test_what_no_vehicle_can_say_is_not_received(scenario: Scenario, changes: dict[str, Any]) -> None:
+def test_impossible_states_of_a_neighbour_are_ignored(scenario: Scenario, changes: dict[str, Any]) -> None:
     received = Received(scenario, load_vehicle(scenario.vehicle)[0])
     received.receive_from("two", SAMPLE._replace(**changes), NS_PER_S)
     received.place(NS_PER_S)
@@ -198,6 +198,6 @@ def test_what_no_vehicle_can_say_is_not_received(scenario: Scenario, changes: di
     received._store_samples("two")("ground_truth", b"\xff" * 9, b"")
 
 
-def test_a_sensor_that_sees_no_solids_is_left_alone(scenario: Scenario) -> None:
+def test_a_sensor_without_ray_casting_is_not_changed(scenario: Scenario) -> None:
     Neighbours(scenario, load_vehicle(scenario.vehicle)[0]).stand_before(object())
     assert Neighbours(scenario._replace(member=()), load_vehicle(scenario.vehicle)[0]).states == {}

@@ -22,12 +22,12 @@ def manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.
         yield wire
 
 
-def test_a_message(manager: socket.socket) -> None:
+def test_a_message_is_sent_to_the_socket(manager: socket.socket) -> None:
     assert notify("READY=1")
     assert manager.recv(100) == b"READY=1"
 
 
-def test_an_abstract_address(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_abstract_socket_address_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     name = f"uuv-hil-test-{os.getpid()}"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as wire:
         wire.bind(f"\0{name}")
@@ -37,14 +37,14 @@ def test_an_abstract_address(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("address", ["", "not-a-path", "/no/such/socket", "@nobody-is-there"])
-def test_nobody_to_tell(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
+def test_without_a_socket_nothing_is_sent(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
     monkeypatch.setenv("NOTIFY_SOCKET", address)
     assert not notify("READY=1")
     monkeypatch.delenv("NOTIFY_SOCKET")
     assert not notify("READY=1")
 
 
-def test_a_loop_that_hangs_starves_the_watchdog(manager: socket.socket) -> None:
+def test_a_loop_without_progress_sends_no_watchdog_message(manager: socket.socket) -> None:
     heart = Heartbeat()
     for progress in (0, 400, 400, 400, 800):
         heart.beat(progress)
@@ -54,7 +54,7 @@ def test_a_loop_that_hangs_starves_the_watchdog(manager: socket.socket) -> None:
         manager.recv(100)
 
 
-def test_a_slave_as_a_service(manager: socket.socket, tmp_path: Path) -> None:
+def test_a_slave_sends_its_states_as_a_service(manager: socket.socket, tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     command = [sys.executable, "-m", "hil.cli", "slave", str(scenario)]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:

@@ -1,4 +1,4 @@
-"""The failures of thrusters as parameters, of a slave as a user runs it: what is read, set, refused and repeated."""
+"""Thruster failures and controller gains as ROS parameters of a real slave: read, set, refused and repeated."""
 
 import signal
 import time
@@ -39,8 +39,8 @@ keep_free = 0
 STRING = 4
 
 
-class Asker:
-    """Asks a slave's node as `ros2 param` does."""
+class ParameterClient:
+    """A client of a slave's parameter services, as `ros2 param` is."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -65,9 +65,9 @@ class Asker:
 
 
 class Flown:
-    """A slave that is driven and recorded, and those who ask it."""
+    """A slave that is commanded and recorded, with its clients."""
 
-    def __init__(self, slave: Program, client: VehicleClient, asker: Asker, folder: Path) -> None:
+    def __init__(self, slave: Program, client: VehicleClient, asker: ParameterClient, folder: Path) -> None:
         self.slave, self.client, self.asker, self.folder = slave, client, asker, folder
 
     def fly(self) -> None:
@@ -86,18 +86,18 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
         slave.expect("recording into")
         with open_master_session(f"tcp/127.0.0.1:{port}") as session, VehicleClient(session, "uuv1") as client:
             assert client.wait_for_vehicle(60)
-            yield Flown(slave, client, Asker(session), folder)
+            yield Flown(slave, client, ParameterClient(session), folder)
 
 
 @pytest.fixture
-def asker(flown: Flown) -> Asker:
+def asker(flown: Flown) -> ParameterClient:
     """Provide a client, with a vehicle in which all is well."""
     results = flown.asker.set(*[(name, "") for name in PARAMETERS])
     assert results == [{"successful": True, "reason": ""}] * len(PARAMETERS)
     return flown.asker
 
 
-def test_the_failures_of_the_scenario_are_there_from_the_beginning(flown: Flown) -> None:
+def test_failures_of_the_scenario_are_parameters_from_the_start(flown: Flown) -> None:
     assert flown.asker.get("failures.vertical_left") == 'kind = "noisy", noise = 0.25'
     assert flown.asker.get("failures.front_left") == ""
 
@@ -113,12 +113,12 @@ def test_the_failures_of_the_scenario_are_there_from_the_beginning(flown: Flown)
         ({"prefixes": ["failures"], "depth": 1}, PARAMETERS),
     ],
 )
-def test_list(asker: Asker, request_: Any, names: list[str]) -> None:
+def test_parameters_are_listed_by_prefix(asker: ParameterClient, request_: Any, names: list[str]) -> None:
     result = asker.call("list_parameters", "ListParameters", **request_)["result"]
     assert result == {"names": names, "prefixes": ["failures"] if names else []}
 
 
-def test_gains_of_the_cascade_are_numbers_that_can_be_set(asker: Asker) -> None:
+def test_gains_of_the_cascade_are_numbers_that_can_be_set(asker: ParameterClient) -> None:
     names = asker.call("list_parameters", "ListParameters")["result"]["names"]
     gains = [name for name in names if name.startswith("gains.")]
     assert [name for name in names if name not in gains] == PARAMETERS
@@ -144,7 +144,7 @@ def test_gains_of_the_cascade_are_numbers_that_can_be_set(asker: Asker) -> None:
     assert read("gains.surge.p") == before + 0.5
 
 
-def test_types_values_and_descriptions_in_the_order_asked_for(asker: Asker) -> None:
+def test_types_values_and_descriptions_are_in_the_requested_order(asker: ParameterClient) -> None:
     names = ["failures.rear_left", "use_sim_time", "failures.front_left"]
     assert asker.call("get_parameter_types", "GetParameterTypes", names=names)["types"] == bytes((STRING, 0, STRING))
     values = asker.call("get_parameters", "GetParameters", names=names)["values"]
@@ -174,7 +174,7 @@ def test_types_values_and_descriptions_in_the_order_asked_for(asker: Asker) -> N
         ("", ""),
     ],
 )
-def test_every_kind_begins_and_ends(asker: Asker, text: str, reads: str) -> None:
+def test_every_kind_of_failure_is_set_and_cleared(asker: ParameterClient, text: str, reads: str) -> None:
     (result,) = asker.set(("failures.rear_left", text))
     assert result == {"successful": True, "reason": ""}
     assert asker.get("failures.rear_left") == reads
@@ -204,7 +204,7 @@ def test_every_kind_begins_and_ends(asker: Asker, text: str, reads: str) -> None
         ("use_sim_time", {"type": 1, "bool_value": True}, "no parameter 'use_sim_time'"),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_reason(asker: Asker, name: str, value: Any, words: str) -> None:
+def test_wrong_values_are_refused_with_the_reason(asker: ParameterClient, name: str, value: Any, words: str) -> None:
     before = 'kind = "efficiency", efficiency = 0.25'
     good = ("failures.front_left", "kind = off")
     asker.set(("failures.rear_left", before))
@@ -219,13 +219,13 @@ def test_what_cannot_be_is_refused_with_the_reason(asker: Asker, name: str, valu
     assert asker.get("failures.front_left") == "", "all or none"
 
 
-def test_all_at_once(asker: Asker) -> None:
+def test_all_parameters_are_set_atomically(asker: ParameterClient) -> None:
     texts = {name: f'kind = "efficiency", efficiency = 0.{digit}' for digit, name in enumerate(PARAMETERS, 1)}
     assert asker.set(*texts.items(), atomically=True) == {"successful": True, "reason": ""}
     assert {name: asker.get(name) for name in PARAMETERS} == texts
 
 
-def test_what_the_service_says_is_read_too(asker: Asker) -> None:
+def test_a_failure_set_by_the_service_is_read_as_a_parameter(asker: ParameterClient) -> None:
     fail = "/uuv1/thrusters/front_right/fail"
     asker.set(("failures.front_right", "kind = delayed, delay = 1"))
     call(asker.session, fail, "std_srvs/srv/SetBool", {"data": True})
@@ -234,8 +234,8 @@ def test_what_the_service_says_is_read_too(asker: Asker) -> None:
     assert asker.get("failures.front_right") == ""
 
 
-def test_they_are_reported_recorded_and_repeated_to_the_bit(flown: Flown, asker: Asker) -> None:
-    """All kinds are set while the slave is driven, then its recording is flown again; this test is its last."""
+def test_parameter_changes_are_recorded_and_repeated_bit_for_bit(flown: Flown, asker: ParameterClient) -> None:
+    """All kinds are set while the slave is commanded, then its recording is replayed; this ends the slave."""
     kinds = (
         "kind = efficiency, efficiency = 0.3", "kind = stuck, pwm_us = 1700", "kind = delayed, delay = 50 ms",
         "kind = noisy, noise = 0.4", "kind = off", "kind = stuck", "",
@@ -270,14 +270,14 @@ FAILURES = st.one_of(
 
 
 @given(st.lists(FAILURES, max_size=5, unique_by=lambda keys: str(keys["kind"])))
-def test_what_is_shown_can_be_set(tables: list[dict[str, Any]]) -> None:
-    """Every parameter that is listed can be set, also the longest."""
+def test_every_shown_value_can_be_set(tables: list[dict[str, Any]]) -> None:
+    """The text of any list of failures can be parsed, also the longest."""
     failures = [Failure("bow", **table) for table in tables]
     assert read_failures(failures_text(failures), "bow", "failures.bow") == failures
 
 
 @given(st.text(max_size=60) | st.text('kind=off,;. "0123456789efnoisy_', max_size=60))
-def test_noise_is_refused_and_nothing_else(text: str) -> None:
+def test_random_text_is_refused_without_other_errors(text: str) -> None:
     with suppress(ConfigError):
         found = read_failures(text, "bow", "failures.bow")
         assert read_failures(failures_text(found), "bow", "failures.bow") == found

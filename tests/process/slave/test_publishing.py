@@ -1,4 +1,4 @@
-"""The loop's samples leave in a thread of their own: in order, or the oldest are lost, but the loop never waits."""
+"""The publishing thread of the loop: samples are sent in order or the oldest are dropped, and the loop never waits."""
 
 import threading
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ DEPTH = 8
 
 
 class Publisher:
-    """Publishes nothing until the network lets it."""
+    """A publisher that blocks until the session is `free`."""
 
     has_subscribers = True
     background = False
@@ -40,7 +40,7 @@ class Publisher:
 
 
 class Session:
-    """A network that holds whoever publishes while it is not `free`."""
+    """A session whose publishers block while it is not `free`."""
 
     zid = "1"
 
@@ -58,7 +58,7 @@ class Session:
         return None
 
     def watch_subscribers(self, _publisher: Publisher) -> None:
-        """Everybody listens to everything."""
+        """Do nothing: every topic has subscribers."""
 
     def numbers(self) -> list[int]:
         """Return the times of the samples of pressure that were sent."""
@@ -92,7 +92,7 @@ def step(sample_publisher: SamplePublisher, number: int) -> None:
     sample_publisher.wake_publisher()
 
 
-def test_a_network_that_holds_publishers_up_costs_the_oldest_samples_and_no_time(
+def test_a_blocked_network_drops_the_oldest_samples_without_delay(
     sample_publisher: SamplePublisher, session: Session, thread: PublishingThread
 ) -> None:
     step(sample_publisher, 1)
@@ -110,7 +110,7 @@ def test_a_network_that_holds_publishers_up_costs_the_oldest_samples_and_no_time
     assert session.threads == {thread._thread.ident}, "nothing is declared by the loop"
 
 
-def test_all_leaves_in_its_order_with_the_time_at_which_it_came(
+def test_messages_are_sent_in_order_with_the_time_of_their_measurement(
     sample_publisher: SamplePublisher, session: Session
 ) -> None:
     sample_publisher.sample("pressure", PressureSample(1, 1e5))
@@ -129,7 +129,9 @@ def test_all_leaves_in_its_order_with_the_time_at_which_it_came(
     assert left - came >= released - after, "a sample is as old as it is; a trace compares clocks when it leaves"
 
 
-def test_who_is_not_listened_to_wakes_nobody(sample_publisher: SamplePublisher, session: Session) -> None:
+def test_samples_without_subscribers_do_not_wake_the_thread(
+    sample_publisher: SamplePublisher, session: Session
+) -> None:
     session.free.set()
     step(sample_publisher, 1)
     assert wait_for(lambda: session.numbers() == [1])
@@ -139,7 +141,7 @@ def test_who_is_not_listened_to_wakes_nobody(sample_publisher: SamplePublisher, 
     assert not sample_publisher._thread._waiting  # type: ignore[union-attr]
 
 
-def test_what_is_waiting_at_the_end_still_leaves(session: Session) -> None:
+def test_waiting_samples_are_sent_at_the_end(session: Session) -> None:
     thread = PublishingThread(DEPTH)
     sample_publisher = SamplePublisher(session, "uuv1", 0, thread=thread)  # type: ignore[arg-type]
     for number in range(5):
@@ -149,7 +151,7 @@ def test_what_is_waiting_at_the_end_still_leaves(session: Session) -> None:
     assert session.numbers() == list(range(5))
 
 
-def test_the_loop_hears_of_a_sample_that_is_none(thread: PublishingThread) -> None:
+def test_an_error_of_the_publishing_thread_is_raised_in_the_loop(thread: PublishingThread) -> None:
     def fail() -> None:
         raise ConfigError("sensor sonar: no such field")
 

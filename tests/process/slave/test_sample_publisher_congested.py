@@ -15,7 +15,7 @@ BYTES_PER_S = 0.4e6
 LASER, IMU = bytes(60_000), bytes(300)
 
 
-def test_large_messages_hold_up_neither_the_loop_nor_small_ones() -> None:
+def test_large_messages_delay_neither_the_loop_nor_small_messages() -> None:
     port = free_port()
     received, last, spent_s = Counter[str](), dict[str, bytes](), list[float]()
     with (

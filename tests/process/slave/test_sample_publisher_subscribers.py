@@ -1,4 +1,4 @@
-"""Samples without subscribers are not sent, but the last one is stored for late joiners."""
+"""Samples without subscribers are not sent, but the last one is stored for late subscribers."""
 
 import time
 from collections import defaultdict
@@ -29,7 +29,7 @@ def pressure(number: int) -> PressureSample:
 
 
 class Vehicle:
-    """Says what it measures, sample after sample, and counts how often."""
+    """A publisher of samples that counts its steps."""
 
     def __init__(self, session: Session) -> None:
         self.sample_publisher = SamplePublisher(session, "uuv1", 0)
@@ -43,8 +43,8 @@ class Vehicle:
     def sent(self, topic: str) -> int:
         return self.sample_publisher._publishers[topic].sequence
 
-    def falls_silent(self) -> bool:
-        """True if soon nothing is sent any more."""
+    def stops_sending(self) -> bool:
+        """Return True if sending stops soon."""
 
         def excluded_topics() -> bool:
             before = self.sample_publisher.sent
@@ -59,7 +59,7 @@ class Vehicle:
             time.sleep(0.001)
 
     def until(self, true: Callable[[], bool]) -> bool:
-        """True if that comes true while the publisher goes on measuring."""
+        """Return True if the condition becomes true while samples are published."""
 
         def stepped() -> bool:
             self.step()
@@ -82,7 +82,7 @@ class Received(defaultdict[str, list[int]]):
         self[topic].append(stamp.sequence)
 
     def all_of(self, topic: str, last: int) -> bool:
-        """True if all from the first to the last have come."""
+        """Return True if all from the first to the last have arrived."""
         return bool(wait_for(lambda: self[topic] == list(range(self[topic][0], last + 1))))
 
 
@@ -103,9 +103,9 @@ def vehicle(endpoint: str) -> Iterator[Vehicle]:
         yield Vehicle(session)
 
 
-def test_only_what_somebody_listens_to_is_sent(vehicle: Vehicle, endpoint: str) -> None:
+def test_only_topics_with_subscribers_are_sent(vehicle: Vehicle, endpoint: str) -> None:
     vehicle.step()
-    assert vehicle.falls_silent()
+    assert vehicle.stops_sending()
     with listening(endpoint, "pressure") as received:
         assert vehicle.until(lambda: "pressure" in received)
         before = vehicle.sent("imu"), vehicle.sent("pressure")
@@ -113,10 +113,10 @@ def test_only_what_somebody_listens_to_is_sent(vehicle: Vehicle, endpoint: str) 
         assert vehicle.sent("imu") == before[0]
         assert vehicle.sent("pressure") == before[1] + 50
         assert received.all_of("pressure", vehicle.sent("pressure"))
-    assert vehicle.falls_silent()
+    assert vehicle.stops_sending()
 
 
-def test_all_listeners_get_the_same(vehicle: Vehicle, endpoint: str) -> None:
+def test_all_subscribers_get_the_same_samples(vehicle: Vehicle, endpoint: str) -> None:
     vehicle.step()
     with listening(endpoint, "imu") as one, listening(endpoint, "*") as other:
         assert vehicle.until(lambda: "imu" in one and "imu" in other and "pressure" in other)
@@ -126,8 +126,8 @@ def test_all_listeners_get_the_same(vehicle: Vehicle, endpoint: str) -> None:
         assert other.all_of("pressure", vehicle.sent("pressure"))
 
 
-def test_one_listener_to_one_of_its_messages_is_enough(endpoint: str) -> None:
-    """A sample may go out as several messages."""
+def test_one_subscriber_of_one_of_its_messages_is_enough(endpoint: str) -> None:
+    """A sample may be sent as several messages."""
     with listen(endpoint) as session:
         sample_publisher = SamplePublisher(session, "uuv1", 0)
 
@@ -139,7 +139,7 @@ def test_one_listener_to_one_of_its_messages_is_enough(endpoint: str) -> None:
             assert wait_for(lambda: output() == {"altitude"})
 
 
-def test_what_is_silent_is_no_outlet(endpoint: str) -> None:
+def test_an_excluded_topic_does_not_cause_sending(endpoint: str) -> None:
     """A subscriber to /tf gets no odometry where transforms are switched off."""
     with listen(endpoint) as session, open_master_session(endpoint) as other:
         other.subscribe_keys("0/tf/*/*", lambda *_: None, 8)
@@ -154,10 +154,10 @@ def test_what_is_silent_is_no_outlet(endpoint: str) -> None:
         assert set(sample_publisher._publishers) == {"odom"}
 
 
-def test_a_late_joiner_gets_the_newest_though_it_was_never_sent(vehicle: Vehicle, endpoint: str) -> None:
+def test_a_late_subscriber_gets_the_newest_sample_though_it_was_never_sent(vehicle: Vehicle, endpoint: str) -> None:
     serve_last(vehicle.sample_publisher._session, "uuv1", vehicle.sample_publisher.catch_up)
     vehicle.step()
-    assert vehicle.falls_silent()
+    assert vehicle.stops_sending()
     vehicle.run(10)
     before = to_wall_ns(now_ns())
     vehicle.step()
@@ -181,9 +181,9 @@ def test_a_late_joiner_gets_the_newest_though_it_was_never_sent(vehicle: Vehicle
     assert vehicle.sample_publisher.sent == sent
 
 
-def test_what_was_kept_does_not_come_after_what_was_sent(vehicle: Vehicle, endpoint: str) -> None:
+def test_a_stored_sample_does_not_replace_a_sent_one(vehicle: Vehicle, endpoint: str) -> None:
     vehicle.step()
-    assert vehicle.falls_silent()
+    assert vehicle.stops_sending()
     with listening(endpoint, "*") as received:
         assert vehicle.until(lambda: "imu" in received)
         sent = vehicle.sample_publisher._publishers["imu"].last
@@ -191,7 +191,7 @@ def test_what_was_kept_does_not_come_after_what_was_sent(vehicle: Vehicle, endpo
         assert vehicle.sample_publisher._publishers["imu"].last is sent
 
 
-def test_all_is_sent_where_it_has_to_be(endpoint: str) -> None:
+def test_all_samples_are_sent_when_required(endpoint: str) -> None:
     """The slave's own recording needs all samples."""
 
     class Recorded(SamplePublisher):
@@ -205,7 +205,7 @@ def test_all_is_sent_where_it_has_to_be(endpoint: str) -> None:
     assert sample_publisher.sent == 30
 
 
-def test_a_listener_behind_a_router_counts(tmp_path: Path, endpoint: str) -> None:
+def test_a_subscriber_behind_a_router_counts(tmp_path: Path, endpoint: str) -> None:
     router = f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=router)
     with Program(tmp_path, "router", "--listen", router) as between:
@@ -213,11 +213,11 @@ def test_a_listener_behind_a_router_counts(tmp_path: Path, endpoint: str) -> Non
         with listen(endpoint, network) as session:
             vehicle = Vehicle(session)
             vehicle.step()
-            assert vehicle.falls_silent()
+            assert vehicle.stops_sending()
             with open_master_session(router, network=network) as master:
                 received = Received(master, "imu")
                 assert vehicle.until(lambda: "imu" in received)
                 before = vehicle.sent("pressure")
                 vehicle.run(20)
                 assert vehicle.sent("pressure") == before
-            assert vehicle.falls_silent()
+            assert vehicle.stops_sending()

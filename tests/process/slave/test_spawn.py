@@ -1,4 +1,4 @@
-"""A program that a slave starts beside itself."""
+"""A program that a slave starts as its child."""
 
 import os
 import signal

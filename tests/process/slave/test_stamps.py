@@ -1,4 +1,4 @@
-"""Messages are stamped with the instant of measurement: for hours, through skipped steps and clocks that are set."""
+"""Time stamps are those of the measurement: for hours, after skipped steps, and after the clock was set."""
 
 import signal
 import time
@@ -24,7 +24,7 @@ WALL_OFFSET_NS = 1_700_000_000 * NS_PER_S
 
 
 class Bed:
-    """A loop whose simulation only counts time, on a schedule whose clock is the test's."""
+    """A loop whose simulation only counts time, on a schedule with the clock of the test."""
 
     def __init__(self, step_ns: int) -> None:
         self.step_ns = step_ns
@@ -48,7 +48,7 @@ class Bed:
         return True
 
 
-def test_stamps_are_right_for_hours_through_skips_and_a_clock_that_is_set() -> None:
+def test_stamps_stay_right_for_hours_with_skipped_steps_and_a_set_clock() -> None:
     random, bed = Random(7), Bed(500 * NS_PER_MS)
     offset_ns, most_ns, skips, sets = WALL_OFFSET_NS, 0, 0, 0
     while bed.loop.schedule.deadline_ns < START_NS + 5 * 3600 * NS_PER_S:
@@ -75,7 +75,7 @@ def test_stamps_are_right_for_hours_through_skips_and_a_clock_that_is_set() -> N
     assert most_ns < NS_PER_MS
 
 
-def test_what_was_measured_before_a_skip_is_stamped_so_though_it_comes_later() -> None:
+def test_late_samples_from_before_a_skip_have_their_own_stamp() -> None:
     stamps = Stamps(100, 0)
     assert stamps.stamp(5) == 105
     stamps.begin(10, 1000)
@@ -88,7 +88,7 @@ def test_what_was_measured_before_a_skip_is_stamped_so_though_it_comes_later() -
     assert len(stamps._older) < 100
 
 
-def test_the_clock_topic_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_clock_topic_has_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     output: dict[str, bytes] = {}
     bed = Bed(2_500_000)
     bed.stamps.begin(0, 7 * NS_PER_S)
@@ -103,12 +103,12 @@ def test_the_clock_topic_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     assert decode_clock(output["/clock"]) == 7 * NS_PER_S + 5 == bed.stamps.stamp(5)
 
 
-def test_the_wall_clock_is_read_as_it_is() -> None:
+def test_the_wall_clock_offset_is_the_present_one() -> None:
     before, offset_ns = time.time_ns() - now_ns(), wall_offset_ns()
     assert abs(offset_ns - before) < NS_PER_S, "or it was set just now"
 
 
-def test_a_slave_that_was_stopped_tells_the_right_time_again(tmp_path: Path) -> None:
+def test_stamps_are_right_again_after_the_slave_was_stopped(tmp_path: Path) -> None:
     """Stamps used to stay too old by the time for which the slave was stopped."""
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario) as slave:

@@ -1,4 +1,4 @@
-"""A tether of a slave as a user runs it: its line on the network, in the live view and in plots."""
+"""The tether of a real slave: its line on the network, in the live view and in plots."""
 
 import time
 from pathlib import Path
@@ -17,7 +17,7 @@ from tests.unit.view.scene_recorder import Recorder
 TETHER = '[tether]\nlength = "12 m"\nanchor = [0.0, 0.0, 0.0]\nsegments = 6\n'
 
 
-def test_a_slave_publishes_where_its_tether_hangs(tmp_path: Path) -> None:
+def test_a_slave_publishes_the_line_of_its_tether(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     with scenario.open("a") as file:
         file.write(TETHER)
@@ -38,7 +38,7 @@ def test_a_slave_publishes_where_its_tether_hangs(tmp_path: Path) -> None:
     assert line[-1] == pytest.approx(truth.position, abs=0.5)
 
 
-def test_the_live_view_draws_it() -> None:
+def test_the_live_view_draws_the_tether() -> None:
     server = Recorder()
     vehicle = VehicleScene(server, "uuv1", None, {})
     line = ((0.0, 0.0, 0.0), (2.0, 1.0, 4.0), (4.0, 0.0, 5.0))
@@ -48,7 +48,7 @@ def test_the_live_view_draws_it() -> None:
     assert segments[1, 1].tolist() == [0.0, 4.0, -5.0]
 
 
-def test_plots_know_its_last_place() -> None:
+def test_plots_have_the_last_line_of_the_tether() -> None:
     lines = [((0.0, 0.0, 0.0), (1.0, 2.0, 3.0)), ((0.0, 0.0, 0.0), (4.0, 5.0, 6.0))]
     messages = [
         Message("/uuv1/tether", "nav_msgs/msg/Path", k, k, k, encode_plan(k, line, 0.0))

@@ -40,7 +40,7 @@ sensor = "pressure"
 """
 
 
-def test_each_camera_and_sonar_is_there_by_its_name(tmp_path: Path) -> None:
+def test_each_camera_and_sonar_has_topics_of_its_name(tmp_path: Path) -> None:
     program, endpoint = start(tmp_path, SENSORS)
     with program:
         program.expect("ready")
@@ -80,7 +80,7 @@ class _Client:
 
 
 class _Starting(VehicleState):
-    """A vehicle with a graph that is given, whose sensors are waited for no longer than a moment."""
+    """A vehicle with a given graph, whose sensors are awaited only for a moment."""
 
     present = True
 
@@ -93,7 +93,7 @@ class _Starting(VehicleState):
         return self.graph
 
 
-def test_a_camera_whose_process_is_starting_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_camera_whose_process_is_starting_is_reported_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("FIRST_WITHIN_S", "MADE_WITHIN_S"):
         monkeypatch.setattr(f"hil.client.vehicle_state.{name}", 0.01)
     with pytest.raises(NetworkError, match=r"has sent no 'camera/image_raw'.*pictures of its camera is still starting"):
@@ -105,14 +105,12 @@ def test_a_camera_whose_process_is_starting_is_said_to(monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("how", ["newest", "samples"])
-def test_topics_of_a_process_that_starts_may_appear_one_after_the_other(
-    how: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_topics_of_a_starting_process_may_appear_one_after_the_other(how: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.client.vehicle_state.FIRST_WITHIN_S", 0.01)
     monkeypatch.setattr("hil.client.vehicle_state.samples.aged", lambda _, stamped: stamped)
 
     class Appearing(_Starting):
-        """Starts at the first look; half a second later its picture comes, and until then only what goes with it."""
+        """A vehicle whose process starts at the first call; the picture appears half a second later."""
 
         def _published(self) -> dict[str, str]:
             before, self.graph = self.graph, {"camera/camera_info": "sensor_msgs/msg/CameraInfo"}

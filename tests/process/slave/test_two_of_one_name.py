@@ -1,4 +1,4 @@
-"""Two real slaves of one name behind one router: the second ends, and says who was there first."""
+"""Two real slaves of one name behind one router: the second ends and names the first."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A test that fails by chance is reported and passes; one that fails twice, and whatever else pytest says, fails."""
+"""`tools/check.py`: a test that fails once is repeated and reported; one that fails twice and any other error fail."""
 
 from pathlib import Path
 
@@ -63,7 +63,7 @@ def test_a_part_may_have_no_second_attempt(tmp_path: Path) -> None:
     assert check.run_tests(["."], ["-n", "0"], tmp_path, again=False) == (["test_0.py::test_by_chance"], [])
 
 
-def test_many_failures_are_not_tried_again(tmp_path: Path) -> None:
+def test_many_failures_are_not_repeated(tmp_path: Path) -> None:
     many = "".join(f"def test_{number}(): assert False\n" for number in range(check.MOST_BY_CHANCE + 1))
     failed, passed_alone = outcome(tmp_path, many, BY_CHANCE)
     assert len(failed) == check.MOST_BY_CHANCE + 2
@@ -71,7 +71,7 @@ def test_many_failures_are_not_tried_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["import nothing_of_that_name\n", ""], ids=["not collected", "no test"])
-def test_what_is_no_failure_of_a_test_fails(tmp_path: Path, text: str) -> None:
+def test_an_error_of_collection_fails(tmp_path: Path, text: str) -> None:
     failed, passed_alone = outcome(tmp_path, text)
     assert failed
     assert passed_alone == []

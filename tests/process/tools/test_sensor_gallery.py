@@ -1,4 +1,4 @@
-"""docs/reference/sensors.md is what tools/pages/sensor_gallery.py makes, and its code runs."""
+"""docs/reference/sensors.md equals the output of tools/pages/sensor_gallery.py, and its code runs."""
 
 import re
 import subprocess
@@ -21,13 +21,13 @@ def test_the_page_is_up_to_date() -> None:
     assert sensor_gallery.page(sensor_gallery.ENTRIES, "sensors") == PAGE
 
 
-def test_every_picture_is_there_and_no_other() -> None:
+def test_every_picture_exists_and_no_other() -> None:
     named = {picture.__name__ for entry in sensor_gallery.ENTRIES for picture in entry.pictures}
     assert {path.stem for path in (ROOT / "docs" / "reference" / "sensors").glob("*.png")} == named
     assert {entry.sensor for entry in sensor_gallery.ENTRIES} <= set(SENSORS)
 
 
-def test_its_code_runs() -> None:
+def test_the_code_of_the_page_runs() -> None:
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr

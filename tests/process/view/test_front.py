@@ -1,4 +1,4 @@
-"""The live view's web server against who has no token."""
+"""The live view's web server: connections without the token, and stalled browsers."""
 
 import base64
 import http.client
@@ -34,7 +34,7 @@ def connect(served: Front) -> socket.socket:
 
 
 def is_closed(connection: socket.socket) -> bool:
-    """True if the other end has closed it; what comes before that is read."""
+    """Return True if the other end has closed it; received bytes are discarded."""
     connection.setblocking(False)
     try:
         while connection.recv(4096):
@@ -54,7 +54,7 @@ def status(served: Front, path: str) -> int:
         return connection.getresponse().status
 
 
-def test_connections_without_the_token_are_few_and_do_not_stay(served: Front) -> None:
+def test_connections_without_the_token_are_limited_in_number_and_time(served: Front) -> None:
     with ExitStack() as stack:
         silent = [stack.enter_context(connect(served)) for _ in range(40)]
         assert wait_for(lambda: sum(map(is_closed, silent)) >= 32), "all but eight at once"
@@ -62,13 +62,13 @@ def test_connections_without_the_token_are_few_and_do_not_stay(served: Front) ->
         assert status(served, f"/?token={TOKEN}") == 302
 
 
-def test_a_connection_on_which_a_wrong_token_was_shown_does_not_stay(served: Front) -> None:
+def test_a_connection_with_a_wrong_token_is_closed(served: Front) -> None:
     with connect(served) as refused:
         refused.sendall(b"GET /?token=wrong HTTP/1.1\r\nHost: x\r\n\r\n")
         assert wait_for(lambda: is_closed(refused))
 
 
-def test_a_connection_with_the_token_stays(served: Front) -> None:
+def test_a_connection_with_the_token_stays_open(served: Front) -> None:
     request = f"GET /?token={TOKEN} HTTP/1.1\r\nHost: x\r\n\r\n".encode()
     with connect(served) as admitted, connect(served) as silent:
         admitted.sendall(request)
@@ -78,8 +78,8 @@ def test_a_connection_with_the_token_stays(served: Front) -> None:
         assert admitted.recv(4096).startswith(b"HTTP/1.1 302")
 
 
-def test_a_browser_that_reads_nothing_is_cut(served: Front, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A connection closed in order would stay for as long as the kernel tries to send the rest."""
+def test_a_browser_that_does_not_read_is_disconnected(served: Front, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A connection that is closed normally would stay as long as the kernel tries to send the rest."""
     monkeypatch.setattr(front, "STALLED_S", 0.5)
     ended = select.poll()
     with socket.socket() as browser:

@@ -1,4 +1,4 @@
-"""The plan of one client of a slave reaches another, the live view, and goes into the scene as it is."""
+"""The plan that one client of a slave publishes reaches the live view, another client."""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from tests.support.processes import Program, wait_for, write_scenario
 
 
 def arrives(master: VehicleClient, payload: bytes, source: LiveSource) -> Any:
-    """Publish a plan, again and again as a mission does, for it is not latched; which one the view has."""
+    """Publish a plan, as a mission does repeatedly because it is not latched; return the plan that the view has."""
     master.publish("plan", payload)
     return source.latest("uuv1").get("plan")
 

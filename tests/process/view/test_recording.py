@@ -14,7 +14,9 @@ from tests.support.processes import Program, wait_for, write_scenario
 pytest.importorskip("mcap", reason="recordings need the extra record")
 
 
-def test_a_recording_of_the_view_holds_what_the_vehicle_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_of_the_view_has_the_messages_of_the_vehicle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path, port = write_scenario(tmp_path)
     monkeypatch.chdir(tmp_path)
     with (

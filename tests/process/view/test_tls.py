@@ -1,4 +1,4 @@
-"""The page of the live view behind certificates."""
+"""The page of the live view over TLS."""
 
 import ssl
 from importlib.util import find_spec
@@ -21,7 +21,7 @@ def machine(folder: Path) -> Path:
     return folder / "bench"
 
 
-def test_page_stick_and_scene_come_encrypted(tmp_path: Path) -> None:
+def test_page_joystick_and_scene_are_encrypted(tmp_path: Path) -> None:
     keys = machine(tmp_path / "keys")
     scenario, _ = write_scenario(tmp_path)
     words = ("--cert", keys / "cert.pem", "--key", keys / "key.pem", "--listen", "127.0.0.1:0", "--no-browser")
@@ -38,7 +38,7 @@ def test_page_stick_and_scene_come_encrypted(tmp_path: Path) -> None:
         assert with_session(look, trusting) == ["uuv1"]
 
 
-def test_elsewhere_without_certificates_it_warns(tmp_path: Path) -> None:
+def test_a_view_for_other_machines_without_certificates_warns(tmp_path: Path) -> None:
     words = ("--connect", f"tcp/127.0.0.1:{free_port()}", "--listen", "0.0.0.0:0", "--no-browser")
     with Program(tmp_path, "view", *words) as view:
         view.expect(ADDRESS)
@@ -53,7 +53,7 @@ def test_elsewhere_without_certificates_it_warns(tmp_path: Path) -> None:
         (("--cert", __file__, "--key", __file__), "not a certificate and its private key"),
     ],
 )
-def test_certificates_that_are_none_are_one_line(words: tuple[str, ...], reason: str) -> None:
+def test_wrong_certificates_are_one_line(words: tuple[str, ...], reason: str) -> None:
     code, output = run_here("view", *words)
     assert code == 2
     assert reason in output

@@ -21,7 +21,7 @@ address = "udp://127.0.0.1:{udp}"
 [sensors.imu]
 rate = 400
 """
-AHEAD = (1400, 1400, 1600, 1600, 1500, 1500)
+FORWARD_PWM_US = (1400, 1400, 1600, 1600, 1500, 1500)
 
 
 class Flyer:
@@ -30,7 +30,7 @@ class Flyer:
     def __init__(self, port: int) -> None:
         self.peer = ArdupilotPeer(port)
         self.peer.socket.settimeout(0.3)
-        self.motors = AHEAD
+        self.motors = FORWARD_PWM_US
         self.running = True
         self.going = threading.Event()
         self.going.set()

@@ -1,4 +1,4 @@
-"""The real ArduSub, where UUV_HIL_ARDUSUB names its SITL program: it arms, holds depth, drives a square, survives."""
+"""The real ArduSub, where UUV_HIL_ARDUSUB names its SITL program: depth, parameters, guided mode, position, faults."""
 
 from collections.abc import Iterator
 from math import hypot
@@ -28,7 +28,7 @@ PRESENT = {
     "RNGFND1_MAX", "RNGFND1_MIN", "PSC_D_ACC_P", "PSC_D_ACC_I", "PSC_D_VEL_P", "PSC_D_POS_P", "PSC_NE_POS_P",
     "PSC_NE_VEL_P", "PSC_NE_VEL_I", "PSC_NE_VEL_D",
 }  # fmt: skip
-PLACED = """
+DVL_WITH_POSITION = """
 [sensors.dvl]
 rate = 10
 position = [0.5, 0.1, 0.2]
@@ -43,7 +43,7 @@ def dive(tmp_path: Path) -> Iterator[Dive]:
 
 
 @pytest.mark.parametrize("vehicle", ["bluerov2", "bluerov2_heavy"])
-def test_it_holds_depth_for_two_minutes_in_a_current(tmp_path: Path, vehicle: str) -> None:
+def test_ardusub_holds_depth_for_two_minutes_in_a_current(tmp_path: Path, vehicle: str) -> None:
     dive = Dive(tmp_path, vehicle)
     depths: list[float] = []
 
@@ -65,10 +65,10 @@ def test_it_holds_depth_for_two_minutes_in_a_current(tmp_path: Path, vehicle: st
 
 
 @pytest.mark.parametrize("vehicle", ["bluerov2", "bluerov2_heavy"])
-def test_it_takes_all_installed_parameters_and_the_places_of_sensors(tmp_path: Path, vehicle: str) -> None:
+def test_ardusub_accepts_all_installed_parameters_and_sensor_positions(tmp_path: Path, vehicle: str) -> None:
     given = read_parameters(f"{preset_folder(FOLDER)}/ardupilot_{vehicle}.parm")
     given |= {"VISO_POS_X": 0.5, "VISO_POS_Y": 0.1, "VISO_POS_Z": 0.2, "EK3_SRC1_POSXY": 6.0}
-    dive = Dive(tmp_path, vehicle, positions="dvl", sensors=PLACED)
+    dive = Dive(tmp_path, vehicle, positions="dvl", sensors=DVL_WITH_POSITION)
     found: dict[str, float] = {}
 
     def mission() -> Mission:
@@ -88,7 +88,7 @@ def test_it_takes_all_installed_parameters_and_the_places_of_sensors(tmp_path: P
     assert found == pytest.approx({name: given[name] for name in found})
 
 
-def test_it_drives_a_square_in_guided(dive: Dive) -> None:
+def test_ardusub_follows_a_square_in_guided_mode(dive: Dive) -> None:
     corners = [(0.0, 5.0), (5.0, 5.0), (5.0, 0.0), (0.0, 0.0)]
     misses: list[float] = []
 
@@ -113,7 +113,7 @@ def test_it_drives_a_square_in_guided(dive: Dive) -> None:
 
 
 @pytest.mark.parametrize(("positions", "most"), [("odometry", 0.4), ("dvl", 0.4)])
-def test_it_holds_its_position_under_water_without_gps(tmp_path: Path, positions: str, most: float) -> None:
+def test_ardusub_holds_its_position_under_water_without_gps(tmp_path: Path, positions: str, most: float) -> None:
     dive = Dive(tmp_path, positions=positions)
     strayed: list[float] = []
 
@@ -135,8 +135,8 @@ def test_it_holds_its_position_under_water_without_gps(tmp_path: Path, positions
     assert dive.station.latest["GPS_RAW_INT"].fix_type <= 1
 
 
-def test_a_dvl_ahead_of_the_middle_does_not_take_a_turn_for_a_sway(tmp_path: Path) -> None:
-    """ArduSub knows the DVL's place; else half a turn would move the estimate by twice the lever arm of 0.5 m."""
+def test_a_turn_with_an_offset_dvl_is_not_estimated_as_sway(tmp_path: Path) -> None:
+    """Half a turn would move the estimate by 1 m, twice the lever arm, without the position of the DVL."""
     dive = Dive(tmp_path, positions="dvl", sensors="[sensors.dvl]\nrate = 10\nposition = [0.5, 0, 0]")
     errors: list[tuple[float, float]] = []
     turned: list[float] = []
@@ -163,7 +163,7 @@ def test_a_dvl_ahead_of_the_middle_does_not_take_a_turn_for_a_sway(tmp_path: Pat
     assert worst < 0.3
 
 
-def test_a_given_gps_has_a_position_at_the_surface_alone(tmp_path: Path) -> None:
+def test_gps_gives_a_position_at_the_surface_only(tmp_path: Path) -> None:
     dive = Dive(tmp_path, positions="gps")
     fixes: list[int] = []
 
@@ -181,7 +181,7 @@ def test_a_given_gps_has_a_position_at_the_surface_alone(tmp_path: Path) -> None
     assert fixes[1] <= 1
 
 
-def test_it_survives_a_thruster_that_fails(dive: Dive) -> None:
+def test_ardusub_holds_depth_after_a_thruster_failure(dive: Dive) -> None:
     depths: list[float] = []
 
     def mission() -> Mission:
@@ -195,7 +195,7 @@ def test_it_survives_a_thruster_that_fails(dive: Dive) -> None:
     assert max(depths) - min(depths) < 0.4
 
 
-def test_it_holds_depth_when_half_of_the_pressure_samples_are_lost(tmp_path: Path) -> None:
+def test_ardusub_holds_depth_when_half_of_the_pressure_samples_are_lost(tmp_path: Path) -> None:
     dive = Dive(tmp_path, drop_out=0.5)
     depths: list[float] = []
 
@@ -210,7 +210,7 @@ def test_it_holds_depth_when_half_of_the_pressure_samples_are_lost(tmp_path: Pat
     assert max(depths) - min(depths) < 0.3
 
 
-def test_two_vehicles_with_an_autopilot_each(tmp_path: Path) -> None:
+def test_two_vehicles_with_an_ardusub_each_dive_together(tmp_path: Path) -> None:
     folders = [tmp_path / name for name in ("one", "other")]
     for folder in folders:
         folder.mkdir()

@@ -1,4 +1,4 @@
-"""The real ArduSub, whose SITL program UUV_HIL_ARDUSUB names, with its thrusters on DroneCAN: our emulated STM32."""
+"""The real ArduSub, whose SITL program UUV_HIL_ARDUSUB names, with its thrusters on DroneCAN: the emulated STM32."""
 
 from math import isclose
 from pathlib import Path
@@ -26,7 +26,7 @@ SIM_CAN_TYPE1 1
 SPAN_US = 400
 
 
-def test_its_outputs_reach_the_stm32_and_speeds_come_back(tmp_path: Path) -> None:
+def test_ardusub_outputs_reach_the_stm32_and_motor_speeds_are_reported(tmp_path: Path) -> None:
     own = tmp_path / "bus.parm"
     shipped = Path(preset_folder(FOLDER), "ardupilot_bluerov2_heavy.parm").read_text()
     own.write_text(shipped + BUS)

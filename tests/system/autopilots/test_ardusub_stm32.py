@@ -1,4 +1,4 @@
-"""The real ArduSub in front of an emulated STM32, in real time: pulse widths over the link, a reset in flight."""
+"""The real ArduSub with an emulated STM32, in real time: pulse widths over the link, a reset in flight."""
 
 import os
 import signal
@@ -62,14 +62,14 @@ class Vehicle:
         return [pid for pid in pids if psutil.Process(pid).exe() != os.path.realpath(PROGRAM)]
 
     def dive(self, depth: float) -> Mission:
-        """Arm, go down by the sticks, and hold depth."""
+        """Arm, dive with the joystick, and hold depth."""
         yield lambda: self.station.output("ArduPilot Ready")
         yield from command(self.station, ARM, 1)
         self.station.sticks = (0, 0, 300, 0)
         yield lambda: self.depth > depth
         self.station.sticks = (0, 0, 500, 0)
         yield from command(self.station, SET_MODE, 1, ALT_HOLD)
-        yield self.settles()
+        yield self.is_depth_steady()
 
     def hold(self, seconds: float, depths: list[float]) -> Mission:
         """Record the depth ten times a second."""
@@ -77,7 +77,7 @@ class Vehicle:
             depths.append(self.depth)
             yield 0.1
 
-    def settles(self) -> Callable[[], bool]:
+    def is_depth_steady(self) -> Callable[[], bool]:
         """Return a condition that comes true when the depth has moved by less than 5 cm in 5 s."""
         noted = [(time.monotonic(), self.depth)]
 
@@ -107,7 +107,7 @@ def flown(folder: Path, stm32: str) -> Iterator[Vehicle]:
 
 
 @pytest.mark.parametrize("stm32", KINDS)
-def test_it_holds_depth_again_after_the_stm32_was_reset(tmp_path: Path, stm32: str) -> None:
+def test_ardusub_holds_depth_again_after_the_stm32_was_reset(tmp_path: Path, stm32: str) -> None:
     before: list[float] = []
     after: list[float] = []
     with flown(tmp_path, stm32) as vehicle:
@@ -119,7 +119,7 @@ def test_it_holds_depth_again_after_the_stm32_was_reset(tmp_path: Path, stm32: s
             assert len(pids) == 1
             os.kill(pids[0], signal.SIGKILL)
             yield lambda: "thruster link back" in vehicle.slave.output
-            yield vehicle.settles()
+            yield vehicle.is_depth_steady()
             yield from vehicle.hold(20.0, after)
 
         fly_live(vehicle.station, mission(), LIMIT_S)

@@ -1,6 +1,6 @@
-"""The real PX4, where UUV_HIL_PX4 names its build folder: it arms, obeys, holds depth and position, survives.
+"""The real PX4, where UUV_HIL_PX4 names its build folder: depth, position, offboard mode, faults.
 
-Everything happens in simulated time, in lockstep: how fast it goes depends on the machine, what happens does not.
+Everything happens in simulated time, in lockstep: the duration depends on the machine, the results do not.
 """
 
 import os
@@ -72,7 +72,7 @@ class Dive:
         yield from command(self.station, SET_MODE, 1, main, 0)
 
     def dive(self, depth: float, mode: int) -> Mission:
-        """Arm, go down by the sticks, and hold that mode."""
+        """Arm, dive with the joystick, and hold that mode."""
         yield lambda: "ATTITUDE" in self.station.latest
         self.locked = self.run.simulation.time_ns / 1e9, time.monotonic()
         yield 3.0
@@ -100,7 +100,7 @@ def dive(tmp_path: Path) -> Iterator[Dive]:
     made.close()
 
 
-def test_it_holds_depth_and_position_in_a_current(dive: Dive) -> None:
+def test_px4_holds_depth_and_position_in_a_current(dive: Dive) -> None:
     deep: list[list[float]] = []
     places: list[list[float]] = []
 
@@ -125,7 +125,7 @@ def test_it_holds_depth_and_position_in_a_current(dive: Dive) -> None:
     assert set(dive.run.pwm_us) == {1500}
 
 
-def test_it_drives_a_square_in_position_mode(dive: Dive) -> None:
+def test_px4_follows_a_square_in_position_mode(dive: Dive) -> None:
     """The sticks move the set-point at 0.5 m/s: each leg of 5 m takes 10 s of a full stick."""
     ahead, right = (1000, 0, 500, 0), (0, 1000, 500, 0)
     astern, left = (-1000, 0, 500, 0), (0, -1000, 500, 0)
@@ -151,7 +151,7 @@ def test_it_drives_a_square_in_position_mode(dive: Dive) -> None:
     assert max(corner[2] for corner in corners) - min(corner[2] for corner in corners) < 0.3
 
 
-def test_it_survives_a_thruster_that_fails(dive: Dive) -> None:
+def test_px4_holds_depth_after_a_thruster_failure(dive: Dive) -> None:
     places: list[list[float]] = []
 
     def mission() -> Mission:
@@ -167,7 +167,7 @@ def test_it_survives_a_thruster_that_fails(dive: Dive) -> None:
     assert min(depths) > 2.0
 
 
-def test_it_has_a_receiver(tmp_path: Path) -> None:
+def test_px4_receives_rc_channels(tmp_path: Path) -> None:
     dive = Dive(tmp_path, "rc = [1510, 1520, 1530, 1540, 1550]")
 
     def mission() -> Mission:
@@ -181,7 +181,7 @@ def test_it_has_a_receiver(tmp_path: Path) -> None:
     assert (channels.chancount, channels.chan1_raw, channels.chan5_raw) == (5, 1510, 1550)
 
 
-def test_it_obeys_attitude_and_thrust_in_offboard(dive: Dive) -> None:
+def test_px4_follows_attitude_and_thrust_in_offboard_mode(dive: Dive) -> None:
     """PX4's underwater controllers take an attitude and a thrust over MAVLink in OFFBOARD, and no position."""
     began: list[float] = []
     heading = 0.0

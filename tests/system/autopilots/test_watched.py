@@ -1,4 +1,4 @@
-"""`uuv-hil sim --view` of a vehicle that an autopilot flies."""
+"""`uuv-hil sim --view` of a vehicle with an autopilot."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from tests.support.processes import Program, free_port
 pytest.importorskip("viser", reason="the live view needs the extra view")
 
 
-def test_a_simulated_flight_is_watched_in_a_browser(tmp_path: Path) -> None:
+def test_a_simulated_flight_is_shown_in_the_live_view(tmp_path: Path) -> None:
     udp, path = free_ports(1)[0], tmp_path / "watched.toml"
     text = SCENARIO.format(stm32="python", port=free_port(), udp=udp)
     path.write_text(text.replace("master = {}", "master = { time_limit = 5 }"))
@@ -30,7 +30,7 @@ def test_a_simulated_flight_is_watched_in_a_browser(tmp_path: Path) -> None:
 
 
 async def watch(client: aiohttp.ClientSession, address: str, token: str) -> list[str]:
-    """Return the vehicles that the page offers, once its scene has come."""
+    """Return the vehicles that the page offers, once its scene has arrived."""
     async with client.get(f"{address}?token={token}") as page:
         assert page.status == 200
     assert await scene_bytes(client, address) > 1000

@@ -1,4 +1,4 @@
-"""The floor of an STM32 in QEMU is that of a real one in the scenario's protocol."""
+"""The latency floor of an STM32 in QEMU, in the protocol of the scenario."""
 
 import shutil
 from typing import Any
@@ -18,8 +18,8 @@ needs_qemu = pytest.mark.skipif(not shutil.which(qemu.PROGRAM), reason=f"needs {
 
 @pytest.mark.qemu
 @needs_qemu
-def test_it_answers_in_the_protocol_of_the_link() -> None:
-    """The answer comes in every protocol; how long it takes depends on the machine."""
+def test_the_firmware_in_qemu_answers_in_the_protocol_of_the_link() -> None:
+    """The response time depends on the machine."""
     scenario = load_scenario("paper_field")
     mavlink = scenario._replace(link=scenario.link._replace(protocol="mavlink"))
     took = answer_ms(scenario), answer_ms(mavlink)
@@ -29,8 +29,8 @@ def test_it_answers_in_the_protocol_of_the_link() -> None:
 
 @pytest.mark.qemu
 @needs_qemu
-def test_it_is_not_above_what_the_product_takes_of_it() -> None:
-    """The share of the firmware is not split at a place that nobody measured."""
+def test_the_floor_is_not_above_the_measured_time_of_the_stm32() -> None:
+    """The time of the firmware is not split where nothing was measured."""
     with Bench("paper_field", {"stm32": "qemu"}) as bench:
         result = measure(bench, Plan(seconds=2.0, steps=0))
     assert 0.0 < result.wire < result.at(0.5)
@@ -38,7 +38,7 @@ def test_it_is_not_above_what_the_product_takes_of_it() -> None:
     assert set(result.hops["wire"]) == {0.0}
 
 
-def test_the_quickest_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shortest_response_time_is_returned(monkeypatch: pytest.MonkeyPatch) -> None:
     class Machine:
         wire = None
 
@@ -56,13 +56,13 @@ def test_the_quickest_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     assert answer_ms(load_scenario("paper_field")) == 1.0
 
 
-def test_without_qemu_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_qemu_is_reported_with_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(qemu, "PROGRAM", "no-such-emulator")
     with pytest.raises(DeviceError, match="apt install"):
         answer_ms(load_scenario("paper_field"))
 
 
-def test_a_bench_without_qemu_says_so_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+def test_a_benchmark_without_qemu_reports_it_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     (tmp_path / "empty").mkdir()
     monkeypatch.setenv("PATH", str(tmp_path / "empty"))
     with Bench("paper_field", {"stm32": "qemu"}) as bench, pytest.raises(NetworkError, match="apt install"):

@@ -27,10 +27,10 @@ PATIENCE_S = 60.0
 
 
 class Case(NamedTuple):
-    """A benchmark, what it shows in its first configuration and in the second, and what is there after the first.
+    """A benchmark, its output in the first and in the second configuration, and what its record has after the first.
 
-    `place` is where it is stopped, `most` how many values a figure may have, `missing` begins the names
-    of what has none.
+    `place` is where it is stopped, `most` the number of values a figure may have, `missing` begins the names
+    of figures without values.
     """
 
     words: list[str]
@@ -75,13 +75,13 @@ of_each = pytest.mark.parametrize("case", CASES, ids=[case.words[0] for case in 
 
 
 def of_folder(folder: Path) -> list[int]:
-    """Return the processes that have it for temporary files, as a benchmark's have from it."""
+    """Return the processes that use the folder for temporary files, as those of a benchmark do."""
     own = ((process.pid, process.info["environ"] or {}) for process in psutil.process_iter(["environ"]))
     return [pid for pid, variables in own if variables.get("TMPDIR", "").startswith(str(folder))]
 
 
 def shown(terminal: int, words: str) -> bool:
-    """True if the terminal shows those words in time."""
+    """Return True if the terminal shows these words in time."""
     output, deadline = "", time.monotonic() + PATIENCE_S
     while words not in output and select.select((terminal,), (), (), deadline - time.monotonic())[0]:
         output += os.read(terminal, 4096).decode()
@@ -89,12 +89,12 @@ def shown(terminal: int, words: str) -> bool:
 
 
 def is_ready(folder: Path) -> bool:
-    """True if a slave of that benchmark is ready."""
+    """Return True if a slave of that benchmark is ready."""
     return any("ready" in log.read_text() for log in folder.glob("uuv-hil-scratch-bench-*/slave-*.log"))
 
 
 def interrupt(folder: Path, words: list[str], when: str) -> tuple[int, str]:
-    """Its exit code, and what it printed; Ctrl-C comes once that is shown on its terminal and a slave runs."""
+    """Send Ctrl-C once these words are on the terminal and a slave runs; return exit code and output."""
     terminal, theirs = pty.openpty()
     with (folder / "printed").open("w") as printed:
         process = subprocess.Popen(
@@ -128,7 +128,7 @@ def _nothing_left(tmp_path: Path) -> Iterator[None]:
 
 
 @of_each
-def test_what_was_measured_before_ctrl_c_is_kept(case: Case, tmp_path: Path) -> None:
+def test_results_before_ctrl_c_are_saved(case: Case, tmp_path: Path) -> None:
     attempts = count()
 
     def is_stored() -> None:
@@ -150,7 +150,7 @@ def test_what_was_measured_before_ctrl_c_is_kept(case: Case, tmp_path: Path) -> 
 
 
 @of_each
-def test_with_nothing_measured_ctrl_c_leaves_nothing(case: Case, tmp_path: Path) -> None:
+def test_ctrl_c_before_any_result_leaves_no_file(case: Case, tmp_path: Path) -> None:
     attempts = count()
 
     def leaves_nothing() -> None:
@@ -161,7 +161,7 @@ def test_with_nothing_measured_ctrl_c_leaves_nothing(case: Case, tmp_path: Path)
     retry_when_busy(leaves_nothing, TOO_LATE)
 
 
-def test_runs_before_one_that_fails_are_kept(
+def test_runs_before_a_failed_one_are_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     received = [Listening([Stream("imu", 100.0, 100.0, 0.0, 0.0, 1.0, 2.0, 9.0)], [])]

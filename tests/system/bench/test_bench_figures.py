@@ -1,4 +1,4 @@
-"""Figures of the benchmarks: what is read, counted and told apart, without a slave."""
+"""Figures of the benchmarks, without a slave: parsing, counting, statistics and verdicts."""
 
 import mmap
 import os
@@ -37,14 +37,14 @@ CYCLICTEST = """# /dev/cpu_dma_latency set to 0us
 """
 
 
-def test_cyclictest_is_read() -> None:
+def test_output_of_cyclictest_is_parsed() -> None:
     late = read_cyclictest(CYCLICTEST)
     assert late is not None
     assert late == (11.0, 50.0, 50.0, 50, 18)
     assert read_cyclictest("policy: fifo: no such thing") is None
 
 
-def test_shares_of_threads() -> None:
+def test_processor_shares_of_threads_are_computed() -> None:
     before = threads({"1/1 main": 1.0, "1/2 rx": 0.5}, 100.0)
     after = threads({"1/1 main": 1.5, "1/2 rx": 0.5, "1/3 rx": 0.2}, 102.0)
     assert shares(before, after) == {"1/1 main": 0.25, "1/2 rx": 0.0, "1/3 rx": pytest.approx(0.1)}
@@ -56,7 +56,7 @@ def test_threads_of_one_name_are_distinguished() -> None:
 
 
 @retried_when_busy("two clocks are read one after the other", attempts=10)
-def test_a_look_at_this_process() -> None:
+def test_threads_and_memory_of_this_process_are_measured() -> None:
     began, spent = time.monotonic(), time.process_time()
     first = read_threads([os.getpid()])
     burn = sum(range(30_000_000))
@@ -68,7 +68,7 @@ def test_a_look_at_this_process() -> None:
     assert second.descriptors >= 3
 
 
-def test_a_map_of_a_shared_file_is_no_private_memory(tmp_path: Path) -> None:
+def test_a_shared_file_mapping_is_no_private_memory(tmp_path: Path) -> None:
     path = tmp_path / "shared"
     path.write_bytes(os.urandom(16 << 20))
     before = read_threads([os.getpid()])
@@ -80,7 +80,7 @@ def test_a_map_of_a_shared_file_is_no_private_memory(tmp_path: Path) -> None:
     assert after.private_mib - before.private_mib < 3.0
 
 
-def test_what_a_load_is_made_of() -> None:
+def test_the_settings_of_a_load_benchmark() -> None:
     names = [setting.name for setting in settings(("imu", "dvl", "laser"), [100.0], [1, 2])]
     assert names[0] == "as it is"
     assert {"without dvl", "without laser", "with gps", "with pressure", "100 Hz", "1 vehicle", "2 vehicles"} < {*names}
@@ -89,7 +89,7 @@ def test_what_a_load_is_made_of() -> None:
     assert [setting.name for setting in settings(None, [], [])] == ["as it is"]
 
 
-def test_a_course_tells_process_from_process() -> None:
+def test_figures_of_a_course_are_separated_by_process() -> None:
     looks = [
         threads({"1/1 main": 0.0, "2/2 main": 0.0}, 0.0, p1=10.0, p2=5.0),
         threads({"1/1 main": 0.5, "2/2 main": 0.1}, 1.0, p1=11.0, p2=5.0),
@@ -131,7 +131,7 @@ def test_growth_is_distinguished_from_noise() -> None:
     assert isnan(trend([1.0], [1.0])[0])
 
 
-def test_what_a_scenario_sends() -> None:
+def test_the_expected_rates_of_a_scenario() -> None:
     changes = {"sensors.dvl.rate": 4, "sensors.odometry.rate": 50, "sensors.camera": {}, "ros.wrench": 5}
     found = expected(load_scenario("paper_field", changes))
     assert found == {
@@ -141,10 +141,10 @@ def test_what_a_scenario_sends() -> None:
     }  # fmt: skip
 
 
-def test_a_topic_is_not_dead_that_only_one_message_was_due_on(
+def test_a_topic_with_one_expected_message_is_not_reported_as_silent(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The topic is dead, however, where one was due in each of several runs."""
+    """The topic is reported when one message was expected in each of several runs."""
     silent = Stream("diagnostics", 0.0, 1.0, nan, 0.0, nan, nan, 0.0)
     received = Listening([silent, silent._replace(topic="imu", nominal=100.0)], [])
     monkeypatch.setattr(bench_stream, "_listen", lambda *_: (received, ()))
@@ -153,7 +153,7 @@ def test_a_topic_is_not_dead_that_only_one_message_was_due_on(
         assert f"nothing came on {dead}, though a slave of this scenario should" in capsys.readouterr().out
 
 
-def test_what_is_missing_by_the_nominal_rate() -> None:
+def test_the_missing_share_follows_from_the_nominal_rate() -> None:
     assert missing(599, 100.0, 10.0) == pytest.approx(0.4)
     assert missing(9, 1.0, 10.0) == 0.0, "one more or less is chance"
     assert missing(0, 1.0, 1.9) == 0.0, "also where only one was due"
@@ -171,7 +171,7 @@ def looks_of(hours: float, grows_private: float = 0.0, swings: float = 0.0) -> l
     ]  # fmt: skip
 
 
-def test_a_leak_is_of_private_memory_and_takes_time(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_leak_is_found_in_private_memory_after_enough_time(capsys: pytest.CaptureFixture[str]) -> None:
     assert judge(Soak(looks_of(2.0, grows_private=1.0), [], []), 0.5)[0].startswith("memory grows by 1.0")
     assert judge(Soak(looks_of(2.0, swings=2.0), [], []), 0.5) == [], "the neighbours went"
     assert "no verdict" not in capsys.readouterr().out
@@ -179,7 +179,7 @@ def test_a_leak_is_of_private_memory_and_takes_time(capsys: pytest.CaptureFixtur
     assert "no verdict on memory: that takes 30 minutes" in capsys.readouterr().out
 
 
-def test_a_silence_and_a_late_return_are_found() -> None:
+def test_silences_and_late_reconnections_are_found() -> None:
     found = judge(Soak(looks_of(0.1), [0.01, 1.2, None], [Outage(36.0, 4.0, "uuv1 did not answer")]), 0.5)
     assert found == [
         "a master that came back was not answered (1 of 3 times)",
@@ -188,7 +188,7 @@ def test_a_silence_and_a_late_return_are_found() -> None:
     ]
 
 
-def test_the_foot_of_a_picture_tells_where_when_and_under_what() -> None:
+def test_the_footer_of_a_plot_has_machine_time_and_labels() -> None:
     record = new_record("soak", {}, {}, ("limited: 5% of a core",))
     text = footer(record)
     assert record.made in text

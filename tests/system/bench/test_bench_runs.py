@@ -1,4 +1,4 @@
-"""`bench jitter`, `load`, `stream` and `soak`: their arithmetic exactly, each once against a real slave, bad input."""
+"""`bench jitter`, `load`, `stream` and `soak`: their arithmetic, one run of each with a real slave, wrong input."""
 
 import functools
 import json
@@ -27,13 +27,13 @@ from tests.support.busy import retried_when_busy
 from tests.support.processes import Program, wait_for
 
 
-def test_a_bare_loop_is_a_floor() -> None:
+def test_a_bare_loop_has_a_lateness() -> None:
     with Bench("paper_field", changes_for(200.0)) as bench:
         late = bare_loop(bench, 0.5)
     assert 0.0 < late.p50 <= late.p99 <= late.maximum
 
 
-ONE = min(os.sched_getaffinity(0))
+FIRST_CPU = min(os.sched_getaffinity(0))
 
 
 SLEEPER = """
@@ -55,8 +55,8 @@ def test_a_bare_loop_wakes_early_as_the_slave_does() -> None:
         assert bare_loop(bench, 1.5).p50 < float(sleeper.stdout)
 
 
-def test_a_bare_loop_has_the_slaves_limits() -> None:
-    with Bench("paper_field", changes_for(400.0), Limits(cpus=(ONE,))) as bench:
+def test_a_bare_loop_has_the_limits_of_the_slave() -> None:
+    with Bench("paper_field", changes_for(400.0), Limits(cpus=(FIRST_CPU,))) as bench:
         start, requested = bench.start, []
 
         def watched(name: str, command: list[str], limited: bool = False) -> Process:
@@ -66,7 +66,7 @@ def test_a_bare_loop_has_the_slaves_limits() -> None:
 
         bench.start = watched  # type: ignore[method-assign]
         bare_loop(bench, 0.2)
-    assert requested == [{ONE}]
+    assert requested == [{FIRST_CPU}]
 
 
 def test_a_late_wake_up_counts_for_each_period_it_missed() -> None:
@@ -79,7 +79,7 @@ def test_a_late_wake_up_counts_for_each_period_it_missed() -> None:
     assert keeper.lateness.share_within(2500) == 1.0
 
 
-def test_jitter_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_jitter_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(tmp_path / "jitter.json")
     words = ["--rates", "200", "--seconds", "1", "--repeat", "2", "--set", "sensors.imu.rate=50"]
     assert main(["bench", "jitter", *words, "--output", file]) == 0
@@ -107,7 +107,7 @@ def test_jitter_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[st
         (["--repeat", "0"], "--repeat"),
     ],
 )
-def test_jitter_errs_before_it_measures(
+def test_wrong_input_of_jitter_is_refused_before_measuring(
     words: list[str], text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(bench_jitter, "cyclictest", lambda *_: pytest.fail("measured first"))
@@ -115,7 +115,7 @@ def test_jitter_errs_before_it_measures(
     assert text in capsys.readouterr().err
 
 
-def test_stream_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stream_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(tmp_path / "stream.json")
     changes = ["--set", "sensors.imu.rate=50", "--set", "sensors.ground_truth.drop_out=1.0"]
     assert main(["bench", "stream", "--seconds", "2", "--repeat", "2", *changes, "--output", file]) == 0
@@ -132,7 +132,7 @@ def test_stream_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 @retried_when_busy("processes that get no turn for a while")
-def test_load_of_real_slaves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_load_measures_real_slaves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, png = tmp_path / "load.json", tmp_path / "load.png"
     words = ["--seconds", "2", "--vehicles", "2", "--set", "stm32=process", "--output", str(file), "--plot", str(png)]
     assert main(["bench", "load", *words]) == 0
@@ -154,7 +154,7 @@ def test_load_of_real_slaves(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert re.search(r"^as it is, again ", output, re.M)
 
 
-def test_load_leaves_out_what_cannot_be(
+def test_a_failed_setting_of_load_is_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def run(setting: Setting, *_: object) -> Course:
@@ -175,7 +175,7 @@ def test_load_leaves_out_what_cannot_be(
 
 
 @retried_when_busy("a slave that gets no turn for a while is behind its time")
-def test_soak_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_soak_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, png = str(tmp_path / "soak.json"), tmp_path / "soak.png"
     words = ["bench", "soak", "--hours", "0.0015", "--every", "0.5", "--leave-every", "2.5", "--plot", str(png)]
     assert main([*words, "--output", file]) == 0, capsys.readouterr().out
@@ -188,7 +188,7 @@ def test_soak_of_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert png.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_master_that_comes_after_another_is_not_refused() -> None:
+def test_a_master_after_another_is_not_refused() -> None:
     with Bench("paper_field") as bench:
         slave = bench.start_slave()
         for _ in range(6):
@@ -231,12 +231,12 @@ def test_a_master_that_comes_after_another_is_not_refused() -> None:
         (["jitter", "--output", "/proc/no/file"], "cannot be written"),
     ],
 )
-def test_bad_input_is_named(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_input_is_reported(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", *words]) not in (0, 1)
     assert text in capsys.readouterr().err
 
 
-def test_what_was_measured_before_an_interrupt_is_reported(tmp_path: Path) -> None:
+def test_results_before_an_interrupt_are_reported(tmp_path: Path) -> None:
     words = ("bench", "table", "--seconds", "1", "--repeat", "99", "--output", str(tmp_path / "table.json"))
     with Program(tmp_path, *words, environment={"TMPDIR": str(tmp_path)}) as program:
         assert wait_for(lambda: len(list(tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log"))) >= 3, 60)
@@ -248,7 +248,7 @@ def test_what_was_measured_before_an_interrupt_is_reported(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_what_was_started(number: int, tmp_path: Path) -> None:
+def test_a_signal_ends_all_started_processes(number: int, tmp_path: Path) -> None:
     with Program(tmp_path, "bench", "stream", "--seconds", "60", environment={"TMPDIR": str(tmp_path)}) as program:
         assert wait_for(lambda: list(tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log")))
         (log,) = tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log")

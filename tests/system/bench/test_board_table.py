@@ -1,4 +1,4 @@
-"""The table of boards side by side: its forms, its budgets, and one quick run of the real thing."""
+"""The table of boards: its formats, its budgets, and one quick real run."""
 
 import csv
 import io
@@ -21,7 +21,7 @@ from hil.common.errors import NetworkError
 from hil.plots.plotting import pyplot
 from tests.support.diagnostics import reported
 
-ONE = min(os.sched_getaffinity(0))
+FIRST_CPU = min(os.sched_getaffinity(0))
 GOOD = {
     "master_cpu": Figure([2.0, 2.2, 2.1], "% of a core"),
     "startup": Figure([0.100, 0.120, 0.110], "s"),
@@ -35,7 +35,7 @@ LIMITED = Column("lim", GOOD, "EPYC, 2 cores; 2026-11-22", ("virtual machine", "
 BUDGETS = load_board("generic_x86_64").budgets
 
 
-def test_text_stands_beside_the_papers() -> None:
+def test_text_has_the_columns_of_the_paper() -> None:
     text = board_table.text([*board_table.paper(), Column("mine", GOOD)])
     rows = {line[:38].strip(): line[38:].split("  ") for line in text.splitlines()}
     startup = [cell.strip() for cell in rows["start-up to the first sample (s)"] if cell.strip()]
@@ -45,7 +45,7 @@ def test_text_stands_beside_the_papers() -> None:
     assert [cell.strip() for cell in rows["command delay max (ms)"] if cell.strip()] == ["-", "-", "-"]
 
 
-def test_only_a_real_board_of_theirs_is_compared() -> None:
+def test_only_the_same_real_board_is_compared_with_the_paper() -> None:
     pi = "Raspberry Pi 4 Model B"
     line = board_table.ratios(Column("mine", GOOD), pi)
     assert line.startswith("mine against Raspberry Pi 4B, 2022: ")
@@ -57,13 +57,13 @@ def test_only_a_real_board_of_theirs_is_compared() -> None:
     assert "master CPU" in doubted
 
 
-def test_markdown_is_a_table() -> None:
+def test_markdown_output_is_a_table() -> None:
     lines = board_table.markdown([Column("a|b", GOOD)]).splitlines()
     assert {line.count("|") for line in lines} == {3}
     assert lines[0].endswith("| a/b |")
 
 
-def test_csv_has_a_line_a_figure() -> None:
+def test_csv_has_a_line_for_each_figure() -> None:
     rows = list(csv.DictReader(io.StringIO(board_table.comma_separated([Column("mine", GOOD)]))))
     found = {row["figure"]: row for row in rows}
     assert set(found) == set(GOOD)
@@ -71,7 +71,7 @@ def test_csv_has_a_line_a_figure() -> None:
     assert found["memory_share"]["spread"] == ""
 
 
-def test_labels_and_warnings_stand_in_every_form() -> None:
+def test_labels_and_warnings_are_in_every_format() -> None:
     column = LIMITED._replace(warnings=("a clock is wrong",))
     rows = list(csv.DictReader(io.StringIO(board_table.comma_separated([*board_table.paper(), column]))))
     assert {row["labels"] for row in rows if row["column"] == "lim"} == {"virtual machine; limited: processor 0 only"}
@@ -84,7 +84,7 @@ def test_labels_and_warnings_stand_in_every_form() -> None:
     assert "18.1 (0.2)" in board_table.text([column])
 
 
-def test_a_column_knows_the_labels_of_its_record() -> None:
+def test_a_column_has_the_labels_of_its_record() -> None:
     details = {board_table.HERE: {"slave": {}, "warnings": ["a clock is wrong"]}}
     record = new_record("table", {}, GOOD, ["limited: 25% of a core"], details)
     (column,) = board_table.columns_of(record, "lim")
@@ -105,8 +105,10 @@ def test_a_column_knows_the_labels_of_its_record() -> None:
 
 
 @pytest.mark.parametrize("long", [False, True])
-def test_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, long: bool) -> None:
-    """All that is written lies inside its frame, each axis has numbers, also where a figure has no place on it."""
+def test_the_picture_shows_all_figures_inside_its_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, long: bool
+) -> None:
+    """All text is inside the frame, and each axis has numbers, also without a figure."""
     plt = pyplot()
     closed: list[Any] = []
     monkeypatch.setattr(plt, "close", closed.append)
@@ -138,7 +140,7 @@ def test_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, long: bool) ->
         assert "2026-11-22" in below
 
 
-def test_budgets_that_are_kept() -> None:
+def test_figures_within_budgets_are_not_reported() -> None:
     assert board_table.missed(Column("", GOOD), BUDGETS) == []
 
 
@@ -153,12 +155,12 @@ def test_budgets_that_are_kept() -> None:
         ("startup", Figure([], "s"), "not measured, the budget is 0.350 s"),
     ],
 )
-def test_a_budget_that_is_missed(name: str, figure: Figure, words: str) -> None:
+def test_a_missed_budget_is_reported(name: str, figure: Figure, words: str) -> None:
     (found,) = board_table.missed(Column("", GOOD | {name: figure}), BUDGETS)
     assert words in found
 
 
-def test_a_figure_by_a_wrong_clock_keeps_no_budget() -> None:
+def test_a_figure_from_a_wrong_clock_misses_its_budget() -> None:
     missed = board_table.missed(Column("", GOOD, warnings=("a clock is wrong",)), BUDGETS)
     assert [line.partition(":")[0] for line in missed] == [
         "start-up to the first sample", "command delay p50", "command delay p99"
@@ -166,8 +168,8 @@ def test_a_figure_by_a_wrong_clock_keeps_no_budget() -> None:
     assert all("is not to be trusted: a clock is wrong" in line for line in missed)
 
 
-def test_the_budget_of_memory_is_for_what_it_takes_alone() -> None:
-    """A slave seems small beside others, as they pay for what they share."""
+def test_the_memory_budget_is_for_a_slave_alone() -> None:
+    """A slave beside others has less memory, as shared pages are divided."""
     shared = GOOD | {"memory_alone": Figure([41.0], "MiB")}
     (missed,) = board_table.missed(Column("", shared), BUDGETS)
     assert "alone on its machine: 41.0 MiB, the budget is 40.0 MiB" in missed
@@ -178,7 +180,7 @@ def flown(**slave: Any) -> Run:
     return Run({row.name: GOOD.get(row.name, GOOD["memory"]).median for row in ROWS}, reported(**slave), [], [])
 
 
-def test_runs_before_one_that_fails_are_kept(
+def test_runs_before_a_failed_one_are_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fly(_bench: object, number: int, endpoint: str) -> Run:
@@ -199,7 +201,9 @@ def test_runs_before_one_that_fails_are_kept(
     assert "the slave is gone" in capsys.readouterr().err
 
 
-def test_budgets_of_a_slave_elsewhere(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_budgets_of_a_slave_on_another_machine_are_those_of_its_board(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The budgets are those of the board that the slave reports; else an option has to name it."""
     slave = {"board": "BeagleBone Black"}
     monkeypatch.setattr(bench_table, "fly", lambda *_: flown(**slave))
@@ -218,18 +222,18 @@ def test_several_slaves_are_columns_of_one_record() -> None:
     assert [column.title for column in board_table.columns_of(record, "old")] == ["old tcp/a:1", "old tcp/b:1"]
 
 
-def test_one_quick_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_quick_run_has_plausible_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The budgets of memory and processor are a board's; those of time are as long as a busy machine may take."""
     old, new, board = tmp_path / "old.json", tmp_path / "new.json", tmp_path / "patient.toml"
     text = Path("boards/beaglebone_black.toml").read_text()
     board.write_text(re.sub(r'^(startup|delay_p\d+) = ".*"$', r'\1 = "10 s"', text, flags=re.M))
     save(new_record("table", {}, GOOD), str(old))
-    options = ["--repeat", "1", "--seconds", "1", "--against", str(old), "--output", str(new), "--cpus", str(ONE)]
+    options = ["--repeat", "1", "--seconds", "1", "--against", str(old), "--output", str(new), "--cpus", str(FIRST_CPU)]
     code = main(["bench", "table", *options, "--check", "--board", str(board)])
     output = capsys.readouterr().out
     assert code == 0, output
     assert "every budget is met" in output
-    assert output.count(f"label: limited: processor {ONE} only") == 1
+    assert output.count(f"label: limited: processor {FIRST_CPU} only") == 1
     assert "old" in output.splitlines()[0]
     figures = json.loads(new.read_text())["figures"]
     assert 0.01 < figures["ready"]["median"] < figures["startup"]["median"]
@@ -264,14 +268,14 @@ def test_a_missed_budget_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureF
         (["no_such_scenario"], "no scenario 'no_such_scenario'"),
     ],
 )
-def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_options_are_refused(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "table", *options]) == 2
     output = capsys.readouterr().err
     assert words in output
     assert len(output.strip().splitlines()) == 1
 
 
-def test_a_benchmark_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_benchmark_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "tabel"]) == 2
     assert "there are: table" in capsys.readouterr().err
     assert main(["bench", "--help"]) == 0

@@ -1,4 +1,4 @@
-"""Remarks of a delay run about its clocks, its line, and conditions that differ from the requested ones."""
+"""Warnings of a delay run about its clocks, its line, and conditions that differ from the requested ones."""
 
 from typing import Literal
 
@@ -15,32 +15,32 @@ from tests.support.delay_results import MS, meter, on, some_result
 from tests.support.diagnostics import reported
 
 
-def test_right_clocks_are_trusted() -> None:
+def test_correct_clocks_give_no_warning() -> None:
     assert find_doubts(meter(0, same_clock=True)) == []
     assert find_doubts(meter(7_000 * MS, same_clock=False, network=MS // 10, back=MS // 10)) == []
 
 
 @pytest.mark.parametrize("offset", [-3_600_000 * MS, -5 * MS, 5 * MS, 3_600_000 * MS])
-def test_one_machine_whose_clock_was_set_between_two_starts_has_the_measured_offset(offset: int) -> None:
-    """Both processes share a boot, and yet not a wall clock: each took its own at its start."""
+def test_the_offset_is_measured_when_the_clock_was_set_between_two_starts(offset: int) -> None:
+    """Both processes run since the same boot, but each read the wall clock at its start."""
     shifted = meter(offset, same_clock=True, network=MS // 10, back=MS // 10)
     assert all(abs(total - 260_000) < MS // 5 for total in shifted.totals_ns())
     assert abs(shifted.offset_ns()[0] - offset) < MS // 5
     assert find_doubts(shifted) == []
 
 
-def test_one_clock_that_seems_to_be_off_within_the_error_is_one() -> None:
+def test_an_offset_within_its_error_is_taken_as_zero() -> None:
     lopsided = meter(0, same_clock=True, network=2 * MS, back=MS // 10)
     assert lopsided.offset_ns() == (0, 0)
     assert set(lopsided.totals_ns()) == {2_160_000}
 
 
-def test_an_offset_that_is_not_known_well_enough_is_said() -> None:
+def test_an_uncertain_offset_gives_a_warning() -> None:
     found = find_doubts(meter(3 * MS, same_clock=False, network=MS, back=30 * MS))
     assert any("known only to" in words for words in found)
 
 
-def test_a_clock_that_is_set_meanwhile_is_noticed() -> None:
+def test_a_clock_that_was_set_during_the_run_gives_a_warning() -> None:
     found = meter(0, same_clock=False)
     late = meter(900 * MS, same_clock=False, count=70)
     for sample in late.samples[60:]:
@@ -51,11 +51,11 @@ def test_a_clock_that_is_set_meanwhile_is_noticed() -> None:
     assert any("a clock was set" in words for words in find_doubts(found))
 
 
-def test_no_answer_is_no_result() -> None:
+def test_a_run_without_answers_gives_a_warning() -> None:
     assert find_doubts(DelayMeter()) == ["no command was answered by the STM32"]
 
 
-def test_text_leaves_out_what_too_few_commands_cannot_tell() -> None:
+def test_text_leaves_out_quantiles_of_too_few_commands() -> None:
     result = some_result([0.7] * 200, warnings=["a clock"])
     lines = text({"case": result}).splitlines()
     assert lines[2].split() == [
@@ -65,8 +65,8 @@ def test_text_leaves_out_what_too_few_commands_cannot_tell() -> None:
     assert lines[-1] == "WARNING, case: a clock"
 
 
-def test_the_time_on_the_line() -> None:
-    """The line has 115200 bit/s and ten bits a byte; the answer counts where it has to be received."""
+def test_the_time_on_the_line_follows_from_bits_and_baud() -> None:
+    """The line has 115200 bit/s and ten bits a byte; the answer counts where the delay ends with its reception."""
     scenario = load_scenario("paper_field")
     paced = scenario._replace(link=scenario.link._replace(faults=Faults(baud=115_200)))
     assert wire_ms(scenario, on("/dev/pts/0")) == 0.0
@@ -77,7 +77,7 @@ def test_the_time_on_the_line() -> None:
     assert wire_ms(paced._replace(stm32="unicorn"), reported()) == command
 
 
-def test_on_its_line_mavlink_is_the_packet_of_pulses_alone() -> None:
+def test_the_line_time_of_mavlink_counts_only_the_packet_of_pulses() -> None:
     """The host also requests arming until the device reports it: SERVO_OUTPUT_RAW has 28 bytes here."""
     scenario = load_scenario("paper_field")
     link = scenario.link._replace(protocol="mavlink", faults=Faults(baud=115_200))
@@ -86,7 +86,7 @@ def test_on_its_line_mavlink_is_the_packet_of_pulses_alone() -> None:
 
 
 @pytest.mark.parametrize(("protocol", "bits"), [("vesc", 6 * (67 + 32)), ("dronecan", 2 * 67 + 64 + 56)])
-def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
+def test_the_line_time_on_a_can_bus_counts_all_frames_of_a_command(
     protocol: Literal["vesc", "dronecan"], bits: int
 ) -> None:
     """VESC sends a frame of 4 bytes a thruster; DroneCAN 6 x 14 bits and the checksum, with two tails in two frames."""
@@ -97,8 +97,8 @@ def test_a_command_on_a_can_bus_takes_the_bits_of_all_its_frames(
     assert wire_ms(paced._replace(stm32="process"), reported()) > 2 * wire_ms(paced, reported())
 
 
-def test_a_slave_elsewhere_tells_its_line_itself() -> None:
-    """The scenario here may say another protocol, another baud, an STM32 that is in the slave."""
+def test_a_slave_on_another_machine_reports_its_line() -> None:
+    """The local scenario may have another protocol, another baud rate, or an STM32 inside the slave."""
     here = load_scenario("paper_field")
 
     def there(port: str) -> Diagnostics:
@@ -115,8 +115,8 @@ def test_a_slave_elsewhere_tells_its_line_itself() -> None:
     assert wire_ms(paced, reported(), elsewhere=True) == 0.0
 
 
-def test_what_could_not_be_had_is_said_and_not_made_up() -> None:
-    """A floor is missing without an echo, and where nothing was answered by UDP; it is not 0."""
+def test_missing_figures_are_shown_as_missing() -> None:
+    """The floor is missing without an echo and without UDP replies; it is not 0."""
     none = text({"case": some_result([0.7] * 20, udp=[], tcp=[])})
     assert none.splitlines()[2].split()[7:] == ["-", "-", "-", "-", "4.0"]
     assert "no floor" in none
@@ -130,7 +130,7 @@ def doubts(result: Result, plan: Plan = Plan(), losses: int = 0, paced: bool = F
     return list(delay_run._doubts(result, plan, None, None, losses, paced))
 
 
-def test_what_was_not_as_asked_is_said() -> None:
+def test_conditions_that_differ_from_the_request_give_warnings() -> None:
     assert doubts(some_result([0.7] * 20, rate=20.9)) == []
     assert "5 of 25 commands were not answered" in doubts(some_result([0.7] * 20, sent=25))[0]
     assert "at 150.0 Hz instead of 200" in doubts(some_result([0.7] * 20, rate=150.0), Plan(rate=200.0))[0]
@@ -140,14 +140,14 @@ def test_what_was_not_as_asked_is_said() -> None:
     assert "3 of 9 steps in surge did not show" in doubts(some_result([0.7] * 20, motion=[4.0] * 6))[0]
 
 
-def test_a_line_that_is_quicker_than_its_bits_is_said_unless_it_is_ours() -> None:
+def test_a_line_faster_than_its_bits_gives_a_warning_unless_it_is_paced() -> None:
     on_line = some_result([0.7] * 20, hops={name: [0.7 if name == "STM32" else 0.0] * 20 for name in HOPS})
     assert "baud is not what" in doubts(on_line._replace(wire=1.9))[0]
     assert doubts(on_line._replace(wire=1.9), paced=True) == []
     assert doubts(on_line._replace(wire=0.7001)) == [], "no baud is wrong by so little"
 
 
-def test_the_wire_has_its_bits_also_those_that_left_during_the_write() -> None:
+def test_the_wire_time_includes_bits_sent_during_the_write() -> None:
     """The write ends 50 us after the encoder began, and the pulses are there after 10 more."""
     arrived = meter(0, same_clock=True)
     spans = [(sample.published_ns, sample.published_ns + 1000) for sample in arrived.samples]

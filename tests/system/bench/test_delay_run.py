@@ -1,4 +1,4 @@
-"""`uuv-hil bench delay`, quickly: its figures add up, it notices wrong clocks, and it refuses nonsense."""
+"""`uuv-hil bench delay` with short runs: its figures, failures, records and pictures, and wrong options."""
 
 import itertools
 import json
@@ -28,7 +28,7 @@ from tests.support.delay_results import MS, meter, some_result
 from tests.support.processes import wait_for
 
 
-def test_motion_is_what_leaves_the_line() -> None:
+def test_motion_begins_where_the_velocity_leaves_its_trend() -> None:
     decay = [(number * 10 * MS, 0.5 - 0.02 * number) for number in range(10)]
     moved = [*decay[:7], (71 * MS, 0.5 - 0.02 * 7 + 0.3), (81 * MS, 0.9)]
     assert first_motion(moved, 65 * MS, 1.0) == 71 * MS
@@ -38,7 +38,7 @@ def test_motion_is_what_leaves_the_line() -> None:
 
 
 @retried_when_busy("a process that gets no turn for a while answers some commands together")
-def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quick_runs_have_consistent_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, picture = tmp_path / "delay.json", tmp_path / "delay.png"
     options = ["--seconds", "0.5", "--rate", "40", "--steps", "3", "--baud", "0,115200", "--output", str(path)]
     code = main(
@@ -98,7 +98,7 @@ def test_quick_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--plot", "/proc/nope/a.png"], "/proc/nope/a.png"),
     ],
 )
-def test_what_cannot_be_meant(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_options_are_refused(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = [f"{options[0]}={options[1]}", *options[2:]]
     assert main(["bench", "delay", *arguments]) == 2
     assert words in capsys.readouterr().err
@@ -113,8 +113,8 @@ def test_runs_are_pooled_and_distinguished() -> None:
     assert pooled(runs[:1]) == runs[0]
 
 
-class Commanded:
-    """A vehicle that keeps when it was commanded (ns), by `clock`."""
+class CommandedVehicle:
+    """A vehicle that records the times of its commands (ns), by `clock`."""
 
     def __init__(self, clock: Callable[[], int] = now_ns) -> None:
         self.at: list[int] = []
@@ -126,16 +126,16 @@ class Commanded:
         self.at.append(self._clock())
 
 
-def test_the_last_command_has_its_time_like_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_last_command_gets_its_full_period(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first step of the motion would otherwise replace it in the slave's command_receiver."""
     monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
-    vehicle: Any = Commanded()
+    vehicle: Any = CommandedVehicle()
     delay_run._command(vehicle, None, Plan(rate=200.0, seconds=0.1), None, None)
     assert now_ns() - vehicle.at[-1] > 0.9 * NS_PER_S / 200.0
 
 
-def test_what_comes_before_the_pulses_shows_no_motion() -> None:
-    """The motion before goes on until then. A command that has no trace counts from when it was sent."""
+def test_motion_before_the_pulses_is_not_counted() -> None:
+    """The earlier motion continues until then. A command without a trace counts from the time it was sent."""
     received = meter(0, same_clock=True)
     sent = from_wall_ns(received.samples[-1].published_ns)
     applied = delay_run._applied_ns(received, sent - 1000)
@@ -148,7 +148,7 @@ def test_what_comes_before_the_pulses_shows_no_motion() -> None:
 
 
 @pytest.mark.parametrize("late_us", [0, 300, 480])
-def test_steps_begin_all_over_the_time_between_two_samples(monkeypatch: pytest.MonkeyPatch, late_us: int) -> None:
+def test_steps_begin_at_all_phases_between_two_samples(monkeypatch: pytest.MonkeyPatch, late_us: int) -> None:
     """The motion would otherwise wait for its sample equally long in all of a run, however late each step is."""
     clock = [0]
 
@@ -158,14 +158,14 @@ def test_steps_begin_all_over_the_time_between_two_samples(monkeypatch: pytest.M
     monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
     monkeypatch.setattr(delay_run, "now_ns", lambda: clock[0])
     monkeypatch.setattr(delay_run, "wait_ns", wait_ns)
-    vehicle: Any = Commanded(lambda: clock[0])
+    vehicle: Any = CommandedVehicle(lambda: clock[0])
     delay_run._motion(vehicle, None, 11)
     phases = sorted(at % (10 * MS) / MS for at in vehicle.at)
     assert len(phases) == 11
     assert max(after - before for before, after in itertools.pairwise([*phases, phases[0] + 10.0])) < 2.0
 
 
-def test_a_slave_that_is_killed_is_no_result() -> None:
+def test_a_killed_slave_gives_an_error_and_no_result() -> None:
     with Bench("paper_field") as bench:
 
         def kill() -> None:
@@ -181,7 +181,7 @@ def test_a_slave_that_is_killed_is_no_result() -> None:
         thread.join()
 
 
-def test_nor_is_one_elsewhere(tmp_path: Path) -> None:
+def test_a_killed_slave_on_another_machine_gives_an_error(tmp_path: Path) -> None:
     """The floor is missing without an echo."""
     with Bench("paper_field") as bench:
         slave = bench.start_slave()
@@ -209,7 +209,7 @@ def failing_second(results: list[Result]) -> Any:
     return run
 
 
-def test_what_is_there_is_kept_when_the_rest_fails(
+def test_results_are_saved_when_a_later_run_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20, motion=[])]))
@@ -224,7 +224,7 @@ def test_what_is_there_is_kept_when_the_rest_fails(
     assert "motion [load 0]" not in figures
 
 
-def test_a_picture_that_fails_costs_no_figures(
+def test_a_failed_picture_does_not_lose_the_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def full(*_: Any) -> None:
@@ -252,7 +252,7 @@ def test_repeated_runs_are_in_the_record_one_by_one(
     assert "6/6" in capsys.readouterr().out
 
 
-def test_the_record_rebuilds_the_series_and_one_of_earlier_still_compares(
+def test_the_record_has_the_time_series_and_older_records_still_compare(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = some_result([0.7] * 20, clock_offset=-3.5, clock_uncertainty=0.125, sent=21)
@@ -271,7 +271,7 @@ def test_the_record_rebuilds_the_series_and_one_of_earlier_still_compares(
     assert "delay [as the scenario has it]" in capsys.readouterr().out
 
 
-def test_who_burns_processor_time_hears_no_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_load_processes_do_not_receive_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C goes to the whole process group of the terminal, which would print tracebacks."""
     started: list[subprocess.Popen[bytes]] = []
     real = subprocess.Popen
@@ -291,7 +291,7 @@ def record_of(**changes: Any) -> Record:
     return Record("delay", {}, {}, ("limited: 25%",), {}, machine, "2022-10-20T12:00:00+0000")._replace(**changes)
 
 
-def test_the_picture_says_what_it_is_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_picture_has_a_title_with_machine_and_labels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The picture has one outlier far away, many configurations, and one without answers."""
     seen = keep_figure(monkeypatch)
     far = some_result([0.7] * 99 + [150.0])
@@ -311,7 +311,7 @@ def test_the_picture_says_what_it_is_of(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def keep_figure(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Return the figures that are drawn from now on."""
+    """Return a list to which all figures drawn from now on are added."""
     from matplotlib.figure import Figure
 
     seen = []
@@ -323,7 +323,7 @@ def keep_figure(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     return seen
 
 
-def test_a_picture_of_a_calm_run_leaves_nothing_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_picture_of_a_steady_run_has_linear_axes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = keep_figure(monkeypatch)
     warned = record_of(details={"calm": {"warnings": ["a clock"]}})
     draw({"calm": some_result([0.5, 0.6, 0.7] * 10)}, warned, str(tmp_path / "a.png"))

@@ -1,4 +1,4 @@
-"""A slave that ends, hangs or has another clock while it is measured never passes for a good one."""
+"""Benchmarks of a slave that ends, hangs or has another clock: each reports it."""
 
 import os
 import signal
@@ -22,7 +22,7 @@ from tests.support.busy import retried_when_busy
 KILL_S = 6.0  # after which a hanging slave is killed, as its end would take longer than the tests have
 
 
-class Victim:
+class SlaveUnderTest:
     """The slave that was started last."""
 
     slave: Process
@@ -37,8 +37,8 @@ class Victim:
 
 
 @pytest.fixture
-def victim(monkeypatch: pytest.MonkeyPatch) -> Iterator[Victim]:
-    found, start = Victim(), Bench.start_slave
+def victim(monkeypatch: pytest.MonkeyPatch) -> Iterator[SlaveUnderTest]:
+    found, start = SlaveUnderTest(), Bench.start_slave
 
     def start_slave(bench: Bench) -> Process:
         found.slave, found.hangs = start(bench), False
@@ -50,14 +50,14 @@ def victim(monkeypatch: pytest.MonkeyPatch) -> Iterator[Victim]:
 
 
 def stream(seconds: float, watch: Callable[[float], None] = lambda _: None) -> Listening:
-    """Listen to a slave of its own."""
+    """Measure the stream of a new slave."""
     with Bench("paper_field") as bench:
         slave = bench.start_slave()
         with Listener(bench.endpoint, bench.scenario) as listener:
             return listener.listen(seconds, slave, watch)
 
 
-def at(share: float, number: int, victim: Victim) -> Callable[[float], None]:
+def at(share: float, number: int, victim: SlaveUnderTest) -> Callable[[float], None]:
     """Return a watcher that sends the victim a signal when that share is done."""
     return lambda done: victim.hit(number) if done >= share else None
 
@@ -65,13 +65,13 @@ def at(share: float, number: int, victim: Victim) -> Callable[[float], None]:
 @pytest.mark.parametrize(
     ("number", "text"), [(signal.SIGKILL, r"the slave was ended by signal 9"), (signal.SIGSTOP, "has not answered for")]
 )
-def test_a_stream_that_ends(number: int, text: str, victim: Victim) -> None:
+def test_stream_reports_a_slave_that_ends_or_hangs(number: int, text: str, victim: SlaveUnderTest) -> None:
     with pytest.raises(NetworkError, match=text):
         stream(3.0, at(0.4, number, victim))
 
 
 @retried_when_busy("a slave, and who watches it, in processes of their own")
-def test_a_stream_tells_what_an_interruption_cost(victim: Victim) -> None:
+def test_stream_reports_an_interruption_and_its_missing_samples(victim: SlaveUnderTest) -> None:
     def watch(done: float) -> None:
         if done >= 0.2 and not victim.hangs:
             victim.hit(signal.SIGSTOP)
@@ -83,18 +83,18 @@ def test_a_stream_tells_what_an_interruption_cost(victim: Victim) -> None:
     assert imu.missing > 0.2
 
 
-def test_a_load_of_a_slave_that_hangs(victim: Victim) -> None:
+def test_load_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
     with pytest.raises(NetworkError, match="has not answered for"):
         run(Setting("as it is", {}), "paper_field", 2.0, Limits(), at(0.5, signal.SIGSTOP, victim))
 
 
-def test_the_jitter_of_a_slave_that_hangs(victim: Victim) -> None:
+def test_jitter_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
     with Bench("paper_field") as bench, pytest.raises(NetworkError, match="has not answered for"):
         slave_loop(bench, 2.0, at(0.3, signal.SIGSTOP, victim))
 
 
-def soak(victim: Victim, number: int, seconds: float, leave_every: float, stop_after_s: float = 60.0) -> Soak:
-    """Hit it after three looks; the end is wished so long after."""
+def soak(victim: SlaveUnderTest, number: int, seconds: float, leave_every: float, stop_after_s: float = 60.0) -> Soak:
+    """Send the signal after three observations, and request the end so many seconds later."""
     read_fd, write_fd = os.pipe()
     looks = []
     stop = Timer(stop_after_s, os.write, (write_fd, b"x"))
@@ -115,7 +115,7 @@ def soak(victim: Victim, number: int, seconds: float, leave_every: float, stop_a
 
 
 @retried_when_busy("a slave, and who watches it, in processes of their own")
-def test_a_soak_finds_a_slave_that_hangs(victim: Victim) -> None:
+def test_soak_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
     began = time.monotonic()
     found = soak(victim, signal.SIGSTOP, 5.0, 60.0)
     assert time.monotonic() - began < 5.0 + 5.0, "a hung slave is not requested to end"
@@ -126,7 +126,7 @@ def test_a_soak_finds_a_slave_that_hangs(victim: Victim) -> None:
     assert found.observations[-1].real_time_factor != found.observations[-1].real_time_factor, "nobody knows"
 
 
-def test_a_soak_finds_a_slave_that_ends(victim: Victim) -> None:
+def test_soak_reports_a_slave_that_ends(victim: SlaveUnderTest) -> None:
     found = soak(victim, signal.SIGKILL, 60.0, 60.0)
     assert found.silences[-1].reason.startswith("the slave was ended by signal 9 (KILL)")
     assert len(found.observations) >= 3
@@ -134,7 +134,7 @@ def test_a_soak_finds_a_slave_that_ends(victim: Victim) -> None:
 
 @pytest.mark.parametrize("leave_every", [1.5, 60.0])
 @retried_when_busy("a slave, and who watches it, in processes of their own")
-def test_a_soak_whose_slave_hangs_can_be_ended(leave_every: float, victim: Victim) -> None:
+def test_soak_can_be_ended_while_its_slave_hangs(leave_every: float, victim: SlaveUnderTest) -> None:
     began = time.monotonic()
     found = soak(victim, signal.SIGSTOP, 60.0, leave_every, stop_after_s=2.5)
     assert time.monotonic() - began < 9.0  # start, three looks, 2.5 s and one
@@ -144,8 +144,8 @@ def test_a_soak_whose_slave_hangs_can_be_ended(leave_every: float, victim: Victi
 
 @pytest.mark.parametrize("off_s", [-5, 5])
 @retried_when_busy("a slave, and who watches it, in processes of their own")
-def test_a_stream_measures_a_clock_that_was_set(off_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clock is set between the start of the slave and ours: they share a boot and not a time."""
+def test_stream_corrects_for_a_clock_that_was_set(off_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock is set between the starts of the slave and of this process, within one boot."""
     monkeypatch.setattr(clock, "_WALL_OFFSET_NS", clock._WALL_OFFSET_NS + off_s * NS_PER_S)
     received = stream(1.0)
     imu = next(each for each in received.streams if each.topic == "imu")
@@ -153,5 +153,5 @@ def test_a_stream_measures_a_clock_that_was_set(off_s: int, monkeypatch: pytest.
 
 
 @retried_when_busy("a slave, and who watches it, in processes of their own")
-def test_a_stream_trusts_one_clock() -> None:
+def test_stream_gives_no_clock_warning_on_one_machine() -> None:
     assert not [text for text in stream(1.0).warnings if "known only" in text or "a clock was set" in text]

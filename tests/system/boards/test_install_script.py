@@ -65,7 +65,7 @@ def booted_with_wheels() -> Booted:
             shutil.rmtree(wheels)
 
 
-def test_one_command_leaves_a_service() -> None:
+def test_the_install_script_leaves_a_running_service() -> None:
     with booted_with_wheels() as booted:
         booted.wait(1800.0)
     assert "service: active enabled" in booted.output, booted.output

@@ -1,4 +1,4 @@
-"""The wheel on an emulated 64-bit Arm board: the same bits, the slave with its master outside."""
+"""The wheel on an emulated 64-bit Arm board: equal results, and a slave with its master outside the emulator."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ pytestmark = [
 ]
 
 # Dynamics, thruster lags, errors and rays, each with its C twin; every sample counts.
-FLIGHT = """
+FLIGHT_CODE = """
 import hashlib, platform, sys
 from sim.assembly import make_dynamics
 from sim.sensors.sensor_set import read_sensors
@@ -39,7 +39,7 @@ print(platform.machine(), digest.hexdigest())
 """
 
 # The way of a command to its pulses, closed by the vehicle.
-PILOTED = """
+PILOT_CODE = """
 import hashlib, platform
 from hil.autonomy.control.controller import VelocityCommand
 from hil.scenario.config import build_simulation, load_scenario
@@ -76,23 +76,23 @@ def run(command: list[str]) -> str:
     return done.stdout
 
 
-def test_every_bit_is_that_of_this_machine(board: VirtualBoard) -> None:
-    ours = run([sys.executable, "-c", FLIGHT]).split()
-    theirs = run(board.command("-c", FLIGHT)).split()
+def test_a_flight_on_the_board_equals_one_here_bit_for_bit(board: VirtualBoard) -> None:
+    ours = run([sys.executable, "-c", FLIGHT_CODE]).split()
+    theirs = run(board.command("-c", FLIGHT_CODE)).split()
     assert theirs[0] == "aarch64"
     assert theirs[1] == ours[1]
-    assert run(board.command("-c", FLIGHT, UUV_HIL_NATIVE="0")).split() == theirs, "the same without the C"
+    assert run(board.command("-c", FLIGHT_CODE, UUV_HIL_NATIVE="0")).split() == theirs, "the same without the C"
 
 
-def test_every_pulse_is_that_of_this_machine(board: VirtualBoard) -> None:
-    ours = run([sys.executable, "-c", PILOTED]).split()
-    theirs = run(board.command("-c", PILOTED)).split()
+def test_pulses_on_the_board_equal_those_here(board: VirtualBoard) -> None:
+    ours = run([sys.executable, "-c", PILOT_CODE]).split()
+    theirs = run(board.command("-c", PILOT_CODE)).split()
     assert theirs == ["aarch64", ours[1]]
-    assert run(board.command("-c", PILOTED, UUV_HIL_NATIVE="0")).split() == theirs, "the same without the C"
+    assert run(board.command("-c", PILOT_CODE, UUV_HIL_NATIVE="0")).split() == theirs, "the same without the C"
 
 
 def test_figures_are_labelled_as_emulated(board: VirtualBoard) -> None:
-    """Figures are labelled by the emulator's mark, or else by a kernel of another processor."""
+    """The label comes from the emulator's mark, or from a kernel of another processor."""
     code = "from hil.bench.machine import describe; print(*describe()[1], sep='; ')"
     assert "emulated: qemu-aarch64" in run(board.command("-c", code))
     unmarked = run(board.command("-c", f"import os; del os.environ['UUV_HIL_EMULATED']; {code}"))
@@ -101,7 +101,7 @@ def test_figures_are_labelled_as_emulated(board: VirtualBoard) -> None:
         assert f"emulated: aarch64 on {kernel.read_text().strip()}" in unmarked
 
 
-def test_it_starts_its_own_python(board: VirtualBoard, tmp_path: Path) -> None:
+def test_the_board_starts_its_own_python(board: VirtualBoard, tmp_path: Path) -> None:
     """The board starts sys.executable, as slaves and benchmarks do; a module of the current folder is not used."""
     (tmp_path / "hil.py").write_text("raise ImportError")
     inner = "import hil, platform, sys; print(platform.machine(), hil.__file__, sys.executable)"
@@ -116,7 +116,7 @@ def test_commands_run_the_boards_python(board: VirtualBoard) -> None:
     assert (Path(board.root) / "usr/bin/python3").exists()
 
 
-def test_doctor_knows_where_it_is(board: VirtualBoard) -> None:
+def test_doctor_recognises_the_emulated_board(board: VirtualBoard) -> None:
     done = subprocess.run(board.command("-m", "hil.cli", "doctor"), capture_output=True, text=True, timeout=600)
     assert "Traceback" not in done.stderr
     assert "arm64 machine" in done.stdout
@@ -125,8 +125,8 @@ def test_doctor_knows_where_it_is(board: VirtualBoard) -> None:
     assert "could not be tried" not in lines["scheduling"], "another process in there can be started"
 
 
-def test_a_board_of_ones_own_is_described(board: VirtualBoard, tmp_path: Path) -> None:
-    """The tutorial's steps that need a board's own processor are followed with its file."""
+def test_a_user_defined_board_is_shown(board: VirtualBoard, tmp_path: Path) -> None:
+    """These are the steps of the tutorial that need the processor of the board."""
     described, *_ = blocks("toml", page=ROOT / "docs" / "tutorials" / "own_board.md")
     file = tmp_path / "orange_pi_5.toml"
     file.write_text(described.text)
@@ -153,7 +153,7 @@ def slave(board: VirtualBoard, tmp_path: Path) -> Iterator[int]:
     assert "thrusters neutral" in log.read_text()
 
 
-def test_a_master_out_here_flies_the_slave_in_there(slave: int, tmp_path: Path) -> None:
+def test_a_master_here_commands_a_slave_on_the_board(slave: int, tmp_path: Path) -> None:
     from hil.autonomy.control.controller import VelocityCommand
     from hil.client.client import VehicleClient
 

@@ -1,4 +1,4 @@
-"""The virtual board's command line, its scripts, archive and emulator: what needs no board."""
+"""The tool for virtual boards, without a board: command line, scripts, image and emulator options."""
 
 import os
 import signal
@@ -21,14 +21,14 @@ from tools.virtual_board.system import Booted, emulator
 
 
 def documented() -> list[list[str]]:
-    """Return the words of each example in the tool's help, as a shell takes them apart."""
+    """Return the words of each example in the tool's help, as a shell splits them."""
     start = "    python -m tools.virtual_board "
     lines = [line.removeprefix(start) for line in (tool.__doc__ or "").splitlines() if line.startswith(start)]
     shells = [["sh", "-c", f"printf '%s\\n' {line}"] for line in lines]
     return [subprocess.run(shell, capture_output=True, text=True, check=True).stdout.splitlines() for shell in shells]
 
 
-def test_the_documented_examples_are_understood() -> None:
+def test_the_documented_examples_are_parsed() -> None:
     options = [tool.parse(words) for words in documented()]
     assert [one.verb for one in options] == ["build", "run", "run", "python", "boot"]
     assert [one.arguments for one in options] == [
@@ -52,15 +52,13 @@ def test_the_documented_examples_are_understood() -> None:
         (["boot", "--port"], "expected one argument"),
     ],
 )
-def test_a_command_line_that_cannot_be_meant(
-    capsys: pytest.CaptureFixture[str], words: list[str], message: str
-) -> None:
+def test_a_wrong_command_line_is_refused(capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
     with pytest.raises(SystemExit):
         tool.parse(words)
     assert message in capsys.readouterr().err
 
 
-def test_words_behind_the_dashes_are_left_alone() -> None:
+def test_words_after_the_dashes_are_passed_on_unchanged() -> None:
     words = ["-m", "x", "--", "--port"]
     assert tool.parse(["python", "--folder", "here", "--", *words]).arguments == words
 
@@ -77,7 +75,7 @@ LONG = "'''exec' '/a long/python' \"$0\" \"$@\"\n' '''\nimport sys\n"  # for the
         ("\x7fELF", "\x7fELF"),
     ],
 )
-def test_scripts_of_pip(tmp_path: Path, text: str, mended: str) -> None:
+def test_scripts_of_pip_start_the_python_of_the_board(tmp_path: Path, text: str, mended: str) -> None:
     path = tmp_path / "uuv-hil"
     path.write_text(text)
     path.chmod(0o755)
@@ -88,7 +86,7 @@ def test_scripts_of_pip(tmp_path: Path, text: str, mended: str) -> None:
 
 @pytest.fixture
 def empty(tmp_path: Path) -> VirtualBoard:
-    """Provide folders of a board with next to nothing in them."""
+    """Provide almost empty folders of a board."""
     board = VirtualBoard(str(tmp_path / "a board"))
     for path in ("root/usr/bin", "root/usr/share/base-passwd", "modules/usr/lib/modules", "site"):
         os.makedirs(os.path.join(board.folder, path))
@@ -97,7 +95,9 @@ def empty(tmp_path: Path) -> VirtualBoard:
     return board
 
 
-def test_the_python_out_here(empty: VirtualBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_wrapper_runs_the_emulator_with_all_arguments(
+    empty: VirtualBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The tool passes itself, its files, the mark and the arguments to the emulator unchanged."""
     with pytest.raises(DeviceError, match="virtual_board build"):
         empty.command()
@@ -113,8 +113,8 @@ def test_the_python_out_here(empty: VirtualBoard, tmp_path: Path, monkeypatch: p
     ]  # fmt: skip
 
 
-def test_files_keep_their_time(empty: VirtualBoard, tmp_path: Path) -> None:
-    """Bytecode is taken only if the time it has noted is that of its source (PEP 552)."""
+def test_files_in_the_image_have_their_modification_time(empty: VirtualBoard, tmp_path: Path) -> None:
+    """Bytecode is used only if its recorded time is that of its source (PEP 552)."""
     source = Path(empty.site) / "module.py"
     source.touch()
     os.utime(source, (1_700_000_000, 1_700_000_000))
@@ -123,7 +123,7 @@ def test_files_keep_their_time(empty: VirtualBoard, tmp_path: Path) -> None:
     assert int(record[6 + 5 * 8 :][:8], 16) == 1_700_000_000
 
 
-def test_the_booted_kernel_knows_that_it_is_emulated() -> None:
+def test_the_kernel_command_line_marks_emulation() -> None:
     words = emulator("vmlinuz", "image", {7447: 7448})
     assert f"{MARK}=qemu-system-aarch64" in words[words.index("-append") + 1].split()
     assert "user,id=net,hostfwd=tcp:127.0.0.1:7447-:7448" in words
@@ -131,8 +131,8 @@ def test_the_booted_kernel_knows_that_it_is_emulated() -> None:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root builds and boots a board")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_nothing_outlives_a_board_that_is_ended(empty: VirtualBoard, tmp_path: Path, number: int) -> None:
-    """The emulator reports its process number, and then goes on for a minute."""
+def test_no_process_or_file_outlives_an_ended_board(empty: VirtualBoard, tmp_path: Path, number: int) -> None:
+    """The emulator reports its process number, and then runs for a minute."""
     os.makedirs(os.path.join(empty.root, "boot"))
     (Path(empty.root) / "boot" / "vmlinuz").touch()
     Path(empty.python).touch()
@@ -154,7 +154,7 @@ def test_nothing_outlives_a_board_that_is_ended(empty: VirtualBoard, tmp_path: P
     assert not list(scratch.glob("uuv-hil-scratch-*"))
 
 
-def test_a_board_that_cannot_be_booted_leaves_nothing(
+def test_a_board_that_cannot_be_booted_leaves_no_files(
     empty: VirtualBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Path(empty.python).touch()
@@ -165,13 +165,13 @@ def test_a_board_that_cannot_be_booted_leaves_nothing(
     assert not list(tmp_path.glob("uuv-hil-scratch-*"))
 
 
-def test_what_is_missing_is_named(tmp_path: Path) -> None:
+def test_a_missing_board_is_reported_with_the_command_to_build_it(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="virtual_board build"):
         VirtualBoard(str(tmp_path)).command("-c", "")
 
 
-def test_a_session_of_another_user_can_be_opened(empty: VirtualBoard, tmp_path: Path) -> None:
-    """PAM refuses all while a file that it includes is missing; `uuv-hil doctor --user` asks it."""
+def test_the_image_has_the_pam_files_for_sessions_of_other_users(empty: VirtualBoard, tmp_path: Path) -> None:
+    """PAM refuses every session while an included file is missing; `uuv-hil doctor --user` needs one."""
     write_image(empty, str(tmp_path / "image"))
     image = (tmp_path / "image").read_bytes()
     for kind in ("auth", "account", "password", "session"):

@@ -147,11 +147,11 @@ systemctl stop user@1000
 
 
 def last_of(booted: Booted) -> str:
-    """Return the newest lines of what the job printed: where it stands."""
+    """Return the last lines that the job printed."""
     return "\n".join(booted.output.splitlines()[-30:])
 
 
-def test_the_service_on_a_whole_board() -> None:
+def test_the_service_runs_on_a_whole_board() -> None:
     port = free_port()
     with held_board() as board:
         whole = Booted(board, JOB + LIMITS, {port: 7447})

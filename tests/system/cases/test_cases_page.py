@@ -1,4 +1,4 @@
-"""The same as tests/process/cases/test_cases_page.py, of the cases that take longer."""
+"""The same as tests/process/cases/test_cases_page.py, for the cases that take longer."""
 
 import pytest
 
@@ -7,5 +7,5 @@ from tests.support.flights.cases_page import check_page
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name != "path_planning"])
-def test_the_page_has_the_figures_of_its_flights(name: str) -> None:
+def test_the_page_has_the_figures_of_a_repeated_flight(name: str) -> None:
     check_page(name)

@@ -1,4 +1,4 @@
-"""The planner before a vehicle whose software is its own: it hears `cmd_vel` and drives the thrusters by their port."""
+"""A planner with a vehicle of external software, which reads `cmd_vel` and commands the thrusters."""
 
 import json
 import time
@@ -20,8 +20,8 @@ from tests.support.processes import Program, free_port, write_scenario
 SENSED = ("imu", "odom", "pressure")
 
 
-def be_the_vehicle(client: VehicleClient, scenario_path: Path, device: Path, master: Program) -> int:
-    """Listen to sensors and commands as any ROS 2 node would, drive the thrusters over the port; commands taken."""
+def run_external_vehicle(client: VehicleClient, scenario_path: Path, device: Path, master: Program) -> int:
+    """Subscribe to sensors and commands as a ROS 2 node would, command the thrusters; return the commands."""
     scenario = load_scenario(str(scenario_path))
     vehicle, control = load_vehicle(scenario.vehicle)
     pilot = build_pilot(scenario, vehicle, control, load_world(scenario.world))
@@ -44,7 +44,7 @@ def be_the_vehicle(client: VehicleClient, scenario_path: Path, device: Path, mas
     return taken
 
 
-def test_the_same_planner_leads_it(tmp_path: Path) -> None:
+def test_the_planner_leads_a_vehicle_with_external_software(tmp_path: Path) -> None:
     device, folder = tmp_path / "stm32", tmp_path / "run"
     path, _ = write_scenario(tmp_path, top='controller = "external"', link=f'port = "pty:{device}"')
     router = f"tcp/127.0.0.1:{free_port()}"
@@ -59,7 +59,7 @@ def test_the_same_planner_leads_it(tmp_path: Path) -> None:
             Program(tmp_path, "master", path, "--connect", router, "--output", folder) as master,
         ):
             assert client.wait_for_vehicle(60)
-            taken = be_the_vehicle(client, path, device, master)
+            taken = run_external_vehicle(client, path, device, master)
             assert master.wait() == 0, master.output
     outcome = json.loads((folder / "table.json").read_text())["outcome"]
     assert outcome["reason"] == "goal reached"

@@ -1,4 +1,4 @@
-"""The hunt by modem, with a process for each slave and planner and the water between them."""
+"""Target hunting by modem, with a process for each slave and planner and the acoustic channel between them."""
 
 import re
 from pathlib import Path
@@ -16,8 +16,8 @@ SCENARIO = "target_hunting_acoustic"
 STARTS = ((6.2, 7.1), (3.0, 6.4), (3.0, 3.6), (6.2, 2.9))  # half round the target already, 2.4 m from it
 
 
-def test_in_processes_with_the_water_between_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Agents hear what the water delivers and nothing else."""
+def test_four_processes_hunt_over_the_acoustic_channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Agents receive exactly the messages that the channel delivers."""
     monkeypatch.setattr(hunt_watch, "SETTLE_S", 1.0)
     members = members_on_free_ports(SCENARIO)
     for table, (north, east) in zip(members, STARTS, strict=True):

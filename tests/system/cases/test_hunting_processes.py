@@ -1,4 +1,4 @@
-"""The hunt with a process for each slave and each planner: once through, and what happens when one is lost."""
+"""Target hunting with a process for each slave and planner: a whole hunt, and lost processes."""
 
 import os
 import re
@@ -69,7 +69,7 @@ def test_four_slaves_and_four_planners_surround_the_target(
         assert "thrusters neutral" in (tmp_path / f"slave_{member.node}.log").read_text()
 
 
-def test_a_planner_that_ends_is_named_and_all_others_end_too(
+def test_a_planner_that_ends_is_named_and_all_others_are_ended(
     scenario: Scenario, crews: list[Crew], tmp_path: Path
 ) -> None:
     class KillsThird(HuntWatch):
@@ -82,14 +82,16 @@ def test_a_planner_that_ends_is_named_and_all_others_end_too(
         processes.fly(scenario, str(tmp_path), KillsThird(scenario))
 
 
-def test_a_slave_that_cannot_start_says_why(scenario: Scenario, crews: list[Crew], tmp_path: Path) -> None:
+def test_a_slave_that_cannot_start_is_reported_with_the_reason(
+    scenario: Scenario, crews: list[Crew], tmp_path: Path
+) -> None:
     file = Path(scenario.path)
     file.write_text(file.read_text().replace('vehicle = "paper_seven"', 'vehicle = "paper_sevven"'))
     with pytest.raises(NetworkError, match=r"slave_uuv\d ended with exit code 2: .* did you mean 'paper_seven'"):
         processes.fly(scenario, str(tmp_path), HuntWatch(scenario))
 
 
-def test_ctrl_c_ends_all(tmp_path: Path) -> None:
+def test_ctrl_c_ends_all_processes(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with Program(tmp_path, "case", "target_hunting", "--hil", "--output", folder) as case:
         hil = folder / "target_hunting-hil-001"

@@ -1,4 +1,4 @@
-"""Cases of one vehicle that fly for long in simulated time."""
+"""Cases of one vehicle with long flights in simulated time."""
 
 import math
 from itertools import pairwise
@@ -13,7 +13,7 @@ from sim.environment.world import load_world
 from tests.process.cases.test_cases import RADIUS, check
 
 
-def test_path_planning_of_two_seeds_on_all_cores(tmp_path: Path) -> None:
+def test_path_planning_of_two_seeds_is_equal_on_one_and_two_processes(tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
     (tmp_path / "many").mkdir()
     runs = fly_all("path_planning", str(tmp_path / "many"), [1, 2], jobs=2)
@@ -30,7 +30,7 @@ def test_path_planning_of_two_seeds_on_all_cores(tmp_path: Path) -> None:
     assert first[: first.index(first.goal_error) + 1] == second[: second.index(second.goal_error) + 1]
 
 
-def test_obstacles_that_the_map_lacks_are_seen_and_passed(tmp_path: Path) -> None:
+def test_obstacles_missing_in_the_map_are_detected_and_passed(tmp_path: Path) -> None:
     run = find_case("path_planning_unknown").fly("sil", 3, str(tmp_path))
     check(run.result)
     world = load_world(load_scenario(run.scenario).world)
@@ -46,7 +46,7 @@ def test_obstacles_that_the_map_lacks_are_seen_and_passed(tmp_path: Path) -> Non
     assert run.result.extra["plans"] > 1
 
 
-def test_tasks_in_the_order_they_need(tmp_path: Path) -> None:
+def test_tasks_are_done_in_their_required_order(tmp_path: Path) -> None:
     result = find_case("task_scheduling").fly("sil", 1, str(tmp_path)).result
     check(result, at_work=45.0)
     assert result.reason == "home after charging, acquisition, transmission"
@@ -56,8 +56,8 @@ def test_tasks_in_the_order_they_need(tmp_path: Path) -> None:
     assert result.duration > times[-1] + 50.0
 
 
-def test_without_any_map(tmp_path: Path) -> None:
-    """Obstacle-unknown mode: an empty map, and the laser alone finds the way through the field."""
+def test_path_planning_without_a_map(tmp_path: Path) -> None:
+    """Obstacle-unknown mode: an empty map, and the laser alone detects the obstacles."""
     case = PathPlanning()
     case.scenario = write_variant("path_planning", str(tmp_path), {"master.map": "unknown"})
     run = case.fly("sil", 1, str(tmp_path))

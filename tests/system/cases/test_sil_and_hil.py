@@ -1,4 +1,4 @@
-"""A short way flown in simulated time and by a slave as a process, and the report of both."""
+"""A short flight in simulated time and with a slave as a process, and the report of both."""
 
 import math
 from pathlib import Path
@@ -9,8 +9,8 @@ from hil.cases.report import write_report
 from hil.cases.variant import write_variant
 
 
-def test_sil_and_hil_side_by_side(tmp_path: Path) -> None:
-    """A short way with a slave as a process and an emulated STM32, and the report of both."""
+def test_sil_and_hil_flights_agree_and_are_reported(tmp_path: Path) -> None:
+    """The slave is a process with an emulated STM32."""
     short = write_variant("path_planning", str(tmp_path), {"master.goal": [3.5, -1.0], "start.heading": -0.3})
     case = PathPlanning()
     case.scenario = short

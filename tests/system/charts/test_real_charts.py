@@ -1,4 +1,4 @@
-"""Against NOAA's ENC cells, where UUV_HIL_CHARTS points to a folder of them, and GDAL's reading where it is."""
+"""Beds from NOAA's ENC cells, where UUV_HIL_CHARTS names a folder of them."""
 
 import os
 import shutil
@@ -35,13 +35,13 @@ def built(*names: str, resolution: float | None = None) -> tuple[Survey, Built]:
                   "DRGARE": 21, "BRIDGE": 18, "PIPSOL": 6, "RESARE": 6, "SBDARE": 85}),
     ("US4AK4PH", {"CBLSUB": 4, "CBLARE": 2, "SBDARE": 240}),
 ])  # fmt: skip
-def test_objects_of_the_cells(name: str, counts: dict[str, int]) -> None:
+def test_the_objects_of_the_cells_are_counted(name: str, counts: dict[str, int]) -> None:
     cell = read_cell(cell_path(name))
     assert {kind: len(cell.select(kind)) for kind in counts} == counts
 
 
-def test_what_a_chart_tells_beside_depths_is_on_the_plane() -> None:
-    """Names and rules are those of the cell; the kinds of seabed are more mud than sand in this bay."""
+def test_pipelines_zones_and_seabed_natures_of_a_chart_are_read() -> None:
+    """Names and rules are those of the cell; this bay has more mud than sand."""
     survey, _ = read_sources([cell_path("US5WA22M")], None, None)
     charted = survey.charted
     assert {pipeline.diameter for pipeline in charted.pipelines} == {0.6}
@@ -76,8 +76,8 @@ ERRORS = [
 
 
 @pytest.mark.parametrize(("name", "ours", "linear", "radial"), ERRORS)
-def test_soundings_that_were_held_out(name: str, ours: float, linear: float, radial: float) -> None:
-    """The grid is better than the others, nowhere below a sounding, and not too deep on average."""
+def test_soundings_that_were_held_out_are_predicted(name: str, ours: float, linear: float, radial: float) -> None:
+    """The grid is better than linear or radial interpolation, nowhere below a sounding, not too deep on average."""
     survey, found = built(name)
     report = found.report
     assert report.rmse == pytest.approx(ours, rel=0.02)
@@ -90,7 +90,7 @@ def test_soundings_that_were_held_out(name: str, ours: float, linear: float, rad
     assert np.nanmax(depths) < 0.2
 
 
-def test_two_charts_of_other_scales_side_by_side() -> None:
+def test_two_adjacent_charts_of_different_scales_are_joined() -> None:
     survey, found = built("US5AK5SI", "US5AK5SJ", resolution=50.0)
     assert [sheet.name for sheet in survey.sheets] == ["US5AK5SJ", "US5AK5SI"]
     assert found.report.rmse < 0.75 * found.report.linear_rmse
@@ -98,6 +98,6 @@ def test_two_charts_of_other_scales_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name, *_ in ERRORS])
-def test_a_short_flight_over_each(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_short_flight_over_each_chart(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     check_dive(tmp_path, cell_path(name))

@@ -1,4 +1,4 @@
-"""Campaigns on clusters: the same rows whoever runs them, and workers that have only what they were sent."""
+"""Campaigns on clusters: equal rows with every engine, and workers that have only the files they were sent."""
 
 import csv
 import os
@@ -100,8 +100,8 @@ def sent(folder: Path, scenario: Path) -> tuple[Bundle, dict[str, object]]:
 
 @pytest.mark.usefixtures("plain_imports")
 @pytest.mark.parametrize("absolute", [False, True])
-def test_a_worker_that_has_nothing_of_the_users_does_the_same_run(absolute: bool, tmp_path: Path) -> None:
-    """The user's folder is gone, as it never was there on another machine."""
+def test_a_worker_without_the_user_s_files_gives_the_same_result(absolute: bool, tmp_path: Path) -> None:
+    """The user's folder is removed, as it does not exist on another machine."""
     folder = tmp_path / "user"
     scenario = write_own(folder, f"campaign_own_{absolute:d}", absolute=absolute)
     bundle, row = sent(folder, scenario)
@@ -117,7 +117,7 @@ def test_a_worker_that_has_nothing_of_the_users_does_the_same_run(absolute: bool
 
 
 @pytest.mark.usefixtures("plain_imports")
-def test_what_goes_wrong_on_a_worker_names_the_users_files(tmp_path: Path) -> None:
+def test_errors_of_a_worker_name_the_user_s_files(tmp_path: Path) -> None:
     folder = tmp_path / "user"
     scenario = write_own(folder, "campaign_own_wrong")
     bundle, _ = sent(folder, scenario)
@@ -129,10 +129,8 @@ def test_what_goes_wrong_on_a_worker_names_the_users_files(tmp_path: Path) -> No
 
 
 @pytest.mark.usefixtures("plain_imports")
-def test_names_are_those_of_the_folder_where_the_campaign_was_started(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Names in the scenario and in its changes are found from there; a worker runs in another folder."""
+def test_relative_names_start_from_the_folder_of_the_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This holds for names in the scenario and in its changes; a worker runs in another folder."""
     folder = tmp_path / "user"
     write_own(folder, "campaign_own_relative")
     shutil.move(folder / "mine.toml", folder / "six.toml")  # only the change names it
@@ -150,7 +148,7 @@ def test_names_are_those_of_the_folder_where_the_campaign_was_started(
 
 
 @pytest.mark.usefixtures("plain_imports")
-def test_the_next_campaign_on_the_same_workers_brings_its_own_content(tmp_path: Path) -> None:
+def test_the_next_campaign_on_the_same_workers_uses_its_own_files(tmp_path: Path) -> None:
     """A module of the same name that was imported before is not used in its place."""
     rows = []
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as worker:
@@ -164,7 +162,7 @@ def test_the_next_campaign_on_the_same_workers_brings_its_own_content(tmp_path: 
     assert rows[0] == rows[2] != rows[1]
 
 
-def test_what_is_installed_is_not_sent(tmp_path: Path) -> None:
+def test_installed_files_are_not_sent(tmp_path: Path) -> None:
     bundle = collect("paper_field", [{}])
     assert not bundle.files
     root = Path(unpack(bundle).root)
@@ -181,7 +179,7 @@ def test_a_worker_of_another_version_is_refused() -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(("address", "code", "words"), [("127.0.0.1:PORT", 4, "refused"), ("here", 2, "HOST:PORT")])
-def test_a_scheduler_that_is_not_there(engine: str, address: str, code: int, words: str, tmp_path: Path) -> None:
+def test_a_missing_scheduler_is_reported(engine: str, address: str, code: int, words: str, tmp_path: Path) -> None:
     variable = {"dask": "DASK_SCHEDULER_ADDRESS", "ray": "RAY_ADDRESS"}[engine]
     there = address.replace("PORT", str(free_port()))
     program = Program(tmp_path, "campaign", "paper_field", "--backend", engine, environment={variable: there})
@@ -193,7 +191,7 @@ def test_a_scheduler_that_is_not_there(engine: str, address: str, code: int, wor
     assert f"{variable}=" in line
 
 
-def test_who_is_refused_by_ray_is_told_of_its_token(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refusal_by_ray_is_reported_with_its_token(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
     def refused(jobs: int) -> Iterator[None]:
         raise ConnectionError("Failed to connect to Ray cluster")
@@ -210,7 +208,7 @@ def test_who_is_refused_by_ray_is_told_of_its_token(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_without_the_package_the_extra_is_named(engine: str, tmp_path: Path) -> None:
+def test_a_missing_cluster_package_names_the_extra(engine: str, tmp_path: Path) -> None:
     package = {"dask": "distributed", "ray": "ray"}[engine]
     (tmp_path / f"{package}.py").write_text(f"raise ModuleNotFoundError('no {package}', name={package!r})\n")
     arguments = ("campaign", "paper_field", "--seeds", "1", "--backend", engine)
@@ -253,7 +251,7 @@ def test_two_workers_of_each_engine_give_the_rows_of_joblib(engine: str, tmp_pat
 
 @contextmanager
 def dask_cluster(folder: Path) -> Iterator[str]:
-    """Provide a scheduler and two workers of one thread each, which know nothing of the user; its address."""
+    """Provide the address of a scheduler with two workers of one thread each, without files of the user."""
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
     roles = [["scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]]
@@ -278,7 +276,7 @@ def dask_cluster(folder: Path) -> Iterator[str]:
 @pytest.mark.cluster
 @pytest.mark.usefixtures("requires_marker")
 @pytest.mark.timeout(3 * START_S)
-def test_a_cluster_of_dask_that_was_there_before(tmp_path: Path) -> None:
+def test_an_existing_cluster_of_dask_is_used(tmp_path: Path) -> None:
     scenario = write_own(tmp_path / "user", "campaign_own_elsewhere")
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()

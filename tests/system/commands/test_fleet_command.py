@@ -1,4 +1,4 @@
-"""`uuv-hil fleet`: what it starts runs until `down`, and nothing of it is left then."""
+"""`uuv-hil fleet`: slaves run from `up` until `down`, here and on other hosts, and none is left then."""
 
 import json
 import os
@@ -21,7 +21,7 @@ DOWN = f"{sys.executable} -c 'import sys; sys.exit(\"down\")'"
 
 
 class Command:
-    """The command with a home of its own."""
+    """The command with a home folder of its own."""
 
     def __init__(self, home: Path) -> None:
         self.environment = {**os.environ, "HOME": str(home), "XDG_STATE_HOME": str(home), "PYTHONPATH": ROOT}
@@ -53,7 +53,7 @@ def command(tmp_path: Path) -> Iterator[Command]:
         process.kill()
 
 
-def test_up_status_down(command: Command) -> None:
+def test_up_starts_status_shows_and_down_ends_the_slaves(command: Command) -> None:
     up = command.run("up")
     assert up.returncode == 0, up.stderr
     assert len(command.slaves()) == 2
@@ -70,7 +70,7 @@ def test_up_status_down(command: Command) -> None:
     assert command.run("status").returncode == 2
 
 
-def test_keys_are_changed_as_by_other_commands(command: Command) -> None:
+def test_set_changes_keys_of_the_scenario(command: Command) -> None:
     wrong = command.run("up", "--set", "slave.realtime=7")
     assert wrong.returncode == 2
     assert "realtime: expected true or false" in wrong.stderr
@@ -81,7 +81,7 @@ def test_keys_are_changed_as_by_other_commands(command: Command) -> None:
     assert [tuple(slave.cmdline()[-4:]) for slave in command.slaves()] == [changes] * 2
 
 
-def test_none_is_left_when_one_does_not_start(command: Command) -> None:
+def test_no_slave_is_left_when_one_cannot_be_started(command: Command) -> None:
     """The second host cannot be reached."""
     up = command.run("up", "--on", "uuv2=nobody.invalid", "--ssh", DOWN)
     assert up.returncode == 3
@@ -112,8 +112,8 @@ def test_a_start_that_is_interrupted_leaves_nothing(command: Command, number: in
     assert "nothing of" in command.run("down").stderr
 
 
-def test_a_host_that_is_gone_for_a_while(command: Command, tmp_path: Path) -> None:
-    """Its member stays noted, and the others end."""
+def test_down_keeps_the_members_of_an_unreachable_host(command: Command, tmp_path: Path) -> None:
+    """Its member stays recorded, and the others end."""
     gone, ssh, program = tmp_path / "gone", tmp_path / "ssh", tmp_path / "program"
     ssh.write_text(f'#!/bin/sh\ntest ! -e {gone} || {{ echo "No route to host" >&2; exit 255; }}\nexec sh -c "$2"\n')
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -m hil "$@"\n')
@@ -134,19 +134,19 @@ def test_a_host_that_is_gone_for_a_while(command: Command, tmp_path: Path) -> No
     assert not command.slaves()
 
 
-def test_up_speaks_json(command: Command) -> None:
+def test_up_prints_json(command: Command) -> None:
     up = command.run("up", "--json")
     assert [(row["member"], row["host"]) for row in json.loads(up.stdout)] == [(m, "") for m in MEMBERS]
 
 
 @pytest.mark.parametrize("place", ["uuv1", "uuv1=", "uuv9=pi", "uuv1=-oProxyCommand=x"])
-def test_a_place_that_is_none(command: Command, place: str) -> None:
+def test_an_invalid_host_option_is_refused(command: Command, place: str) -> None:
     up = command.run("up", "--on", place)
     assert up.returncode == 2
     assert f"--on {place!r}" in up.stderr
 
 
-def test_a_process_that_took_the_number_is_not_signalled(command: Command) -> None:
+def test_another_process_with_the_recorded_number_is_not_signalled(command: Command) -> None:
     assert command.run("up").returncode == 0
     note = next(command.scenario.parent.glob("uuv-hil/fleets/*.json"))
     table = json.loads(note.read_text())

@@ -1,4 +1,4 @@
-"""`uuv-hil fleet` on a host that a real sshd serves: this machine, at a port of localhost, in a home of its own."""
+"""`uuv-hil fleet` over a real sshd on this machine, in a home folder of its own."""
 
 import os
 import shutil
@@ -18,7 +18,7 @@ SSHD = shutil.which("sshd", path=f"{os.environ['PATH']}:/usr/sbin")
 
 @pytest.fixture
 def ssh(tmp_path: Path) -> Iterator[str]:
-    """Return the command that reaches it."""
+    """Return the ssh command that connects to it."""
     if not SSHD or not shutil.which("ssh"):
         pytest.skip("no openssh-server")
     for name in ("host", "user"):
@@ -44,7 +44,7 @@ def ssh(tmp_path: Path) -> Iterator[str]:
         server.wait(10)
 
 
-def test_members_here_and_there(ssh: str, tmp_path: Path) -> None:
+def test_members_run_here_and_over_ssh(ssh: str, tmp_path: Path) -> None:
     command = Command(tmp_path)
     program = tmp_path / "there"
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -m hil "$@"\n')
@@ -65,7 +65,7 @@ def test_members_here_and_there(ssh: str, tmp_path: Path) -> None:
             process.kill()
 
 
-def test_a_host_that_does_not_have_it_says_so(ssh: str, tmp_path: Path) -> None:
+def test_a_host_without_the_program_is_reported(ssh: str, tmp_path: Path) -> None:
     command = Command(tmp_path)
     up = command.run("up", "--on", "uuv1=127.0.0.1", "--ssh", ssh, "--program", "no-such-uuv-hil")
     assert up.returncode == 3

@@ -1,4 +1,4 @@
-"""Slaves and planners of a fleet hunt under TLS, each with a key of its own."""
+"""Slaves and planners of a fleet hunt with TLS, each with its own key."""
 
 import signal
 from contextlib import ExitStack
@@ -29,7 +29,7 @@ def hunt(scenario: str, keys: Path, vehicles: list[str], folder: Path) -> list[i
         return [int(agent.expect(r"reports: (\d+) received")[1]) for agent in agents]
 
 
-def test_vehicles_and_planners_with_a_key_each_hunt_under_tls(keys: Path, tmp_path: Path) -> None:
+def test_a_fleet_with_separate_keys_hunts_with_tls(keys: Path, tmp_path: Path) -> None:
     vehicles = [f"vehicle{number}" for number in (1, 2, 3)]
     for name in vehicles:
         add_machine(str(keys), name, [])
@@ -43,8 +43,8 @@ def test_vehicles_and_planners_with_a_key_each_hunt_under_tls(keys: Path, tmp_pa
     assert min(hunt(scenario, keys, vehicles, tmp_path)) > 0
 
 
-def test_a_fleet_under_tls_hunts_behind_a_router(keys: Path, tmp_path: Path) -> None:
-    """Each vehicle has a key of its own, which the router knows by `vehicles`."""
+def test_a_fleet_with_tls_hunts_behind_a_router(keys: Path, tmp_path: Path) -> None:
+    """Each vehicle has its own key, which the router accepts by `vehicles`."""
     vehicles = [f"behind{number}" for number in (1, 2, 3)]
     for name in (*vehicles, "hub"):
         add_machine(str(keys), name, [])

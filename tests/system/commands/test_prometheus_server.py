@@ -58,7 +58,7 @@ def dashboard(folder: Path) -> dict[str, Any]:
 
 
 def variable(port: int, folder: Path) -> list[str]:
-    """Return the vehicles that Grafana lets a person choose from, queried as it does."""
+    """Return the vehicles that the dashboard of Grafana offers, queried as Grafana does."""
     (text,) = [each["query"]["query"] for each in dashboard(folder)["templating"]["list"] if each["type"] == "query"]
     found = re.fullmatch(r"label_values\((\w+), (\w+)\)", text)
     assert found, text

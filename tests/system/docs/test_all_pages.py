@@ -19,5 +19,5 @@ ELSEWHERE = {
 }
 
 
-def test_every_page_is_followed() -> None:
+def test_every_page_is_followed_by_a_test() -> None:
     assert sorted(pages()) == sorted([*ELSEWHERE, *(page for module in FOLLOWING for page in module.TYPED)])

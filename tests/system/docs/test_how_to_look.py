@@ -1,4 +1,4 @@
-"""The how-to pages about samples do what they say, typed in order into an empty folder."""
+"""The how-to pages about samples: their commands work when typed in order in an empty folder."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The programs of the pages about Python run as they stand there, but for the address."""
+"""The programs of the pages about Python run unchanged except for the endpoint."""
 
 import re
 import subprocess
@@ -31,41 +31,41 @@ def run(program: str, endpoint: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_the_complete_program(endpoint: str) -> None:
+def test_the_complete_program_runs(endpoint: str) -> None:
     first, *way, last = run(PROGRAMS[0], endpoint)
     assert re.fullmatch(r"uuv1: \d\.\d m deep, heading -?\d\.\d\d rad, \d+ ms old", first)
     assert sum("m/s ahead" in line for line in way) > 20
     assert "no 'gps'" in last
 
 
-def test_the_program_that_follows_a_dubins_path(endpoint: str) -> None:
+def test_the_program_with_a_dubins_path_runs(endpoint: str) -> None:
     length, arrival = run(PROGRAMS[1], endpoint)
     assert re.fullmatch(r"\d\.\d m in [1-3] pieces", length)
     assert float(length.split()[0]) >= 2.0, "no shorter than the straight line"
     assert 1.7 <= float(arrival.removeprefix("arrived ").removesuffix(" m east")) <= 2.3  # done within 0.3 m
 
 
-def test_the_asyncio_program(endpoint: str) -> None:
+def test_the_asyncio_program_runs(endpoint: str) -> None:
     pressures = [float(line.removesuffix(" Pa")) for line in run(PROGRAMS[2], endpoint)]
     assert pressures[0] - pressures[-1] > 1500, "0.3 m up are 3 kPa less, and 0.1 m are enough"
 
 
-def test_all_programs_are_there() -> None:
+def test_the_page_has_three_programs() -> None:
     assert len(PROGRAMS) == 3
 
 
-def test_how_it_begins(endpoint: str) -> None:
-    """The page's first two lines are no program yet; with one more they are."""
+def test_the_first_lines_of_the_page_run(endpoint: str) -> None:
+    """The first two lines of the page become a program with one more line."""
     assert run(f"{BEGINNING}print(fleet.wait_for('uuv1')[0].name)\nfleet.close()\n", endpoint) == ["uuv1"]
 
 
-def test_the_tutorial(endpoint: str) -> None:
+def test_the_program_of_the_tutorial_runs(endpoint: str) -> None:
     assert len(TUTORIAL.strip().splitlines()) <= 12
     lines = run(TUTORIAL, endpoint)
     assert float(lines[-1].split(",")[0].strip("(")) > 0.3
 
 
-def test_the_topics_of_the_table_are_those_there_are() -> None:
+def test_the_table_has_all_command_topics() -> None:
     text = (ROOT / "docs" / "how-to" / "python.md").read_text()
     rows = dict(re.findall(r"^\| `(cmd_\w+)` \| `(\w+/\w+)`", text, flags=re.MULTILINE))
     assert rows == {name: TOPICS[name].type.replace("/msg/", "/") for name in COMMANDS}

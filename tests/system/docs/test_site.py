@@ -1,4 +1,4 @@
-"""The documentation builds without a warning, and what it builds loads nothing from elsewhere."""
+"""The documentation site: it builds without a warning and loads nothing from other hosts."""
 
 import os
 import re
@@ -27,7 +27,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_no_page_loads_from_elsewhere(site: Path) -> None:
+def test_no_page_loads_from_other_hosts(site: Path) -> None:
     pages = list(site.rglob("*.html"))
     assert len(pages) > 30
     for page in pages:
@@ -38,8 +38,8 @@ def test_no_page_loads_from_elsewhere(site: Path) -> None:
     assert "../javascripts/iframe-worker.js" in (site / "tutorials" / "first_flight.html").read_text(encoding="utf-8")
 
 
-def test_pages_that_are_opened_as_files_are_searched(site: Path) -> None:
-    """A real browser finds them, and sends nothing to another host."""
+def test_search_works_in_pages_opened_as_files(site: Path) -> None:
+    """A real browser finds pages, and sends nothing to another host."""
     with open_page() as seen:
         seen.page.goto((site / "tutorials" / "first_flight.html").as_uri())
         seen.page.locator(".md-search__input").first.click(force=True)

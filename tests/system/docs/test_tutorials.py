@@ -1,4 +1,4 @@
-"""The tutorials that need no second machine do what they say, typed in order into an empty folder."""
+"""The tutorials for one machine: their commands work when typed in order in an empty folder."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The tutorials of boards and networks do what they say, typed in order into an empty folder."""
+"""The tutorials about boards and networks: their commands work when typed in order in an empty folder."""
 
 from pathlib import Path
 

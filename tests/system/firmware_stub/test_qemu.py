@@ -1,4 +1,4 @@
-"""The shipped images on QEMU: what its timers hold is read by QEMU, not reported by the firmware."""
+"""The shipped images in QEMU: QEMU reads the timers, so that the pulses are not those the firmware reports."""
 
 import os
 import shutil
@@ -56,7 +56,7 @@ def wait(link: ThrusterLink, wanted: Callable[[ThrusterTelemetry], bool]) -> Thr
 
 
 def assert_pulses(stm32: QemuStm32, pulses: tuple[int, ...]) -> None:
-    """Assert what the timers hold, where the machine has some."""
+    """Assert the pulses in the timers, where the emulated machine has some."""
     assert stm32.pwm_us() == (pulses if stm32.machine.has_timers else (0,) * 8)
 
 
@@ -67,7 +67,7 @@ def link_to(stm32: QemuStm32, protocol: Protocol | None = None) -> ThrusterLink:
 @pytest.mark.qemu
 @pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
 class TestQemu:
-    def test_the_pulses_of_a_command_are_in_the_timers(self, stm32: QemuStm32) -> None:
+    def test_commanded_pulses_are_in_the_timers(self, stm32: QemuStm32) -> None:
         link = link_to(stm32)
         assert_pulses(stm32, NEUTRAL)
         link.send(ThrusterCommand(7, True, FULL))
@@ -78,7 +78,7 @@ class TestQemu:
         wait(link, lambda report: report.sequence == 8)
         assert_pulses(stm32, (0, *FULL[1:]))
 
-    def test_silence_puts_the_timers_to_neutral(self, stm32: QemuStm32) -> None:
+    def test_the_watchdog_sets_the_timers_to_neutral(self, stm32: QemuStm32) -> None:
         link = link_to(stm32)
         link.send(ThrusterCommand(7, True, FULL))
         silent = wait(link, lambda report: report.timed_out)
@@ -106,7 +106,7 @@ class TestQemu:
             assert (answer.pwm_us, answer.frames) == (pulses, sequence)
         assert link.counters.checksum_errors == link.counters.dropped_bytes == 0
 
-    def test_it_speaks_mavlink(self, stm32: QemuStm32) -> None:
+    def test_the_firmware_in_qemu_is_commanded_by_mavlink(self, stm32: QemuStm32) -> None:
         pytest.importorskip("pymavlink")
         link = link_to(stm32, open_protocol("mavlink", "host", 8))
         for sequence in range(1, 10):
@@ -117,15 +117,15 @@ class TestQemu:
         assert wait(link, lambda report: report.sequence == 20).armed
         assert_pulses(stm32, (1555, *FULL[1:]))
 
-    def test_every_byte_comes_through_as_it_is(self, stm32: QemuStm32) -> None:
-        """QEMU's multiplexer has a byte of its own, 0x01, for commands to itself."""
+    def test_every_byte_value_is_transmitted_unchanged(self, stm32: QemuStm32) -> None:
+        """QEMU's multiplexer uses the byte 0x01 for its own commands."""
         link = link_to(stm32)
         link.send(ThrusterCommand(0x0101, True, (0x0401, 0x0501, 0x0601, 0x0701, 0x0101, 0x0401, 0x0501, 0x0601)))
         answer = wait(link, lambda report: report.frames > 0)
         assert (answer.sequence, answer.errors) == (0x0101, 0)
         assert answer.pwm_us[:4] == (0x0401, 0x0501, 0x0601, 0x0701)
 
-    def test_a_write_tells_that_it_died(self, stm32: QemuStm32) -> None:
+    def test_writing_to_a_killed_qemu_is_an_error(self, stm32: QemuStm32) -> None:
         def talk() -> None:
             while True:
                 stm32.wire.write(b"?")
@@ -135,10 +135,10 @@ class TestQemu:
         with pytest.raises(DeviceError, match=r"udp://127.0.0.2.*went away"):
             talk()
 
-    def test_its_clock_goes_as_ours(self, stm32: QemuStm32) -> None:
-        """The clock is compared from one report to the next; QEMU loses ticks and never makes up any.
+    def test_the_emulated_clock_runs_at_about_real_time(self, stm32: QemuStm32) -> None:
+        """The clock is compared from one report to the next; QEMU loses ticks and never adds any.
 
-        Its core has the machine's frequency and not the chip's.
+        Its core has the frequency of the QEMU machine, not that of the chip.
         """
         link = link_to(stm32)
         link.send(ThrusterCommand(1, True, FULL))
@@ -166,13 +166,13 @@ def test_each_output_is_turned_and_confirmed(protocol: str, capsys: pytest.Captu
 
 @pytest.mark.qemu
 @pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
-def test_what_qemu_has_against_the_image_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_that_qemu_refuses_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(qemu, "image_path", lambda _: "/no/such/image.bin")
     with nothing_leaks(), pytest.raises(DeviceError, match=r"did not come up: .*/no/such/image\.bin"):
         QemuStm32()
 
 
-def test_without_qemu_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_qemu_is_reported_with_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(qemu, "PROGRAM", "no-such-emulator")
     with pytest.raises(DeviceError, match="no no-such-emulator: sudo apt install"):
         QemuStm32()

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="import-not-found"
-"""A node of rospy, run by Debian's Python: subscribes, drives, calls, and prints what came as a line of JSON."""
+"""A node of rospy for Debian's Python: it subscribes, commands, calls, and prints a line of JSON."""
 
 import json
 import time

@@ -1,4 +1,4 @@
-"""Runs in an environment of its own that has roslibpy and nothing of ours: what it sees and does through rosbridge.
+"""A rosbridge client in a separate environment with roslibpy and without this project.
 
     python rosbridge_peer.py ADDRESS
 

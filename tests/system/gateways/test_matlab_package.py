@@ -1,4 +1,4 @@
-"""The package +uuv in GNU Octave: what it sees and changes of a real vehicle, and what its errors say."""
+"""The package +uuv in GNU Octave with a real vehicle: simulation services, pictures, and error messages."""
 
 import signal
 from pathlib import Path
@@ -34,7 +34,7 @@ vehicle.arm();
 """
 
 
-def test_its_simulation_is_changed(tmp_path: Path, gateway: JsonGateway) -> None:
+def test_poses_are_set_and_reset(tmp_path: Path, gateway: JsonGateway) -> None:
     figures = [float(line) for line in run(tmp_path, gateway, SIMULATION)]
     assert figures == pytest.approx([7, 3, 1.5, 1.0, 4, 4, 2], abs=0.4)
 
@@ -52,8 +52,8 @@ imwrite(picture, 'octave.png');
 """
 
 
-def test_pictures_scan_and_map(tmp_path: Path, gateway: JsonGateway, fleet: Fleet) -> None:
-    """A picture is upright and in its colours: as Pillow has the same bytes."""
+def test_pictures_scan_and_map_are_read(tmp_path: Path, gateway: JsonGateway, fleet: Fleet) -> None:
+    """A picture has the orientation and colours that Pillow decodes from the same bytes."""
     image = pytest.importorskip("PIL.Image")
     fleet["uuv1"].stop()  # the picture then stays nearly the same
     picture, echoes, scan, known = run(tmp_path, gateway, PICTURES)
@@ -71,7 +71,7 @@ def test_pictures_scan_and_map(tmp_path: Path, gateway: JsonGateway, fleet: Flee
     assert max(differences) < 30
 
 
-def test_a_jpeg_is_found_and_read(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_jpeg_picture_is_read(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     pytest.importorskip("PIL", reason="JPEG needs Pillow")
     folder = tmp_path_factory.mktemp("jpeg")
     with seeing_vehicle(folder, "jpeg") as fleet, JsonGateway(fleet, "127.0.0.1", 0) as gateway:
@@ -123,7 +123,7 @@ attempt(@() vehicle.state());
         assert words in line
 
 
-def test_another_master_is_named(tmp_path: Path, gateway: JsonGateway, fleet: Fleet) -> None:
+def test_another_master_is_named_in_the_error(tmp_path: Path, gateway: JsonGateway, fleet: Fleet) -> None:
     with hil.connect(*fleet.endpoints, take_over=True) as other:
         other["uuv1"].drive(surge=0.1)
         assert wait_for(fleet["uuv1"].client.refusal)

@@ -1,4 +1,4 @@
-"""The template for MATLAB and Octave: its algorithms against ours in Python, and its two cases at real vehicles."""
+"""The template for MATLAB and Octave: its algorithms compared with Python, and its two cases with real vehicles."""
 
 import json
 import time
@@ -35,13 +35,13 @@ PRESETS = ROOT / "hil" / "scenario" / "presets"
 
 
 def answers(folder: Path, cases: list[dict[str, Any]], body: str) -> list[Any]:
-    """Return what Octave answers to each case, as JSON; `body` makes `answer` of `c`."""
+    """Return the result of Octave for each case, as JSON; `body` computes `answer` from `c`."""
     (folder / "cases.json").write_text(json.dumps(cases))
     script = f"{READ}for k = 1:numel(cases)\n  c = cases{{k}};\n{body}\n  disp(jsonencode(answer));\nend\n"
     return [json.loads(line) for line in run_octave(folder, script).splitlines()]
 
 
-def test_its_global_planner_finds_a_shortest_path(tmp_path: Path) -> None:
+def test_the_global_planner_finds_a_shortest_path(tmp_path: Path) -> None:
     random, grids, cases = Random(5), [], []
     start, goal = (0.75, 0.75), (9.25, 14.25)
     for _ in range(8):
@@ -72,7 +72,7 @@ def test_its_global_planner_finds_a_shortest_path(tmp_path: Path) -> None:
     assert found >= 3
 
 
-def test_its_local_planner_chooses_as_ours(tmp_path: Path) -> None:
+def test_the_local_planner_chooses_the_same_heading_as_python(tmp_path: Path) -> None:
     random, cases, expected = Random(7), [], []
     settings = VfhSettings(radius=0.3, safety=0.3, range=6.0, block_within=2.0, free_beyond=2.6)
     for _ in range(60):
@@ -96,7 +96,7 @@ def test_its_local_planner_chooses_as_ours(tmp_path: Path) -> None:
             assert abs((theirs["heading"] - ours + pi) % (2.0 * pi) - pi) < 1e-6
 
 
-def test_its_pursuit_steers_as_ours(tmp_path: Path) -> None:
+def test_pure_pursuit_gives_the_same_commands_as_python(tmp_path: Path) -> None:
     random, cases, expected = Random(9), [], []
     path = [[0.0, 0.0], [4.0, 3.0], [9.0, 3.0], [12.0, -2.0]]
     for _ in range(40):
@@ -113,7 +113,7 @@ def test_its_pursuit_steers_as_ours(tmp_path: Path) -> None:
         assert theirs == pytest.approx(ours, abs=1e-6)
 
 
-def test_its_scheduler_keeps_the_order_that_tasks_need(tmp_path: Path) -> None:
+def test_the_scheduler_respects_the_required_order_of_tasks(tmp_path: Path) -> None:
     script = """
 state = [];
 time = 0;
@@ -156,7 +156,7 @@ GOAL = ", struct('name', 'goal', 'at', [50 50], 'duration', 0, 'needs', '')"
 
 
 def fly(folder: Path, preset: str, tasks: str) -> dict[str, Any]:
-    """Fly a case in Octave; nothing is touched."""
+    """Fly a case in Octave; assert that nothing was touched."""
     with serve(folder, preset) as (fleet, gateway):
         (line,) = run(folder, gateway, RESULT.format(tasks=tasks), seconds=800.0)
         assert fleet["uuv1"].diagnostics.contacts == 0
@@ -164,7 +164,7 @@ def fly(folder: Path, preset: str, tasks: str) -> dict[str, Any]:
     return result
 
 
-def test_path_planning_in_octave(tmp_path: Path) -> None:
+def test_path_planning_in_octave_reaches_the_goal(tmp_path: Path) -> None:
     result = fly(tmp_path, "path_planning.toml", GOAL)
     assert result["visited"] == ["goal"]
     assert dist(result["track"][-1], (50.0, 50.0)) < 2.0
@@ -177,8 +177,8 @@ NEARER = """, struct( ...
   'needs', {'acquisition', 'charging', '', 'transmission'})"""
 
 
-def test_task_scheduling_in_octave(tmp_path: Path) -> None:
-    """The stations are the paper's, nearer and with shorter work."""
+def test_task_scheduling_in_octave_visits_all_stations(tmp_path: Path) -> None:
+    """The stations are those of the preset, but nearer and with shorter tasks."""
     result = fly(tmp_path, "task_scheduling.toml", NEARER)
     assert result["visited"] == ["charging", "acquisition", "transmission", "home"]
     assert len(result["paths"]) == 4
@@ -203,7 +203,7 @@ end
 """
 
 
-def test_a_part_in_the_own_folder_takes_the_place_of_ours(tmp_path: Path) -> None:
+def test_a_function_in_the_user_s_folder_replaces_that_of_the_template(tmp_path: Path) -> None:
     (tmp_path / "local_planner.m").write_text(REPLACED)
     with serve(tmp_path, "path_planning.toml") as (_, gateway):
         problem, turn = run(tmp_path, gateway, TURNING)
@@ -228,8 +228,8 @@ printf('%.2f\\n', time, position(1:2), command(1), done, numel(ranges));
 """
 
 
-def test_the_blocks_of_simulink_with_a_stand_in_for_its_base_class(tmp_path: Path) -> None:
-    """The blocks run without Simulink: their steps drive the vehicle towards the first station."""
+def test_the_simulink_blocks_run_with_a_substitute_base_class(tmp_path: Path) -> None:
+    """The blocks run without Simulink: their steps move the vehicle towards the first station."""
     with serve(tmp_path, "task_scheduling.toml") as (_, gateway):
         time, north, east, surge, done, beams = map(float, run(tmp_path, gateway, SYSTEMS))
     assert time > 2.5
@@ -237,7 +237,7 @@ def test_the_blocks_of_simulink_with_a_stand_in_for_its_base_class(tmp_path: Pat
     assert (surge > 0.2, done, beams) == (True, 0, 181)
 
 
-def test_the_tutorial_in_octave(tmp_path: Path) -> None:
+def test_the_program_of_the_tutorial_runs_in_octave(tmp_path: Path) -> None:
     page = ROOT / "docs" / "tutorials" / "matlab.md"
     text = "".join(block.text for block in blocks("matlab", page=page))
     text = text.replace("vehicle = uuv.Vehicle('uuv1');\n", "").replace("[~, folder] = system(", "folder = disabled(")
@@ -266,10 +266,10 @@ printf('%g\\n', rate.cycles, rate.late, punctual, toc(clock), (cputime() - spent
 """
 
 
-def test_a_loop_of_20_hz(tmp_path: Path) -> None:
-    """A cycle takes less of the processor than its period, and those that began late are counted, no others.
+def test_a_loop_of_20_hz_takes_less_than_its_period(tmp_path: Path) -> None:
+    """A cycle takes less processor time than its period, and exactly the cycles that began late are counted.
 
-    How many are late is no matter of a test, as others use the machine: docs/how-to/matlab.md says it of ten minutes.
+    The number of late cycles depends on other load of the machine: docs/how-to/matlab.md has it for ten minutes.
     """
     with serve(tmp_path, "path_planning.toml") as (_, gateway):
         before_s = time.process_time()

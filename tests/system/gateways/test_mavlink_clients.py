@@ -1,4 +1,4 @@
-"""MAVSDK and MAVProxy, as others wrote them, drive our MAVLink vehicle.
+"""The public clients MAVSDK and MAVProxy command the MAVLink vehicle.
 
 UUV_HIL_MAVSDK_PYTHON and UUV_HIL_MAVPROXY_PYTHON are Pythons that have them; `.ci/run` installs both. A ground
 station with a window was never tried by a test.
@@ -124,7 +124,7 @@ def _run(python: str, script: str, *arguments: object) -> str:
 
 @pytest.mark.skipif(not MAVSDK, reason="UUV_HIL_MAVSDK_PYTHON names no Python with mavsdk")
 @pytest.mark.timeout(400)
-def test_mavsdk(places: tuple[int, int]) -> None:
+def test_mavsdk_commands_the_vehicle(places: tuple[int, int]) -> None:
     output = _run(MAVSDK, SDK_SCRIPT, f"udpout://127.0.0.1:{places[0]}")
     (line,) = [line for line in output.splitlines() if line.startswith("FOUND ")]
     found: dict[str, Any] = json.loads(line.removeprefix("FOUND "))
@@ -138,7 +138,7 @@ def test_mavsdk(places: tuple[int, int]) -> None:
 
 @pytest.mark.skipif(not MAVPROXY, reason="UUV_HIL_MAVPROXY_PYTHON names no Python with MAVProxy")
 @pytest.mark.timeout(400)
-def test_mavproxy_on_a_terminal(places: tuple[int, int], tmp_path: Path) -> None:
+def test_mavproxy_on_a_terminal_commands_the_vehicle(places: tuple[int, int], tmp_path: Path) -> None:
     output = _run(MAVPROXY, PROXY_SCRIPT, f"tcp:127.0.0.1:{places[1]}", tmp_path)
     assert output.rstrip().endswith("DONE")
     assert "fence breach" not in output

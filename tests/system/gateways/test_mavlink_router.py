@@ -1,4 +1,4 @@
-"""Our MAVLink vehicle behind the real mavlink-router, where UUV_HIL_MAVLINK_ROUTER names its program."""
+"""The MAVLink vehicle behind the real mavlink-router, where UUV_HIL_MAVLINK_ROUTER names its program."""
 
 import os
 from collections.abc import Iterator
@@ -50,7 +50,7 @@ def stations(tmp_path: Path) -> Iterator[tuple[Ground, Ground]]:
             router.wait(30)
 
 
-def test_two_ground_stations_have_the_vehicle_at_once(stations: tuple[Ground, Ground]) -> None:
+def test_two_ground_stations_use_the_vehicle_at_the_same_time(stations: tuple[Ground, Ground]) -> None:
     first, second = stations
     for ground in stations:
         assert ground.connect().get_srcSystem() == 1

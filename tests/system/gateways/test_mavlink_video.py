@@ -1,4 +1,4 @@
-"""The camera's streams in ffmpeg, a viewer that others wrote: MJPEG over HTTP, and H.264 in RTP joined late."""
+"""The video streams of the camera, decoded by ffmpeg: MJPEG over HTTP, and H.264 in RTP joined late."""
 
 import io
 import shutil
@@ -73,12 +73,12 @@ def check(shown: list[Image.Image]) -> None:
             assert all(abs(a - b) < 40 for a, b in zip(found, wanted, strict=True)), (place, found)
 
 
-def test_mjpeg_over_http(tmp_path: Path) -> None:
+def test_mjpeg_over_http_is_decoded(tmp_path: Path) -> None:
     with VideoServer(0) as video, camera(video.show):
         check(frames(tmp_path, "-f", "mpjpeg", "-i", video.address))
 
 
-def test_h264_in_rtp_joined_late(tmp_path: Path) -> None:
+def test_h264_in_rtp_joined_late_is_decoded(tmp_path: Path) -> None:
     port = free_port()
     (tmp_path / "stream.sdp").write_text(SDP.format(port=port), encoding="ascii")
     with RtpVideo("127.0.0.1", port, 10.0) as video, camera(video.show):

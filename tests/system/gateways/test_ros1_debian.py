@@ -1,4 +1,4 @@
-"""ROS 1 as Debian has it looks at a vehicle and drives it: rosmaster, rostopic, rosservice, rosparam, rosbag, rospy.
+"""ROS 1 of Debian reads and commands a vehicle: rosmaster, rostopic, rosservice, rosparam, rosbag, rospy.
 
 apt install python3-rosmaster python3-rostopic python3-rosservice python3-rosnode python3-rosparam python3-rosbag \
     python3-rospy python3-tf2-ros python3-std-srvs python3-{sensor,nav,diagnostic,visualization,trajectory}-msgs
@@ -39,7 +39,7 @@ pytestmark = pytest.mark.skipif(not has_ros1(), reason="Debian's packages of ROS
 
 
 class Ros:
-    """ROS 1's programs, for one master."""
+    """The programs of ROS 1, with one ROS master."""
 
     def __init__(self, folder: Path, uri: str) -> None:
         self.folder = folder
@@ -67,7 +67,7 @@ class Ros:
         return output
 
     def until(self, pattern: str, *words: object, seconds: float = 120.0) -> str:
-        """Run a program that does not end until it has printed that; its output."""
+        """Run an endless program until it has printed the pattern; return its output."""
         printed = self.folder / f"printed-{time.monotonic_ns()}"
         with printed.open("w") as file:
             program = subprocess.Popen(
@@ -84,7 +84,7 @@ class Ros:
 
 @pytest.fixture(scope="module")
 def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ros]:
-    """Provide a master of Debian, and a vehicle with a camera that is served to it, which may be commanded."""
+    """Provide a ROS master of Debian, and a vehicle with a camera that may be commanded through it."""
     folder = tmp_path_factory.mktemp("ros1")
     path, slave_port = write_scenario(folder, top=CAMERA)
     port = free_port()
@@ -136,21 +136,21 @@ def test_rostopic_lists_echoes_and_measures(ros: Ros) -> None:
     assert "/uuv_hil" in ros.run("rostopic", "info", "/uuv1/imu")
 
 
-def test_rosnode_sees_the_node(ros: Ros) -> None:
+def test_rosnode_lists_and_pings_the_node(ros: Ros) -> None:
     assert "/uuv_hil" in ros.run("rosnode", "list").split()
     assert "xmlrpc reply" in ros.run("rosnode", "ping", "-c", "1", "/uuv_hil")
     assert "/uuv1/imu [sensor_msgs/Imu]" in ros.run("rosnode", "info", "/uuv_hil")
 
 
-def test_rostopic_pub_drives_the_vehicle(ros: Ros) -> None:
+def test_rostopic_pub_moves_the_vehicle(ros: Ros) -> None:
     twist = "{linear: {x: 0.5}}"
-    with Stopping(ros.start("rostopic", "pub", "-r", "10", "/uuv1/cmd_vel", "geometry_msgs/Twist", twist)):
+    with ProgramUntilExit(ros.start("rostopic", "pub", "-r", "10", "/uuv1/cmd_vel", "geometry_msgs/Twist", twist)):
         field = "/uuv1/ground_truth/twist/twist/linear/x"
         assert wait_for(lambda: float(ros.run("rostopic", "echo", "-n", "1", field).split()[0]) > 0.3)
 
 
-class Stopping:
-    """Ends a program that was started."""
+class ProgramUntilExit:
+    """A started program that is ended with the context."""
 
     def __init__(self, program: subprocess.Popen[str]) -> None:
         self._program = program
@@ -163,7 +163,7 @@ class Stopping:
         self._program.communicate(timeout=60)
 
 
-def test_rosservice_calls(ros: Ros) -> None:
+def test_rosservice_calls_the_services(ros: Ros) -> None:
     assert wait_for(lambda: "/uuv1/arm" in ros.run("rosservice", "list").split())
     assert ros.run("rosservice", "type", "/uuv1/arm").strip() == "std_srvs/SetBool"
     assert "success: True" in ros.run("rosservice", "call", "/uuv1/arm", "true")
@@ -173,7 +173,7 @@ def test_rosservice_calls(ros: Ros) -> None:
     assert "is repaired" in ros.run("rosservice", "call", failing, "false")
 
 
-def test_rosparam_reads_and_sets(ros: Ros) -> None:
+def test_rosparam_reads_and_sets_gains(ros: Ros) -> None:
     key = "/uuv1/gains/surge/p"
     assert wait_for(lambda: key in ros.run("rosparam", "list").split())
     before = float(ros.run("rosparam", "get", key))
@@ -183,7 +183,7 @@ def test_rosparam_reads_and_sets(ros: Ros) -> None:
     assert float(ros.run("rosparam", "get", key)) == before + 0.5
 
 
-def test_rosbag_records_and_plays(ros: Ros) -> None:
+def test_rosbag_records_the_topics(ros: Ros) -> None:
     bag = ros.folder / "dive.bag"
     ros.run("rosbag", "record", "-O", bag, "--duration", "8", "/uuv1/imu", "/uuv1/odom", "/tf_static", "/uuv1/dvl")
     info = YAML(typ="safe").load(ros.run("rosbag", "info", "--yaml", bag))
@@ -193,7 +193,7 @@ def test_rosbag_records_and_plays(ros: Ros) -> None:
     assert counts["/uuv1/dvl"] > 5
 
 
-def test_a_node_of_rospy(ros: Ros) -> None:
+def test_a_rospy_node_reads_and_commands_the_vehicle(ros: Ros) -> None:
     shutil.copy(Path(__file__).with_name("ros1_peer.py"), ros.folder)
     found = json.loads(ros.run(DEBIAN, ros.folder / "ros1_peer.py", seconds=300).splitlines()[-1])
     assert found["accelerations"] == [pytest.approx(9.8, abs=1.0)] * 2
@@ -207,7 +207,7 @@ def test_a_node_of_rospy(ros: Ros) -> None:
     assert "<robot" in found["urdf"]
 
 
-def test_the_program_of_the_page(ros: Ros) -> None:
+def test_the_program_of_the_tutorial_runs(ros: Ros) -> None:
     (block,) = blocks("python", page=PAGE)
     program = ros.folder / "square.py"
     program.write_text(block.text)

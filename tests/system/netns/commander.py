@@ -1,4 +1,4 @@
-"""A master that commands fifty times a second and tells what it sees, a JSON object at the end of its input."""
+"""A master that commands fifty times a second and prints its measurements, a JSON object, at the end of its input."""
 
 import json
 import sys
@@ -10,7 +10,7 @@ from hil.scenario.config import load_scenario
 
 
 class Commander(VehicleClient):
-    """Remembers when samples came."""
+    """A client that records the arrival times of samples."""
 
     came: list[float]
 

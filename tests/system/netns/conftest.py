@@ -1,4 +1,4 @@
-"""These need root: they make network namespaces, and break what is between them."""
+"""Tests in network namespaces, which need root."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""Machines of a test, each in a network namespace, at one switch that can be unplugged and slowed down."""
+"""Machines of a test: network namespaces at one switch, whose links can be unplugged and slowed down."""
 
 import os
 import subprocess
@@ -80,14 +80,14 @@ class Network:
         return process
 
     def unplug(self, machine: str) -> None:
-        """Let the machine's packets go nowhere, without its notice."""
+        """Disconnect the machine at the switch, so that its own link stays up."""
         ip("-n", self.space("switch"), "link", "set", _port(machine), "nomaster")
 
     def plug(self, machine: str) -> None:
         ip("-n", self.space("switch"), "link", "set", _port(machine), "master", "switch")
 
     def set_cable(self, machine: str, there: bool) -> None:
-        """Take its cable out, which it notices, or put it back."""
+        """Disconnect or connect the cable of the machine, whose link goes down or up."""
         ip("-n", self.space("switch"), "link", "set", _port(machine), "up" if there else "down")
 
     def slow(self, machine: str, megabits: float, queue_ms: int = 50) -> None:

@@ -1,4 +1,4 @@
-"""Campaigns whose workers are on two other machines: the rows are those of this machine alone."""
+"""Campaigns with workers on two other machines give the same rows as on one machine."""
 
 import time
 from contextlib import ExitStack, closing
@@ -32,7 +32,7 @@ def requires_marker(request: pytest.FixtureRequest) -> None:
 
 
 class Cluster:
-    """A desk and two workers' machines; what each of their processes says is a file of the folder."""
+    """A desk and two worker machines; the output of each process is a file in the folder."""
 
     def __init__(self, stack: ExitStack, folder: Path) -> None:
         self.network = stack.enter_context(Network("desk", *WORKERS))
@@ -40,21 +40,21 @@ class Cluster:
         self._stack, self._folder = stack, folder
 
     def start(self, machine: str, *words: object, until: str) -> None:
-        """Start a program there, and wait until it says something."""
+        """Start a program there, and wait until it prints `until`."""
         lines = self._stack.enter_context(closing(Lines(self._folder / f"{len(list(self._folder.iterdir()))}.log")))
         began = time.monotonic()
         self.network.start(machine, *words, output=lines.file)
         lines.first(until, began, START_S)
 
     def campaign(self, scenario: Path, backend: str, environment: dict[str, str]) -> str:
-        """Run a campaign at the desk; the rows."""
+        """Run a campaign at the desk; return its rows."""
         output = self._folder / f"{backend}.csv"
         code = CAMPAIGN.format(scenario=str(scenario), backend=backend, output=str(output), environment=environment)
         self.start("desk", "-c", code, until="ended with 0")
         return output.read_text()
 
 
-def test_dask(tmp_path: Path) -> None:
+def test_dask_workers_on_other_machines_give_the_same_rows(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     with ExitStack() as stack:
         cluster = Cluster(stack, tmp_path)
@@ -69,8 +69,8 @@ def test_dask(tmp_path: Path) -> None:
         assert rows == cluster.campaign(scenario, "loky", {})
 
 
-def test_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The cluster asks for a token, and all runs are on the other machines, as this one lends no processor."""
+def test_ray_workers_on_other_machines_give_the_same_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The cluster needs a token, and all runs are on the other machines, as the desk offers no processor."""
     monkeypatch.setenv("RAY_AUTH_MODE", "token")
     monkeypatch.setenv("RAY_AUTH_TOKEN", token_hex(32))
     scenario, _ = write_scenario(tmp_path)

@@ -1,4 +1,4 @@
-"""A program of the gateway's whose machine vanishes without a word: its vehicle stops."""
+"""A client of the JSON gateway whose machine is disconnected silently: its vehicle stops."""
 
 import json
 import time
@@ -34,7 +34,9 @@ DRIVE, SUBSCRIBE = '{"do": "drive", "surge": 0.4}', '{"do": "subscribe", "sensor
 
 @pytest.mark.parametrize("requests", [(DRIVE,), (SUBSCRIBE, DRIVE)], ids=["silent", "listening"])
 @retried_when_busy("seconds of processes that have their turns")
-def test_a_machine_that_vanishes(requests: tuple[str, ...], tmp_path: Path) -> None:
+def test_the_vehicle_stops_when_the_machine_of_its_client_is_disconnected(
+    requests: tuple[str, ...], tmp_path: Path
+) -> None:
     scenario = tmp_path / "scenario.toml"
     scenario.write_text(SCENARIO.format(top="", port=PORT, slave="", link="", allow=""))
     with (

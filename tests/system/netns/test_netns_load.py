@@ -1,4 +1,4 @@
-"""Commands keep their time on a link that is full, and get through one that loses."""
+"""Commands are on time on a full link, and arrive over one that loses packets."""
 
 import json
 import time
@@ -23,9 +23,9 @@ ENDPOINT = "tcp/{}:7447"
 def test_pictures_do_not_delay_commands(tmp_path: Path) -> None:
     """The link is limited to 20 Mbit/s, pictures are 26: commands take at most a frame's time more than without.
 
-    What the machine's other work costs is in both.
+    Other load of the machine affects both measurements.
     """
-    alone, beside = (asked_and_answered(tmp_path / f"{len(camera)}", camera) for camera in ((), ("--camera",)))
+    alone, beside = (measure_command_times(tmp_path / f"{len(camera)}", camera) for camera in ((), ("--camera",)))
     print(alone, beside)
     assert beside["round_trip_p50"] < 15 + 3 * alone["round_trip_p50"]
     assert beside["round_trip_p95"] < 30 + 3 * alone["round_trip_p95"]
@@ -34,7 +34,7 @@ def test_pictures_do_not_delay_commands(tmp_path: Path) -> None:
     assert beside["answered"] > 0.98 * beside["sent"]
 
 
-def asked_and_answered(folder: Path, camera: tuple[str, ...]) -> dict[str, float]:
+def measure_command_times(folder: Path, camera: tuple[str, ...]) -> dict[str, float]:
     """Return the times (ms) of commands and their answers between two machines."""
     folder.mkdir(exist_ok=True)
     tool = "tools/costs/network_cost.py"
@@ -50,7 +50,7 @@ def asked_and_answered(folder: Path, camera: tuple[str, ...]) -> dict[str, float
 
 
 @retried_when_busy("figures of processes that have their turns")
-def test_a_link_that_loses_and_wavers(tmp_path: Path) -> None:
+def test_commands_arrive_over_a_link_with_loss_and_jitter(tmp_path: Path) -> None:
     """The link loses 5 % of packets and delays 0 to 50 ms each way: commands are slower, but never late."""
     text = SCENARIO.format(top="", port=7447, slave="", link="", allow="").replace("127.0.0.1", "0.0.0.0")
     scenario, ending = tmp_path / "scenario.toml", tmp_path / "end"

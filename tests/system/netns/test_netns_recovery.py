@@ -1,4 +1,4 @@
-"""Failures of the network between two machines: seen by both, recovered automatically, no late command obeyed."""
+"""Failures of the network between two machines: both detect them, recover, and execute no late command."""
 
 import itertools
 import json
@@ -80,7 +80,7 @@ class Run:
         arguments = ("-m", "hil.cli", "router", "--scenario", self.scenario, "--listen", f"tcp/0.0.0.0:{PORT}")
         self.router = self.network.start("router", *arguments)
 
-    def suffer(self, fault: "Fault") -> Outcome:
+    def apply_fault(self, fault: "Fault") -> Outcome:
         fault.begin(self)
         began = time.monotonic()
         slave_there = fault.slave_sees
@@ -148,23 +148,23 @@ FAULTS = {
 }
 
 
-def suffer(name: str, folder: Path) -> Outcome:
-    """Return one fault in a network of its own."""
+def apply_fault(name: str, folder: Path) -> Outcome:
+    """Apply one fault in a network of its own; return its outcome."""
     fault = FAULTS[name]
     machines = ("slave", "master", "router") if fault.routed else ("slave", "master")
     with Network(*machines) as network, closing(Run(network, folder / name, fault.routed)) as run:
-        return run.suffer(fault)
+        return run.apply_fault(fault)
 
 
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Outcome | BaseException]:
-    """Let all faults happen at once."""
+    """Apply all faults at the same time, each in its own network."""
     folder = tmp_path_factory.mktemp("recovery")
     results: dict[str, Outcome | BaseException] = {}
 
     def try_fault(name: str) -> None:
         try:
-            results[name] = suffer(name, folder)
+            results[name] = apply_fault(name, folder)
         except BaseException as error:  # noqa: BLE001 - raised by the test it belongs to
             results[name] = error
 
@@ -178,9 +178,11 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Outcome | Ba
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_it_is_seen_by_both_and_mended(outcomes: dict[str, Outcome | BaseException], name: str, tmp_path: Path) -> None:
+def test_both_ends_detect_a_network_fault_and_recover(
+    outcomes: dict[str, Outcome | BaseException], name: str, tmp_path: Path
+) -> None:
     def judge() -> None:
-        outcome = found.pop() if found else suffer(name, tmp_path / str(next(attempts)))
+        outcome = found.pop() if found else apply_fault(name, tmp_path / str(next(attempts)))
         if isinstance(outcome, BaseException):
             raise outcome
         check_outcome(name, outcome)

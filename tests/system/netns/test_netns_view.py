@@ -1,4 +1,4 @@
-"""The live view between two machines with 20 Mbit/s between them, over a seabed of 1,000 x 1,000 nodes."""
+"""The live view between two machines over 20 Mbit/s, with a seabed of 1,000 x 1,000 nodes."""
 
 import re
 import time

@@ -1,4 +1,4 @@
-"""On the machine of the viewers: prints how late (ms) places come to the first of them, median and 95 %.
+"""Print the latency (ms, median and 95 %) of positions at the first viewer; runs on the machine of the viewers.
 
 python -m tests.system.netns.view_latency SLAVE ADDRESS TOKEN VIEWERS SETTLE_S SECONDS
 """

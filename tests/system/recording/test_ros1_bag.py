@@ -1,4 +1,4 @@
-"""A recording becomes a bag of ROS 1 as docs/how-to/record.md says, and ROS 1's own library of Debian reads it."""
+"""A recording converted to a ROS 1 bag as in docs/how-to/record.md is read by the ROS 1 library of Debian."""
 
 import json
 import signal
@@ -39,7 +39,7 @@ def has_rosbag() -> bool:
 
 
 @pytest.mark.skipif(not has_rosbag(), reason="Debian's python3-rosbag is not installed")
-def test_ros_1_reads_a_recording_that_was_converted(tmp_path: Path) -> None:
+def test_ros_1_reads_a_converted_recording(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     folder, bag = tmp_path / "dive7", tmp_path / "dive7.bag"
     with Program(tmp_path, "slave", scenario) as slave:

@@ -1,4 +1,4 @@
-"""Runs in an environment of its own that has pamoja-ros2 and zenoh, and nothing of ours: what it sees of a vehicle.
+"""A ROS 2 client in a separate environment with pamoja-ros2 and zenoh, without this project.
 
     python pamoja_peer.py SETTINGS.json5 HASHES.json
 

@@ -1,4 +1,4 @@
-"""Runs in an environment of its own that has zenoh-ros2-sdk (ROBOTIS) and nothing of ours: what it sees of a vehicle.
+"""A ROS 2 client in a separate environment with zenoh-ros2-sdk (ROBOTIS), without this project.
 
     python ros_peer.py PORT FOLDER
 
@@ -123,7 +123,7 @@ class Peer:
         return [response.success, response.message]
 
     def parameters(self) -> dict[str, Any]:
-        """Return all names, what comes of a good value and a bad one, and what is read then."""
+        """Return all names, the results of setting a valid and an invalid value, and the values read after that."""
         listed = self._client("list_parameters", "rcl_interfaces/srv/ListParameters").call(prefixes=[], depth=0)
         name = "failures.rear_left"
         done = [self._set(name, text) for text in ("kind = efficiency, efficiency = 0.5", "kind = of")]

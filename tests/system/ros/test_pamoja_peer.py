@@ -1,4 +1,4 @@
-"""A second implementation that others wrote, pamoja-ros2, on a session with rmw_zenoh's settings.
+"""A second independent ROS 2 implementation, pamoja-ros2, on a session with rmw_zenoh's settings.
 
 python3 -m venv PEER && PEER/bin/pip install zenoh-ros2-sdk==0.1.8 pamoja-ros2==0.2.0
 UUV_HIL_ROS_PEER=PEER/bin/python pytest tests/system/ros/test_pamoja_peer.py
@@ -28,7 +28,7 @@ DRIVES_S = 4.0
 
 
 @pytest.mark.parametrize("release", RELEASES)
-def test_it_reads_and_drives_the_vehicle(tmp_path: Path, release: Release) -> None:
+def test_pamoja_reads_and_commands_the_vehicle(tmp_path: Path, release: Release) -> None:
     scenario, port = write_scenario(tmp_path)
     settings, hashes = tmp_path / "session.json5", tmp_path / "hashes.json"
     settings.write_text(session_settings(f"tcp/127.0.0.1:{port}", release))

@@ -1,4 +1,4 @@
-"""A client that others wrote, in an environment of its own, lists, reads, drives and calls the vehicle.
+"""An independent ROS 2 client, zenoh-ros2-sdk, lists, reads and commands the vehicle and calls its services.
 
 python3 -m venv PEER && PEER/bin/pip install zenoh-ros2-sdk==0.1.8
 UUV_HIL_ROS_PEER=PEER/bin/python pytest tests/system/ros/test_ros_peer.py
@@ -37,7 +37,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return found
 
 
-def test_it_lists_the_vehicle_as_a_node_with_topics_and_types(seen: dict[str, Any]) -> None:
+def test_the_vehicle_is_listed_as_a_node_with_topics_and_types(seen: dict[str, Any]) -> None:
     usual = ("imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_truth", "diagnostics", "cmd_vel")
     expected = {TOPICS[name].full_name("uuv1"): [TOPICS[name].type] for name in (*usual, "/tf", "/tf_static", "/clock")}
     assert {name: seen["topics"].get(name) for name in expected} == expected
@@ -46,7 +46,7 @@ def test_it_lists_the_vehicle_as_a_node_with_topics_and_types(seen: dict[str, An
     assert seen["services"]["/uuv1/arm"] == ["std_srvs/srv/SetBool"]
 
 
-def test_it_reads_what_the_vehicle_says(seen: dict[str, Any]) -> None:
+def test_samples_of_the_vehicle_are_decoded(seen: dict[str, Any]) -> None:
     """The peer computes type hashes and decodes CDR by itself."""
     assert min(seen["received"].values()) >= 1
     assert seen["acceleration"] == pytest.approx(9.8, abs=0.6)  # a little less while it begins to sink
@@ -55,16 +55,16 @@ def test_it_reads_what_the_vehicle_says(seen: dict[str, Any]) -> None:
     assert seen["static"] == 5  # odom, the links of imu, dvl and pressure, and the log's own axes
 
 
-def test_it_drives_the_vehicle(seen: dict[str, Any]) -> None:
+def test_the_vehicle_follows_commands_of_the_client(seen: dict[str, Any]) -> None:
     assert seen["speed"] == pytest.approx(0.4, abs=0.1)
 
 
-def test_it_calls_a_service(seen: dict[str, Any]) -> None:
+def test_services_of_the_vehicle_are_called(seen: dict[str, Any]) -> None:
     assert seen["disarmed"] == [True, "disarmed: the thrusters are stopped, commands are not taken"]
     assert seen["armed"] == [True, "armed: commands are taken"]
 
 
-def test_it_lets_a_thruster_fail_by_a_parameter(seen: dict[str, Any]) -> None:
+def test_a_thruster_failure_is_set_by_a_parameter(seen: dict[str, Any]) -> None:
     found = seen["parameters"]
     assert "failures.rear_left" in found["names"]
     assert len([name for name in found["names"] if name.startswith("failures.")]) == 6

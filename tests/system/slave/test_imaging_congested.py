@@ -1,4 +1,4 @@
-"""Commands to a slave whose pictures are more than the network carries."""
+"""Commands to a slave whose pictures exceed the capacity of the network."""
 
 import time
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ def p90_s(client: VehicleClient) -> float:
     return sorted(client.delays.totals_ns()[-COMMANDS:])[COMMANDS * 9 // 10] / 1e9
 
 
-def test_commands_do_not_wait_behind_them(client: VehicleClient) -> None:
+def test_commands_do_not_wait_behind_pictures(client: VehicleClient) -> None:
     alone = p90_s(client)
     client.watch("camera/image_raw")
     assert wait_for(lambda: client.received["camera/image_raw"]), "the first one takes its time to begin"

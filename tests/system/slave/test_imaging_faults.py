@@ -1,4 +1,4 @@
-"""A slave whose imaging process is slow or killed: the loop goes on at its rate."""
+"""A slave whose imaging process is slow or killed: the loop continues at its rate."""
 
 import itertools
 import time
@@ -29,16 +29,16 @@ def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
 
 
 def steps_skipped_by_a_kill(program: Program, client: VehicleClient, restarts: int) -> float:
-    """Kill the imaging process and wait for the next one's pictures; return the steps a second that the loop left out.
+    """Kill the imaging process and wait for the next one's pictures; return the steps that the loop skipped per second.
 
-    A loop that waited for the half second until the next one starts would leave out some 50 of 400.
+    A loop that waited half a second for the restart would skip some 50 of 400.
     """
     began = time.monotonic()
     then, now = kill_and_wait(program, client, restarts)
     return (or_nan(now.steps_skipped) - or_nan(then.steps_skipped)) / (time.monotonic() - began)
 
 
-def test_a_slow_process_drops_pictures(tmp_path: Path) -> None:
+def test_a_slow_imaging_process_drops_pictures_without_slowing_the_loop(tmp_path: Path) -> None:
     program, endpoint = start(tmp_path, "[sensors.camera]\nrate = 50\nwidth = 1200\nheight = 900\ndepth = false\n")
     with program, VehicleClient(endpoint, "uuv1") as client:
         assert wait_for(client.diagnostics)
@@ -51,7 +51,7 @@ def test_a_slow_process_drops_pictures(tmp_path: Path) -> None:
         assert camera(client, "requested") > camera(client, "dropped")
 
 
-def test_the_loop_goes_on_while_a_killed_process_is_started_again(slave: tuple[Program, VehicleClient]) -> None:
+def test_the_loop_continues_while_a_killed_imaging_process_is_restarted(slave: tuple[Program, VehicleClient]) -> None:
     program, client = slave
     assert wait_for(lambda: has_all(client)), client.received
     kills = itertools.count(1)

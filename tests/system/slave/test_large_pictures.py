@@ -1,6 +1,6 @@
-"""A camera of 640 x 480 beside sonars: what a picture costs, and that the imaging process spends its time on pictures.
+"""Processor time of a camera of 640 x 480 beside sonars, and of the imaging process.
 
-All is relative to processor time that is measured meanwhile, as rates depend on the machine and on what else it does.
+All limits are relative to processor time measured at the same time, as rates depend on the machine and its load.
 """
 
 import time
@@ -51,8 +51,8 @@ def studio(scenario: tuple[Path, int]) -> Studio:
     return Studio(whole._replace(sensors=offloaded))
 
 
-def test_a_picture_costs_a_few_times_what_numpy_takes_for_its_noise(studio: Studio) -> None:
-    """A picture has rays, light, noise and JPEG; numpy's noise is the yardstick for the processor."""
+def test_a_picture_takes_at_most_four_times_its_noise_in_numpy(studio: Studio) -> None:
+    """A picture has rays, light, noise and JPEG; numpy's noise is the reference for the speed of the processor."""
     random = np.random.default_rng(1)
     pictures, noises = [], []
     for _ in range(15):  # in turn, so that both have the same neighbours

@@ -1,4 +1,4 @@
-"""The contract of an STM32, for each that can play it and each protocol it speaks."""
+"""The contract of an STM32, for each kind of emulated STM32 and each protocol."""
 
 import shutil
 

@@ -1,4 +1,4 @@
-"""A link that is lost is opened again beside the loop, and what plays the STM32 is ended whatever comes between."""
+"""A lost link is reopened in a thread beside the loop, and an emulated STM32 is ended after every failure."""
 
 import os
 import shutil
@@ -61,8 +61,8 @@ def seconds_of(task: Callable[[], object]) -> float:
     return time.monotonic() - began
 
 
-class Slow:
-    """Opens a bench at once the first time, and then only when it may; `opened` are all of them."""
+class SlowReopening:
+    """A driver that opens its first link at once and later ones only after `may` is set; `opened` are all links."""
 
     def __init__(self) -> None:
         self.opened: list[BenchLink] = []
@@ -86,8 +86,8 @@ class Slow:
         return self.opened[-1].ends()
 
 
-def test_to_open_it_again_may_take_its_time() -> None:
-    slow = Slow()
+def test_a_slow_reopening_does_not_delay_the_loop() -> None:
+    slow = SlowReopening()
     slow.lose()
     first = slow.opened[0]
     assert slow.closed == [first]
@@ -101,8 +101,8 @@ def test_to_open_it_again_may_take_its_time() -> None:
     assert slow.closed == slow.opened
 
 
-def test_what_comes_when_it_is_not_wanted_any_more_is_closed() -> None:
-    slow = Slow()
+def test_a_link_that_opens_after_closing_is_closed() -> None:
+    slow = SlowReopening()
     slow.lose()
     timer = threading.Timer(0.05, slow.may.set)
     timer.start()
@@ -112,8 +112,8 @@ def test_what_comes_when_it_is_not_wanted_any_more_is_closed() -> None:
     assert slow.closed == slow.opened
 
 
-def test_what_has_come_and_was_not_taken_up_is_closed() -> None:
-    slow = Slow()
+def test_a_reopened_link_that_was_not_used_yet_is_closed() -> None:
+    slow = SlowReopening()
     slow.lose()
     slow.may.set()
     assert wait_for(lambda: len(slow.opened) == 2)
@@ -121,7 +121,7 @@ def test_what_has_come_and_was_not_taken_up_is_closed() -> None:
     assert slow.closed == slow.opened
 
 
-def test_a_machine_that_does_not_answer_any_more_keeps_nobody_waiting() -> None:
+def test_a_machine_that_left_the_network_does_not_delay_the_loop() -> None:
     """The machine has left the network: attempts to connect are neither accepted nor refused."""
     device = TcpWire()
     output: list[str] = []
@@ -155,24 +155,24 @@ def test_a_machine_that_does_not_answer_any_more_keeps_nobody_waiting() -> None:
 
 @pytest.mark.parametrize("kind", PROCESSES)
 def test_a_process_that_cannot_be_reached_is_ended(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stm32_outside, "host_end", held)
+    monkeypatch.setattr(stm32_outside, "host_end", refuse_host_end)
     with pytest.raises(DeviceError, match="held by another program"):
         open_driver(kind, Link(), 6, True, 1, print)
 
 
 @pytest.mark.parametrize("kind", ["python", "unicorn"])
-def test_an_stm32_in_here_that_cannot_be_reached_is_ended(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stm32_inside, "host_end", held)
+def test_an_stm32_in_this_process_that_cannot_be_reached_is_ended(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stm32_inside, "host_end", refuse_host_end)
     with pytest.raises(DeviceError, match="held by another program"):
         open_driver(kind, Link(), 6, True, 1, print)
 
 
-def held(wire: Wire, *_: object) -> Any:
+def refuse_host_end(wire: Wire, *_: object) -> Any:
     wire.close()  # as `host_end` does
     raise DeviceError("held by another program")
 
 
-def test_a_wire_for_which_there_is_no_protocol_is_given_back() -> None:
+def test_a_wire_without_a_protocol_is_closed() -> None:
     device = TcpWire()
     with pytest.raises(Exception, match="no_such_frame"):
         open_driver("device", Link(port=device.name, frame="no_such_frame"), 6, True, 1, print)
@@ -180,7 +180,7 @@ def test_a_wire_for_which_there_is_no_protocol_is_given_back() -> None:
 
 
 @pytest.mark.parametrize("kind", PROCESSES)
-def test_a_process_that_is_stopped_is_killed(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stopped_process_is_killed(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child, "END_S", 0.1)
     driver = open_driver(kind, Link(), 6, True, 1, print)
     (pid,) = driver.children
@@ -190,7 +190,7 @@ def test_a_process_that_is_stopped_is_killed(kind: str, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("kind", PROCESSES)
-def test_a_process_that_died_is_started_again(kind: str) -> None:
+def test_a_killed_process_is_restarted(kind: str) -> None:
     output: list[str] = []
     driver = open_driver(kind, Link(), 6, True, 1, output.append)
     os.kill(driver.children[0], signal.SIGKILL)
@@ -210,15 +210,15 @@ def test_a_program_that_never_serves_is_ended(monkeypatch: pytest.MonkeyPatch) -
         Child(["sleep", "60"])
 
 
-def test_a_process_that_cannot_start_says_why(tmp_path: Path) -> None:
+def test_a_process_that_cannot_start_is_reported_with_the_reason(tmp_path: Path) -> None:
     taken = tmp_path / "stm32"
     taken.write_text("my thesis")
     with pytest.raises(DeviceError, match=rf"^uuv-hil stm32: {taken}: exists and is not a link to a pty"):
         open_driver("process", Link(port=f"pty:{taken}"), 6, True, 1, print)
 
 
-def test_nobody_reads_what_a_process_says_so_it_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A pipe that nobody reads is full after half an hour of output, and the process stands still."""
+def test_an_stm32_process_is_started_with_quiet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An unread pipe is full after half an hour of output, and blocks the process."""
 
     def start(command: list[str], _environment: dict[str, str]) -> Child:
         raise DeviceError(" ".join(command))

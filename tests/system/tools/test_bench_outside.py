@@ -1,4 +1,4 @@
-"""The comparison with others' means runs to its end and finds no contradiction; how close, is for quiet hours."""
+"""The comparison of benchmark figures with independent tools runs and finds no large difference."""
 
 import os
 
@@ -10,7 +10,7 @@ SECONDS = 2.0
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root sees packets and executions")
-def test_what_others_measure_is_what_we_measure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_figures_agree_with_those_of_independent_tools(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.bench.table.run.BARE_S", 0.2)
     rows = [*bench_outside.mission(SECONDS), *bench_outside.commands(SECONDS)]
     assert [row.name for row in rows] == [

@@ -1,4 +1,4 @@
-"""The fault campaign's quick selection passes, its judgement fails what is wrong, and the decoders stand some noise."""
+"""The fault campaign: its quick selection passes, its verdicts fail faulty rows, and decoders survive noise."""
 
 import json
 import re
@@ -56,7 +56,7 @@ def test_good_rows_pass() -> None:
         ({"leaked": "3 descriptors"}, "left behind: 3 descriptors"),
     ],
 )
-def test_what_is_wrong_fails(change: dict[str, object], words: str) -> None:
+def test_a_faulty_row_fails_with_the_reason(change: dict[str, object], words: str) -> None:
     row = judge(GOOD._replace(**change))  # type: ignore[arg-type]
     assert not row.passed
     assert words in row.problems[0]
@@ -92,7 +92,7 @@ def test_a_selection_of_nothing_is_refused() -> None:
     assert done.stderr == "--select 'no such row': no row has that; see --list\n"
 
 
-def test_the_firmware_in_c_under_sanitizers() -> None:
+def test_the_firmware_in_c_survives_noise_under_sanitizers() -> None:
     outcome = decoders.firmware(3000, 1)
     assert outcome.fault == ""
     obeyed = re.search(r"(\d+) commands obeyed", outcome.remark)
@@ -100,7 +100,7 @@ def test_the_firmware_in_c_under_sanitizers() -> None:
     assert int(obeyed[1]) > 300, "most inputs carry sound commands"
 
 
-def test_what_a_sanitizer_finds_is_a_fault(tmp_path: Path) -> None:
+def test_a_finding_of_a_sanitizer_is_a_fault(tmp_path: Path) -> None:
     """The firmware with too small a buffer must not pass."""
     headers = Path(build.HERE) / "include"
     for header in headers.glob("*.h"):
@@ -110,7 +110,7 @@ def test_what_a_sanitizer_finds_is_a_fault(tmp_path: Path) -> None:
     assert "runtime error" in outcome.fault or "AddressSanitizer" in outcome.fault
 
 
-def test_decoders_of_the_network_and_the_slave() -> None:
+def test_decoders_of_the_network_and_the_slave_survive_noise() -> None:
     sound_ones = 0
     for name, (decode, sound) in {**decoders.slave_decoders(), **decoders.network_decoders()}.items():
         outcome = decoders.feed(name, decode, sound, 300, 1)

@@ -1,4 +1,4 @@
-"""Cost of many slaves for a machine and its routers: rows of `tools/costs/scale.py`, by real processes."""
+"""`tools/costs/scale.py`: the cost of many slaves and routers on one machine, with real processes."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,7 +11,7 @@ from tools.costs.scale import BROKEN, HEADER, main, measure
 
 
 @pytest.mark.parametrize("sessions", ["one", "each"])
-def test_two_slaves_are_seen_through_two_routers(sessions: str, tmp_path: Path) -> None:
+def test_two_slaves_are_discovered_through_two_routers(sessions: str, tmp_path: Path) -> None:
     with ExitStack() as stack:
         cells = measure(stack, tmp_path, 2, 2, 3.0, sessions, step=2.5).split("|")[1:-1]
     row = dict(zip((name.strip() for name in HEADER.split("|")[1:-1]), map(str.strip, cells), strict=True))
@@ -23,10 +23,10 @@ def test_two_slaves_are_seen_through_two_routers(sessions: str, tmp_path: Path) 
     assert float(row["RSS a slave, MiB"]) > 10.0
 
 
-def test_a_run_that_breaks_is_a_row_and_leaves_nothing(
+def test_a_run_that_fails_is_a_row_and_leaves_no_process(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The run takes longer than its limit. Slaves are known by the folder of their scenarios."""
+    """The run takes longer than its limit. Slaves are recognised by the folder of their scenarios."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert main(["--slaves", "3", "--routers", "2", "--limit", "3"]) == 0
     output = capsys.readouterr().out
@@ -36,7 +36,7 @@ def test_a_run_that_breaks_is_a_row_and_leaves_nothing(
     assert wait_for(lambda: not [pid for pid in psutil.pids() if str(tmp_path) in command_line(pid)])
 
 
-def test_slaves_that_do_not_begin_are_counted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_slaves_that_do_not_start_are_counted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("tools.costs.scale.SCENARIO", "{number}{router}{step}")
     monkeypatch.setattr("tools.costs.scale.START_WITHIN_S", 2.0)
     with ExitStack() as stack:

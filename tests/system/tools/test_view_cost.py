@@ -1,4 +1,4 @@
-"""The tool that measures what the live view costs sees the vehicle move in each of its viewers' rounds."""
+"""The tool that measures the cost of the live view: figures for each number of viewers."""
 
 import sys
 
@@ -7,7 +7,9 @@ import pytest
 from tools.costs import view_cost
 
 
-def test_all_rounds_are_measured(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_number_of_viewers_is_measured(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(sys, "argv", ["view_cost.py", "--seconds", "2"])
     monkeypatch.setattr(view_cost, "SETTLE_S", 1.0)
     monkeypatch.setattr(view_cost, "MOST_LATENCY_MS", 1e4)  # this machine may be busy

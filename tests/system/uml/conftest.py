@@ -1,4 +1,4 @@
-"""The tests of this folder that use `guest` run in User Mode Linux: all of them in one, started for the first.
+"""Tests of this folder that use `guest` run in User Mode Linux, all in one instance that is started for the first.
 
 Out here they are collected, chosen and reported as any others; what they do, they do under a kernel that has
 CAN, network faults and namespaces (tools/uml.py). In there pytest runs the same files again, and sends the
@@ -50,7 +50,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
-    """Pass on what was reported in there, in place of running it here."""
+    """Forward the report from the guest instead of running the test here."""
     if INSIDE in os.environ or not _needs_guest(item) or item.get_closest_marker("skip"):
         return None
     stash = item.session.stash
@@ -65,7 +65,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool | None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Write a report down where the tests run in the guest."""
+    """Write a report to the file of reports when running in the guest."""
     if INSIDE in os.environ:
         with Path(os.environ[INSIDE]).open("a") as file:
             print(json.dumps(report._to_json()), file=file)
@@ -86,7 +86,7 @@ def _needs_guest(item: pytest.Item) -> bool:
 
 
 def _run_inside(config: pytest.Config, chosen: Sequence[str]) -> dict[str, list[Any]]:
-    """Run the tests of these names in there; their reports by name. Those without any get one of a failure."""
+    """Run these tests in the guest; return their reports by name. Tests without a report get a failure."""
     with tempfile.TemporaryDirectory() as share:
         file = Path(share, "reports")
         file.touch()

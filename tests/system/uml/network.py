@@ -1,4 +1,4 @@
-"""Interfaces, namespaces and faults of the network, for tests that are root in a kernel of their own."""
+"""Network interfaces, namespaces and faults, for tests that run as root in a separate kernel."""
 
 import ctypes
 import os
@@ -25,7 +25,7 @@ def interface(name: str, kind: str) -> Iterator[None]:
 
 @contextmanager
 def shaped(device: str, how: str, namespace: str = "") -> Iterator[None]:
-    """Apply `tc qdisc` arguments such as "netem delay 20ms loss 5%" to all that leaves by `device`."""
+    """Apply `tc qdisc` arguments such as "netem delay 20ms loss 5%" to all packets sent by `device`."""
     tc = f"ip netns exec {namespace} tc" if namespace else "tc"
     _run(f"{tc} qdisc add dev {device} root {how}")
     try:
@@ -36,7 +36,7 @@ def shaped(device: str, how: str, namespace: str = "") -> Iterator[None]:
 
 @contextmanager
 def namespace(name: str) -> Iterator[None]:
-    """Make a namespace, which is another computer to the network."""
+    """Make a network namespace, which acts as another computer."""
     ip(f"netns add {name}")
     try:
         yield
@@ -46,7 +46,7 @@ def namespace(name: str) -> Iterator[None]:
 
 @contextmanager
 def within(name: str) -> Iterator[None]:
-    """Open what this thread opens in that namespace."""
+    """Let this thread open its sockets in that namespace."""
     with open("/proc/thread-self/ns/net") as home, open(f"/run/netns/{name}") as away:
         _enter(away.fileno())
         try:

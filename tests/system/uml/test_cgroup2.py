@@ -1,4 +1,4 @@
-"""Limits by control groups of version 2, made by root: what a process under them really gets."""
+"""Limits by control groups of version 2, made by root: the measured resources of a process."""
 
 import os
 import shlex
@@ -25,7 +25,7 @@ in_the_guest = pytest.mark.usefixtures("guest", "cgroup2")
 
 
 def do(command: str) -> None:
-    """Run it; it has to succeed."""
+    """Run a command and assert that it succeeds."""
     subprocess.run(shlex.split(command), check=True, stdout=subprocess.DEVNULL)
 
 
@@ -59,7 +59,7 @@ def swap() -> Iterator[None]:
 
 
 def share_of_a_core(place: Confinement) -> float:
-    """Measure the share of a core that a process gets which never rests: its own time over the elapsed time."""
+    """Measure the share of a core that a busy process gets: its processor time over the elapsed time."""
     process = subprocess.Popen(place.command(["sh", "-c", "while :; do :; done"]))
     time.sleep(0.1)
     before = read_threads([process.pid])
@@ -71,7 +71,7 @@ def share_of_a_core(place: Confinement) -> float:
 
 
 def most_of_a_core(place: Confinement, expected: float) -> float:
-    """Return the largest of up to ten shares, or the first that is enough: a busy machine may stop the guest."""
+    """Return the largest of up to ten shares, or the first sufficient one: a busy machine may stop the guest."""
     most = 0.0
     for _ in range(10):
         most = max(most, share_of_a_core(place))
@@ -80,46 +80,46 @@ def most_of_a_core(place: Confinement, expected: float) -> float:
     return most
 
 
-def end_of_one_that_takes(mib: int, place: Confinement) -> int:
+def exit_code_of_process_with_memory(mib: int, place: Confinement) -> int:
     """Return the exit code of a process that writes to so much memory."""
     return subprocess.run(place.command([sys.executable, "-c", f"bytearray(b'x') * ({mib} << 20)"])).returncode
 
 
 @in_the_guest
 @pytest.mark.parametrize("share", [0.25, 0.03])
-def test_a_share_of_a_core(share: float) -> None:
+def test_a_process_gets_its_share_of_a_core(share: float) -> None:
     with Confinement(Limits(cpu_share=share)) as place:
         assert place.by == "cgroup v2"
         assert most_of_a_core(place, share) == pytest.approx(share, rel=0.1)
 
 
 @in_the_guest
-def test_all_of_a_core() -> None:
+def test_a_process_without_cpu_limit_gets_a_whole_core() -> None:
     with Confinement(Limits(memory_mib=64.0)) as place:
         assert most_of_a_core(place, 1.0) > 0.9
 
 
 @in_the_guest
-def test_less_memory() -> None:
+def test_a_process_beyond_its_memory_limit_is_killed() -> None:
     with Confinement(Limits(memory_mib=48.0)) as place:
-        assert end_of_one_that_takes(24, place) == 0
-        assert end_of_one_that_takes(64, place) == -signal.SIGKILL
+        assert exit_code_of_process_with_memory(24, place) == 0
+        assert exit_code_of_process_with_memory(64, place) == -signal.SIGKILL
     with Confinement(Limits(cpu_share=1.0)) as place:
-        assert end_of_one_that_takes(64, place) == 0
+        assert exit_code_of_process_with_memory(64, place) == 0
 
 
 @in_the_guest
 @pytest.mark.usefixtures("swap")
-def test_what_does_not_fit_is_not_swapped_out() -> None:
+def test_memory_beyond_the_limit_is_not_swapped_out() -> None:
     with Confinement(Limits(memory_mib=48.0)) as place:
-        assert end_of_one_that_takes(64, place) == -signal.SIGKILL
+        assert exit_code_of_process_with_memory(64, place) == -signal.SIGKILL
         (group,) = Path(ROOT).glob("uuv-hil-bench-*")
         (group / "memory.swap.max").write_text("max")
-        assert end_of_one_that_takes(64, place) == 0, "there was something to swap to"
+        assert exit_code_of_process_with_memory(64, place) == 0, "there was something to swap to"
 
 
 @in_the_guest
-def test_nothing_is_left_when_it_is_left() -> None:
+def test_no_process_or_group_is_left_after_the_confinement() -> None:
     before = os.listdir(ROOT)
     with Confinement(Limits(cpu_share=0.5, memory_mib=64.0)) as place:
         process = subprocess.Popen(place.command(["sh", "-c", "sleep 60 & wait"]))
@@ -137,7 +137,7 @@ def members(group: Path) -> set[int]:
 
 
 def as_on_a_raspberry_pi() -> None:
-    """Check the other kernel: it limits the share of a core, but not the memory."""
+    """Check limits in that kernel: a share of a core works, a memory limit does not."""
     with mounted():
         with Confinement(Limits(cpu_share=0.25)) as place:
             print(place.by, most_of_a_core(place, 0.25))
@@ -147,7 +147,7 @@ def as_on_a_raspberry_pi() -> None:
             print(error)
 
 
-def test_a_kernel_whose_memory_controller_is_off() -> None:
+def test_a_kernel_with_a_disabled_memory_controller_is_reported() -> None:
     call = f"from {__name__} import {as_on_a_raspberry_pi.__name__} as test; test()"
     ended = uml.run([sys.executable, "-c", call], cwd=str(uml.ROOT), options=["cgroup_disable=memory"])
     assert ended.status == 0, ended.output

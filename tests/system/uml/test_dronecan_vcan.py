@@ -1,4 +1,4 @@
-"""The public package `dronecan`, with its own SocketCAN driver, and our STM32 on one bus of the kernel."""
+"""The public package `dronecan`, with its own SocketCAN driver, and the emulated STM32 on one bus of the kernel."""
 
 import time
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ PULSES = [1100, 1499, 1500, 1501, 1777, 1900]
 
 
 class Bench(NamedTuple):
-    """A node of theirs, our STM32, and the esc.Status that the node has received since it was cleared, by index."""
+    """A node of `dronecan`, the emulated STM32, and the esc.Status received since it was cleared, by index."""
 
     node: Any
     end: Stm32End
@@ -36,7 +36,7 @@ class Bench(NamedTuple):
         self.node.spin(0)
 
     def command(self, raw: list[int]) -> float:
-        """Send a RawCommand and wait for the Status of all thrusters; the seconds that it took."""
+        """Send a RawCommand and wait for the Status of all thrusters; return the seconds that it took."""
         self.status.clear()
         began = time.perf_counter()
         self.node.broadcast(uavcan.equipment.esc.RawCommand(cmd=raw))
@@ -64,7 +64,7 @@ def bench() -> Iterator[Bench]:
 
 
 def test_raw_commands_are_answered(bench: Bench) -> None:
-    """The time there and back is printed with -rP."""
+    """The round-trip time is printed with -rP."""
     bench.spin()
     bench.node.broadcast(uavcan.equipment.safety.ArmingStatus(status=255))
     bench.command([0] * 6)
@@ -79,7 +79,7 @@ def test_raw_commands_are_answered(bench: Bench) -> None:
     print(f"RawCommand to six Status: p50 {took[50] * 1e3:.2f} ms, p99 {took[98] * 1e3:.2f} ms")
 
 
-def test_it_tells_who_it_is(bench: Bench) -> None:
+def test_the_stm32_answers_with_its_node_information(bench: Bench) -> None:
     answers: list[Any] = []
     bench.node.request(uavcan.protocol.GetNodeInfo.Request(), 20, answers.append)
     end = time.monotonic() + PATIENCE_S

@@ -1,4 +1,4 @@
-"""The launcher itself: what a command sees in there, and every way it can end."""
+"""The launcher of User Mode Linux: the environment of a command, its end, and errors."""
 
 import os
 import subprocess
@@ -43,7 +43,7 @@ print(read, written)
 LEGACY_SIZE = 576  # of XSAVE's fixed part: every processor that has AVX has more
 
 
-def test_a_command_and_what_stays_of_it(tmp_path: Path) -> None:
+def test_a_command_runs_as_root_and_leaves_only_its_share(tmp_path: Path) -> None:
     share, lost = tmp_path / "a share", tmp_path / "lost"
     share.mkdir()
     reported: list[str] = []
@@ -60,7 +60,7 @@ def test_a_command_and_what_stays_of_it(tmp_path: Path) -> None:
     assert processes() == 0
 
 
-def test_a_command_that_does_not_end(tmp_path: Path) -> None:
+def test_a_command_that_does_not_end_is_killed(tmp_path: Path) -> None:
     for seconds in (3, 12, 48):  # a busy machine takes longer until the command prints
         with pytest.raises(DeviceError, match=rf"killed after {seconds} s") as caught:
             uml.run(["sh", "-c", "echo first; sleep 600"], seconds=seconds)
@@ -70,22 +70,22 @@ def test_a_command_that_does_not_end(tmp_path: Path) -> None:
     pytest.fail(str(caught.value))
 
 
-def test_a_kernel_that_does_not_start() -> None:
+def test_a_kernel_that_does_not_start_is_reported() -> None:
     with pytest.raises(DeviceError, match=r"before the command began: .*Too few physical memory"):
         uml.run(["true"], memory_mib=4)
 
 
-def test_a_module_that_does_not_exist() -> None:
+def test_a_missing_kernel_module_is_reported() -> None:
     with pytest.raises(DeviceError, match=r"no module vcam in /usr/lib/uml/modules/.*modules.dep"):
         uml.run(["true"], ["vcan", "vcam"])
 
 
-def test_a_module_comes_behind_those_it_needs() -> None:
+def test_modules_are_loaded_after_their_dependencies() -> None:
     names = [Path(file).stem for file in uml.module_files(["slcan", "can_raw", "vcan"])]
     assert names == ["can-dev", "slcan", "can", "can-raw", "vcan"]
 
 
-def test_by_hand() -> None:
+def test_the_launcher_runs_from_the_command_line() -> None:
     done = subprocess.run(
         [sys.executable, uml.__file__, "--", "sh", "-c", "echo hello; exit 3"], capture_output=True, text=True
     )
@@ -93,13 +93,13 @@ def test_by_hand() -> None:
 
 
 @pytest.mark.parametrize("missing", ["linux.uml", "busybox", "cc"])
-def test_what_is_missing_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_program_is_reported_with_its_package(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.which", lambda name: None if name == missing else name)
     with pytest.raises(DeviceError, match=f"there is no {missing}: sudo apt install "):
         uml.run(["true"])
 
 
-def test_registers_that_outgrew_it() -> None:
+def test_the_shim_accepts_short_register_buffers() -> None:
     """The processor's registers are set from a buffer that is too short, with the shim and only with it."""
     code = SET_REGISTERS.format(size=LEGACY_SIZE)
     output = []
@@ -111,5 +111,5 @@ def test_registers_that_outgrew_it() -> None:
 
 
 def processes() -> int:
-    """Return how many processes of our guest there still are; those that were killed may take a moment."""
+    """Return the number of remaining processes of the guest; killed ones may take a moment to end."""
     return sum("linux.uml mem=" in command_line(pid) for pid in psutil.pids())  # a zombie has no command line

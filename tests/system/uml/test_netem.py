@@ -1,4 +1,4 @@
-"""Links and sessions over a network that delays, overtakes, loses, and goes away."""
+"""Links and sessions over a network with delay, reordering, loss and interruption."""
 
 import select
 import time
@@ -26,10 +26,10 @@ from tests.system.uml.network import interface, ip, namespace, shaped, within
 pytestmark = pytest.mark.usefixtures("guest")
 
 POOR = "netem delay 20ms 8ms loss 5%"
-AWAY = "netem loss 100%"
-AWAY_S = 3.0
+ALL_LOST = "netem loss 100%"
+INTERRUPTION_S = 3.0
 PULSES = (1600, 1400)
-LATE = "the guest has its turn when the host gives it one"
+BUSY_GUEST = "the guest has its turn when the host gives it one"
 PERIOD_S = 0.01  # between commands
 
 
@@ -41,7 +41,7 @@ class Bench(NamedTuple):
     received: list[tuple[float, ThrusterTelemetry]]
 
     def run(self, seconds: float, first: int = 1) -> dict[int, float]:
-        """Send a command every period, numbered from `first`; when each was sent."""
+        """Send a command every period, numbered from `first`; return the times of sending."""
         sent: dict[int, float] = {}
         begin = time.monotonic()
         while time.monotonic() < begin + seconds:
@@ -52,7 +52,7 @@ class Bench(NamedTuple):
         return sent
 
     def wait(self, until_s: float) -> None:
-        """Let both ends do what is theirs."""
+        """Serve both ends until that time."""
         while (left := until_s - time.monotonic()) > 0:
             due = (self.end.deadline_ns - now_ns()) / NS_PER_S
             select.select([self.host.wire.fileno(), self.end.fileno()], [], [], max(0.0, min(left, due)))
@@ -90,7 +90,7 @@ def benched(kind: str = "udp") -> Iterator[Bench]:
 
 
 def on_a_bench(judge: Callable[[Bench], None]) -> Callable[[], None]:
-    """Return the test that judges a bench, and another one where this machine was late."""
+    """Return a test that checks a bench, and repeats this with a new one when the machine was late."""
 
     def test() -> None:
         def attempt() -> None:
@@ -99,14 +99,14 @@ def on_a_bench(judge: Callable[[Bench], None]) -> Callable[[], None]:
                 for counters in (bench.host.counters, bench.end.link.counters):
                     assert (counters.checksum_errors, counters.malformed, counters.dropped_bytes) == (0, 0, 0)
 
-        retry_when_busy(attempt, LATE)
+        retry_when_busy(attempt, BUSY_GUEST)
 
     test.__doc__ = judge.__doc__
     return test
 
 
 @on_a_bench
-def test_delay_loss_and_overtaking(bench: Bench) -> None:
+def test_delay_loss_and_reordering_do_not_trip_the_watchdog(bench: Bench) -> None:
     """Lost messages are only counted as missed, late ones are refused, and the watchdog stays quiet."""
     stm32 = bench.end.stm32
     with shaped("shore", POOR), shaped("vehicle", POOR, "vehicle"):
@@ -126,13 +126,13 @@ def test_delay_loss_and_overtaking(bench: Bench) -> None:
 
 
 @on_a_bench
-def test_a_black_hole_downward(bench: Bench) -> None:
-    """Commands vanish, reports still come: the host reports once that the STM32 has stopped."""
+def test_lost_commands_trip_the_watchdog_and_the_host_is_informed(bench: Bench) -> None:
+    """Commands are lost and reports still arrive: the report shows the tripped watchdog."""
     stm32 = bench.end.stm32
     arrived = bench.run(0.2)
-    with shaped("shore", AWAY):
+    with shaped("shore", ALL_LOST):
         attended = time.monotonic()  # the STM32 again: while tc ran nobody did, however long it took
-        vanished = bench.run(AWAY_S, first=len(arrived) + 1)
+        vanished = bench.run(INTERRUPTION_S, first=len(arrived) + 1)
     assert stm32.pwm_us == [1500, 1500]
     assert stm32.watchdog_trips == 1
     tripped = min(at for at, report in bench.received if report.timed_out)
@@ -146,17 +146,17 @@ def test_a_black_hole_downward(bench: Bench) -> None:
     assert (stm32.watchdog_trips, bench.received[-1][1].timed_out) == (1, False)
 
 
-@retried_when_busy(LATE)
-def test_a_stream_whose_peer_vanishes_ends_and_can_be_opened_again() -> None:
-    """TCP's cable is out: both ends give up in `PEER_TIMEOUT_S`; the STM32 has stopped long before."""
+@retried_when_busy(BUSY_GUEST)
+def test_a_tcp_link_without_a_peer_ends_and_can_be_reopened() -> None:
+    """Both ends close the link within `PEER_TIMEOUT_S`; the watchdog has tripped long before."""
     with benched("tcp") as made:
         made.run(0.3)
         stm32 = made.end.stm32
         assert stm32.pwm_us == list(PULSES)
-        with shaped("shore", AWAY), shaped("vehicle", AWAY, "vehicle"):
+        with shaped("shore", ALL_LOST), shaped("vehicle", ALL_LOST, "vehicle"):
             began = time.monotonic()
             with pytest.raises(DeviceError, match=r"^tcp://10.9.0.2:5760: went away"):
-                made.run(2 * AWAY_S, first=100)
+                made.run(2 * INTERRUPTION_S, first=100)
             assert 1.5 < time.monotonic() - began < 4.0
             assert stm32.pwm_us == [1500, 1500]
             made.host.close()
@@ -173,9 +173,9 @@ def test_a_stream_whose_peer_vanishes_ends_and_can_be_opened_again() -> None:
             assert again_bench.received[-1][1].sequence >= 500
 
 
-@retried_when_busy(LATE)
-def test_a_vehicle_over_a_poor_network_that_goes_away(tmp_path: Path) -> None:
-    """Slave and planner are late over zenoh, but whole. The slave stops after 3 s apart; then they meet again."""
+@retried_when_busy(BUSY_GUEST)
+def test_a_vehicle_is_commanded_over_a_poor_network_and_again_after_an_interruption(tmp_path: Path) -> None:
+    """Messages over zenoh are late but not lost. The vehicle stops during an interruption of 3 s."""
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
@@ -186,8 +186,8 @@ def test_a_vehicle_over_a_poor_network_that_goes_away(tmp_path: Path) -> None:
                 assert client.get("ground_truth").nu[0] > 0.3, "the vehicle moves forward"
                 assert 0.018 < median(client.delays.totals_ns()) / NS_PER_S < 0.1, "the delay of one way"
                 assert client.malformed == 0
-            with shaped("lo", AWAY):
-                drive(client, AWAY_S)
+            with shaped("lo", ALL_LOST):
+                drive(client, INTERRUPTION_S)
                 slave.expect("deadman: no command in time, stopping the thrusters")
                 with pytest.raises(NetworkError, match="is gone: no ground_truth for"):
                     client.get("ground_truth")

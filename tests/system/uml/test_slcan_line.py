@@ -1,6 +1,6 @@
-"""A serial port made a CAN interface by the kernel's line discipline, as `slcand` does.
+"""A serial port as a CAN interface by the kernel's line discipline, as `slcand` makes it.
 
-At the other end of the port is our own SlcanWire: frames look alike in both directions, and what else the
+The other end of the port is a SlcanWire: frames have the same form in both directions, and other commands of the
 two tell an adapter each passes over.
 """
 
@@ -29,7 +29,7 @@ TIOCSETD, N_TTY, N_SLCAN, SIOCGIFNAME = 0x5423, 0, 17, 0x8910  # asm-generic/ioc
 
 
 class LineWire(SocketCanWire):
-    """The interface that the kernel makes of a terminal; closing gives that back."""
+    """The interface that the kernel makes of a terminal; closing restores the terminal."""
 
     def __init__(self, terminal: int) -> None:
         self._terminal = terminal
@@ -80,7 +80,7 @@ def line() -> Iterator[tuple[Wire, LineWire]]:
         adapter.close()
 
 
-def test_frames_go_out_as_lines_and_lines_come_in_as_frames(line: tuple[Wire, LineWire]) -> None:
+def test_frames_are_sent_and_received_as_slcan_lines(line: tuple[Wire, LineWire]) -> None:
     adapter, wire = line
     wire.write(pack_frame(CanFrame(0x7FF, b"\x01\x02\x03", extended=False)))
     wire.write(pack_frame(CanFrame(0x1FFF_FFFF, bytes(range(8)))))
@@ -93,7 +93,7 @@ def test_frames_go_out_as_lines_and_lines_come_in_as_frames(line: tuple[Wire, Li
     assert read_bytes(adapter, 2)[:2] == b"C\r"
 
 
-def test_an_interface_that_goes_down_and_comes_back(line: tuple[Wire, LineWire]) -> None:
+def test_an_interface_that_was_down_works_again(line: tuple[Wire, LineWire]) -> None:
     adapter, wire = line
     ip(f"link set {wire.interface} down")
     with pytest.raises(DeviceError, match=rf"^can:socketcan:{wire.interface}: went away \(Network is down\)"):
@@ -103,7 +103,7 @@ def test_an_interface_that_goes_down_and_comes_back(line: tuple[Wire, LineWire])
     assert list(unpack_frames(read_bytes(wire, RECORD_SIZE))) == [CanFrame(0xF, b"\xaa", extended=False)]
 
 
-def test_an_adapter_that_is_unplugged_takes_its_interface_along(line: tuple[Wire, LineWire]) -> None:
+def test_an_unplugged_adapter_removes_its_interface(line: tuple[Wire, LineWire]) -> None:
     adapter, wire = line
     adapter.close()
     assert wait_readable(wire)

@@ -1,4 +1,4 @@
-"""Our CAN wires on interfaces of the kernel."""
+"""CAN wires on interfaces of the kernel."""
 
 import sys
 import time
@@ -31,7 +31,7 @@ ROUNDS = 500
 
 @pytest.fixture(scope="module", autouse=True)
 def _buses() -> Iterator[None]:
-    """Make a bus, and two cables: the queue of one takes 100 frames, of the other all that a socket may send."""
+    """Make a bus and two cables: the queue of one holds 100 frames, of the other all that a socket may send."""
     with ExitStack() as stack:
         stack.enter_context(interface("vcan0", "vcan"))
         for name, how in (("short", SHORT_QUEUE), ("long", LONG_QUEUE)):
@@ -68,7 +68,7 @@ class TestThroughThePackage(WireContract):
 
 
 class TestFullQueue(WireContract):
-    """The interface refuses."""
+    """The queue of the interface is full."""
 
     open_wires = staticmethod(lambda: (open_socketcan("short_a"), open_socketcan("short_b")))
     record_size = RECORD_SIZE
@@ -76,14 +76,14 @@ class TestFullQueue(WireContract):
 
 
 class TestFullSocket(WireContract):
-    """The socket's own buffer refuses."""
+    """The send buffer of the socket is full."""
 
     open_wires = staticmethod(lambda: (open_socketcan("long_a"), open_socketcan("long_b")))
     record_size = RECORD_SIZE
     host_sees_hangup = False
 
 
-def test_other_software_on_the_bus() -> None:
+def test_frames_are_exchanged_with_python_can() -> None:
     wire = open_socketcan("vcan0")
     with can.Bus("vcan0", "socketcan", ignore_config=True) as other:
         for frame in (FRAME, CanFrame(0x7FF, b"", extended=False)):
@@ -99,7 +99,7 @@ def test_other_software_on_the_bus() -> None:
     wire.close()
 
 
-def test_an_interface_that_goes_down_and_comes_back() -> None:
+def test_an_interface_that_was_down_works_again() -> None:
     with interface("vcan1", "vcan"), nothing_leaks():
         device, host = open_socketcan("vcan1"), open_socketcan("vcan1")
         ip("link set vcan1 down")
@@ -119,7 +119,7 @@ def test_an_interface_that_goes_down_and_comes_back() -> None:
             wire.close()
 
 
-def test_an_interface_that_is_unplugged() -> None:
+def test_an_unplugged_interface_is_reported() -> None:
     with interface("vcan1", "vcan"):
         wire = open_socketcan("vcan1")
     assert wait_readable(wire)
@@ -132,7 +132,7 @@ def test_an_interface_that_is_unplugged() -> None:
         open_socketcan("vcan1")
 
 
-def test_bus_off_ends_it_other_faults_do_not() -> None:
+def test_only_bus_off_ends_the_wire() -> None:
     """The kernel's filter for error frames passes those that it was set to."""
     device, host = on_bus()
     error_warning, bus_off = ((ERROR | kind).to_bytes(4, sys.byteorder) + b"\x08" + bytes(11) for kind in (0x04, 0x40))
@@ -147,8 +147,8 @@ def test_bus_off_ends_it_other_faults_do_not() -> None:
 
 
 @retried_when_busy("medians of three loops, one after the other")
-def test_there_and_back_is_quicker_than_through_the_package() -> None:
-    """The microseconds for a frame there and back, in one process, are printed with -rP."""
+def test_a_round_trip_is_faster_than_through_python_can() -> None:
+    """The round-trip times (us) of a frame in one process are printed with -rP."""
     ours, package = median_and_late(*on_bus()), median_and_late(*on_bus_by_package())
     bare = bare_package()
     for name, (median, late) in (("our wire", ours), ("our wire by python-can", package), ("python-can", bare)):

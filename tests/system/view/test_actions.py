@@ -1,4 +1,4 @@
-"""The page of acts in a real browser: each button does at the vehicle what it says."""
+"""The Actions tab of the live view in a real browser: each button acts on the vehicle."""
 
 from math import atan2, degrees, hypot
 from pathlib import Path
@@ -19,7 +19,7 @@ def thrust(vehicle: Observed, thruster: str) -> float:
     return abs(dict(zip(stamped.value.names, stamped.value.efforts, strict=True))[thruster]) if stamped else 0.0
 
 
-def test_a_waypoint_is_set_dragged_and_flown(tmp_path: Path) -> None:
+def test_a_waypoint_is_set_dragged_and_reached(tmp_path: Path) -> None:
     """The view is from above with north up: the waypoint is set north of the vehicle, and dragged east."""
     with viewed_slave(tmp_path) as (page, vehicle, _):
         page.wait_until_ready()
@@ -42,7 +42,7 @@ def test_a_waypoint_is_set_dragged_and_flown(tmp_path: Path) -> None:
 
 
 def drag(page: ViewPage, begin: tuple[float, float], right: float) -> None:
-    """Drag what is at `begin` to the right, as slowly as a hand does."""
+    """Drag the object at `begin` to the right, as slowly as a hand does."""
     page.page.wait_for_timeout(1500)
     page.page.mouse.move(*begin)
     page.page.wait_for_timeout(1000)
@@ -60,7 +60,7 @@ def moved(vehicle: Observed, start: tuple[float, ...]) -> tuple[float, float]:
     return position[0] - start[0], position[1] - start[1]
 
 
-def test_failures_depth_and_pose(tmp_path: Path) -> None:
+def test_buttons_for_failures_depth_and_pose_work(tmp_path: Path) -> None:
     with viewed_slave(tmp_path) as (page, vehicle, slave):
         vehicle.client.watch("joint_states")
         page.wait_until_ready()
@@ -89,7 +89,7 @@ def test_failures_depth_and_pose(tmp_path: Path) -> None:
         assert page.wait_until(lambda: hypot(*moved(vehicle, (4.0, 4.0))) < 0.3), "back to the start"
 
 
-def test_who_only_looks_finds_all_buttons_grey(tmp_path: Path) -> None:
+def test_an_observer_has_disabled_buttons(tmp_path: Path) -> None:
     with viewed_slave(tmp_path, "--observe") as (page, vehicle, _):
         page.open_tab("Actions")
         button = page.frame.get_by_role("button", name="hold depth", exact=True)

@@ -1,4 +1,4 @@
-"""The live view in a real browser: it opens without errors, the vehicle moves on the screen, its buttons act."""
+"""The live view in a real browser: it opens without errors, shows the moving vehicle, and its controls work."""
 
 import re
 import time
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.timeout(600)
 SLOW = ("--set", "master.speed=0.05", "--set", "master.goal=[-8, -8]", "--set", "master.time_limit=900")
 
 
-def test_it_shows_the_vehicle_steers_it_and_stops_it(tmp_path: Path) -> None:
+def test_the_view_shows_steers_and_stops_the_vehicle(tmp_path: Path) -> None:
     with viewed_slave(tmp_path) as (page, vehicle, slave):
         page.wait_until_ready()
         page.wait_until_drawn()
@@ -42,7 +42,7 @@ navigator.getGamepads = () => [null, window.pad];
 """
 
 
-def test_a_gamepad_steers_while_its_switch_is_held(tmp_path: Path) -> None:
+def test_a_gamepad_steers_while_its_enable_button_is_held(tmp_path: Path) -> None:
     """The browser's own code reads a simulated gamepad whose left stick is pushed forward."""
     with viewed_slave(tmp_path, script=GAMEPAD) as (page, vehicle, _):
         page.wait_until_ready()
@@ -65,7 +65,7 @@ def test_a_gamepad_steers_while_its_switch_is_held(tmp_path: Path) -> None:
         assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on with the switch let go"
 
 
-def test_a_recording_plays_pauses_and_goes_where_its_slider_is(tmp_path: Path) -> None:
+def test_a_recording_plays_pauses_and_seeks(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text() + "[recording]\nslave = true\n")
     record = Program(tmp_path, "demo", scenario, "--output", tmp_path / "run", cwd=tmp_path)
@@ -86,7 +86,7 @@ def test_a_recording_plays_pauses_and_goes_where_its_slider_is(tmp_path: Path) -
 
 
 def seconds_shown(page: ViewPage) -> float:
-    """Return the time that the panel of time shows."""
+    """Return the time (s) that the time panel shows."""
     return float(page.text_of("seconds"))
 
 

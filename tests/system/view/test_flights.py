@@ -1,4 +1,4 @@
-"""`--view` on the commands that fly: which vehicles the page then offers."""
+"""`--view` of the commands that fly: the vehicles that the page offers."""
 
 from pathlib import Path
 

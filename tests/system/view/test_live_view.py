@@ -1,4 +1,4 @@
-"""`uuv-hil view` with a real slave: who is let in, what is shown, and who steers."""
+"""`uuv-hil view` with a real slave: access by token, the scene, and control by a joystick."""
 
 import asyncio
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ async def status(client: aiohttp.ClientSession, url: str, headers: dict[str, str
 
 
 async def talk(client: aiohttp.ClientSession, address: str, seconds: float, **message: Any) -> dict[str, Any]:
-    """Send a stick's message 20 times a second; the last answer."""
+    """Send a joystick message 20 times a second; return the last reply."""
     answer: dict[str, Any] = {}
     async with client.ws_connect(f"{address}stick") as socket:
         for number in range(round(seconds * 20)):
@@ -44,7 +44,7 @@ async def talk(client: aiohttp.ClientSession, address: str, seconds: float, **me
 
 
 async def until_ready(client: aiohttp.ClientSession, address: str) -> None:
-    """Wait until the vehicle is seen and may be steered."""
+    """Wait until the vehicle is discovered and may be steered."""
     for _ in range(300):
         answer = await talk(client, address, 0.05)
         if answer.get("may_steer"):
@@ -53,7 +53,7 @@ async def until_ready(client: aiohttp.ClientSession, address: str) -> None:
     raise AssertionError(answer)
 
 
-def test_it_lets_in_who_has_the_token_and_its_own_page_alone(tmp_path: Path) -> None:
+def test_access_needs_the_token_and_the_origin_of_the_page(tmp_path: Path) -> None:
     with viewed(tmp_path) as (address, token, _):
 
         async def try_it(client: aiohttp.ClientSession) -> None:
@@ -73,7 +73,7 @@ def test_it_lets_in_who_has_the_token_and_its_own_page_alone(tmp_path: Path) -> 
         with_session(try_it)
 
 
-def test_the_scene_is_closed_to_all_but_the_view(tmp_path: Path) -> None:
+def test_the_scene_server_accepts_only_the_view(tmp_path: Path) -> None:
     from hil.view.scene.server import SceneServer
     from hil.view.scene.wakeup import ThreadSafeEvent
 
@@ -91,7 +91,7 @@ def test_the_scene_is_closed_to_all_but_the_view(tmp_path: Path) -> None:
         assert knowing > 0
 
 
-def test_a_person_steers_lets_go_and_stops(tmp_path: Path) -> None:
+def test_the_joystick_steers_releases_and_stops_the_vehicle(tmp_path: Path) -> None:
     with viewed(tmp_path) as (address, token, view):
 
         async def steer(client: aiohttp.ClientSession) -> None:
@@ -115,7 +115,7 @@ def test_a_person_steers_lets_go_and_stops(tmp_path: Path) -> None:
         assert "Traceback" not in view.output
 
 
-def test_an_observer_steers_nothing(tmp_path: Path) -> None:
+def test_an_observer_cannot_steer(tmp_path: Path) -> None:
     with viewed(tmp_path, "--observe") as (address, token, _):
 
         async def try_it(client: aiohttp.ClientSession) -> dict[str, Any]:
@@ -133,7 +133,7 @@ def test_an_observer_steers_nothing(tmp_path: Path) -> None:
         assert not answer["may_steer"]
 
 
-def test_bad_input_is_one_line() -> None:
+def test_wrong_options_are_one_line() -> None:
     for words, reason in (
         (("--listen", "127.0.0.1:99999"), "a port from 0 to 65535"),
         (("--scenario", "paper_fiel"), "paper_field"),

@@ -1,4 +1,4 @@
-"""The view behind a network of 20 Mbit/s: a relay of ours, as the kernel's netem is not everywhere."""
+"""The live view over a network of 20 Mbit/s, by a relay, as not every kernel has netem."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.timeout(900)
 RATE_MBIT_S = 20.0
 
 
-def test_what_is_shown_does_not_fall_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shown_position_does_not_fall_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three viewers see a seabed of 1,000 x 1,000: a sample shown at the end is as new as one at the start."""
     monkeypatch.setattr(view_cost, "SLOW_SETTLE_S", 8.0)  # the seabed has gone through by then
     measured = view_cost.measure(tmp_path, 3, 15.0, browser=False, rate=RATE_MBIT_S)
@@ -29,7 +29,7 @@ def test_what_is_shown_does_not_fall_behind(tmp_path: Path, monkeypatch: pytest.
     assert end < begin + 300.0, "what is shown falls behind"
 
 
-def test_a_browser_steers_through_it(tmp_path: Path) -> None:
+def test_a_browser_steers_over_a_slow_network(tmp_path: Path) -> None:
     with viewed_slave(tmp_path) as (page, vehicle, _):
         port = int(page.page.url.partition("//")[2].partition("/")[0].rpartition(":")[2])
         with Relay(port, RATE_MBIT_S * 1e6 / 8, slow=(0,)) as relay:

@@ -1,4 +1,4 @@
-"""`uuv-hil teleop` in a real terminal: keys move the vehicle, and it stops when they end."""
+"""`uuv-hil teleop` in a real terminal: keys move the vehicle, and it stops without them."""
 
 import contextlib
 import os
@@ -41,7 +41,7 @@ def test_keys_move_the_vehicle_and_it_stops_without_them(tmp_path: Path) -> None
 
 
 def test_a_gamepad_steers_and_an_unplugged_one_stops_the_vehicle(tmp_path: Path) -> None:
-    """The gamepad is SDL's virtual one: everything above its driver is what a real one goes through."""
+    """The gamepad is SDL's virtual one: all code above its driver is that of a real one."""
     scenario, port = write_scenario(tmp_path)
     keyboard, terminal = pty.openpty()
     os.mkfifo(tmp_path / "pad")
@@ -95,13 +95,13 @@ def test_a_gamepad_steers_and_an_unplugged_one_stops_the_vehicle(tmp_path: Path)
     assert b"the gamepad is unplugged: plug it in again" in b"".join(shown)
 
 
-def test_where_nobody_is_it_says_so() -> None:
+def test_a_missing_slave_is_one_line() -> None:
     code, output = run_here("teleop", "--connect", f"127.0.0.1:{free_port()}")
     assert code == 4
     assert output.count("\n") == 1
 
 
-def test_a_gamepad_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+def test_a_missing_gamepad_is_one_line(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     code, output = run_here("teleop", "--scenario", str(scenario), "--gamepad")
     assert code == 3

@@ -1,4 +1,4 @@
-"""The earth's magnetic field at a world's place, against the test values that come with the model."""
+"""The earth's magnetic field at the origin of a world, compared with the published test values of the model."""
 
 import subprocess
 import sys
@@ -31,7 +31,7 @@ PUBLISHED = [
 
 
 @pytest.mark.parametrize(("year", "height", "latitude", "longitude", "east", "down", "nanotesla"), PUBLISHED)
-def test_published_values(
+def test_published_test_values_are_met(
     year: float, height: float, latitude: float, longitude: float, east: float, down: float, nanotesla: float
 ) -> None:
     """The angles agree to the last digit, the intensity to 0.001 nT."""
@@ -42,8 +42,8 @@ def test_published_values(
     assert found.year == year
 
 
-def test_it_follows_from_the_origin_where_no_field_is_given() -> None:
-    """The field is that of the middle of the model's years, so that runs repeat; a value in the file goes first."""
+def test_the_field_follows_from_the_origin_unless_it_is_given() -> None:
+    """The field is that of the middle of the model's years, so that runs repeat; a value in the file overrides it."""
     field = field_at(*PLACE, altitude=40.0)
     assert (field.model, field.year) == ("WMM-2025", 2027.5)
     world = SEA._replace(origin=PLACE, origin_altitude=40.0)
@@ -56,18 +56,18 @@ def test_it_follows_from_the_origin_where_no_field_is_given() -> None:
     assert field_of(SEA) == DEFAULT
 
 
-def test_a_time_outside_the_model_is_its_nearest_end() -> None:
+def test_a_time_outside_the_model_is_limited_to_it() -> None:
     assert field_at(*PLACE, year=1990.0) == field_at(*PLACE, year=2025.0)
     assert field_at(*PLACE, year=2044.4) == field_at(*PLACE, year=2030.0)
 
 
 @pytest.mark.parametrize("latitude", [90.0, -90.0])
-def test_the_poles_have_a_field(latitude: float) -> None:
+def test_the_field_at_the_poles_is_continuous(latitude: float) -> None:
     here, near = (field_at(place, 0.0).angles for place in (latitude, latitude * 0.99999))
     assert here == pytest.approx(near, rel=2e-3)
 
 
-def test_without_the_model_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_world_without_field_and_model_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygeomag", None)
     assert field_of(SEA) == DEFAULT
     with pytest.raises(MissingExtraError) as caught:

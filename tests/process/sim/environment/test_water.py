@@ -51,7 +51,7 @@ def over_ground(simulation: Simulation) -> tuple[float, float, float]:
 # -- currents in the simulation -----------------------------------------------------------------------------------
 
 
-def test_a_current_in_the_world_acts_without_being_switched_on() -> None:
+def test_a_current_of_the_world_moves_the_vehicle() -> None:
     """An idle vehicle drifts with the velocity of its own layer, and does not turn."""
     simulation = at_sea(Ocean(layers=Layers((0.0, 12.0), north=(0.6, 0.2), east=(0.0, -0.2))))
     run(simulation, 120.0)
@@ -68,7 +68,7 @@ def test_one_row_of_layers_is_the_steady_current() -> None:
     assert there.truth() == here.truth()
 
 
-def test_a_current_in_time_comes_and_goes() -> None:
+def test_a_current_follows_its_time_series() -> None:
     simulation = at_sea(Ocean(series=Series((0.0, 40.0, 41.0), north=(0.5, 0.5, 0.0))))
     run(simulation, 40.0)
     assert over_ground(simulation)[0] == pytest.approx(0.5, abs=0.05)
@@ -79,7 +79,7 @@ def test_a_current_in_time_comes_and_goes() -> None:
 # -- waves in the simulation --------------------------------------------------------------------------------------
 
 
-def test_a_vehicle_without_weight_or_drag_goes_with_the_water() -> None:
+def test_a_vehicle_without_net_weight_or_drag_follows_the_water() -> None:
     """The vehicle moves as the water would, whatever its added mass, in waves that change little along the hull.
 
     Started with the water's velocity, it is for three waves where a bit of water is that was integrated by
@@ -103,7 +103,7 @@ def test_a_vehicle_without_weight_or_drag_goes_with_the_water() -> None:
     assert simulation.truth().orientation == pytest.approx(from_euler(0.0, 0.0, 0.7), abs=1e-3)
 
 
-def test_waves_move_a_vehicle_less_further_down() -> None:
+def test_waves_move_a_deeper_vehicle_less() -> None:
     def stroke(depth: float) -> float:
         simulation, heights = at_sea(Ocean(waves=SWELL), depth=depth), []
         for _ in range(20):
@@ -116,7 +116,7 @@ def test_waves_move_a_vehicle_less_further_down() -> None:
     assert far < 0.15 * near
 
 
-def test_the_push_of_the_waves() -> None:
+def test_the_force_of_the_waves_matches_its_formula() -> None:
     """The force is (M_A + rho V) a in body axes, by hand for a vehicle on its side."""
     body = VEHICLE._replace(added_mass=(5.0, 12.0, 20.0, 0.1, 0.1, 0.1), volume=0.012, neutrally_buoyant=False)
     body = body._replace(center_of_buoyancy=(0.0, 0.0, -0.02))
@@ -134,7 +134,7 @@ def test_the_push_of_the_waves() -> None:
     assert abs(down) > 0.01
 
 
-def test_pushed_mass_of_a_trimmed_vehicle() -> None:
+def test_accelerated_mass_of_a_trimmed_vehicle() -> None:
     """A weightless vehicle displaces its own mass, and the moment is about the origin."""
     body = VEHICLE._replace(
         added_mass=(0.0,) * 6, neutrally_buoyant=True, mass=11.0, center_of_buoyancy=(0.1, 0.0, 0.0)
@@ -145,8 +145,8 @@ def test_pushed_mass_of_a_trimmed_vehicle() -> None:
     assert rows[5] == pytest.approx([0.0, 1.1, 0.0])
 
 
-def test_the_sea_is_held() -> None:
-    """The waves are exact at the stated rate, and between two such instants off by the stated part of the wave."""
+def test_sampled_waves_are_exact_at_their_rate_and_close_between() -> None:
+    """The error between two samples is the stated fraction of the wave."""
     waves = SWELL._replace(hold=0.05)
     held, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
     (wave,) = sea.components
@@ -163,7 +163,7 @@ def test_the_sea_is_held() -> None:
         assert exact.surface[0] == pytest.approx(sea.elevation(time, 0.0, 0.0), abs=1e-15)
 
 
-def test_a_vehicle_put_elsewhere_is_in_other_water_at_once() -> None:
+def test_a_moved_vehicle_gets_the_waves_of_its_new_position_at_once() -> None:
     waves = SWELL._replace(hold=0.1, peak_period=5.0)
     held, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
     held.motion(0, (0.0, 0.0, 3.0))
@@ -173,7 +173,7 @@ def test_a_vehicle_put_elsewhere_is_in_other_water_at_once() -> None:
     assert held.wave_field.surface(0.0025, -30.0, 5.0) == far, "away from what is held it is the sea itself"
 
 
-def test_the_held_surface_follows_rate_and_slopes() -> None:
+def test_the_sampled_surface_follows_rate_and_slopes() -> None:
     waves = SWELL._replace(components=50, hold=0.025, peak_period=6.0, spread=0.3)
     held, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
     for number in range(200):
@@ -183,7 +183,7 @@ def test_the_held_surface_follows_rate_and_slopes() -> None:
         assert held.wave_field.surface(time_ns * 1e-9 + 0.02, 0.03, -0.02) == pytest.approx(exact, abs=0.002)
 
 
-def test_same_seed_same_sea() -> None:
+def test_the_same_seed_gives_the_same_waves() -> None:
     def end(seed: int) -> object:
         simulation = at_sea(Ocean(waves=SWELL._replace(components=10, peak_period=5.0)), seed=seed)
         run(simulation, 4.0)
@@ -198,7 +198,7 @@ def test_same_seed_same_sea() -> None:
 PROFILE = Profile((0.0, 20.0, 100.0), (1022.0, 1026.0, 1027.5), (1510.0, 1495.0, 1490.0))
 
 
-def test_density_and_sound_speed() -> None:
+def test_density_and_sound_speed_are_interpolated() -> None:
     column = WaterColumn(PROFILE, G)
     assert column.density(10.0) == pytest.approx(1024.0)
     assert column.density(500.0) == 1027.5
@@ -218,7 +218,7 @@ def test_pressure_is_the_weight_of_the_water_above(first: float) -> None:
     assert column.pressure(0.0) == column.pressure(-2.0) == 0.0
 
 
-def test_pressure_of_linear_stratification() -> None:
+def test_pressure_of_a_linear_stratification() -> None:
     """Density is rho0 + N² rho0 / g z, so that p = rho0 g z + N² rho0 z² / 2."""
     rho0, slope = 1025.0, 1e-4 * 1025.0 / G
     column = WaterColumn(Profile((0.0, 500.0), (rho0, rho0 + 500.0 * slope)), G)
@@ -226,11 +226,11 @@ def test_pressure_of_linear_stratification() -> None:
         assert column.pressure(depth) == pytest.approx(rho0 * G * depth + 0.5 * slope * G * depth**2, rel=1e-14)
 
 
-def test_one_density_is_the_plain_product() -> None:
+def test_pressure_of_one_density_is_the_plain_product() -> None:
     assert WaterColumn(Profile((10.0,), (1025.0,)), G).pressure(33.0) == pytest.approx(1025.0 * G * 33.0, rel=1e-15)
 
 
-def test_the_pressure_sensor_knows_the_layers() -> None:
+def test_the_pressure_sensor_uses_the_density_profile() -> None:
     simulation = at_sea(Ocean(profile=PROFILE), depth=10.0)
     samples = [sample for _ in range(400) for topic, sample in simulation.step((1500,) * 8) if topic == "pressure"]
     depth = simulation.truth().position[2]
@@ -258,7 +258,7 @@ def test_wrong_profiles_are_named(text: str, words: str, tmp_path: Path) -> None
     assert words in str(caught.value)
 
 
-def test_a_world_without_an_ocean_loads_nothing_for_it() -> None:
+def test_a_world_without_an_ocean_loads_no_ocean_modules() -> None:
     code = (
         "import sys; from sim.simulation import Simulation; from sim.vehicle.vehicle import load_vehicle\n"
         "from sim.environment.world import load_world\n"
@@ -271,8 +271,8 @@ def test_a_world_without_an_ocean_loads_nothing_for_it() -> None:
     assert done.stdout.strip() == ""
 
 
-def test_cosine_of_the_swell() -> None:
-    """The one wave of SWELL is 1 m high from trough to crest, so the strokes above mean what they say."""
+def test_the_test_swell_is_one_metre_high() -> None:
+    """The one wave of SWELL is 1 m high from trough to crest, as the limits of the tests above assume."""
     wave_field = WaveField(SWELL, SEA.depth, G, 1)
     wave = wave_field.components[0]
     assert wave.amplitude == pytest.approx(0.5)

@@ -1,4 +1,4 @@
-"""Fins, hull lift, other damping, ballast and waves in C give the very numbers of the Python."""
+"""Fins, hull lift, damping, ballast and waves in C give bit for bit the numbers of Python."""
 
 import gc
 import os
@@ -79,7 +79,7 @@ def bits(simulation: Simulation) -> bytes:
 
 
 def ride(both: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses: Sequence[int] = PULSES) -> None:
-    """Change the pulses now and then; compare all after each step."""
+    """Change the pulses now and then, and compare all numbers after each step."""
     chance = random.Random(seed)
     for step in range(steps):
         if step % 40 == 0:
@@ -95,15 +95,17 @@ def ride(both: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses:
 VEHICLES = ("bluerov2", "eca_a9", "lauv", "remus100", "tethys")
 WORLDS = {"calm": CALM, "waves": ROUGH, "waves and current": MIXED}
 # Each vehicle in each world, each integrator with each vehicle and in each world.
-WHOLE: list[tuple[str, str, Integrator]] = [
+STEP_CASES: list[tuple[str, str, Integrator]] = [
     (name, world, "rk4" if (row + column) % 2 else "verlet")
     for row, name in enumerate(VEHICLES)
     for column, world in enumerate(WORLDS)
 ]
 
 
-@pytest.mark.parametrize(("name", "world", "integrator"), WHOLE)
-def test_whole_steps_are_equal(name: str, world: str, integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("name", "world", "integrator"), STEP_CASES)
+def test_whole_steps_in_c_and_python_are_equal(
+    name: str, world: str, integrator: Integrator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Steps are equal at depth, half out of the water, and among waves, each as one call of C."""
     both = twins(monkeypatch, WORLDS[world], load_vehicle(name)[0], integrator)
     assert both[1]._fused
@@ -114,8 +116,8 @@ def test_whole_steps_are_equal(name: str, world: str, integrator: Integrator, mo
         ride(both, 80, seed=round(10 * depth))
 
 
-def test_a_failure_among_waves_is_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python continues from the states of fins, waves and propeller that the C code had reached."""
+def test_steps_after_a_failure_among_waves_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python continues from the states of fins, waves and propeller that C had computed."""
     both = twins(monkeypatch, MIXED, REMUS, depth=1.0)
     ride(both, 133)
     for simulation in both:
@@ -125,7 +127,7 @@ def test_a_failure_among_waves_is_equal(monkeypatch: pytest.MonkeyPatch) -> None
     ride(both, 200, seed=2)
 
 
-def test_a_dropped_weight_is_equal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_steps_after_a_dropped_weight_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     both = twins(monkeypatch, ROUGH, TETHYS)
     ride(both, 100, pulses=(1500, 1600))
     assert both[1].equipment
@@ -137,7 +139,7 @@ def test_a_dropped_weight_is_equal(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Tether:
-    """A force of a user's own."""
+    """A user-defined force."""
 
     def begin(self, time_ns: int) -> None:
         """Nothing changes."""
@@ -148,7 +150,7 @@ class Tether:
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_a_force_of_ones_own_keeps_all_in_python(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_user_defined_force_is_computed_in_python(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
     both = []
     for switch in "01":
         monkeypatch.setenv("UUV_HIL_NATIVE", switch)
@@ -198,7 +200,7 @@ def test_every_force_is_equal_at_any_motion() -> None:
 
 
 @pytest.mark.parametrize("depth", [4.0, 12.0, 2000.0])
-def test_a_sea_is_equal(depth: float) -> None:
+def test_wave_fields_are_equal(depth: float) -> None:
     from sim.environment.waves import WaveField
 
     python, c = WaveField(SWELL, depth, 9.81, 4), NativeWaveField(SWELL, depth, 9.81, 4)
@@ -219,13 +221,13 @@ def test_a_sea_is_equal(depth: float) -> None:
 
 
 @pytest.mark.parametrize("name", preset_names("sim/vehicles"))
-def test_every_vehicle_is_whole_in_c(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No vehicle of ours pays for Python between its steps."""
+def test_every_vehicle_preset_is_stepped_in_c(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No preset needs Python between its steps."""
     assert twins(monkeypatch, ROUGH, load_vehicle(name)[0])[1]._fused
 
 
-def test_a_simulation_that_is_dropped_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A whole step in C calls back for new pulses, so that it is in a circle with its simulation."""
+def test_an_unused_simulation_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A whole step in C calls back for new pulses, so there is a reference cycle with its simulation."""
     gone = weakref.ref(twins(monkeypatch, MIXED, TETHYS)[1])
     gc.collect()
     assert gone() is None

@@ -1,4 +1,4 @@
-"""The step in C gives the very bytes of the step in Python; and which of the two is taken."""
+"""The step in C gives the same bytes as the step in Python, and the choice between the two."""
 
 import os
 import random
@@ -86,7 +86,7 @@ class Flight(NamedTuple):
 
 
 def flight(seed: int, depth: float, steps: int = STEPS) -> Flight:
-    """Return a flight from `depth` m: random attitude, speeds and currents, and wrenches that stay for a while."""
+    """Return a flight from `depth` m: random attitude, speeds and currents, and wrenches held for some steps."""
     chance = random.Random(seed)
 
     def numbers(count: int, size: float) -> tuple[float, ...]:
@@ -105,14 +105,14 @@ def packed(numbers: Sequence[float]) -> bytes:
 
 
 def surface(state: State) -> None:
-    """Keep it near the surface, so that the waterline goes through the hull again and again."""
+    """Move the vehicle to the surface, so that the hull crosses it often."""
     north, east, down = state.position
     if abs(down) > 0.3:
         state.position = [north, east, 0.1 * down]
 
 
 def nowhere(state: State) -> None:
-    """Let it go where it goes."""
+    """Do not change the state."""
 
 
 def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = nowhere) -> tuple[bytes, int]:
@@ -130,7 +130,7 @@ def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = nowher
 @pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda vehicle: vehicle.name)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.usefixtures("native")
-def test_every_bit_is_equal(vehicle: Vehicle, integrator: Integrator) -> None:
+def test_steps_in_c_and_python_are_equal_bit_for_bit(vehicle: Vehicle, integrator: Integrator) -> None:
     python, native = Dynamics(vehicle, 1025.0, 9.81, integrator), NativeDynamics(vehicle, 1025.0, 9.81, integrator)
     deep, shallow = flight(7, 500.0), flight(8, 0.05)
     expected, crossing = fly(python, deep)
@@ -157,7 +157,7 @@ needs_aarch64 = [
         pytest.param(AARCH64[0], [AARCH64[1]], ["-O3", "-mcpu=cortex-a72"], id="cortex-a72", marks=needs_aarch64),
     ],
 )
-def test_the_kernel_alone_is_equal_on_each_machine(
+def test_the_kernel_alone_equals_python_on_each_machine(
     compiler: str, emulator: list[str], flags: list[str], tmp_path: Path
 ) -> None:
     """A C program without Python runs the same kernel and equals Python on this machine."""
@@ -182,7 +182,7 @@ def test_the_kernel_alone_is_equal_on_each_machine(
 
 
 @pytest.mark.usefixtures("native")
-def test_who_kept_the_old_lists_keeps_the_old_numbers() -> None:
+def test_a_step_does_not_change_earlier_state_lists() -> None:
     path = flight(3, 500.0)
     state = path.state()
     position, quaternion, nu = state.position, state.quaternion, state.nu
@@ -193,7 +193,7 @@ def test_who_kept_the_old_lists_keeps_the_old_numbers() -> None:
 
 @pytest.mark.parametrize("dynamics", [Dynamics, NativeDynamics])
 @pytest.mark.usefixtures("native")
-def test_what_cannot_be_stepped_is_refused(dynamics: type[Dynamics]) -> None:
+def test_invalid_step_arguments_are_refused(dynamics: type[Dynamics]) -> None:
     """Both raise the same error for too few numbers, no numbers, and no attitude."""
     for integrator in INTEGRATORS:
         one = dynamics(VEHICLES[0], 1025.0, 9.81, integrator)
@@ -235,7 +235,7 @@ MODELS = [
 
 @pytest.mark.parametrize("drawn", [0, 1, 2, 777])
 @pytest.mark.usefixtures("native")
-def test_every_error_is_equal(drawn: int) -> None:
+def test_sensor_errors_in_c_and_python_are_equal(drawn: int) -> None:
     """The errors are equal in the middle of a pair of normal numbers too, before and after a new twist."""
     banks = []
     for kind in (ErrorBank, NativeErrorBank):
@@ -252,8 +252,8 @@ def test_every_error_is_equal(drawn: int) -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_every_thrust_is_equal() -> None:
-    """The thrusts are equal while nothing fails, and after something does."""
+def test_thrusts_in_c_and_python_are_equal() -> None:
+    """The thrusts are equal before and after a failure."""
     vehicle, _ = load_vehicle("bluerov2_heavy")
     python, native = (kind(vehicle, DT, 4) for kind in (ThrusterSet, NativeThrusterSet))
     chance = random.Random(3)
@@ -268,7 +268,7 @@ def test_every_thrust_is_equal() -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_what_cannot_be_measured_is_refused() -> None:
+def test_invalid_arguments_of_the_error_bank_are_refused() -> None:
     bank = NativeErrorBank(MODELS, 0.01, random.Random(1))
     with pytest.raises(ValueError, match="6 numbers are needed, found 2"):
         bank.measure([1.0, 2.0])
@@ -284,7 +284,7 @@ def test_what_cannot_be_measured_is_refused() -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_the_quickest_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_implementation_in_c_is_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")
     assert type(make_thruster_set(vehicle, DT)) is NativeThrusterSet
     assert type(make_error_bank(MODELS, DT, random.Random(1))) is NativeErrorBank
@@ -311,7 +311,7 @@ def test_the_binary_checks_its_parameters() -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_c_is_taken_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_c_is_used_where_it_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     for wish in ("", "1"):
         monkeypatch.setenv("UUV_HIL_NATIVE", wish)
         assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is NativeDynamics
@@ -324,7 +324,7 @@ def test_c_is_taken_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_native")
-def test_python_is_taken_where_c_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_is_used_where_c_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is Dynamics
     assert "the step in C is not there" in choose()[1]
     monkeypatch.setenv("UUV_HIL_NATIVE", "1")
@@ -334,8 +334,8 @@ def test_python_is_taken_where_c_is_not(monkeypatch: pytest.MonkeyPatch) -> None
 
 @pytest.mark.usefixtures("native")
 @pytest.mark.parametrize("name", [c_extensions.module(path) for path in c_extensions.SOURCES])
-def test_who_insists_on_c_gets_all_of_it_or_none(name: str) -> None:
-    """A binary is missing beside the others, as in a tree that was compiled before there was one."""
+def test_required_c_with_a_missing_extension_is_an_error(name: str) -> None:
+    """One extension is missing, as in a tree that was compiled before it was added."""
     with pytest.MonkeyPatch.context() as patch:  # undone before what `native` put in place is taken out
         patch.setenv("UUV_HIL_NATIVE", "1")
         assert has_native(name)
@@ -349,7 +349,7 @@ def test_who_insists_on_c_gets_all_of_it_or_none(name: str) -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_every_binary_is_asked_for_in_one_way() -> None:
+def test_every_extension_is_loaded_through_has_native() -> None:
     """All use `has_native`, so that Python never replaces a demanded C silently."""
     found = {"sim.native._native"}
     for path in (ROOT / name for name in ("sim/assembly.py", "sim/native/__init__.py", "hil/slave/native/firmware.py")):
@@ -359,7 +359,7 @@ def test_every_binary_is_asked_for_in_one_way() -> None:
     assert found == {c_extensions.module(path) for path in c_extensions.SOURCES} == {"sim.native._native", *EXTENSIONS}
 
 
-def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_build_reports_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     if reason := c_extensions.unavailable_reason():
         pytest.skip(f"no step in C: {reason}")
     monkeypatch.setattr(c_extensions, "compiler", lambda: None)
@@ -370,7 +370,7 @@ def test_build_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: P
 
 
 @pytest.mark.parametrize("wish", ["", "0"])
-def test_wheel(wish: str, tmp_path: Path) -> None:
+def test_the_wheel_has_the_extensions_or_is_pure(wish: str, tmp_path: Path) -> None:
     """One wheel serves all Pythons from 3.10 on this platform with a compiler; else, or on request, it is pure."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=os.environ | {"UUV_HIL_NATIVE": wish})
@@ -384,7 +384,7 @@ def test_wheel(wish: str, tmp_path: Path) -> None:
     assert path.name.endswith("-py3-none-any.whl") != inside
 
 
-def test_what_one_python_compiles_runs_in_all() -> None:
+def test_the_c_sources_use_no_format_that_depends_on_the_python_version() -> None:
     """A format with # compiled for 3.13 fails in 3.10 to 3.12, whatever PY_SSIZE_T_CLEAN says."""
     for source in (*ROOT.glob("sim/native/*.[ch]"), *ROOT.glob("hil/slave/native/*.[ch]")):
         assert not re.search(r'Py(Arg_Parse|_BuildValue)[^;]*"[^";]*#', source.read_text()), source

@@ -1,4 +1,4 @@
-"""Effect of a compiler's flags on doubles: the C twins compile where a double stays a double, and only there."""
+"""Compiler flags: the C code compiles only where doubles are computed as doubles."""
 
 import os
 import shutil
@@ -42,7 +42,7 @@ def compiles(compiler: str, header: str, folder: Path, *flags: str, method: str 
         *((method, False) for method in ("2", "-1", "(-2)", "65", "128", "129")),
     ],
 )
-def test_whatever_computes_doubles_as_doubles_is_accepted(
+def test_processors_that_compute_doubles_as_doubles_are_accepted(
     header: str, method: str, sound: bool, tmp_path: Path
 ) -> None:
     """The standards' values of FLT_EVAL_METHOD are accepted: 16 is that of half-precision arithmetic."""
@@ -61,10 +61,10 @@ def test_whatever_computes_doubles_as_doubles_is_accepted(
         pytest.param("aarch64-linux-gnu-gcc", "", "-march=armv8.2-a+fp16", True, marks=pytest.mark.aarch64),
     ],
 )
-def test_flags_that_change_how_numbers_are_computed(
+def test_flags_that_change_how_numbers_are_computed_are_refused(
     header: str, compiler: str, processor: str, flag: str, sound: bool, tmp_path: Path
 ) -> None:
-    """The code is compiled, never run: this machine need not be able to."""
+    """The code is compiled but never run, so the processor need not support the flag."""
     if processor not in ("", os.uname().machine):
         pytest.skip(f"a flag for {processor}")
     empty = tmp_path / "empty.c"
@@ -73,5 +73,5 @@ def test_flags_that_change_how_numbers_are_computed(
         not shutil.which(compiler)
         or subprocess.run([compiler, flag, "-fsyntax-only", empty], stderr=subprocess.DEVNULL).returncode
     ):
-        pytest.skip(f"no {compiler}, or one that does not know {flag}")
+        pytest.skip(f"no {compiler}, or one that does not support {flag}")
     assert compiles(compiler, header, tmp_path, flag) == sound

@@ -1,4 +1,4 @@
-"""Binaries that were compiled from other sources than those that are there."""
+"""Extensions that were compiled from other sources than the present ones."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,8 +27,8 @@ def test_a_binary_of_other_sources_is_refused_with_the_remedy(name: str, monkeyp
         has_native(name)
 
 
-def test_a_change_of_c_changes_its_size(tmp_path: Path) -> None:
-    """The size is that of the sources, without other files beside them."""
+def test_a_change_of_the_sources_changes_their_size(tmp_path: Path) -> None:
+    """The size is that of the C sources, without other files in the folder."""
     (tmp_path / "a.c").write_text("int a;\n")
     (tmp_path / "a.h").write_text("extern int a;\n")
     (tmp_path / "a.abi3.so").write_text("binary")

@@ -1,4 +1,4 @@
-"""A whole simulation in C gives the very numbers of the one in Python, whatever comes between its steps."""
+"""A whole simulation in C gives the same numbers as in Python, also after changes between steps."""
 
 import random
 import sys
@@ -84,7 +84,7 @@ def all_of(simulation: Simulation) -> bytes:
 
 
 class Ride:
-    """Two twins under the same pulses, which change now and then; they differ in nothing after any step."""
+    """Two simulations with the same pulses, which change now and then; they are compared after each step."""
 
     def __init__(self, both: tuple[Simulation, Simulation], seed: int = 1) -> None:
         self.both = both
@@ -105,7 +105,7 @@ class Ride:
             self.touches += self.both[0].touching
 
     def place(self, position: Sequence[float]) -> None:
-        """Place both, as the slave's loop does, with any attitude, and at speed."""
+        """Place both, as the slave's loop does, with random attitude and velocity."""
         quaternion = normalise([self.chance.uniform(-1.0, 1.0) for _ in range(4)])
         nu = [self.chance.uniform(-2.0, 2.0) for _ in range(6)]
         for simulation in self.both:
@@ -159,7 +159,7 @@ def test_steps_are_equal_over_relief(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 20 < ride.touches < 2000
 
 
-def test_a_failure_in_the_middle_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_during_the_run_takes_effect_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     """The failure is immediate or planned, with earlier pulses still held and other failures before it."""
     ride = Ride(twins(monkeypatch, FIELD))
     ride.go(333)
@@ -184,7 +184,7 @@ def test_failures_from_the_start_are_equal(monkeypatch: pytest.MonkeyPatch) -> N
     ride.go(500)
 
 
-def test_wrong_pulses_and_failures_are_refused_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_pulses_and_failures_are_refused_in_both(monkeypatch: pytest.MonkeyPatch) -> None:
     ride = Ride(twins(monkeypatch, FLAT))
     for simulation in ride.both:
         with pytest.raises(ConfigError, match="5 pulses for a vehicle of 8 thrusters"):
@@ -197,7 +197,7 @@ def test_wrong_pulses_and_failures_are_refused_alike(monkeypatch: pytest.MonkeyP
     ride.go(100)
 
 
-def test_a_state_in_c_is_written_whole() -> None:
+def test_the_fields_of_a_state_in_c_are_assigned_as_a_whole() -> None:
     state = make_state((1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3))
     before = state.nu
     state.nu = [1, 2.0, 3.0, 4.0, 5.0, 6.0]
@@ -239,7 +239,7 @@ def test_every_imu_sample_is_equal(
 
 
 def test_steps_and_samples_leak_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A leak grows by each thousand of steps; what is loaded or cached on the way counts once."""
+    """A leak grows with every thousand steps; modules and caches count once."""
     _, simulation = twins(monkeypatch, FIELD)
     state, counts = simulation.state, []
     for _ in range(5):
@@ -251,7 +251,7 @@ def test_steps_and_samples_leak_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     assert counts[4][0] == counts[1][0]
 
 
-def test_the_binary_checks_what_a_step_is_made_of() -> None:
+def test_the_extension_checks_the_arguments_of_a_step() -> None:
     module = sys.modules["sim.native._native"]
     state, bank = make_state((0.0,) * 3, (1.0, 0.0, 0.0, 0.0)), module.ThrusterBank(bytes(144))
     with pytest.raises(TypeError):

@@ -1,4 +1,4 @@
-"""All sensors at once, the same in every run, and none loaded that is not carried."""
+"""All sensors together: their rates and messages, repeatability, and imports of carried sensors only."""
 
 import os
 import subprocess
@@ -65,14 +65,14 @@ def scenario(folder: Path, sections: str = "") -> Simulation:
     return build_simulation(read, load_vehicle(read.vehicle)[0], load_world(read.world))
 
 
-IF_ASKED_FOR = (  # [ros] images, points, ground_truth; the picture of a fan; `bins` of a scanning sonar
+ON_REQUEST = (  # [ros] images, points, ground_truth; the picture of a fan; `bins` of a scanning sonar
     "camera/image_raw/compressed", "camera/depth/points", "camera/labels", "forward_sonar/fan/image_raw",
     "scanning_sonar/image",
 )  # fmt: skip
 
 
-def test_all_sensors_fly_at_their_rates_and_every_sample_goes_out(tmp_path: Path) -> None:
-    """Every topic of the table that a vehicle sends comes at the rate the table says, in a message that reads."""
+def test_all_sensors_measure_at_their_rates_and_every_sample_is_encoded(tmp_path: Path) -> None:
+    """Every topic in the table of topics has the stated rate, and its messages can be decoded."""
     simulation, counts = scenario(tmp_path), Counter[str]()
     for _ in range(1602):  # 4 s, and two steps for the sound to the station
         for name, sample in simulation.step((1600, 1600, 1600, 1600, 1500, 1500)):
@@ -82,12 +82,12 @@ def test_all_sensors_fly_at_their_rates_and_every_sample_goes_out(tmp_path: Path
                 assert decoder(payload) is not None
                 counts[topic] += 1
     others = {"trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "tether", "/tf_static", "/clock"}
-    others |= {*IF_ASKED_FOR, *DESCRIPTIONS, "/diagnostics", "/parameter_events"}
+    others |= {*ON_REQUEST, *DESCRIPTIONS, "/diagnostics", "/parameter_events"}
     ours = {name: topic for name, topic in TOPICS.items() if name not in others and not topic.from_master}
     assert counts == {name: round(4 * topic.rate_hz) for name, topic in ours.items()}
 
 
-def test_the_same_ride_gives_the_same_bits(tmp_path: Path) -> None:
+def test_the_same_run_gives_the_same_samples_bit_for_bit(tmp_path: Path) -> None:
     def ride() -> list[str]:
         simulation = scenario(tmp_path)
         return [repr(pair) for _ in range(800) for pair in simulation.step((1700, 1500, 1600, 1550, 1500, 1490))]
@@ -97,7 +97,7 @@ def test_the_same_ride_gives_the_same_bits(tmp_path: Path) -> None:
     assert len(first) > 500
 
 
-def test_keys_of_a_scenario_reach_the_sensors(tmp_path: Path) -> None:
+def test_sensor_keys_of_a_scenario_take_effect(tmp_path: Path) -> None:
     sections = """
 [sensors.gps]
 rate = "5 Hz"
@@ -149,7 +149,7 @@ print(*sorted(name for name in sys.modules if name.startswith(("sim.", "hil.")))
 """
 
 
-def test_sensors_that_are_not_carried_are_not_loaded() -> None:
+def test_modules_of_sensors_that_are_not_carried_are_not_loaded() -> None:
     """A second of the usual sensors, up to their messages, loads nothing of the others, nor waves and currents."""
     done = subprocess.run(
         [sys.executable, "-c", LEAN], capture_output=True, text=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": "."}

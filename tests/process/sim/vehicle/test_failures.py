@@ -28,7 +28,7 @@ def failing(*failures: dict[str, Any], seed: int = 0, dt: float = DT) -> Thruste
 
 
 def ride(thrusters: ThrusterSet, pulses: list[int], thruster: int = 1) -> list[float]:
-    """Return the thrust of one thruster in each step; the others must not care."""
+    """Return the thrust of one thruster in each step; the others must not change."""
     thrusts = []
     for pulse in pulses:
         thrusters.step((pulse,) * 6)
@@ -38,14 +38,14 @@ def ride(thrusters: ThrusterSet, pulses: list[int], thruster: int = 1) -> list[f
     return thrusts
 
 
-def test_off_from_its_time_on() -> None:
+def test_a_thruster_is_off_from_the_time_of_its_failure() -> None:
     """The failure at 0.1 s is after 40 steps of 2.5 ms: the 41st is the first without thrust."""
     assert ride(failing({"thruster": "front_left", "kind": "off", "time": "100 ms"}), [1900] * 60) == pytest.approx(
         [FULL] * 40 + [0.0] * 20
     )
 
 
-def test_efficiency_then_repair() -> None:
+def test_efficiency_is_reduced_until_the_repair() -> None:
     thrusters = failing(
         {"thruster": "front_left", "kind": "efficiency", "efficiency": 0.4},
         {"thruster": "front_left", "kind": "repaired", "time": 0.05},
@@ -53,7 +53,7 @@ def test_efficiency_then_repair() -> None:
     assert ride(thrusters, [1900] * 30) == pytest.approx([0.4 * FULL] * 20 + [FULL] * 10)
 
 
-def test_stuck_at_a_pulse_or_at_the_last_one() -> None:
+def test_a_thruster_is_stuck_at_a_given_pulse_or_at_the_last_one() -> None:
     here = steady_thrust(VEHICLE.thrusters[0], 1700)
     thrusters = failing({"thruster": "front_left", "kind": "stuck", "pwm_us": 1700})
     assert ride(thrusters, [1900, 0, 1100]) == pytest.approx([here] * 3)
@@ -61,14 +61,14 @@ def test_stuck_at_a_pulse_or_at_the_last_one() -> None:
     assert ride(thrusters, [1500, 1700, 1900, 0]) == pytest.approx([0.0, here, here, here])
 
 
-def test_delayed_by_whole_steps() -> None:
+def test_pulses_are_delayed_by_whole_steps() -> None:
     thrusters = failing({"thruster": "front_left", "kind": "delayed", "delay": "10 ms", "time": 2 * DT})
     pulses = [1600, 1700, 1500, 1900, 1100, 1600, 1500, 1500, 1500]
     acting = [1600, 1700, 1700, 1700, 1700, 1700, 1500, 1900, 1100]
     assert ride(thrusters, pulses) == pytest.approx([steady_thrust(VEHICLE.thrusters[0], pulse) for pulse in acting])
 
 
-def test_noise_is_seeded_of_its_size_and_of_no_rate() -> None:
+def test_noise_is_seeded_and_independent_of_the_step() -> None:
     table = {"thruster": "front_left", "kind": "noisy", "noise": 0.1}
     first, again, other = (ride(failing(table, seed=seed), [1900] * 200) for seed in (1, 1, 2))
     assert first == again
@@ -81,7 +81,7 @@ def test_noise_is_seeded_of_its_size_and_of_no_rate() -> None:
         assert pstdev(steps) == pytest.approx(expected, rel=0.06)
 
 
-def test_the_lag_runs_on_below_a_failure() -> None:
+def test_the_thruster_lag_continues_during_a_failure() -> None:
     """Half efficiency of a lagged thruster is half of its lagged thrust, not a lag of halves."""
     half, whole = make_thrusters(LAGGED, DT), make_thrusters(LAGGED, DT)
     half.fail([Failure("front_left", "efficiency", efficiency=0.5)])
@@ -92,7 +92,7 @@ def test_the_lag_runs_on_below_a_failure() -> None:
         assert half.thrusts[0] == whole.thrusts[0]
 
 
-def test_at_run_time_the_vehicle_turns() -> None:
+def test_a_failure_at_run_time_turns_the_vehicle() -> None:
     """The bow goes to port when the front left thruster is lost on the way; the same failure later does the same."""
     ends = []
     for planned in (True, False):
@@ -127,14 +127,14 @@ def test_wrong_failures_are_named(table: dict[str, Any], words: str) -> None:
     assert words in str(caught.value)
 
 
-def test_unknown_thruster_is_named_with_the_nearest() -> None:
+def test_an_unknown_thruster_is_named_with_the_nearest_name() -> None:
     with pytest.raises(ConfigError, match="no thruster 'front_lef'; did you mean 'front_left'"):
         failing({"thruster": "front_lef", "kind": "off"})
     with pytest.raises(ConfigError, match="5 pulses for a vehicle of 6"):
         failing({"thruster": "front_left", "kind": "off"}).step((1500,) * 5)
 
 
-def test_a_plain_vehicle_loads_none_of_this() -> None:
+def test_a_vehicle_without_failures_loads_no_failure_modules() -> None:
     code = """if True:
     import sys
     from sim.simulation import Simulation
@@ -150,7 +150,7 @@ def test_a_plain_vehicle_loads_none_of_this() -> None:
     assert done.stdout.split() == []
 
 
-def test_what_is_wrong_is_known_from_when_it_begins() -> None:
+def test_failures_are_listed_from_their_time_on() -> None:
     weak, off = (
         Failure("front_left", "efficiency", efficiency=0.4),
         Failure("front_left", "off", time=0.05),

@@ -1,6 +1,6 @@
-"""The camera's pictures by OpenGL against the same by rays: the same things in the same places.
+"""Camera pictures by OpenGL, compared with those by ray casting.
 
-Rays are exact; what is drawn may differ from them by rounding to 32 bits, and at the outlines of things by a pixel.
+Rays are exact; what is drawn may differ from them by rounding to 32 bits, and at the outlines of objects by a pixel.
 """
 
 import subprocess
@@ -46,7 +46,7 @@ LENS_SHARE = 0.97  # the same with a lens that distorts, and of effects that loo
 
 @pytest.fixture(scope="module")
 def context() -> Any:
-    """Provide OpenGL, if only in software; CI installs what it needs."""
+    """Provide an OpenGL context, possibly in software; CI installs the packages for it."""
     try:
         return opengl.open_context()
     except ConfigError as error:
@@ -97,7 +97,7 @@ def pair(world: World) -> tuple[RayScene, opengl.PictureScene, State]:
 def agree(
     rays: RayScene, drawn: RayScene, place: Any, angles: tuple[float, float, float], share: float = SHARE
 ) -> set[int]:
-    """Assert that both find the same, from a place (m) and by roll, pitch and yaw (deg); return what is seen."""
+    """Assert equal results from a position (m) and roll, pitch and yaw (deg); return the visible objects."""
     turned = matrix(from_euler(*map(radians, angles)))
     one, other = (scene.hits(place, PIXELS, REACH, turned) for scene in (rays, drawn))
     objects, found = np.asarray(one.objects), np.asarray(other.objects)
@@ -127,13 +127,15 @@ VIEWS = [
 
 @pytest.mark.parametrize(("place", "angles", "things"), VIEWS)
 @pytest.mark.parametrize("holes", [False, True])
-def test_it_draws_what_rays_meet(context: Any, place: Any, angles: Any, things: set[int], holes: bool) -> None:
+def test_opengl_draws_the_objects_that_rays_hit(
+    context: Any, place: Any, angles: Any, things: set[int], holes: bool
+) -> None:
     rays, drawn, _ = pair(relief(holes))
     assert agree(rays, drawn, place, angles) >= things
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_from_wherever(context: Any, seed: int) -> None:
+def test_pictures_from_random_poses_agree(context: Any, seed: int) -> None:
     """The poses are random, with the edge of the grid and places without data among them."""
     random = np.random.default_rng(seed)
     rays, drawn, other = pair(relief(holes=True)._replace(walls=False))
@@ -143,7 +145,7 @@ def test_from_wherever(context: Any, seed: int) -> None:
         assert agree(rays, drawn, (north, east, random.uniform(1.0, 10.0)), (roll, pitch, yaw), 0.998)
 
 
-def test_a_flat_seabed_and_a_wide_lens(context: Any) -> None:
+def test_pictures_of_a_flat_seabed_and_by_a_wide_lens_agree(context: Any) -> None:
     world = relief()._replace(terrain=None, walls=False)
     rays, drawn, _ = pair(world)
     assert agree(rays, drawn, (0.0, 0.0, 10.0), (0.0, -20.0, 0.0)) >= {NOTHING, SEABED, 7}
@@ -154,7 +156,7 @@ def test_a_flat_seabed_and_a_wide_lens(context: Any) -> None:
     assert (one == other).mean() > SHARE
 
 
-def test_what_moves_and_what_comes_later(context: Any) -> None:
+def test_moved_and_added_objects_are_drawn(context: Any) -> None:
     rays, drawn, other = pair(relief())
     here = (0.0, 0.0, 10.0)
     assert 11 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
@@ -168,7 +170,7 @@ def test_what_moves_and_what_comes_later(context: Any) -> None:
     assert 13 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
 
 
-def test_from_within_things_everything_is_at_no_distance(context: Any) -> None:
+def test_distances_from_inside_an_object_are_zero(context: Any) -> None:
     rays, drawn, _ = pair(relief())
     for place in ((-8.0, 3.0, 11.0), (6.0, 2.0, 9.0), (0.0, 0.0, 17.0), (23.9, 30.0, 8.0), OTHER):
         for scene in (rays, drawn):
@@ -188,8 +190,8 @@ def shot(renderer: Any, world: World, **keys: Any) -> CameraSample:
     return camera.sample(0, state)
 
 
-def test_the_pictures_are_the_same(context: Any) -> None:
-    """The colours agree to a level or two; depths, labels, points and the seed's noise are those by rays."""
+def test_pictures_of_both_renderers_are_equal(context: Any) -> None:
+    """The colours agree to a level or two; depths, labels, points and noise are equal."""
     true = [shot(renderer, relief(), ground_truth=True, points=True) for renderer in ("rays", "opengl")]
     labels = [np.frombuffer(sample.labels or b"", np.int32) for sample in true]
     assert (labels[0] == labels[1]).mean() > SHARE
@@ -208,8 +210,8 @@ LENSES = [(-0.25, 0.06, 0.002, -0.001, 0.0), (0.15, 0.0, 0.0, 0.0, 0.0)]
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_a_lens_distorts_as_with_rays(context: Any, lens: Any) -> None:
-    """Outlines agree to half a pixel, distances to 5 in 1000: the ray meets the plane of what is nearest."""
+def test_lens_distortion_is_equal_in_both_renderers(context: Any, lens: Any) -> None:
+    """Outlines agree to half a pixel, and distances to 5 in 1000, as the nearest surface is taken as a plane."""
     keys = {"ground_truth": True, "distortion": lens}
     one, other = (shot(renderer, relief(), **keys) for renderer in ("rays", "opengl"))
     labels = [np.frombuffer(sample.labels or b"", np.int32) for sample in (one, other)]
@@ -230,8 +232,8 @@ EFFECTS: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("keys", EFFECTS, ids="-".join)
-def test_effects_are_the_same(context: Any, keys: dict[str, Any]) -> None:
-    """Both renderers have each effect: colours within two of 255 levels but at a few pixels in a hundred."""
+def test_light_effects_are_equal_in_both_renderers(context: Any, keys: dict[str, Any]) -> None:
+    """Colours agree within two of 255 levels except at a few pixels in a hundred."""
     one, other, without = (
         np.frombuffer(shot(renderer, relief()._replace(bottom=Bottom()), exposure=2.0, **some).rgb, np.uint8).astype(
             int
@@ -260,7 +262,7 @@ def test_another_renderer_is_refused() -> None:
     assert parse({"renderer": "opengl"}, CameraModel, "deep.toml: sensors.camera").renderer == "opengl"
 
 
-def test_a_lens_that_sees_too_far_to_the_sides_is_refused(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lens_with_a_too_wide_view_is_refused(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(opengl, "MOST_WIDER", 1)
     with pytest.raises(ConfigError, match="too far to the sides; take renderer"):
         shot("opengl", relief(), distortion=(-0.25, 0.06, 0.0, 0.0, 0.0))
@@ -274,13 +276,13 @@ def unopened() -> Any:
     opengl.open_context.cache_clear()
 
 
-def test_without_moderngl_the_way_out_is_named(unopened: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_moderngl_names_the_extra(unopened: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "moderngl", None)
     with pytest.raises(MissingExtraError, match=r"moderngl: pip install 'uuv-hil\[opengl\]'"):
         shot("opengl", relief())
 
 
-def test_without_a_driver_the_way_out_is_named(unopened: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_opengl_driver_is_reported_with_the_remedy(unopened: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(**_: Any) -> None:
         raise Exception("eglInitialize failed (0x3001)")  # noqa: TRY002 - what it raises
 
@@ -289,7 +291,7 @@ def test_without_a_driver_the_way_out_is_named(unopened: Any, monkeypatch: pytes
         shot("opengl", relief())
 
 
-def test_more_ground_than_a_texture_takes(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terrain_larger_than_a_texture_is_refused(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     most = context.info["GL_MAX_TEXTURE_SIZE"]
     monkeypatch.setattr(opengl, "nodes", lambda *_: (np.arange(most + 1), np.arange(most + 1.0)))
     with pytest.raises(ConfigError, match=f"sees {most} nodes of a terrain at most: lower max_range"):
@@ -299,7 +301,7 @@ def test_more_ground_than_a_texture_takes(context: Any, monkeypatch: pytest.Monk
 # --- the grid
 
 
-def test_nodes_within_and_beyond_the_grid() -> None:
+def test_nodes_beyond_the_grid_repeat_its_edge() -> None:
     """There are 5 nodes every 2 m; the camera is at the second. Beyond the edge it is repeated, then one far away."""
     numbers, places = opengl.nodes(1.0, 5, 2.0, -0.5, 3.0, 100.0)
     assert (numbers.tolist(), places.tolist()) == ([0, 1, 2, 3], [-2.0, 0.0, 2.0, 4.0])
@@ -313,7 +315,7 @@ def test_nodes_within_and_beyond_the_grid() -> None:
         assert not ((numbers >= 0) & (numbers < 4)).any()
 
 
-def test_only_the_rim_of_what_is_unknown_is_drawn() -> None:
+def test_only_the_border_of_unknown_ground_is_drawn() -> None:
     unknown = np.zeros((9, 9), bool)
     unknown[2:7, 2:7] = True  # 6 x 6 cells, 20 of them on the rim
     boxes = opengl.columns_without_data(unknown, np.arange(9.0), np.arange(9.0), 60.0)
