@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.schema import Range
 from sim.dynamics import State
-from sim.rotations import from_euler
+from sim.rotations import from_euler, to_euler
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import LaserSample
 from sim.sensors.imaging.samples import EchoSample, SonarImageSample, need_numpy
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
 _DEGREE = pi / 180.0
 _LOBES = 8  # slices to either side for side lobes
+# dB re the source: what the receiver hears of its own pulse. A log of a Ping360 set to 2 m is white to 5 cm, has half
+# of that at 12 cm and noise from 0.6 m on (github.com/noahaosman/Ping360_Log_Reader, test_ping_log).
+_RINGS = -26.0
 _SAMPLES = 16  # of a slice's pattern, for its mean
 
 
@@ -30,11 +33,13 @@ class ScanningSonarModel(NamedTuple):
     `max_range`; then the sensor needs numpy and runs beside cameras and sonars. `slices` x `rays` stand for the beam in
     these; the other keys are those of sim.sensors.imaging.forward_sonar.ForwardSonarModel. The beam sends as it
     receives, so side lobes count twice; its first are those of an unshaded element by default. `ringing` hides the
-    first echo too. With `ground_truth` the distances are the true ones, and intensities the mean ones.
+    first echo too. Echoes are as long as a pulse of `pulse_length` s, by default what a Ping360 takes for the reach
+    (see sim.sensors.imaging.pulse); speckle is alike within it and between pings that overlap. With `ground_truth` the
+    distances are the true ones, and intensities the mean ones of a pulse as short as a bin.
 
     Blue Robotics Ping360 (data sheet): 2 x 25 deg, steps of 0.9 deg (1 grad), 0.75 to 50 m with 1200 samples a ping,
-    35 s a turn at full reach; 750 kHz, 8 bits (Ping protocol, device_data). Scale: a speed of sound that is 7 m/s off;
-    levels and the picture are our choice.
+    35 s a turn at full reach; 750 kHz, 8 bits (Ping protocol, device_data); one pulse of one element is one look.
+    Scale: a speed of sound that is 7 m/s off; levels and the picture are our choice.
     """
 
     rate: Annotated[float, Range(0.0, 1000.0, "Hz")] = 11.0
@@ -61,7 +66,8 @@ class ScanningSonarModel(NamedTuple):
     surface_strength: Annotated[float, Range(-200.0, 10.0)] = -30.0
     glint: Annotated[float, Range(0.0, 60.0)] = 0.0
     volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
-    looks: Annotated[float, Range(0.0, 1000.0)] = 2.0
+    pulse_length: Annotated[float, Range(0.0, 0.1, "s")] | None = None
+    looks: Annotated[float, Range(0.0, 1000.0)] = 1.0
     side_lobes: Annotated[float, Range(0.0, 100.0)] = 13.3
     multipath: bool = False
     surface_loss: Annotated[float, Range(0.0, 100.0)] = 3.0
@@ -145,6 +151,7 @@ class Intensities:
         from sim.sensors.imaging.bottom_echo import make_texture
         from sim.sensors.imaging.echoes import Bins, Mirrors
         from sim.sensors.imaging.pinger import Pinger
+        from sim.sensors.imaging.pulse import PulseReceiver, aperture_length, ping360_pulse
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
         topic = f"{sonar}/echoes"
@@ -157,7 +164,15 @@ class Intensities:
             self._pingers.append(Pinger(scene, mounting, _side_lobes(model), model.max_range, absorption, model))
         self._bins = Bins(model.min_range, self._step, model.bins, absorption)
         ranges = model.min_range + (np.arange(model.bins) + 0.5) * self._step
-        self._picture = Picture(model, ranges, absorption, float(aperture.weights.sum()), seed, topic)
+        seconds = model.pulse_length
+        if seconds is None:
+            seconds = ping360_pulse(model.max_range, self._step, model.sound_speed)
+        pulse = max(0.5 * seconds * model.sound_speed / self._step, 1.0)
+        solid_angle = float(aperture.weights.sum())
+        self._picture = Picture(model, ranges, absorption, solid_angle, seed, topic, pulse=pulse, rings=_RINGS)
+        across = aperture_length(model.beam_width, model.sound_speed / model.frequency)
+        self._mounting = mounting
+        self._receiver = PulseReceiver(model.bins, pulse, model.beam_width, across, model.looks, self._picture.random)
         # The same device: its clock is as wrong as that of its distances.
         self._scale = RangeScale(model, mounting, seed, topic, scene, sonar)
         self._texture = make_texture(scene.world)
@@ -185,8 +200,20 @@ class Intensities:
             mean += self._bins.shares(echoes, 2 * _LOBES).sum(axis=0)
         return SonarImageSample(
             time_ns, (angle,), m.bins, m.min_range, self._step, m.frequency, m.sound_speed, m.beam_width,
-            m.beam_height, encoding(m), self._picture.make(mean[:, None]),
+            m.beam_height, encoding(m), self._received(mean, state, angle),
         )  # fmt: skip
+
+    def _received(self, mean: "Floats", state: State, angle: float) -> bytes:
+        """Return the picture of a ping with the head at `angle` (rad)."""
+        import numpy as np
+
+        picture = self._picture
+        if self._model.ground_truth:
+            return picture.make(mean[:, None])
+        heading = to_euler(self._mounting.attitude(state))[2]
+        place = np.array(self._mounting.place(state))
+        received = self._receiver.receive(mean, float(picture.noise), picture.ringing, heading + angle, place)
+        return picture.encode(received[:, None])
 
 
 def _aperture(model: ScanningSonarModel) -> "Aperture":

@@ -12,6 +12,8 @@ from sim.sensors.imaging.samples import Encoding
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 
+_LEAST = 0.1  # m: where the gain with range begins
+
 
 class _Levels(Protocol):
     """The keys both models have: see sim.sensors.imaging.forward_sonar.ForwardSonarModel."""
@@ -79,32 +81,37 @@ class RangeScale:
 class Picture:
     """Grey levels out of mean intensities (echo / source), in bins whose middles are `ranges` m, one a row.
 
-    `absorption` dB/m; `solid_angle` (sr) is all that one beam receives. The transducer rings after a pulse:
-    that falls, evenly in dB, from the source's level to the noise at `ringing` m.
+    `absorption` dB/m; `solid_angle` (sr) is all that one beam receives, `pulse` how many bins long its pulse is. The
+    transducer rings after a pulse: that falls, evenly in dB, from `rings` dB re the source to the noise at `ringing` m.
     """
 
     def __init__(
         self, model: _Levels, ranges: Floats, absorption: float, solid_angle: float, seed: int, topic: str,
-        cells: Floats | None = None,
+        cells: Floats | None = None, pulse: float = 1.0, rings: float = 0.0,
     ) -> None:  # fmt: skip
         self._model, self._cells = model, cells
-        self._noise = np.float32(10.0 ** (0.1 * (model.noise_level - model.source_level)))
-        ringing = (model.noise_level - model.source_level) / max(model.ringing, 1e-3) * ranges
-        self._ringing = (10.0 ** (0.1 * ringing)).astype(np.float32)[:, None] if model.ringing else np.float32(0.0)
-        self._random = np.random.Generator(np.random.SFC64(sensor_random(seed, topic).getrandbits(64)))
+        quiet = model.noise_level - model.source_level
+        self.noise = np.float32(10.0 ** (0.1 * quiet))
+        falling = rings + (quiet - rings) / max(model.ringing, 1e-3) * ranges
+        self.ringing: Floats = (10.0 ** (0.1 * falling)).astype(np.float32) * np.float32(model.ringing > 0.0)
+        self.random = np.random.Generator(np.random.SFC64(sensor_random(seed, topic).getrandbits(64)))
+        ranges = np.maximum(ranges, _LEAST)
         losses = 20.0 * np.log10(ranges) + 2.0 * absorption * ranges
         losses = model.tvg * losses + (1.0 - model.tvg) * np.interp(0.25 * ranges[-1], ranges, losses)
-        white = model.seabed_strength + 10.0 * np.log10(solid_angle) - losses - model.gain
+        white = model.seabed_strength + 10.0 * np.log10(solid_angle * pulse) - losses - model.gain
         scale = (10.0 ** (-0.1 * white)).astype(np.float32)
-        darkest = np.float32(model.noise_grey ** (2.0 / model.contrast)) / self._noise
+        darkest = np.float32(model.noise_grey ** (2.0 / model.contrast)) / self.noise
         self._scale = np.minimum(scale, darkest)[:, None]
 
     def make(self, mean: Floats) -> bytes:
         """Return the picture, a row a bin."""
         if self._model.ground_truth:
             return np.ascontiguousarray(mean, np.float32).tobytes()
-        received = mean.astype(np.float32) + self._noise
-        intensities = speckled(received, self._model.looks, self._random, self._cells) + self._ringing
+        received = mean.astype(np.float32) + self.noise
+        return self.encode(speckled(received, self._model.looks, self.random, self._cells) + self.ringing[:, None])
+
+    def encode(self, intensities: Floats) -> bytes:
+        """Return the picture of intensities as they are received, a row a bin."""
         grey = 255.0 * (intensities * self._scale) ** np.float32(0.5 * self._model.contrast)
         made: bytes = np.minimum(grey, 255.0).astype(np.uint8).tobytes()
         return made
