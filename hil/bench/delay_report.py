@@ -8,7 +8,7 @@ from hil.bench.delay_run import HOPS, Result
 from hil.bench.footer import footer
 from hil.bench.record import Record
 from hil.bench.statistics import median
-from hil.common.columns import aligned
+from hil.common.columns import aligned, fit_to_terminal
 from hil.common.quantiles import quantile
 from hil.plots.plotting import pyplot, save_figure
 
@@ -23,8 +23,8 @@ FEWEST_ROWS = 4  # of bars that the axis has room for, so that a single one is n
 
 
 def text(results: Mapping[str, Result]) -> str:
-    """Return delays beside their floor, then the hops, then the remarks, as text."""
-    return "\n".join([*_delays(results), "", *_hops(results), "", *_notes(results)])
+    """Return the delays, their floors, the hops and the remarks, as text."""
+    return "\n".join([*_delays(results), "", *_floors(results), "", *_hops(results), "", *_notes(results)])
 
 
 def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
@@ -82,15 +82,19 @@ def _draw_hops(axes: Any, results: Mapping[str, Result]) -> None:
 
 
 def _delays(results: Mapping[str, Result]) -> list[str]:
-    head = ["command delay (ms)", "answered", *SHARES, "floor", "above it", "bare UDP", "bare TCP", "to motion"]
-    rows = [head]
+    rows = [["command delay (ms)", "answered", *SHARES, "to motion"]]
     for name, result in results.items():
         quantiles = [_format_quantile(result.delay, share) for share in SHARES.values()]
-        bare = [_number(median(values)) for values in (result.udp, result.tcp)]
-        floor, above = _number(result.floor), _number(result.at(0.5) - result.floor)
-        answered = f"{len(result.delay)}/{result.sent}"
         motion = f"{median(result.motion):.1f}" if result.motion else "-"
-        rows.append([name, answered, *quantiles, floor, above, *bare, motion])
+        rows.append([name, f"{len(result.delay)}/{result.sent}", *quantiles, motion])
+    return aligned(rows, rule=True)
+
+
+def _floors(results: Mapping[str, Result]) -> list[str]:
+    rows = [["median (ms)", "floor", "above it", "bare UDP", "bare TCP"]]
+    for name, result in results.items():
+        numbers = [result.floor, result.at(0.5) - result.floor, median(result.udp), median(result.tcp)]
+        rows.append([name, *map(_number, numbers)])
     return aligned(rows, rule=True)
 
 
@@ -115,7 +119,7 @@ def _notes(results: Mapping[str, Result]) -> list[str]:
                 f"{name}: two clocks, {result.clock_offset:.3f} ms apart, known to +-{result.clock_uncertainty:.3f} ms"
             )
         lines += [f"WARNING, {name}: {warning}" for warning in result.warnings]
-    return lines
+    return [fit_to_terminal(line) for line in lines]
 
 
 def _format_quantile(values: list[float], share: float) -> str:

@@ -4,13 +4,12 @@ import argparse
 import json
 import os
 import re
-import sys
 from collections.abc import Callable, Iterator
 
 from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
-from hil.common.columns import paragraph
+from hil.common.columns import fit_to_terminal
 from hil.common.errors import ConfigError
 from hil.common.options import add_board, add_json, add_listen, add_scenario, changes_of, new_parser
 from hil.doctor import board as doctor_board
@@ -53,8 +52,7 @@ def main(arguments: list[str]) -> int:
     for finding in findings(case):
         reported.append(finding)
         if not options.json:
-            text = line(finding)  # one line where a program may read it
-            print(paragraph(text, INDENT) if sys.stdout.isatty() else text, flush=True)
+            print(fit_to_terminal(line(finding), INDENT), flush=True)
     if options.json:
         print(json.dumps([finding._asdict() for finding in reported]))
     return int(any(finding.level == "problem" for finding in reported))

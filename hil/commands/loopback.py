@@ -6,6 +6,7 @@ from typing import Any
 
 from hil.bench.loopback import Plan, Result, run
 from hil.common.clock import NS_PER_MS
+from hil.common.columns import fit_to_terminal
 from hil.common.options import DAY_S, SEED, Number, Quantity, Share, add_json, new_parser, whole
 from hil.common.schema import parse
 from hil.common.tables import settings
@@ -46,7 +47,10 @@ def main(arguments: list[str]) -> int:
     if show:
         print("\r\x1b[K", end="", file=sys.stderr)
     broken = _broken(result, options)
-    print(json.dumps(_record(result, broken), indent=2) if options.json else _text(result, plan, broken))
+    if options.json:
+        print(json.dumps(_record(result, broken), indent=2))
+    else:
+        print(fit_to_terminal(_text(result, plan, broken), " " * 12))
     return LIMIT_BROKEN if broken else 0
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import sys
 from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
@@ -39,6 +40,21 @@ def paragraph(text: str, indent: str = "") -> str:
     from textwrap import fill  # not needed by most commands
 
     return fill(text, terminal_width(), subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
+
+
+def fit_to_terminal(text: str, indent: str = "    ") -> str:
+    """Return each line of a text as a `paragraph` if the output is a terminal, else the text as it is."""
+    return "\n".join(paragraph(line, indent) for line in text.split("\n")) if sys.stdout.isatty() else text
+
+
+def shorten_status(text: str) -> str:
+    """Return as many parts of a status line as one line of the terminal has room for.
+
+    Parts are separated by two spaces. A wrapped status line cannot be overwritten by the next one.
+    """
+    while len(text) >= terminal_width() and GAP in text.strip():
+        text = text.rpartition(GAP)[0].rstrip()
+    return text
 
 
 class HelpFormatter(argparse.HelpFormatter):

@@ -7,6 +7,7 @@ from contextlib import suppress
 
 from hil.client.client import VehicleClient
 from hil.client.delay import quantiles
+from hil.common.columns import fit_to_terminal, shorten_status
 from hil.ros.diagnostics import shown
 from sim.sensors.samples import OdometrySample
 
@@ -36,7 +37,7 @@ class Progress:
             print()
             self._open_line = False
         if self._report is None:
-            print(text, flush=True)
+            print(fit_to_terminal(text), flush=True)
         self._write(text)
 
     def close(self) -> None:
@@ -69,7 +70,7 @@ class Progress:
         if self._report:
             return
         if self._terminal:
-            print("\r\x1b[K" + line, end="", flush=True)
+            print("\r\x1b[K" + shorten_status(line), end="", flush=True)
             self._open_line = True
         else:
             print(line, flush=True)
@@ -84,5 +85,5 @@ def _line(elapsed: float, truth: OdometrySample, share: float, client: VehicleCl
     frames = f"{shown(health.link_messages_out)} out {shown(health.link_messages_in)} in {errors} bad"
     return (
         f"{elapsed:6.1f} s  {share:4.0%}  N {north:5.1f} E {east:5.1f} depth {depth:4.2f} m  {truth.nu[0]:4.2f} m/s  "
-        f"real time x{shown(health.real_time_factor, '.4f')}  delay {delay}  link {frames}"
+        f"delay {delay}  real time x{shown(health.real_time_factor, '.4f')}  link {frames}"
     )

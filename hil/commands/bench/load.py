@@ -18,7 +18,7 @@ from hil.commands.bench.options import (
     show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
-from hil.common.columns import aligned
+from hil.common.columns import aligned, fit_to_terminal
 from hil.common.errors import ConfigError, HilError, NetworkError
 from hil.common.options import List, Number, add_scenario, changes_of, new_parser, whole
 from hil.plots.plotting import pyplot, save_figure
@@ -61,7 +61,8 @@ def main(arguments: list[str]) -> int:
         raise NetworkError(f"nothing could be measured: {failed[0].failure}")
     record = _record(done, failed, left_out, options, failures)
     print("\n".join(_table(courses)))
-    print("more: than the scenario as it is; in brackets what is within the noise; +-: the middle half's range\n")
+    note = "more: than the scenario as it is; in brackets what is within the noise; +-: the middle half's range\n"
+    print(fit_to_terminal(note))
     print("\n".join(_processes(done)))
     for name, reason in left_out.items():
         print(f"left out: {name}: {reason}")

@@ -24,7 +24,7 @@ from hil.commands.bench.options import (
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.clock import boot_id
-from hil.common.columns import paragraph
+from hil.common.columns import fit_to_terminal, paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import (
     ENDPOINT,
@@ -78,10 +78,11 @@ def main(arguments: list[str]) -> int:
     print(board_table.text(columns))
     print(paragraph(PAPER_NOTE))
     for line in filter(None, (_ratios(_named(column), record) for column in ours)):
-        print(line)
-    print(f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s; (range of the middle half)")
+        print(fit_to_terminal(line))
+    runs = f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s"
+    print(fit_to_terminal(f"{runs}; (range of the middle half)"))
     for line in (*board_table.remarks(earlier), *_description(record)):
-        print(line)
+        print(fit_to_terminal(line))
     save_record(record, options)
     _write(columns, options)
     broken = _check(ours, record, board) if options.check else 0
@@ -208,7 +209,7 @@ def _check(columns: list[Column], record: Record, board: Board | None) -> int:
         its = board or _board_of(column.title, Diagnostics(record.details[column.title or HERE]["slave"]))
         broken += [f"{its.name}: {text}" for text in board_table.missed(column, its.budgets)]
     for text in broken:
-        print(f"BUDGET MISSED: {text}")
+        print(fit_to_terminal(f"BUDGET MISSED: {text}"))
     if not broken:
         print("every budget is met")
     return BUDGET_MISSED if broken else 0

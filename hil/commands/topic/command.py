@@ -264,10 +264,8 @@ def rate_line(instants: Sequence[int]) -> str:
     messages, rate_hz, least, greatest, deviation = rate(instants)
     if rate_hz is None or least is None or greatest is None or deviation is None:
         return f"{messages} messages: no rate yet"
-    return (
-        f"{rate_hz:.2f} Hz; gaps {least * 1e3:.2f} to {greatest * 1e3:.2f} ms, standard "
-        f"deviation {deviation * 1e3:.2f} ms; {messages} messages"
-    )
+    gaps = f"{least * 1e3:.2f} to {greatest * 1e3:.2f} ms (std {deviation * 1e3:.2f})"
+    return f"{rate_hz:.2f} Hz, gaps {gaps}, {messages} messages"
 
 
 def _pub(session: Session, options: argparse.Namespace, stop_fd: int) -> None:

@@ -150,7 +150,7 @@ def test_the_rate_line_shows_rate_and_gaps() -> None:
     gap = 10_000_000
     assert rate_line([0]) == "1 messages: no rate yet"
     text = rate_line([0, gap, 2 * gap, 5 * gap])
-    assert text.startswith("60.00 Hz; gaps 10.00 to 30.00 ms, standard deviation 9.43 ms; 4 messages")
+    assert text.startswith("60.00 Hz, gaps 10.00 to 30.00 ms (std 9.43), 4 messages")
 
 
 def test_type_names_may_omit_msg() -> None:
@@ -216,7 +216,7 @@ def test_echo_continues_until_it_is_interrupted(user: User) -> None:
 
 
 def test_hz_measures_the_rate(user: User) -> None:
-    found = re.match(r"(\S+) Hz; gaps", user.run("hz", "/uuv1/imu", "-n", 60).splitlines()[-1])
+    found = re.match(r"(\S+) Hz, gaps", user.run("hz", "/uuv1/imu", "-n", 60).splitlines()[-1])
     assert found
     assert float(found[1]) == pytest.approx(100.0, rel=0.1)
 
@@ -260,7 +260,7 @@ def test_ros_settings_of_the_scenario_select_topics_and_services(tmp_path: Path)
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
         user = User(tmp_path, slave, port)
-        assert re.match(r"\S+ Hz; gaps", user.run("hz", "/clock", "-n", 5).splitlines()[-1])
+        assert re.match(r"\S+ Hz, gaps", user.run("hz", "/clock", "-n", 5).splitlines()[-1])
         output = [read_yaml(text)["clock"] for text in user.run("echo", "/clock", "-n", 20).split("---\n") if text]
         times = [clock["sec"] * 10**9 + clock["nanosec"] for clock in output]
         gaps = [after - before for before, after in pairwise(times)]

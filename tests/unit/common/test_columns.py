@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.common.columns import GAP, LEAST, aligned
+from hil.common.columns import GAP, LEAST, aligned, fit_to_terminal, shorten_status
 
 CELL = st.text(st.characters(categories=("L", "N"), include_characters=" /_-."), max_size=90)
 TABLES = st.integers(1, 6).flatmap(lambda n: st.lists(st.lists(CELL, min_size=n, max_size=n), min_size=1, max_size=5))
@@ -42,3 +42,28 @@ def test_without_a_terminal_the_width_is_80(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setattr("sys.__stdout__", None)
     assert 75 <= max(map(len, aligned([("word " * 30,)]))) <= 80
+
+
+def test_lines_are_wrapped_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "30")
+    text = "delay by hop: network 0.314 ms, wake-up 0.081 ms\n\nloop: 400 Hz"
+    assert fit_to_terminal(text) == text
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    assert fit_to_terminal(text).split("\n") == [
+        "delay by hop: network 0.314", "    ms, wake-up 0.081 ms", "", "loop: 400 Hz",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("columns", "text"),
+    [
+        ("80", "  16.2 s   17%  N   5.8  delay 0.60 ms"),
+        ("39", "  16.2 s   17%  N   5.8  delay 0.60 ms"),
+        ("38", "  16.2 s   17%  N   5.8"),
+        ("12", "  16.2 s"),
+        ("2", "  16.2 s"),
+    ],
+)
+def test_a_status_line_is_shorter_than_the_terminal(monkeypatch: pytest.MonkeyPatch, columns: str, text: str) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    assert shorten_status("  16.2 s   17%  N   5.8  delay 0.60 ms") == text
