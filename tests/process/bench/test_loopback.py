@@ -1,6 +1,13 @@
 """`uuv-hil loopback`: both ends in this process, an external STM32, or a wire from TX to RX."""
 
+import fcntl
 import json
+import os
+import pty
+import struct
+import subprocess
+import sys
+import termios
 import threading
 from collections.abc import Iterator
 from contextlib import closing
@@ -162,3 +169,16 @@ def test_wrong_arguments_are_refused_with_the_remedy(
 ) -> None:
     assert main(["loopback", "--seconds", "0.1", *arguments]) == code
     assert words in capsys.readouterr().err
+
+
+def test_the_report_fits_a_narrow_terminal() -> None:
+    reader, terminal = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("4H", 24, 60, 0, 0))
+    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+    command = [sys.executable, "-m", "hil.cli", "loopback", "--seconds", "0.2"]
+    assert subprocess.run(command, stdout=terminal, env=environment, check=False).returncode == 0
+    os.close(terminal)
+    lines = os.read(reader, 4096).decode().splitlines()
+    os.close(reader)
+    assert max(map(len, lines)) <= 60
+    assert "0 bytes dropped" in " ".join(" ".join(lines).split())
