@@ -46,11 +46,11 @@ def text_without_encoding(source: str) -> Iterator[int]:
         ("path.read_text(encoding='utf-8')", False), ("gzip.open(p)", False), ("os.fdopen(d, 'wb')", False),
     ],
 )  # fmt: skip
-def test_what_counts(source: str, is_found: bool) -> None:
+def test_calls_without_an_encoding_are_found(source: str, is_found: bool) -> None:
     assert bool(list(text_without_encoding(source))) == is_found
 
 
-def test_no_text_depends_on_the_locale() -> None:
+def test_no_file_is_opened_with_the_locales_encoding() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{line}"
         for package in PACKAGES

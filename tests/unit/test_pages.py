@@ -1,4 +1,4 @@
-"""Links inside the repository lead to files, their anchors to headings; prose is narrow and tells no history."""
+"""Links in the repository lead to files and their anchors to headings; prose is wrapped and states no history."""
 
 import re
 import unicodedata
@@ -34,7 +34,7 @@ def slug(heading: str) -> str:
     return re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", plain).strip().lower())
 
 
-def test_links_lead_somewhere() -> None:
+def test_links_lead_to_files_and_headings() -> None:
     for page in PAGES:
         for target in links(page):
             path, _, anchor = target.partition("#")
@@ -57,7 +57,7 @@ def prose(page: Path) -> list[str]:
     return [line for line in lines if not line.startswith(("|", "    ", "![", "[!["))]
 
 
-def test_prose_is_narrow_and_tells_no_history() -> None:
+def test_prose_is_wrapped_and_states_no_history() -> None:
     for page in PAGES:
         lines = prose(page)
         is_by_hand = not GENERATED.search("\n".join(lines[:12]))

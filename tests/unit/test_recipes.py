@@ -45,7 +45,7 @@ class Door:
         return FlagSample(time_ns, self._mounting.depth(state) > 1.0)
 
 
-def test_a_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_sensor_recipe_works(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(SENSORS, "door", f"{HERE}:Door")
     monkeypatch.setitem(topics.TOPICS, "door", topics.TOPICS["leak"]._replace(name="door"))
     leak = sensors.ENCODERS["leak"]
@@ -66,38 +66,38 @@ def test_a_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def open_mine(role: Role, channels: int) -> Protocol:
-    """Return a protocol of one's own, here another name of the frame."""
+    """Return a custom protocol, here another name of the frame."""
     return open_frame(role, channels)
 
 
-def test_a_thruster_protocol(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_thruster_protocol_recipe_works(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(PROTOCOLS, "mine", f"{HERE}:open_mine")
     host, device = open_protocol("mine", "host", 6), open_protocol("mine", "device", 6)
     command = ThrusterCommand(7, True, (1500, 1600, 1400, 1500, 1550, 1450))
     assert device.feed(host.encode(command)) == [command]
 
 
-def test_a_board(tmp_path: Path) -> None:
+def test_the_board_recipe_works(tmp_path: Path) -> None:
     copy = tmp_path / "mine.toml"
     text = Path(preset_folder("boards"), "generic_arm64.toml").read_text(encoding="utf-8")
     copy.write_text(text, encoding="utf-8")
     assert load_board(str(copy)).serial == load_board("generic_arm64").serial
 
 
-def test_a_vehicle(tmp_path: Path) -> None:
+def test_the_vehicle_recipe_works(tmp_path: Path) -> None:
     copy = tmp_path / "mine.toml"
     text = Path(preset_folder("sim/vehicles"), "bluerov2.toml").read_text(encoding="utf-8")
     copy.write_text(re.sub(r"(?m)^mass = .*$", "mass = 10.5", text), encoding="utf-8")
     assert load_vehicle(str(copy))[0].mass != load_vehicle("bluerov2")[0].mass
 
 
-def test_a_message() -> None:
+def test_the_message_recipe_works() -> None:
     """Each topic has a definition, by which its message is made and read."""
     for topic in topics.TOPICS.values():
         assert definition(topic.type)
 
 
-def test_the_files_that_they_name_are_there() -> None:
+def test_the_files_named_by_the_recipes_exist() -> None:
     root = Path(__file__).parents[2]
     named = re.findall(r"`((?:hil|sim|boards|tests|docs)/[\w/.]+)`", TEXT)
     assert len(named) > 10

@@ -1,4 +1,4 @@
-"""The rooms: imports go down the floors only and never round, the slave stays lean, the picture is current."""
+"""The package structure: imports go in one direction, the slave loads few modules, the picture is current."""
 
 import ast
 import os
@@ -21,7 +21,7 @@ APART = {
 }  # fmt: skip
 
 
-def test_imports_go_down_the_floors() -> None:
+def test_imports_go_from_higher_to_lower_floors() -> None:
     up = [f"{one} -> {other}" for one, other in rooms.arrows() if rooms.FLOOR[other] > rooms.FLOOR[one]]
     assert not up
     assert not rooms.arrows() & APART
@@ -36,7 +36,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     assert rooms.circles() == []
 
 
-def test_every_room_says_what_it_is_for() -> None:
+def test_every_room_has_a_docstring_with_purpose_and_interface() -> None:
     """Each room's docstring has its purpose, its public interface and what it must not know."""
     for name in rooms.FLOOR:
         folder = rooms.ROOT / name.replace(".", "/")
@@ -61,14 +61,14 @@ def test_no_relative_import_and_no_import_of_tools_or_tests() -> None:
         assert not [name for name in rooms.imports(path) if name.split(".")[0] in ("tools", "tests")], module
 
 
-def test_importing_a_part_costs_no_more_than_that_part() -> None:
+def test_importing_a_module_loads_only_what_it_needs() -> None:
     """`hil` imports its version, and what `hil.connect` needs only when that is called."""
     body = ast.parse((rooms.ROOT / "hil/__init__.py").read_text(encoding="utf-8")).body
     names = [ast.unparse(node) for node in body if isinstance(node, (ast.Import, ast.ImportFrom))]
     assert names == ["from hil.common import __version__ as __version__"]
 
 
-def test_no_module_is_named_like_a_dependency() -> None:
+def test_no_module_has_the_name_of_a_dependency() -> None:
     names = {path.stem for _, path in rooms.modules()}
     assert not names & {
         "serial",
@@ -84,7 +84,7 @@ def test_no_module_is_named_like_a_dependency() -> None:
     }
 
 
-def test_the_ways_are_those_of_the_imports() -> None:
+def test_the_command_and_sample_paths_follow_the_imports() -> None:
     """One of two rooms in a row imports the other, or the slave reaches it by a table of names."""
     known = rooms.arrows() | {("hil.slave", "firmware_stub")}
     for way in (rooms.COMMAND, rooms.SAMPLE):
@@ -94,7 +94,7 @@ def test_the_ways_are_those_of_the_imports() -> None:
             assert met or by_slave, f"{one} -> {other}"
 
 
-def test_the_picture_is_current() -> None:
+def test_the_picture_of_the_rooms_is_current() -> None:
     assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.draw(), "run: python -m tools.pages.rooms"
 
 
@@ -138,7 +138,7 @@ print(*sorted(heavy & set(sys.modules)))
 """
 
 
-def test_the_slave_loads_nothing_heavy() -> None:
+def test_the_slave_loads_no_large_libraries() -> None:
     done = subprocess.run(
         [sys.executable, "-c", LEAN], capture_output=True, text=True, cwd=rooms.ROOT, env={**os.environ}
     )

@@ -1,4 +1,4 @@
-"""The package for ROS 2 in examples/ros2, as far as it can be held against something without ROS.
+"""The package for ROS 2 in examples/ros2, as far as it can be tested without ROS.
 
 Its manifest is read by ROS's own parser, its Python compiles as 3.10, which Humble has, the topics it names are the
 vehicle's with their types and durability, and its node flies a simulated vehicle where stand-ins take rclpy's place.
@@ -43,7 +43,7 @@ def displays() -> list[dict[str, Any]]:
     return list(view["Displays"])
 
 
-def test_ros_reads_its_manifest_and_it_names_all_that_is_imported() -> None:
+def test_the_manifest_is_valid_and_lists_all_imports() -> None:
     manifest = parse_package(str(PACKAGE / "package.xml"))
     manifest.validate()
     assert (manifest.name, manifest.get_build_type()) == (NAME, "ament_python")
@@ -62,7 +62,7 @@ def imports(path: Path) -> Iterator[str]:
             yield from [alias.name.partition(".")[0] for alias in node.names]
 
 
-def test_the_view_shows_topics_of_the_vehicle_with_their_types() -> None:
+def test_the_rviz_view_shows_topics_of_the_vehicle_with_their_types() -> None:
     shown = {}
     for display in displays():
         topic = display.get("Topic") or display.get("Description Topic")
@@ -145,7 +145,7 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Any:
     return module.FollowCourse()
 
 
-def test_it_uses_topics_of_the_vehicle_with_their_types(node: Any) -> None:
+def test_the_node_uses_topics_of_the_vehicle_with_their_types(node: Any) -> None:
     for topic, kind in node.types.items():
         assert TOPICS[topic.removeprefix("/uuv1/")].type.rpartition("/")[2] == kind.__name__
 
@@ -154,7 +154,7 @@ def namespace(value: Any) -> Any:
     return SimpleNamespace(**{k: namespace(v) for k, v in value.items()}) if isinstance(value, dict) else value
 
 
-def test_its_course_is_free_where_the_pages_fly_it(node: Any) -> None:
+def test_the_nodes_course_is_free_of_obstacles(node: Any) -> None:
     scenario = load_scenario("paper_field")
     obstacles = load_world(scenario.world).obstacles()
     places = [(scenario.start.east, scenario.start.north), *node.points]
@@ -163,8 +163,8 @@ def test_its_course_is_free_where_the_pages_fly_it(node: Any) -> None:
         assert min(each.separation(north, east)[0] for each in obstacles for east, north in along) > 1.5
 
 
-def test_it_follows_its_course(node: Any) -> None:
-    """The vehicle, in the slave's messages, turns at 0.5 rad/s at most and goes as fast as commanded."""
+def test_the_node_follows_its_course(node: Any) -> None:
+    """The vehicle, in the slave's messages, turns at 0.5 rad/s at most and at the commanded speed."""
     north, east, heading = 0.0, 0.0, 3.0
     visited: list[tuple[float, float]] = []
     wanted = list(node.points)

@@ -34,7 +34,7 @@ def test_every_statement_in_a_table_has_a_test() -> None:
         assert NAMED.search(tests), f"docs/explanation/security.md: no test is named for: {statement}"
 
 
-def test_how_to_report_is_said() -> None:
+def test_the_page_states_how_to_report() -> None:
     text = (ROOT / "SECURITY.md").read_text()
     assert "privately" in text
     assert "docs/explanation/security.md" in text

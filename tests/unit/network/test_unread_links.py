@@ -29,7 +29,7 @@ def test_a_pause_of_this_process_does_not_mark_a_link_as_unread() -> None:
 
 
 def test_a_link_without_waiting_bytes_counts_as_read() -> None:
-    """Without waiting bytes the peer or the network is held up, not the reader."""
+    """The peer or the network is held up, and not the reader, where no bytes wait."""
     links, idle = UnreadLinks(LEASE_S), (1, 2)
     for _ in range(3):
         for _ in range(3):

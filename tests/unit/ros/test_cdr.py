@@ -31,7 +31,7 @@ def test_every_field_is_aligned_to_its_size_counted_from_the_fifth_byte() -> Non
 
 
 @pytest.mark.parametrize("name", ["", "a", "abc", "abcd", "abcdefg", "ü"])
-def test_layout_and_writer_make_the_same_bytes(name: str) -> None:
+def test_layout_and_writer_encode_the_same_bytes(name: str) -> None:
     raw = zero_terminated(name)
     writer = Writer()
     writer.numbers("I", 7)
@@ -42,7 +42,7 @@ def test_layout_and_writer_make_the_same_bytes(name: str) -> None:
 
 
 @given(NAMES, NAMES, st.lists(st.integers(-(2**63), 2**63 - 1), max_size=9))
-def test_what_the_writer_wrote_the_reader_reads(first: str, second: str, numbers: list[int]) -> None:
+def test_the_reader_decodes_what_the_writer_encoded(first: str, second: str, numbers: list[int]) -> None:
     writer = Writer()
     writer.string(first)
     writer.numbers("I", len(numbers))
@@ -55,7 +55,7 @@ def test_what_the_writer_wrote_the_reader_reads(first: str, second: str, numbers
 
 
 @given(NAMES, NAMES, st.floats(allow_nan=False))
-def test_layout_round_trip_with_two_strings(first: str, second: str, number: float) -> None:
+def test_a_layout_with_two_strings_survives_a_round_trip(first: str, second: str, number: float) -> None:
     layout = Layout("i string string d")
     strings = [zero_terminated(first), zero_terminated(second)]
     lengths = [len(raw) for raw in strings]
@@ -65,7 +65,7 @@ def test_layout_round_trip_with_two_strings(first: str, second: str, number: flo
     assert layout.unpack(data + b"more") == layout.unpack(data)
 
 
-def test_each_shortened_message_is_malformed() -> None:
+def test_every_truncated_message_is_malformed() -> None:
     layout = Layout("i string d")
     data = layout.struct(4).pack(HEADER, 1, 4, b"abc\0", 2.0)
     for end in range(len(data)):
@@ -91,7 +91,7 @@ def test_a_count_beyond_the_message_is_refused_before_anything_is_allocated() ->
     assert tolerant(Layout("string d").unpack)(HEADER + b"\xff\xff\xff\xffabc") is None
 
 
-def test_the_cache_does_not_grow_with_what_comes_in() -> None:
+def test_the_cache_does_not_grow_with_received_messages() -> None:
     layout = Layout("string B")
     for length in range(1, 1000):
         layout.unpack(HEADER + struct.pack("<I", length) + bytes(length + 1))
@@ -105,7 +105,7 @@ def test_strings_without_a_closing_zero_or_not_utf8_still_read() -> None:
     assert zero_terminated("a\udcff") == b"a?\0"
 
 
-def test_tolerant_hides_nothing_but_malformed_payloads() -> None:
+def test_tolerant_catches_malformed_payloads_only() -> None:
     def broken(data: bytes) -> int:
         return data.missing  # type: ignore[attr-defined, no-any-return]
 
@@ -114,7 +114,7 @@ def test_tolerant_hides_nothing_but_malformed_payloads() -> None:
 
 
 @pytest.mark.parametrize(("size", "expected"), [(3, [2.0, 2.0, 2.0]), (6, [2.0, 2.0, 2.0, 5.0, 5.0, 5.0])])
-def test_diagonal(size: int, expected: list[float]) -> None:
+def test_a_diagonal_matrix_has_its_values_on_the_diagonal(size: int, expected: list[float]) -> None:
     values = struct.unpack(f"<{size * size}d", diagonal(size, 2.0, 5.0))
     assert list(values[:: size + 1]) == expected
     assert sum(map(abs, values)) == sum(expected)

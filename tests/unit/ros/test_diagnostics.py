@@ -1,4 +1,4 @@
-"""The table of diagnostics: typed both ways, complete, and nothing besides it."""
+"""The table of diagnostics: typed both ways and complete, and every used name is in it."""
 
 import ast
 import re
@@ -25,7 +25,7 @@ SAMPLES: dict[str, Any] = {
 }  # fmt: skip
 
 
-def test_every_figure_comes_back_over_the_network_in_its_type() -> None:
+def test_every_diagnostic_survives_a_round_trip_in_its_type() -> None:
     output = reported(**{name: SAMPLES[figure.kind] for name, figure in Diagnostics.FIGURES.items()})
     statuses = ros.decode_diagnostics(ros.encode_diagnostics(0, [("slave", 0, "running", output.raw)]))
     back = Diagnostics(statuses[0][3] if statuses else {})
@@ -35,7 +35,7 @@ def test_every_figure_comes_back_over_the_network_in_its_type() -> None:
     assert list(back.as_dict()) == list(Diagnostics.FIGURES)
 
 
-def test_a_name_that_is_not_in_the_table_fails() -> None:
+def test_a_name_that_is_not_in_the_table_is_an_error() -> None:
     output = Diagnostics({"link_wires": "pty"})
     with pytest.raises(KeyError, match="link_wires"):
         output["link_wires"]
@@ -48,7 +48,7 @@ def test_a_name_that_is_not_in_the_table_fails() -> None:
     assert output.as_dict() == {}
 
 
-def test_what_was_not_reported_or_is_none_of_its_type_is_none() -> None:
+def test_missing_and_malformed_diagnostics_are_none() -> None:
     assert Diagnostics().cpu_s is None
     assert not Diagnostics()
     wrong = {"cpu_s": "nan", "cores": "many", "armed": "yes", "pwm_us": "1500 x", "imaging_took_ms": "camera=inf"}
@@ -58,12 +58,12 @@ def test_what_was_not_reported_or_is_none_of_its_type_is_none() -> None:
     assert (shown(output.cpu_s), shown(2.5, ".2f"), shown("x")) == ("-", "2.50", "x")
 
 
-def test_each_counter_of_a_link_has_its_figure() -> None:
+def test_each_link_counter_has_its_diagnostic() -> None:
     for name in Counters.__slots__:
         assert Diagnostics.FIGURES[f"link_{name}"].is_counter
 
 
-def test_each_counter_of_an_autopilot_has_its_figure() -> None:
+def test_each_autopilot_counter_has_its_diagnostic() -> None:
     names = {"outputs": "packets"}  # and `states`, which the slave counts as its steps
     for name in set(Figures.__slots__) - {"states"}:
         assert Diagnostics.FIGURES[f"autopilot_{names.get(name, name)}"].is_counter
@@ -76,17 +76,17 @@ def test_each_counter_of_an_autopilot_has_its_figure() -> None:
         ("udp://h:1", "udp"), ("can:socketcan:can0", "can"), ("pty:/dev/pts/3", "pty"),
     ],
 )  # fmt: skip
-def test_what_carries_the_bytes_of_a_link(name: str, kind: str) -> None:
+def test_the_kind_of_a_wire_follows_from_its_name(name: str, kind: str) -> None:
     assert wire_kind(name) == kind
 
 
-def test_a_name_that_a_person_gave_a_pty(tmp_path: Path) -> None:
+def test_a_symbolic_link_to_a_pty_is_a_pty(tmp_path: Path) -> None:
     (tmp_path / "stm32").symlink_to("/dev/pts/0")
     assert wire_kind(str(tmp_path / "stm32")) == "pty"
 
 
-def test_figures_are_read_by_the_table_and_no_other_way() -> None:
-    """The table alone takes the texts apart: in other places a name could be invented again."""
+def test_diagnostics_are_read_through_the_table_only() -> None:
+    """The table alone parses the texts: in other places a name could be misspelt."""
     raw = {
         path.relative_to(ROOT).as_posix()
         for folder in ("hil", "sim", "boards", "tools")

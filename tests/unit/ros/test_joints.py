@@ -1,4 +1,4 @@
-"""Thrusts as sensor_msgs/JointState, held against the codec that works by the definition."""
+"""Thrusts as sensor_msgs/JointState, compared with the codec that works by the definition."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,7 +19,9 @@ NAME = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FF), max_size=20
 
 
 @given(st.lists(st.tuples(NAME, st.floats(allow_nan=False)), max_size=8), st.integers(0, 2**31 * 10**9 - 1))
-def test_a_message_is_that_of_the_definition_and_comes_back(joints: list[tuple[str, float]], time_ns: int) -> None:
+def test_a_message_has_the_bytes_of_the_definition_and_a_round_trip(
+    joints: list[tuple[str, float]], time_ns: int
+) -> None:
     states = JointStates(time_ns, tuple(name for name, _ in joints), tuple(effort for _, effort in joints))
     payload = encode_joints(states)
     assert decode_joints(payload) == states
@@ -31,7 +33,7 @@ def test_a_message_is_that_of_the_definition_and_comes_back(joints: list[tuple[s
 
 
 @given(st.lists(st.builds(MotorState, *[st.floats(allow_nan=False)] * 3), max_size=12))
-def test_motors_come_back_and_say_what_their_columns_are(motors: list[MotorState]) -> None:
+def test_motor_values_survive_a_round_trip_with_their_column_names(motors: list[MotorState]) -> None:
     payload = encode_motors(motors)
     assert decode_motors(payload) == tuple(motors)
     fields = message.decode("std_msgs/msg/Float64MultiArray", payload)
@@ -40,7 +42,7 @@ def test_motors_come_back_and_say_what_their_columns_are(motors: list[MotorState
     assert [row["size"] for row in fields["layout"]["dim"]] == [len(motors), 3]
 
 
-def test_motors_with_half_a_row_are_malformed() -> None:
+def test_motor_messages_with_an_incomplete_row_are_malformed() -> None:
     payload = encode_motors([MotorState(1600.0, 100.0, 2.0)])
     assert all(decode_motors(payload[:length]) is None for length in range(len(payload)))
     layout = {"dim": [], "data_offset": 0}
@@ -49,14 +51,14 @@ def test_motors_with_half_a_row_are_malformed() -> None:
     )
 
 
-def test_cut_and_contradicting_messages_are_malformed() -> None:
+def test_truncated_and_inconsistent_messages_are_malformed() -> None:
     payload = encode_joints(JointStates(1, ("a", "b"), (1.0, 2.0)))
     assert all(decode_joints(payload[:length]) is None for length in range(len(payload)))
     for fields in ({"effort": (1.0, 2.0)}, {"effort": (1.0,), "position": (1.0, 2.0)}):
         assert decode_joints(message.encode("sensor_msgs/msg/JointState", {"name": ["a"], **fields})) is None
 
 
-def test_thrusters_are_first_then_fins_with_their_deflections() -> None:
+def test_thrusters_come_first_then_fins_with_their_deflections() -> None:
     vehicle = load_vehicle("remus100")[0]
     states = joint_states(7, vehicle, (12.5,), (0.1, -0.2))
     assert states == JointStates(7, ("propeller", "rudder", "stern planes"), (12.5, 0.0, 0.0), (0.0, 0.1, -0.2))
@@ -64,6 +66,6 @@ def test_thrusters_are_first_then_fins_with_their_deflections() -> None:
 
 
 @given(st.binary(max_size=80))
-def test_any_bytes_are_survived(payload: bytes) -> None:
+def test_any_bytes_are_decoded_without_an_exception(payload: bytes) -> None:
     found = decode_joints(payload)
     assert found is None or len(found.names) == len(found.efforts)

@@ -11,11 +11,11 @@ PLACES = st.tuples(*[st.floats(-1e4, 1e4)] * 3)
 
 
 @given(st.lists(PLACES, max_size=20))
-def test_a_path_comes_back_as_it_was(path: list[tuple[float, float, float]]) -> None:
+def test_a_path_survives_a_round_trip(path: list[tuple[float, float, float]]) -> None:
     assert decode_plan(encode_plan(0, path, 2.0)) == tuple(path)
 
 
-def test_places_of_two_numbers_are_at_the_depth_and_axes_are_those_of_ros() -> None:
+def test_horizontal_points_get_the_depth_in_the_axes_of_ros() -> None:
     data = encode_plan(1_500_000_000, [(1.0, 2.0), (3.0, 4.0)], 5.0)
     assert decode_plan(data) == ((1.0, 2.0, 5.0), (3.0, 4.0, 5.0))
     message = ros_message.decode(TYPE, data)
@@ -24,7 +24,7 @@ def test_places_of_two_numbers_are_at_the_depth_and_axes_are_those_of_ros() -> N
     assert message["poses"][0]["pose"]["position"] == {"x": 2.0, "y": 1.0, "z": -5.0}
 
 
-def test_a_long_path_is_thinned_out_to_its_end() -> None:
+def test_a_long_path_is_subsampled_and_keeps_its_end() -> None:
     path = [(float(number), 0.0) for number in range(3 * MOST_POINTS)]
     places = decode_plan(encode_plan(0, path, 1.0))
     assert places
@@ -33,5 +33,5 @@ def test_a_long_path_is_thinned_out_to_its_end() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\0\1\0\0", encode_plan(0, [(1.0, 2.0)], 3.0)[:-3]])
-def test_what_is_no_path_is_none(data: bytes) -> None:
+def test_malformed_paths_are_none(data: bytes) -> None:
     assert decode_plan(data) is None

@@ -47,27 +47,27 @@ def xyz(fields: dict[str, float]) -> tuple[float, float, float]:
 # --- golden bytes
 
 
-def test_type_hashes_are_those_of_the_other_implementation() -> None:
+def test_type_hashes_equal_those_of_rosbags() -> None:
     """The hashes are those of rosbags, as are those of the definitions, see test_ros_types."""
     assert {name: TYPE_HASHES[name] for name in GOLDEN["hashes"]} == GOLDEN["hashes"]
     assert {name: types.type_hash(name) for name in TYPE_HASHES} == TYPE_HASHES
 
 
-def test_each_topic_has_hash_decoder_and_encoder() -> None:
+def test_each_topic_has_a_hash_a_decoder_and_an_encoder() -> None:
     assert set(TYPE_HASHES) <= {topic.type for topic in TOPICS.values()}
     assert all(hash_of(topic.type).startswith("RIHS01_") for topic in TOPICS.values())
     assert all(ros.decoder(topic) for topic in TOPICS)
     assert ros.decoder("imy") is None
 
 
-def test_twist() -> None:
+def test_twist_has_the_golden_bytes() -> None:
     _, data = golden("geometry_msgs/msg/Twist")
     linear, angular = (1.5, 0.5, -0.25), (0.125, 0.25, -0.75)
     assert ros.encode_twist(linear, angular) == data
     assert ros.decode_twist(data) == (linear, angular)
 
 
-def test_imu_level_heading_north() -> None:
+def test_imu_level_and_heading_north_has_the_golden_bytes() -> None:
     _, data = golden("sensor_msgs/msg/Imu")
     sample = ImuSample(TIME_NS, LEVEL_NORTH, (0.1, 0.2, -0.3), (-0.4, -0.5, -9.75))
     assert ros.encode_imu(sample, variances=(1.0, 1.0, 2.0, 3.0)) == data
@@ -77,7 +77,7 @@ def test_imu_level_heading_north() -> None:
     assert decoded._replace(orientation=LEVEL_NORTH) == sample
 
 
-def test_imu_at_any_attitude_and_frame() -> None:
+def test_imu_at_any_attitude_and_frame_has_the_golden_bytes() -> None:
     fields, data = golden("sensor_msgs/msg/Imu", 1)
     sample = ros.decode_imu(data)
     assert sample is not None
@@ -90,7 +90,7 @@ def test_imu_at_any_attitude_and_frame() -> None:
 
 
 @pytest.mark.parametrize(("index", "frames"), [(0, ("odom", "base_link")), (1, ("map", "a"))])
-def test_odometry(index: int, frames: tuple[str, str]) -> None:
+def test_odometry_has_the_golden_bytes(index: int, frames: tuple[str, str]) -> None:
     _, data = golden("nav_msgs/msg/Odometry", index)
     sample = OdometrySample(TIME_NS, (-20.25, 10.5, 3.125), LEVEL_NORTH, (1.5, 0.25, -0.125, 0.01, 0.02, -0.03))
     assert ros.encode_odometry(sample, *frames, variances=(0.25, 0.25, 0.5, 0.75, 1.25)) == data
@@ -100,14 +100,14 @@ def test_odometry(index: int, frames: tuple[str, str]) -> None:
     assert decoded._replace(orientation=LEVEL_NORTH) == sample
 
 
-def test_pressure() -> None:
+def test_pressure_has_the_golden_bytes() -> None:
     _, data = golden("sensor_msgs/msg/FluidPressure")
     sample = PressureSample(TIME_NS, 201_325.5)
     assert ros.encode_pressure(sample, "p", 4.0) == data
     assert ros.decode_pressure(data) == sample
 
 
-def test_the_transform_of_an_odometry_sample() -> None:
+def test_the_transform_of_an_odometry_sample_has_the_golden_bytes() -> None:
     _, data = golden("tf2_msgs/msg/TFMessage")
     sample = OdometrySample(TIME_NS, (-20.25, 10.5, 3.125), LEVEL_NORTH, (0.0,) * 6)
     assert ros.encode_transform(sample) == data
@@ -117,19 +117,19 @@ def test_the_transform_of_an_odometry_sample() -> None:
 
 
 @pytest.mark.parametrize("index", [0, 1])
-def test_int64_array(index: int) -> None:
+def test_int64_array_has_the_golden_bytes(index: int) -> None:
     fields, data = golden("std_msgs/msg/Int64MultiArray", index)
     assert ros.encode_int64_array(fields["data"]) == data
     assert ros.decode_int64_array(data) == tuple(fields["data"])
 
 
-def test_int64_array_with_named_dimensions_reads() -> None:
+def test_int64_array_with_named_dimensions_is_decoded() -> None:
     fields, data = golden("std_msgs/msg/Int64MultiArray", 2)
     assert ros.decode_int64_array(data) == tuple(fields["data"])
 
 
 @pytest.mark.parametrize("index", [0, 1])
-def test_diagnostics(index: int) -> None:
+def test_diagnostics_have_the_golden_bytes(index: int) -> None:
     fields, data = golden("diagnostic_msgs/msg/DiagnosticArray", index)
     statuses = [
         (status["name"], status["level"], status["message"], {pair["key"]: pair["value"] for pair in status["values"]})
@@ -139,7 +139,7 @@ def test_diagnostics(index: int) -> None:
     assert ros.decode_diagnostics(data) == statuses
 
 
-def test_golden_file_is_what_rosbags_makes_today() -> None:
+def test_the_golden_file_equals_the_output_of_rosbags() -> None:
     path = os.path.join(os.path.dirname(__file__), "..", "..", "vectors", "make_cdr_golden.py")
     made = runpy.run_path(path)["golden"]()
     assert made["messages"] == GOLDEN["messages"]
@@ -163,7 +163,7 @@ def rows(quaternion: Sequence[float]) -> list[Sequence[float]]:
 
 
 @given(ATTITUDES)
-def test_attitude_goes_the_way_of_the_rotation_matrices(attitude: Sequence[float]) -> None:
+def test_attitude_conversion_agrees_with_rotation_matrices(attitude: Sequence[float]) -> None:
     expected = multiply(multiply(ENU_OF_NED, rows(attitude)), FRD_OF_FLU)
     for found, wanted in zip(rows(ros.swap_attitude(attitude)), expected, strict=True):
         assert found == pytest.approx(wanted, abs=1e-12)
@@ -173,7 +173,7 @@ def test_attitude_goes_the_way_of_the_rotation_matrices(attitude: Sequence[float
 @pytest.mark.parametrize(
     ("heading", "yaw"), [(0.0, 90.0), (90.0, 0.0), (45.0, 45.0), (-90.0, 180.0), (135.0, -45.0), (-120.0, -150.0)]
 )
-def test_heading_clockwise_from_north_is_yaw_anticlockwise_from_east(heading: float, yaw: float) -> None:
+def test_heading_clockwise_from_north_becomes_yaw_anticlockwise_from_east(heading: float, yaw: float) -> None:
     quaternion = from_euler(0.1, -0.2, math.radians(heading))
     roll, pitch, found = to_euler(ros.swap_attitude(quaternion))
     assert math.remainder(found - math.radians(yaw), 2.0 * math.pi) == pytest.approx(0.0, abs=1e-12)
@@ -182,7 +182,7 @@ def test_heading_clockwise_from_north_is_yaw_anticlockwise_from_east(heading: fl
 
 
 @given(VECTORS)
-def test_vectors(vector: tuple[float, float, float]) -> None:
+def test_vector_conversion_agrees_with_rotation_matrices(vector: tuple[float, float, float]) -> None:
     world = tuple(sum(row[k] * vector[k] for k in range(3)) for row in ENU_OF_NED)
     body = tuple(sum(row[k] * vector[k] for k in range(3)) for row in FRD_OF_FLU)
     assert ros.swap_world(vector) == world
@@ -204,7 +204,7 @@ def test_a_turn_to_starboard_is_negative_in_ros() -> None:
 
 
 @given(TIMES, ATTITUDES, VECTORS, VECTORS, st.text(max_size=40))
-def test_imu_round_trip(time_ns: int, attitude: Any, rate: Any, force: Any, frame: str) -> None:
+def test_imu_survives_a_round_trip(time_ns: int, attitude: Any, rate: Any, force: Any, frame: str) -> None:
     decoded = ros.decode_imu(ros.encode_imu(ImuSample(time_ns, attitude, rate, force), frame))
     assert decoded is not None
     assert decoded.orientation == pytest.approx(attitude, abs=1e-12)
@@ -212,7 +212,7 @@ def test_imu_round_trip(time_ns: int, attitude: Any, rate: Any, force: Any, fram
 
 
 @given(TIMES, VECTORS, ATTITUDES, VECTORS, VECTORS)
-def test_odometry_round_trip(time_ns: int, position: Any, attitude: Any, velocity: Any, rate: Any) -> None:
+def test_odometry_survives_a_round_trip(time_ns: int, position: Any, attitude: Any, velocity: Any, rate: Any) -> None:
     decoded = ros.decode_odometry(ros.encode_odometry(OdometrySample(time_ns, position, attitude, velocity + rate)))
     assert decoded is not None
     assert decoded.orientation == pytest.approx(attitude, abs=1e-12)
@@ -220,7 +220,7 @@ def test_odometry_round_trip(time_ns: int, position: Any, attitude: Any, velocit
 
 
 @given(st.lists(st.tuples(st.text(), st.integers(0, 255), st.text(), st.dictionaries(st.text(), st.text()))))
-def test_diagnostics_round_trip(statuses: list[Any]) -> None:
+def test_diagnostics_survive_a_round_trip(statuses: list[Any]) -> None:
     def plain(words: str) -> str:
         return words.encode(errors="replace").decode().rstrip("\0")
 
@@ -235,7 +235,7 @@ def test_diagnostics_round_trip(statuses: list[Any]) -> None:
 
 
 @pytest.mark.parametrize("message", GOLDEN["messages"], ids=lambda message: message["type"])
-def test_a_shortened_message_is_none(message: dict[str, Any]) -> None:
+def test_a_truncated_message_is_none(message: dict[str, Any]) -> None:
     topics = [name for name, topic in TOPICS.items() if topic.type == message["type"]]
     data = bytes.fromhex(message["hex"])
     for topic in topics:
@@ -252,7 +252,7 @@ def test_noise_never_raises(topic: str, noise: bytes) -> None:
 
 
 @given(st.sampled_from(range(len(GOLDEN["messages"]))), st.data())
-def test_bytes_hit_by_noise_never_raise(index: int, data: st.DataObject) -> None:
+def test_corrupted_messages_never_raise(index: int, data: st.DataObject) -> None:
     message = GOLDEN["messages"][index]
     payload = bytearray.fromhex(message["hex"])
     for _ in range(data.draw(st.integers(1, 4))):
@@ -273,14 +273,14 @@ def test_a_command_that_is_not_finite_is_malformed(place: int, bad: float) -> No
 # --- rmw_zenoh
 
 
-def test_data_key() -> None:
+def test_the_data_key_has_the_form_of_rmw_zenoh() -> None:
     name = "sensor_msgs/msg/Imu"
     expected = f"7/auv/imu/sensor_msgs::msg::dds_::Imu_/{TYPE_HASHES[name]}"
     assert ros.data_key(7, "/auv/imu", name, TYPE_HASHES[name]) == expected
     assert ros.data_key(7, "auv/imu", name, TYPE_HASHES[name]) == expected
 
 
-def test_attachment() -> None:
+def test_an_attachment_has_the_form_of_rmw_zenoh() -> None:
     gid = bytes(range(16))
     data = ros.pack_attachment(1, 2, gid)
     assert data == b"\x01" + bytes(7) + b"\x02" + bytes(7) + b"\x10" + gid

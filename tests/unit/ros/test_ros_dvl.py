@@ -1,4 +1,4 @@
-"""A velocity log's messages: bytes of another implementation, and what is lost without lock."""
+"""DVL messages: bytes of another implementation, and what is lost without bottom lock."""
 
 import json
 import math
@@ -30,7 +30,7 @@ def fields(topic: str, payload: bytes) -> dict[str, Any]:
     return message
 
 
-def test_golden_bytes() -> None:
+def test_messages_have_the_golden_bytes() -> None:
     assert ros_dvl.encode_dvl(SAMPLE, variance=0.0625) == GOLDEN["marine_acoustic_msgs/msg/Dvl"]
     assert ros_dvl.decode_dvl(GOLDEN["marine_acoustic_msgs/msg/Dvl"]) == SAMPLE
     twist = GOLDEN["geometry_msgs/msg/TwistWithCovarianceStamped"]
@@ -41,15 +41,15 @@ def test_golden_bytes() -> None:
     assert decoded._replace(altitude=12.375) == SAMPLE
 
 
-def test_altitude() -> None:
+def test_altitude_is_a_range_message_with_the_golden_bytes() -> None:
     data = GOLDEN["sensor_msgs/msg/Range"]
     assert ros_dvl.encode_range(SAMPLE, limits=(0.5, 75.0), variance=0.0625) == data
     assert ros_dvl.decode_range(data) == (TIME_NS, 12.375)
     assert ros_dvl.decode_range(data[:-4]) == (TIME_NS, 12.375)  # Humble's has no variance
 
 
-def test_the_message_is_in_axes_whose_z_is_the_way_the_log_looks() -> None:
-    """A log that sinks and drifts to starboard reports both as positive in its own message, negative along FLU."""
+def test_the_dvl_message_is_in_transducer_axes_with_z_along_its_view() -> None:
+    """A DVL that sinks and drifts to starboard reports both as positive in its own message, negative along FLU."""
     sample = SAMPLE._replace(velocity=(0.0, 0.3, 0.1))
     (_, own), (_, twist), _ = ros.encoder("dvl")(sample, "uuv1/")
     message = fields("dvl", own)
@@ -63,12 +63,12 @@ def test_the_message_is_in_axes_whose_z_is_the_way_the_log_looks() -> None:
 
 
 @given(st.tuples(NUMBERS, NUMBERS, NUMBERS), st.floats(0.1, 300))
-def test_round_trip(velocity: Any, altitude: float) -> None:
+def test_a_sample_survives_a_round_trip(velocity: Any, altitude: float) -> None:
     sample = DvlSample(TIME_NS, velocity, altitude, True)
     assert ros_dvl.decode_dvl(ros_dvl.encode_dvl(sample)) == sample
 
 
-def test_lost_bottom_lock_shows() -> None:
+def test_lost_bottom_lock_is_in_the_message() -> None:
     for encode, decode in (
         (ros_dvl.encode_dvl, ros_dvl.decode_dvl),
         (ros_dvl.encode_dvl_twist, ros_dvl.decode_dvl_twist),
@@ -80,7 +80,7 @@ def test_lost_bottom_lock_shows() -> None:
     assert ros_dvl.decode_range(ros_dvl.encode_range(LOST)) == (TIME_NS, math.inf)
 
 
-def test_water_track() -> None:
+def test_a_water_track_sample_has_its_own_topic_and_frame() -> None:
     sample = SAMPLE._replace(altitude=math.nan)
     ((topic, payload),) = ros.encoder("dvl_water")(sample, "")
     assert topic == "dvl_water"
@@ -92,5 +92,5 @@ def test_water_track() -> None:
     assert decoded.locked
 
 
-def test_a_variance_that_is_not_known_is_minus_one() -> None:
+def test_an_unknown_variance_is_minus_one() -> None:
     assert fields("dvl", ros_dvl.encode_dvl(SAMPLE))["velocity_covar"] == (-1.0, 0, 0, 0, -1.0, 0, 0, 0, -1.0)

@@ -1,4 +1,4 @@
-"""The report of a vehicle in a formation: as ROS has it, there and back, and what is none."""
+"""The report of a vehicle in a formation: ROS's definition, round trips, and invalid messages."""
 
 import math
 import struct
@@ -17,8 +17,9 @@ TYPE = "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"
 SAMPLE = FormationSample((3.0, 4.0, 2.0), (1.0, 0.0, 0.0, 0.0), 12_345_678_901)
 
 
-def test_as_the_definition_has_it() -> None:
-    """A place 3 north, 4 east and 2 deep is ENU (4, 3, -2); a bow to the north is a yaw of 90 degrees from the east."""
+def test_a_report_is_encoded_in_enu_as_the_definition_states() -> None:
+    """A position 3 north, 4 east and 2 deep is ENU (4, 3, -2); a bow to the north is a yaw of 90 degrees from the east.
+    """
     message = ros_message.decode(TYPE, encode_formation(SAMPLE))
     assert message is not None
     (transform,) = message["transforms"]
@@ -32,7 +33,7 @@ def test_as_the_definition_has_it() -> None:
 
 
 @given(st.tuples(METRES, METRES, METRES), st.floats(-math.pi, math.pi), st.integers(0, 10**15))
-def test_there_and_back(position: tuple[float, float, float], heading: float, clock_ns: int) -> None:
+def test_a_report_survives_a_round_trip(position: tuple[float, float, float], heading: float, clock_ns: int) -> None:
     sample = FormationSample(position, (math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), clock_ns)
     found = decode_formation(encode_formation(sample))
     assert found is not None
@@ -41,23 +42,23 @@ def test_there_and_back(position: tuple[float, float, float], heading: float, cl
 
 
 @given(st.binary(max_size=200))
-def test_what_is_none_never_raises(data: bytes) -> None:
+def test_any_bytes_are_decoded_without_an_exception(data: bytes) -> None:
     for payload in (data, b"\x00\x01\x00\x00" + data):
         sample = decode_formation(payload)
         assert sample is None or all(map(math.isfinite, sample.position + sample.orientation))
 
 
 @pytest.mark.parametrize("cut", [0, 3, 4, 20, 79])
-def test_a_part_is_none(cut: int) -> None:
+def test_a_truncated_report_is_none(cut: int) -> None:
     assert decode_formation(encode_formation(SAMPLE)[:cut]) is None
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_what_is_not_finite_is_none(value: float) -> None:
+def test_a_report_with_non_finite_numbers_is_none(value: float) -> None:
     assert decode_formation(encode_formation(SAMPLE._replace(position=(value, 0.0, 0.0)))) is None
 
 
-def test_two_vehicles_in_one_are_none() -> None:
+def test_a_report_with_two_transforms_is_none() -> None:
     data = bytearray(encode_formation(SAMPLE))
     data[4:8] = struct.pack("<I", 2)
     assert decode_formation(bytes(data)) is None

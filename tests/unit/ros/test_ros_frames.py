@@ -36,28 +36,30 @@ def golden(type_name: str, index: int = 0) -> bytes:
 @pytest.mark.parametrize(
     ("index", "names"), [(0, [("odom", "base_link")]), (1, [("map", "a"), ("uuv1/base_link", "uuv1/b")]), (2, [])]
 )
-def test_transforms(index: int, names: list[tuple[str, str]]) -> None:
+def test_transforms_have_the_golden_bytes(index: int, names: list[tuple[str, str]]) -> None:
     transforms = [Transform(TIME_NS, *pair, PLACE, TURN) for pair in names]
     data = golden("tf2_msgs/msg/TFMessage", index)
     assert ros_frames.encode_transforms(transforms) == data
     assert ros_frames.decode_transforms(data) == transforms
 
 
-def test_clock() -> None:
+def test_clock_has_the_golden_bytes() -> None:
     data = golden("rosgraph_msgs/msg/Clock")
     assert ros_frames.encode_clock(TIME_NS) == data
     assert ros_frames.decode_clock(data) == TIME_NS
 
 
-def test_wrench() -> None:
+def test_wrench_has_the_golden_bytes() -> None:
     data = golden("geometry_msgs/msg/WrenchStamped")
     assert ros_frames.encode_wrench(TIME_NS, (12.5, 3.25, -40.5, 0.5, 1.25, -2.75)) == data
     assert ros_frames.decode_wrench(data) == (TIME_NS, (12.5, 3.25, -40.5), (0.5, 1.25, -2.75))
 
 
 @given(VECTORS, ANGLES, VECTORS)
-def test_a_mounting_goes_the_way_of_the_points(position: Any, angles: Any, point: Sequence[float]) -> None:
-    """A point seen by the sensor is the same point of the vehicle, in FRD as it is mounted and in FLU as tf has it."""
+def test_a_mounting_transforms_points_like_its_rotation_matrix(
+    position: Any, angles: Any, point: Sequence[float]
+) -> None:
+    """A point measured by the sensor is the same point of the vehicle, in FRD as mounted and in FLU as in tf."""
     attitude = from_euler(*angles)
     transform = ros_frames.mounted(0, "base_link", "s", position, attitude)
     frd = [p + r for p, r in zip(position, rotate(attitude, point), strict=True)]
@@ -66,7 +68,7 @@ def test_a_mounting_goes_the_way_of_the_points(position: Any, angles: Any, point
     assert ros.swap_body(flu) == pytest.approx(frd, abs=1e-9)
 
 
-def test_static_transforms_of_a_suite() -> None:
+def test_static_transforms_of_a_sensor_set_have_their_frames() -> None:
     sensors = read_sensors(
         {"imu": {"position": [0.1, 0.2, 0.3]}, "gps": {"orientation": [0.0, 0.0, math.pi / 2]}}, "here"
     )

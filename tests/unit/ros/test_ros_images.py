@@ -1,4 +1,4 @@
-"""Pictures as ROS 2 messages, read by an independent library."""
+"""Images, clouds and sonar messages of ROS 2, read by an independent library."""
 
 import io
 from array import array
@@ -50,7 +50,7 @@ def read(messages: ros.Encoded) -> dict[str, Any]:
     return {topic: STORE.deserialize_cdr(payload, TOPICS[topic].type) for topic, payload in messages}
 
 
-def test_a_raw_picture_and_what_goes_with_it() -> None:
+def test_a_raw_image_comes_with_camera_info_depth_and_labels() -> None:
     found = read(ros.encoder("camera")(CAMERA, "uuv1/"))
     assert set(found) == {
         "camera/camera_info", "camera/image_raw", "camera/depth/camera_info", "camera/depth/image_raw", "camera/labels"
@@ -70,7 +70,7 @@ def test_a_raw_picture_and_what_goes_with_it() -> None:
     assert found["camera/labels"].data.view("<i4")[:3].tolist() == [-1, 0, 1]
 
 
-def test_camera_info() -> None:
+def test_camera_info_has_the_lens_model() -> None:
     info = read(ros.encoder("camera")(CAMERA, ""))["camera/camera_info"]
     assert info.distortion_model == "plumb_bob"
     assert info.d.tolist() == list(LENS)
@@ -80,7 +80,7 @@ def test_camera_info() -> None:
     assert info.p.reshape(3, 4)[:, 3].tolist() == [0.0, 0.0, 0.0]
 
 
-def test_jpeg_is_the_same_picture() -> None:
+def test_a_jpeg_image_shows_the_same_picture() -> None:
     found = read(ros_images.camera_messages(CAMERA._replace(depth=None, labels=None), "", "jpeg", 90))
     assert set(found) == {"camera/camera_info", "camera/image_raw/compressed"}
     message = found["camera/image_raw/compressed"]
@@ -97,8 +97,8 @@ def test_jpeg_is_the_same_picture() -> None:
     assert small < large
 
 
-def test_a_cloud_of_points() -> None:
-    """The bytes are those that rosbags makes of the same, with the fields and the colours of depth_image_proc."""
+def test_a_point_cloud_has_the_bytes_of_rosbags() -> None:
+    """The bytes equal those of rosbags, with the fields and the colours of depth_image_proc."""
     payload = dict(ros.encoder("camera")(CAMERA._replace(points=POINTS), "uuv1/"))["camera/depth/points"]
     kind = TOPICS["camera/depth/points"].type
     cloud = STORE.deserialize_cdr(payload, kind)
@@ -117,7 +117,7 @@ def test_a_cloud_of_points() -> None:
     assert ros_clouds.decode_cloud(payload) == ros_clouds.Cloud(TIME, WIDTH, HEIGHT, cloud.data.tobytes())
 
 
-def test_a_cloud_of_others_is_none() -> None:
+def test_a_point_cloud_with_other_fields_is_none() -> None:
     payload = ros_clouds.encode_cloud(ros_clouds.Cloud(TIME, 2, 1, bytes(32)))
     kind = TOPICS["camera/depth/points"].type
     others: tuple[dict[str, Any], ...] = (
@@ -134,7 +134,7 @@ def test_a_cloud_of_others_is_none() -> None:
         assert ros_clouds.decode_cloud(bytes(STORE.serialize_cdr(changed, kind))) is None
 
 
-def test_a_sonar_image() -> None:
+def test_a_sonar_image_has_its_beams_and_bins() -> None:
     found = read(ros.encoder("forward_sonar")(SONAR, "uuv1/"))["forward_sonar/image"]
     assert found.header.frame_id == "uuv1/forward_sonar_fan"
     assert found.ranges.tolist() == [1.25, 1.75, 2.25, 2.75]
@@ -145,7 +145,7 @@ def test_a_sonar_image() -> None:
     assert found.ping_info.rx_beamwidths.tolist() == pytest.approx([0.02] * 3)
 
 
-def test_a_fan_is_an_image() -> None:
+def test_a_sonar_fan_is_drawn_as_an_image() -> None:
     """The middle beam of three is ahead, upwards; the farthest bin at the top; black beyond the fan."""
     echoes = bytes((10, 20, 30)) * 3 + bytes((50, 250, 70))  # the last bin is the farthest
     message = STORE.deserialize_cdr(ros_images.encode_fan(SONAR._replace(intensities=echoes)), "sensor_msgs/msg/Image")
@@ -161,7 +161,7 @@ def test_a_fan_is_an_image() -> None:
     assert picture[int(half[0]), int(half[1])] == 50
 
 
-def test_a_ping_of_a_side_scan() -> None:
+def test_a_side_scan_ping_has_its_two_sides() -> None:
     found = read(ros.encoder("side_scan")(SIDES, ""))["side_scan/image"]
     assert found.sample_rate == 1500.0, "half a metre there and back"
     assert found.samples_per_beam == 4
@@ -174,14 +174,14 @@ def test_a_ping_of_a_side_scan() -> None:
     ("forward_sonar", ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0))),
     ("profiler", ((0.0, 0.0, -1.0), (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0))),
 ])  # fmt: skip
-def test_the_axes_of_the_messages(name: str, axes: Any) -> None:
+def test_the_frames_of_the_messages_have_their_axes(name: str, axes: Any) -> None:
     """The frame's axes x, y and z have these directions in the sensor's FLU."""
     quaternion = HEADS[name][1]
     for axis, expected in zip(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), axes, strict=True):
         assert rotate(quaternion, axis) == pytest.approx(expected)
 
 
-def test_what_comes_back() -> None:
+def test_images_and_sonars_survive_a_round_trip() -> None:
     found = dict(ros.encoder("camera")(CAMERA, ""))
     decoded = {topic: ros.decoder(topic)(payload) for topic, payload in found.items()}  # type: ignore[misc]
     assert decoded["camera/image_raw"] == ros_images.Picture(TIME, WIDTH, HEIGHT, "rgb8", CAMERA.rgb)
@@ -202,7 +202,7 @@ def test_what_comes_back() -> None:
 
 
 @pytest.mark.parametrize("topic", list(ros_images.DECODERS))
-def test_what_is_cut_is_malformed(topic: str) -> None:
+def test_truncated_messages_are_malformed(topic: str) -> None:
     payloads = dict(ros_images.camera_messages(CAMERA._replace(points=POINTS), "", "both"))
     payloads |= dict(ros.encoder("forward_sonar")(SONAR, "")) | dict(ros.encoder("side_scan")(SIDES, ""))
     payloads |= {"forward_sonar/fan/image_raw": ros_images.encode_fan(SONAR)}

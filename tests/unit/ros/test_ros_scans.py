@@ -28,7 +28,7 @@ def read(name: str, sample: Any) -> Any:
     return STORE.deserialize_cdr(payload, TOPICS[topic].type)
 
 
-def test_golden_bytes() -> None:
+def test_scans_have_the_golden_bytes() -> None:
     golden = json.loads((Path(__file__).parents[2] / "vectors" / "cdr_golden.json").read_text())["messages"]
     (data,) = [bytes.fromhex(message["hex"]) for message in golden if message["type"] == "sensor_msgs/msg/LaserScan"]
     stamp = next(m["fields"]["header"]["stamp"] for m in golden if m["type"] == "sensor_msgs/msg/LaserScan")
@@ -50,14 +50,14 @@ def test_angles_grow_to_port(name: str) -> None:
     assert len(message.intensities) == 0
 
 
-def test_a_profile_keeps_its_order() -> None:
+def test_a_profile_has_its_beams_in_order() -> None:
     message = read("profiler", SCAN)
     assert message.header.frame_id == "uuv1/profiler_scan"
     assert message.angle_min == pytest.approx(radians(-30.0))
     assert list(message.ranges) == list(SCAN.ranges)
 
 
-def test_a_profile_is_a_cloud_with_strengths() -> None:
+def test_a_profile_is_a_point_cloud_with_strengths() -> None:
     """Points lie in "profiler_scan", x down and y to starboard; a beam without an echo is none."""
     sample = LaserSample(5, 0.0, radians(90.0), (4.0, inf, 2.0), (0.5, 20.0), (-27.0, nan, -20.0))
     messages = dict(ros.encoder("profiler")(sample, "uuv1/"))
@@ -75,7 +75,7 @@ def test_a_profile_is_a_cloud_with_strengths() -> None:
     assert scan.intensities[0] == -27.0
 
 
-def test_a_ping_of_a_scanning_sonar_is_a_picture_of_one_beam() -> None:
+def test_a_scanning_sonar_ping_is_an_image_of_one_beam() -> None:
     scan = LaserSample(0, 0.5, 0.01, (3.0,), (0.75, 50.0))
     echoes = SonarImageSample(0, (0.5,), 4, 0.75, 0.5, 750e3, 1500.0, 0.03, 0.4, "uint8", bytes((1, 2, 3, 4)))
     messages = dict(ros.encoder("scanning_sonar")(EchoSample(9, scan, echoes), "uuv1/"))
@@ -90,7 +90,7 @@ def test_a_ping_of_a_scanning_sonar_is_a_picture_of_one_beam() -> None:
     assert image.beams == pytest.approx((0.5,))
 
 
-def test_an_echosounder_is_a_range() -> None:
+def test_an_echosounder_sample_is_a_range_message() -> None:
     sample = RangeSample(5, 7.5, (0.5, 50.0))
     assert read("echosounder", sample).range == 7.5
     ((_, payload),) = ros.encoder("echosounder")(sample, "")
@@ -100,7 +100,9 @@ def test_an_echosounder_is_a_range() -> None:
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1), FLOATS, st.floats(0.0625, 1.0, width=32), st.lists(FLOATS, max_size=50))
-def test_bytes_are_theirs_and_come_back(time_ns: int, first: float, step: float, ranges: list[float]) -> None:
+def test_any_scan_has_the_bytes_of_rosbags_and_a_round_trip(
+    time_ns: int, first: float, step: float, ranges: list[float]
+) -> None:
     sample = LaserSample(time_ns, first, step, tuple(ranges), (0.5, 20.0))
     data = ros_scans.encode_profile(sample)
     message = STORE.deserialize_cdr(data, "sensor_msgs/msg/LaserScan")
@@ -113,6 +115,6 @@ def test_bytes_are_theirs_and_come_back(time_ns: int, first: float, step: float,
 
 
 @pytest.mark.parametrize("decode", [ros_scans.decode_scan, ros_scans.decode_profile])
-def test_what_is_cut_is_malformed(decode: Any) -> None:
+def test_truncated_messages_are_malformed(decode: Any) -> None:
     data = ros_scans.encode_scan(SCAN)
     assert [decode(data[:end]) for end in range(len(data))] == [None] * len(data)

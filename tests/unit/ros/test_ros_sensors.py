@@ -1,4 +1,4 @@
-"""Messages of the sensors that only some vehicles carry: bytes of another implementation, frames, no data."""
+"""Messages of the optional sensors: bytes of another implementation, frames, missing data."""
 
 import json
 import math
@@ -65,7 +65,7 @@ def flu(vector: Any) -> dict[str, float]:
 # --- golden bytes
 
 
-def test_golden_bytes() -> None:
+def test_messages_have_the_golden_bytes() -> None:
     fix = FixSample(TIME_NS, 57.70889, 11.97456, 36.25, (4.5, 10.25), True)
     place = PositionSample(TIME_NS, (-30.25, 120.5, 8.0), (2.0, 0.5, -0.125, 0.5, 4.0, 0.25, -0.125, 0.25, 1.0))
     field = FieldSample(TIME_NS, (2.0e-5, 1.5e-6, 4.5e-5))
@@ -84,13 +84,13 @@ def test_golden_bytes() -> None:
 
 
 @pytest.mark.parametrize(("index", "on"), [(0, True), (1, False)])
-def test_flags(index: int, on: bool) -> None:
+def test_flags_have_the_golden_bytes(index: int, on: bool) -> None:
     data = golden("std_msgs/msg/Bool", index)
     assert ros_sensors.encode_bool(FlagSample(TIME_NS, on)) == data
     assert ros_sensors.decode_bool(data) is on
 
 
-def test_no_fix() -> None:
+def test_a_missing_fix_is_in_the_message() -> None:
     none = FixSample(TIME_NS, math.nan, math.nan, math.nan, (4.5, 10.25), False)
     data = golden("sensor_msgs/msg/NavSatFix", 1)
     assert ros_sensors.encode_fix(none) == data
@@ -101,12 +101,12 @@ def test_no_fix() -> None:
 
 
 @pytest.mark.parametrize("distance", [math.inf, -math.inf])
-def test_no_echo_and_too_close(distance: float) -> None:
+def test_a_missing_or_too_close_echo_survives_a_round_trip(distance: float) -> None:
     sample = RangeSample(TIME_NS, distance, (0.5, 75.0))
     assert ros_sensors.decode_distance(ros_sensors.encode_distance(sample)) == sample
 
 
-def test_a_battery_that_is_off() -> None:
+def test_a_disconnected_battery_is_in_the_message() -> None:
     off = BatterySample(TIME_NS, 12.0, 0.0, 0.0, 18.0, True)
     assert ros_sensors.decode_battery(ros_sensors.encode_battery(off)) == off
 
@@ -116,7 +116,7 @@ def test_a_battery_that_is_off() -> None:
 
 @FEW
 @given(TIMES, VECTORS)
-def test_fields_and_velocities(time_ns: int, vector: Any) -> None:
+def test_magnetic_fields_and_velocities_equal_those_of_rosbags(time_ns: int, vector: Any) -> None:
     field, velocity = FieldSample(time_ns, vector), VelocitySample(time_ns, vector)
     name, zero = "sensor_msgs/msg/MagneticField", {"x": 0.0, "y": 0.0, "z": 0.0}
     data = theirs(name, time_ns, "magnetometer_link", magnetic_field=flu(vector), magnetic_field_covariance=[0.0] * 9)
@@ -132,7 +132,9 @@ def test_fields_and_velocities(time_ns: int, vector: Any) -> None:
 @given(
     TIMES, st.floats(-90, 90), st.floats(-180, 180), NUMBERS, st.floats(0, 1e3), st.floats(0, 1e3), st.text(max_size=9)
 )
-def test_fixes(time_ns: int, north: float, east: float, up: float, level: float, steep: float, frame: str) -> None:
+def test_fixes_equal_those_of_rosbags(
+    time_ns: int, north: float, east: float, up: float, level: float, steep: float, frame: str
+) -> None:
     sample = FixSample(time_ns, north, east, up, (level, steep), True)
     frame = frame.encode(errors="replace").decode()
     data = theirs(
@@ -146,8 +148,8 @@ def test_fixes(time_ns: int, north: float, east: float, up: float, level: float,
 
 @FEW
 @given(TIMES, VECTORS, st.tuples(*[NUMBERS] * 6))
-def test_positions(time_ns: int, place: Any, terms: Any) -> None:
-    """The covariance goes the way of P C P' with the matrix P that swaps NED and ENU."""
+def test_positions_equal_those_of_rosbags(time_ns: int, place: Any, terms: Any) -> None:
+    """The covariance is transformed as P C P' with the matrix P that swaps NED and ENU."""
     a, b, c, d, e, f = terms
     ned = np.array([[a, b, c], [b, d, e], [c, e, f]])
     swap = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -169,7 +171,7 @@ def test_positions(time_ns: int, place: Any, terms: Any) -> None:
 
 @FEW
 @given(TIMES, st.tuples(*[SINGLES] * 3), st.sampled_from([1.0, 4.0, 16.0]), st.booleans())
-def test_batteries(time_ns: int, values: Any, capacity: float, off: bool) -> None:
+def test_batteries_equal_those_of_rosbags(time_ns: int, values: Any, capacity: float, off: bool) -> None:
     voltage, current, charge = values
     sample = BatterySample(time_ns, voltage, current, charge, capacity, off)
     data = theirs(
@@ -182,7 +184,7 @@ def test_batteries(time_ns: int, values: Any, capacity: float, off: bool) -> Non
     assert ros_sensors.decode_battery(data) == sample
 
 
-def test_a_battery_of_others_with_cells_reads() -> None:
+def test_a_battery_message_with_cells_is_decoded() -> None:
     data = theirs(
         "sensor_msgs/msg/BatteryState", TIME_NS, "b", voltage=16.0, temperature=20.0, current=-2.0, charge=1.0,
         capacity=2.0, design_capacity=2.5, percentage=0.5, power_supply_status=2, power_supply_health=1,
@@ -194,7 +196,7 @@ def test_a_battery_of_others_with_cells_reads() -> None:
 
 @FEW
 @given(TIMES, SINGLES, st.floats(0, 1, width=32), st.floats(1, 1000, width=32))
-def test_ranges(time_ns: int, distance: float, near: float, far: float) -> None:
+def test_ranges_equal_those_of_rosbags(time_ns: int, distance: float, near: float, far: float) -> None:
     sample = RangeSample(time_ns, distance, (near, far))
     data = theirs(
         "sensor_msgs/msg/Range", time_ns, "altimeter_link", radiation_type=0, field_of_view=0.0, min_range=near,
@@ -220,7 +222,7 @@ SAMPLES = {
 }
 
 
-def test_there_is_a_sample_of_each() -> None:
+def test_every_sensor_has_a_sample_here() -> None:
     elsewhere = {"imu", "dvl", "dvl_water", "pressure", "odometry", "ground_truth"}  # test_ros and test_ros_dvl
     scans = {"laser", "profiler", "scanning_sonar", "echosounder"}  # test_ros_scans
     pictures = {"camera", "forward_sonar", "side_scan"}  # test_ros_images
@@ -230,7 +232,7 @@ def test_there_is_a_sample_of_each() -> None:
 
 @pytest.mark.parametrize("prefix", ["", "uuv1/"])
 @pytest.mark.parametrize("name", SAMPLES)
-def test_each_goes_out_on_its_topic_and_comes_back(name: str, prefix: str) -> None:
+def test_every_sample_is_published_on_its_topic_and_decoded_again(name: str, prefix: str) -> None:
     """Each is a message of its topic's type: others read it with that type's definition."""
     ((topic, payload),) = list(ros.encoder(name)(SAMPLES[name], prefix))
     assert topic == name

@@ -128,7 +128,7 @@ def random_message(name: str, source: random.Random) -> tuple[dict[str, Any], An
     return {key: pair[0] for key, pair in pairs.items()}, made
 
 
-def test_random_messages_are_theirs_byte_for_byte_both_ways() -> None:
+def test_random_messages_equal_those_of_rosbags_both_ways() -> None:
     for name in [*MESSAGES, *HALVES]:
         source = random.Random(name)
         for _ in range(12):
@@ -141,24 +141,24 @@ def test_random_messages_are_theirs_byte_for_byte_both_ways() -> None:
 # --- definitions
 
 
-def test_all_that_was_asked_for_is_there() -> None:
+def test_all_required_message_types_are_defined() -> None:
     wanted = [line.split(": ") for line in ASKED_FOR.strip().splitlines()]
     names = [f"{package}/msg/{word}" for package, words in wanted for word in words.split()]
     assert [name for name in names if name not in NAMES] == []
 
 
-def test_hash_of_a_message() -> None:
+def test_the_type_hash_of_a_message_equals_that_of_rosbags() -> None:
     for name in MESSAGES:
         if name not in MISTAKEN:
             assert types.type_hash(name) == STORE.hash_rihs01(name), name
 
 
 @pytest.mark.parametrize("name", PRINTED)
-def test_hash_as_ros_prints_it(name: str) -> None:
+def test_the_type_hash_has_the_form_that_ros_prints(name: str) -> None:
     assert types.type_hash(name) == PRINTED[name]
 
 
-def test_hashes_are_what_the_tool_makes() -> None:
+def test_the_hash_file_equals_the_output_of_its_tool() -> None:
     spec = importlib.util.spec_from_file_location("ros_types", os.path.join(ROOT, "tools", "ros_types.py"))
     assert spec is not None
     assert spec.loader is not None
@@ -170,11 +170,11 @@ def test_hashes_are_what_the_tool_makes() -> None:
         assert tool.definitions_of_rosbags(package) == kept
 
 
-def test_the_slaves_constants_are_those_of_the_definitions() -> None:
+def test_the_slaves_type_hashes_equal_those_of_the_definitions() -> None:
     assert {name: types.type_hash(name) for name in TYPE_HASHES} == TYPE_HASHES
 
 
-def test_full_text_reads_alone() -> None:
+def test_the_full_definition_text_is_self_contained() -> None:
     """A recording carries the text with all types in it, each once."""
     text = types.full_text("nav_msgs/msg/Odometry")
     assert text.startswith("std_msgs/Header header\nstring child_frame_id\n")
@@ -186,14 +186,14 @@ def test_full_text_reads_alone() -> None:
 @pytest.mark.parametrize(
     "name", ["sensor_msgs/msg/Imo", "sensor_msgs/Imu", "Imu", "", "../x/msg/Y", "std_srvs/srv/Set"]
 )
-def test_an_unknown_type_says_so(name: str) -> None:
+def test_an_unknown_type_is_reported(name: str) -> None:
     with pytest.raises(ConfigError, match="no message type"):
         ros_message.encode(name, {})
     with pytest.raises(ConfigError, match="no message type"):
         ros_message.decode(name, HEADER)
 
 
-def test_a_near_name_is_offered() -> None:
+def test_a_similar_type_name_is_suggested() -> None:
     with pytest.raises(ConfigError, match="did you mean 'sensor_msgs/msg/Imu'"):
         types.type_hash("sensor_msgs/msg/Imo")
 
@@ -201,7 +201,7 @@ def test_a_near_name_is_offered() -> None:
 # --- values
 
 
-def test_what_is_left_out_is_zero_and_level() -> None:
+def test_omitted_fields_are_zero_and_orientations_level() -> None:
     message = ros_message.empty("geometry_msgs/msg/PoseStamped")
     assert message["pose"]["orientation"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
     assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
@@ -214,14 +214,14 @@ def test_what_is_left_out_is_zero_and_level() -> None:
      struct.pack("<5f", *range(5)), memoryview(struct.pack("<5f", *range(5))), range(5)],
     ids=["numpy", "array", "list", "numpy of integers", "bytes", "memoryview", "range"],
 )  # fmt: skip
-def test_arrays_come_as_any_sequence_or_buffer(data: Any) -> None:
+def test_arrays_may_be_any_sequence_or_buffer(data: Any) -> None:
     payload = ros_message.encode("sensor_msgs/msg/LaserScan", {"ranges": data, "header": {"frame_id": "ab"}})
     message = ros_message.decode("sensor_msgs/msg/LaserScan", payload)
     assert message is not None
     assert message["ranges"] == (0.0, 1.0, 2.0, 3.0, 4.0)
 
 
-def test_an_image_from_an_array_of_rows() -> None:
+def test_an_image_may_be_an_array_of_rows() -> None:
     pixels = np.arange(24, dtype=np.uint8).reshape(4, 6)
     message = ros_message.decode("sensor_msgs/msg/Image", ros_message.encode("sensor_msgs/msg/Image", {"data": pixels}))
     assert message is not None
@@ -241,12 +241,12 @@ def test_an_image_from_an_array_of_rows() -> None:
         ({"linear": {"w": 1.0}}, "no field 'w'; there are: x, y, z"),
     ],
 )
-def test_wrong_values_are_named(values: Any, words: str) -> None:
+def test_wrong_values_are_reported_with_their_field(values: Any, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         ros_message.encode("geometry_msgs/msg/Twist", values)
 
 
-def test_a_bounded_sequence() -> None:
+def test_a_bounded_sequence_is_limited() -> None:
     name, one = "rcl_interfaces/msg/ParameterDescriptor", {"to_value": 3}
     message = ros_message.decode(name, ros_message.encode(name, {"integer_range": [one]}))
     assert message is not None
@@ -273,25 +273,25 @@ def test_a_bounded_sequence() -> None:
         ({"header": {"frame_id": 7}}, "CameraInfo.header.frame_id: expected a text"),
     ],
 )
-def test_wrong_numbers_are_named(values: Any, words: str) -> None:
+def test_wrong_numbers_are_reported_with_their_field(values: Any, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         ros_message.encode("sensor_msgs/msg/CameraInfo", values)
 
 
 @pytest.mark.parametrize("value", ["off", "false", "true", "", 2, -1, 1.5, [1], (), {}, [], np.zeros(3), math.nan])
-def test_a_bool_is_nothing_but_true_or_false(value: Any) -> None:
+def test_a_bool_field_refuses_other_values(value: Any) -> None:
     """Python's truth value of "off" would arm a vehicle."""
     with pytest.raises(ConfigError, match=r"SetBool_Request\.data: expected true or false, found "):
         ros_message.encode("std_srvs/srv/SetBool_Request", {"data": value})
 
 
 @pytest.mark.parametrize("value", [False, 0, np.False_, True, 1, np.True_])
-def test_bools_and_what_ros_takes_for_them(value: Any) -> None:
+def test_a_bool_field_accepts_bools_0_and_1(value: Any) -> None:
     payload = ros_message.encode("std_srvs/srv/SetBool_Request", {"data": value})
     assert payload == HEADER + bytes([bool(value)])
 
 
-def test_a_list_of_bools() -> None:
+def test_a_list_of_bools_is_encoded() -> None:
     name = "rcl_interfaces/msg/ParameterValue"
     message = ros_message.decode(name, ros_message.encode(name, {"bool_array_value": [True, 0, False, 1]}))
     assert message is not None
@@ -312,18 +312,18 @@ def test_noise_never_raises(name: str, noise: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", ["diagnostic_msgs/msg/DiagnosticArray", "sensor_msgs/msg/PointCloud2"])
-def test_shortened_messages_are_malformed(name: str) -> None:
+def test_truncated_messages_are_malformed(name: str) -> None:
     ours, _ = random_message(name, random.Random(3))
     data = ros_message.encode(name, ours)
     assert all(ros_message.decode(name, data[:end]) is None for end in range(len(data)))
 
 
-def test_a_count_beyond_the_message_costs_nothing() -> None:
+def test_a_count_beyond_the_message_allocates_nothing() -> None:
     for name in ("tf2_msgs/msg/TFMessage", "sensor_msgs/msg/PointCloud2", "std_msgs/msg/String"):
         assert ros_message.decode(name, HEADER + b"\xff" * 64) is None
 
 
-def test_messages_are_json_but_for_bytes() -> None:
+def test_messages_can_be_written_as_json_except_bytes() -> None:
     message = ros_message.empty("nav_msgs/msg/Odometry")
     again: Sequence[float] = json.loads(json.dumps(message))["pose"]["covariance"]
     assert again == [0.0] * 36

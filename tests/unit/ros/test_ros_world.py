@@ -1,4 +1,4 @@
-"""A world as map and markers, held against the codec that others wrote, and against the planner's own map."""
+"""A world as map and markers, compared with an independent codec, and with the planner's own map."""
 
 import pickle
 from math import pi
@@ -24,7 +24,7 @@ def theirs(payload: bytes, kind: str) -> Any:
     return STORE.deserialize_cdr(payload, kind)
 
 
-def test_a_map_is_rows_from_the_south_and_columns_from_the_west() -> None:
+def test_a_map_has_rows_from_the_south_and_columns_from_the_west() -> None:
     payload = encode_map(3 * 10**9 + 5, GridMap(bytes([0, 1, 0, 0, 0, 1]), 3, 0.5, south=-2.0, west=7.0))
     grid = theirs(payload, "nav_msgs/msg/OccupancyGrid")
     assert (grid.header.frame_id, grid.header.stamp.sec, grid.header.stamp.nanosec) == ("map", 3, 5)
@@ -34,7 +34,7 @@ def test_a_map_is_rows_from_the_south_and_columns_from_the_west() -> None:
     assert grid.data.tolist() == [0, 100, 0, 0, 0, 100]
 
 
-def test_obstacles_stand_from_their_top_to_the_seabed_and_hidden_ones_are_left_out() -> None:
+def test_obstacles_reach_from_top_to_seabed_and_hidden_ones_are_omitted() -> None:
     world = load_world("pool")._replace(
         cylinder=(Cylinder(2.0, 3.0, 0.5, top=1.0, name="post"), Cylinder(1.0, 1.0, 0.5, hidden=True)),
         box=(Box(4.0, 5.0, 2.0, 1.0, heading=pi / 2),),
@@ -54,7 +54,7 @@ def test_obstacles_stand_from_their_top_to_the_seabed_and_hidden_ones_are_left_o
     assert post.color.a > 0.0
 
 
-def test_each_description_is_made_of_a_scenario_as_the_process_gets_it() -> None:
+def test_every_description_is_made_from_a_pickled_scenario() -> None:
     scenario = pickle.loads(pickle.dumps(load_scenario("paper_field")))
     assert set(MAKERS) == set(DESCRIPTIONS)
     text = theirs(MAKERS["robot_description"](scenario), "std_msgs/msg/String").data
@@ -67,7 +67,7 @@ def test_each_description_is_made_of_a_scenario_as_the_process_gets_it() -> None
     assert theirs(MAKERS["obstacles"](scenario), "visualization_msgs/msg/MarkerArray").markers
 
 
-def test_a_mesh_is_a_list_of_triangles_in_the_map() -> None:
+def test_a_mesh_is_a_triangle_list_marker() -> None:
     """The axes are x east, y north and z up; a mesh that is hidden is left out."""
     triangle = ((12.0, 1.0, 7.0), (10.0, 2.0, 8.0), (11.0, 3.0, 9.0))
     keys = MeshKeys("wreck.stl", 10.0, 1.0, name="the wreck")

@@ -1,4 +1,4 @@
-"""The table of topics on which samples go out, held against what the encoders make of every scalar sensor's samples."""
+"""The table of topics of samples, compared with what the encoders make of every scalar sensor's samples."""
 
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS, sample_topics
@@ -12,7 +12,7 @@ PICTURES = {"camera", "forward_sonar", "side_scan"}
 NEEDS_A_BATTERY = {"battery"}  # which this vehicle has not
 
 
-def test_samples_go_out_on_the_topics_that_are_declared_for_them() -> None:
+def test_samples_are_encoded_for_their_declared_topics() -> None:
     sensors = fit(**{name: load_sensor(name).Model() for name in SENSORS if name not in PICTURES | NEEDS_A_BATTERY})
     world = load_world("paper_field")._replace(origin=(57.7, 11.9))
     simulation = Simulation(load_vehicle("bluerov2")[0], world, position=(0.0, 0.0, 3.0), sensors=sensors)
@@ -26,6 +26,6 @@ def test_samples_go_out_on_the_topics_that_are_declared_for_them() -> None:
     assert {topic for topics in found.values() for topic in topics} <= set(TOPICS)
 
 
-def test_pictures_are_declared_with_the_first_one() -> None:
+def test_image_topics_are_declared_with_the_first_sample() -> None:
     """The topics of a camera depend on its options."""
     assert [sample_topics(name) for name in PICTURES] == [(), (), ()]

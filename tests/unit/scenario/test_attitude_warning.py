@@ -45,7 +45,7 @@ def test_the_warning_names_file_key_vehicle_and_both_speeds(
     assert warning is None or all(words in warning for words in reported)
 
 
-def test_a_hunt_is_asked_by_its_fields(tmp_path: Path) -> None:
+def test_a_hunt_is_checked_by_the_top_speed_of_its_fields(tmp_path: Path) -> None:
     scenario = load_scenario("target_hunting")
     assert scenario.hunting is not None
     assert attitude_warning(scenario) is None
@@ -55,14 +55,14 @@ def test_a_hunt_is_asked_by_its_fields(tmp_path: Path) -> None:
     assert "hunting: fields: max_speed: 0.9 m/s" in warning
 
 
-def test_sim_warns_and_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sim_warns_and_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["sim", scenario_file(tmp_path, TIPPING, 0.8), "--fast"])
     assert capsys.readouterr().err.startswith("WARNING: ")
     main(["sim", scenario_file(tmp_path, "bluerov2_heavy", 0.8), "--fast"])
     assert "WARNING" not in capsys.readouterr().err
 
 
-def test_demo_warns_before_it_starts_anything(
+def test_demo_warns_before_it_starts_processes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("hil.commands.demo.require_free", lambda *_, **__: None)
@@ -72,7 +72,7 @@ def test_demo_warns_before_it_starts_anything(
     assert capsys.readouterr().err.startswith("WARNING: ")
 
 
-def test_doctor_notes_it(tmp_path: Path) -> None:
+def test_doctor_reports_it_as_a_note(tmp_path: Path) -> None:
     me = User("me", 0, ())
     for vehicle, noted in ((TIPPING, True), ("bluerov2_heavy", False)):
         scenario = load_scenario(scenario_file(tmp_path, vehicle, 0.8))

@@ -13,7 +13,7 @@ ZONES = (Zone("restricted", HOOK), Zone("anchorage", ((-40.0, -40.0), (-40.0, -2
 WORLD = World("sea", "test", (-50.0, 50.0, -50.0, 50.0), 20.0, zone=ZONES)
 
 
-def test_only_zones_of_the_kinds_that_are_named_are_kept_out_of() -> None:
+def test_only_zones_of_the_named_kinds_are_closed() -> None:
     free = known_map(Master(resolution=0.5), VEHICLE, WORLD)
     assert not free.cells.any(), "by default they stop nobody"
     grid = known_map(Master(resolution=0.5, avoid_zones=("restricted", "dumping")), VEHICLE, WORLD)
@@ -26,7 +26,7 @@ def test_only_zones_of_the_kinds_that_are_named_are_kept_out_of() -> None:
     assert not unknown.cells.any()
 
 
-def test_a_zone_partly_or_wholly_off_the_map_changes_nothing_else() -> None:
+def test_a_zone_off_the_map_closes_only_its_cells_on_the_map() -> None:
     grid = OccupancyGrid.empty(Extent(0.0, 0.0, 30.0, 30.0), 1.0)
     close(grid, ((100.0, 100.0), (120.0, 100.0), (110.0, 120.0)))
     assert not grid.cells.any()

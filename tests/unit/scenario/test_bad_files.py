@@ -1,4 +1,4 @@
-"""Whatever stands in a file that a person wrote, it is read or is one line that names the file."""
+"""Any content of a file that a person writes: it is read, or refused in one line that names the file."""
 
 import importlib
 import math
@@ -68,8 +68,10 @@ PRESETS = [(folder, name) for folder in READERS for name in preset_names(folder)
 
 
 @pytest.mark.parametrize(("folder", "name"), PRESETS, ids=lambda text: text.rpartition("/")[2])
-def test_a_wrong_value_of_any_key(folder: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A value of a preset, replaced by what it cannot be, is accepted as meant, or refused by file and key."""
+def test_a_wrong_value_of_any_key_is_refused_by_its_key(
+    folder: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A preset's value, replaced by an invalid one, is accepted as meant, or refused by file and key."""
     path = os.path.join(preset_folder(folder), f"{name}.toml")
     whole, read = read_table(path), tables.read_table
     bad: list[Any] = []
@@ -126,7 +128,7 @@ def written(folder: Path, data: bytes) -> str:
         (b"a = 1\r", "not valid TOML"),
     ],
 )
-def test_no_toml(tmp_path: Path, data: bytes, words: str) -> None:
+def test_invalid_toml_is_refused_with_the_file(tmp_path: Path, data: bytes, words: str) -> None:
     path = written(tmp_path, data)
     with pytest.raises(ConfigError, match=words) as error:
         read_table(path)
@@ -144,7 +146,7 @@ def test_no_toml(tmp_path: Path, data: bytes, words: str) -> None:
     ],
     ids=lambda text: text[:20],
 )  # fmt: skip
-def test_a_hostile_scenario_is_one_line(
+def test_a_hostile_scenario_is_refused_in_one_line(
     line: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "mine.toml"
@@ -157,7 +159,7 @@ def test_a_hostile_scenario_is_one_line(
         assert len(output) < len(str(path)) + 250
 
 
-def test_a_kind_of_seabed_that_is_none(tmp_path: Path) -> None:
+def test_an_unknown_kind_of_seabed_is_refused(tmp_path: Path) -> None:
     for kind in ("[]", "{}", "1", "true", '""', f'"{"x" * 5_000}"'):
         path = tmp_path / "w.toml"
         path.write_text(
@@ -169,11 +171,11 @@ def test_a_kind_of_seabed_that_is_none(tmp_path: Path) -> None:
         assert len(str(error.value)) < len(str(path)) + 250
 
 
-def test_a_byte_order_mark_is_passed_over(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_ignored(tmp_path: Path) -> None:
     assert read_table(written(tmp_path, b"\xef\xbb\xbfa = 1\n")) == {"a": 1}
 
 
-def test_what_is_no_file_is_not_read(tmp_path: Path) -> None:
+def test_pipes_devices_folders_and_oversized_files_are_refused(tmp_path: Path) -> None:
     pipe, zero, huge = tmp_path / "pipe.toml", tmp_path / "zero.toml", tmp_path / "huge.toml"
     os.mkfifo(pipe)
     zero.symlink_to("/dev/zero")
@@ -198,7 +200,7 @@ def test_what_is_no_file_is_not_read(tmp_path: Path) -> None:
         ("yaml", "hil.autonomy.paths.occupancy:OccupancyGrid.read"),
     ],
 )  # fmt: skip
-def test_no_reader_waits_for_a_pipe_or_reads_without_end(ending: str, reader: str, tmp_path: Path) -> None:
+def test_no_reader_blocks_on_a_pipe_or_reads_an_oversized_file(ending: str, reader: str, tmp_path: Path) -> None:
     module, _, names = reader.partition(":")
     read = operator.attrgetter(names)(importlib.import_module(module))
     pipe, huge = tmp_path / f"pipe.{ending}", tmp_path / f"huge.{ending}"
@@ -217,21 +219,21 @@ def test_no_reader_waits_for_a_pipe_or_reads_without_end(ending: str, reader: st
         ("mcap", "hil.recording.reader:recording_files"),
     ],
 )  # fmt: skip
-def test_no_reader_of_files_of_any_size_waits_for_a_pipe(ending: str, reader: str, tmp_path: Path) -> None:
+def test_no_reader_of_large_files_blocks_on_a_pipe(ending: str, reader: str, tmp_path: Path) -> None:
     module, _, name = reader.partition(":")
     os.mkfifo(tmp_path / f"pipe.{ending}")
     with pytest.raises(ConfigError, match="no regular file"):
         getattr(importlib.import_module(module), name)(str(tmp_path / f"pipe.{ending}"))
 
 
-def test_the_error_of_a_file_has_no_words_of_the_interpreter(tmp_path: Path) -> None:
+def test_file_errors_have_no_text_of_the_interpreter(tmp_path: Path) -> None:
     for content, words in ((b"a = " + b"9" * 5000, "more than 4300 digits"), (b"# b\xfcoot", "is not UTF-8 text")):
         with pytest.raises(ConfigError, match=words) as error:
             read_table(written(tmp_path, content))
         assert not re.search("sys|codec|Errno", str(error.value))
 
 
-def test_a_seabed_is_no_pipe(tmp_path: Path) -> None:
+def test_a_pipe_as_a_seabed_file_is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "bed.f32")
     (tmp_path / "w.toml").write_text(
         'name = "w"\nsource = "-"\nextent = [0, 10, 0, 10]\ndepth = 5\n[terrain]\nfile = "bed.f32"\nnorth_min = 0\n'
@@ -256,7 +258,7 @@ def test_a_seabed_is_no_pipe(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("scenario", ["/dev/zero", "/", "pipe.toml", "/etc/passwd", ""])
-def test_a_scenario_that_is_none(
+def test_an_invalid_scenario_path_is_refused_in_one_line(
     command: list[str],
     scenario: str,
     tmp_path: Path,

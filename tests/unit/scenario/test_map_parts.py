@@ -1,4 +1,4 @@
-"""Part of a large world that a planner's map shows."""
+"""The part of a large world that a planner's map shows."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,13 +15,13 @@ def cells(part: MapPart) -> float:
     return (extent.north - extent.south) * (extent.east - extent.west) / part.resolution**2
 
 
-def test_a_small_world_is_shown_whole_and_so_is_one_without_places() -> None:
+def test_a_small_world_or_one_without_points_is_shown_completely() -> None:
     small = Extent(-3.0, -3.0, 60.0, 60.0)
     assert map_parts(small, 0.25, [(0.0, 0.0)]) == [(small, 0.25)]
     assert map_parts(WIDE, 2.0, []) == [(WIDE, 32.0)], "in cells of which it has not too many"
 
 
-def test_parts_double_their_margin_until_the_map_is_too_large_and_then_show_all() -> None:
+def test_the_margin_doubles_until_the_map_is_too_large() -> None:
     *parts, last = map_parts(WIDE, 2.0, [(0.0, 0.0), (1000.0, 400.0)])
     assert [part.extent.north - 1000.0 for part in parts] == [250.0 * 2**k for k in range(len(parts))]
     assert {part.resolution for part in parts} == {2.0}
@@ -30,7 +30,7 @@ def test_parts_double_their_margin_until_the_map_is_too_large_and_then_show_all(
     assert map_parts(WIDE, 40.0, [(0.0, 0.0)])[-1] == (WIDE, 40.0), "the whole of it is no more than they may grow to"
 
 
-def test_places_far_apart_are_shown_in_larger_cells() -> None:
+def test_distant_points_are_shown_in_larger_cells() -> None:
     first, last = map_parts(WIDE, 1.0, [(-4500.0, -4500.0), (4500.0, 4500.0)])
     assert first.resolution == 16.0
     assert cells(first) <= MOST_GROWN < 4.5 * cells(first)
@@ -42,7 +42,7 @@ def test_places_far_apart_are_shown_in_larger_cells() -> None:
     st.lists(st.tuples(st.floats(-25e3, 25e3), st.floats(-25e3, 25e3)), min_size=1, max_size=4),
     st.sampled_from([0.3, 1.0, 2.5, 7.0]),
 )
-def test_every_part_holds_the_places_and_has_the_cells_of_the_whole_map(
+def test_every_part_contains_the_points_and_the_cells_of_the_whole_map(
     places: list[tuple[float, float]], resolution: float
 ) -> None:
     before = None

@@ -25,7 +25,7 @@ speeds = st.floats(-2.5, 2.5)
 
 
 @given(st.tuples(metres, metres, st.floats(0.0, 6500.0)), st.tuples(speeds, speeds), st.integers(0, 2**31))
-def test_a_report_is_sixteen_bytes_to_a_centimetre(
+def test_a_report_has_16_bytes_and_centimetre_resolution(
     position: tuple[float, float, float], velocity: tuple[float, float], ms: int
 ) -> None:
     data = encode_report(ModemReport(position, velocity, ms * MS))
@@ -38,12 +38,12 @@ def test_a_report_is_sixteen_bytes_to_a_centimetre(
     assert back.clock_ns == ms * MS
 
 
-def test_a_report_byte_by_byte() -> None:
+def test_a_report_has_the_expected_bytes() -> None:
     data = encode_report(ModemReport((1.0, -2.0, 3.0), (0.4, -0.4), 1500 * MS))
     assert data == bytes.fromhex("64000000 38ffffff 1e00 14 ec dc050000")
 
 
-def test_what_does_not_fit_stands_at_its_limit_and_what_is_none_is_none() -> None:
+def test_values_out_of_range_are_limited_and_malformed_reports_are_none() -> None:
     back = decode_report(encode_report(ModemReport((nan, inf, -4.0), (9.0, -9.0), -5)))
     assert back
     assert back.position[2] == 0.0
@@ -53,7 +53,7 @@ def test_what_does_not_fit_stands_at_its_limit_and_what_is_none_is_none() -> Non
     assert decode_report(bytes(17)) is None
 
 
-def test_a_modem_message_is_what_ros_reads() -> None:
+def test_a_modem_message_is_read_by_ros() -> None:
     data = encode_message(Message("uuv2", b"\x01\x02\x03"))
     fields = ros_message.decode("std_msgs/msg/UInt8MultiArray", data)
     assert fields
@@ -67,7 +67,7 @@ def test_a_modem_message_is_what_ros_reads() -> None:
     assert decode_message(ros_message.encode("std_msgs/msg/UInt8MultiArray", {"data": b"xyz"})) is None
 
 
-def test_turns_never_meet() -> None:
+def test_time_slots_never_overlap() -> None:
     scenario = load_scenario(SCENARIO)
     turns = [TdmaSchedule(scenario, number) for number in range(4)]
     starts = sorted(turn.after(time * 10 * MS) for turn in turns for time in range(300))
@@ -78,7 +78,7 @@ def test_turns_never_meet() -> None:
     assert turns[1].after(250 * MS) == 1250 * MS
 
 
-def test_without_slots_it_is_by_lot() -> None:
+def test_without_slots_reports_are_sent_at_random_times() -> None:
     scenario = load_scenario(SCENARIO, {"modem.slot": 0, "hunting.report_period": 1.0})
     turns = TdmaSchedule(scenario, 0)
     gaps = [turns.after(0) for _ in range(500)]
@@ -89,7 +89,7 @@ def test_without_slots_it_is_by_lot() -> None:
     assert TdmaSchedule(scenario, 1).after(0) != gaps[0]
 
 
-def test_the_table_is_that_of_either_modem() -> None:
+def test_the_modem_table_selects_an_acoustic_or_optical_modem() -> None:
     acoustic = modem_of(load_scenario(SCENARIO, {"modem.bit_rate": 1000.0, "modem.bounces": 2}))
     assert acoustic.model.airtime_ns(16) == 158 * MS
     optical = modem_of(load_scenario(SCENARIO, {"modem": {"kind": "optical", "slot": "10 ms", "attenuation": 0.4}}))
@@ -107,12 +107,12 @@ def test_the_table_is_that_of_either_modem() -> None:
         ({"modem": 3}, "modem: expected a table"),
     ],
 )
-def test_what_is_wrong_is_reported(changes: dict[str, object], words: str) -> None:
+def test_wrong_modem_settings_are_reported(changes: dict[str, object], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         modem_of(load_scenario(SCENARIO, changes))
 
 
-def test_a_fleet_without_one_has_none(tmp_path: Path) -> None:
+def test_a_scenario_without_a_modem_table_has_no_modem(tmp_path: Path) -> None:
     scenario = load_scenario(write_variant("target_hunting", str(tmp_path), {}))
     assert scenario.modem is None
     with pytest.raises(ConfigError, match=r"there is no \[modem\]"):

@@ -1,4 +1,4 @@
-"""An endpoint of a scenario that is none is an error of the file, with its key, when the file is loaded."""
+"""An invalid endpoint of a scenario is an error of the file, with its key, when the file is loaded."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ ENDPOINTS = [
 
 
 @pytest.mark.parametrize(("tail", "key"), ENDPOINTS)
-def test_an_endpoint_that_is_none_is_named_by_file_and_key(
+def test_an_invalid_endpoint_is_reported_by_file_and_key(
     tail: str, key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "mine.toml"

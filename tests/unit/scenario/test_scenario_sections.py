@@ -1,4 +1,4 @@
-"""A section of the scenario that is none: reported with file, key and remedy."""
+"""An invalid section of a scenario is reported with file, key and remedy."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ FLOWN = 'vehicle = "paper_six"\nworld = "pool"\nmaster = {}\n'
 
 @pytest.mark.parametrize("value", ['"/dev/ttyUSB0"', "3", "true", "[1]", '[["port", "pty:"]]'])
 @pytest.mark.parametrize("name", ["link", "link.options"])
-def test_a_value_in_place_of_a_section(tmp_path: Path, name: str, value: str) -> None:
+def test_a_value_in_place_of_a_section_is_refused(tmp_path: Path, name: str, value: str) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f"{FLOWN}{name} = {value}\n")
     with pytest.raises(ConfigError) as caught:
@@ -23,13 +23,13 @@ def test_a_value_in_place_of_a_section(tmp_path: Path, name: str, value: str) ->
 
 
 @pytest.mark.parametrize(("section", "options"), [("", {}), ("[link]", {}), ("[link.options]\na = 1", {"a": 1})])
-def test_what_the_section_may_be(tmp_path: Path, section: str, options: dict[str, Any]) -> None:
+def test_a_link_section_may_be_empty_or_have_options(tmp_path: Path, section: str, options: dict[str, Any]) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f"{FLOWN}{section}\n")
     assert load_scenario(str(path)).link.options == options
 
 
-def test_a_path_of_the_command_line_is_one_of_the_present_folder(tmp_path: Path, monkeypatch: Any) -> None:
+def test_a_path_on_the_command_line_is_relative_to_the_current_folder(tmp_path: Path, monkeypatch: Any) -> None:
     """The rule holds also for an installed scenario, whose own paths are relative to its file."""
     (tmp_path / "mine.toml").write_text(Path(find_preset("sim/worlds", "paper_field")).read_text())
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""Several sensors of one kind in a scenario, each by a name of its own, as its topics and frames are called."""
+"""Several sensors of one kind in a scenario, each with a name of its own for its topics and frames."""
 
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def read_sections() -> SensorSet:
     return read
 
 
-def test_each_has_its_own_keys_and_name() -> None:
+def test_each_sensor_has_its_own_keys_and_name() -> None:
     sensors = read_sections()
     assert sensors["camera_down"].model.rate == 2.0
     assert sensors["camera_down"].mounting.position == (0.1, 0.0, 0.2)
@@ -47,7 +47,7 @@ def test_each_has_its_own_keys_and_name() -> None:
     assert sensors["sonar_wide"].model.frequency == 750e3, "of the device"
 
 
-def test_topics_are_those_of_the_kind_by_the_name() -> None:
+def test_topics_are_those_of_the_kind_under_the_sensors_name() -> None:
     read_sections()
     assert TOPICS["camera_down/image_raw"].type == "sensor_msgs/msg/Image"
     assert TOPICS["sonar_wide/image"].type == TOPICS["forward_sonar/image"].type
@@ -57,7 +57,7 @@ def test_topics_are_those_of_the_kind_by_the_name() -> None:
     assert first_of("camera_down/depth/points") == "camera/depth/points"
 
 
-def test_messages_have_the_names_topics_and_frames() -> None:
+def test_messages_have_the_topics_and_frames_of_the_sensors_name() -> None:
     read_sections()
     pixels = CameraSample(10**9, 2, 1, bytes(6), bytes(8), None, Intrinsics(1, 1, 0, 0), (0.0,) * 5)
     images = dict(ros.encoder("camera_down")(pixels, "uuv1/", "raw", 80))
@@ -82,14 +82,14 @@ def test_messages_have_the_names_topics_and_frames() -> None:
     assert fields["header"]["frame_id"] == "imu_2_link"
 
 
-def test_frames_of_transforms() -> None:
+def test_each_sensor_has_its_frame_in_the_transforms() -> None:
     frames = {each.child: each for each in static_transforms(read_sections(), Ros(), 0)}
     assert {"camera_link", "camera_optical_frame", "camera_down_link", "camera_down_optical_frame"} <= set(frames)
     assert {"aft_link", "aft_transducer_link", "sonar_wide_fan", "imu_2_link"} <= set(frames)
     assert frames["camera_down_optical_frame"].frame == "camera_down_link"
 
 
-def test_each_has_random_numbers_of_its_own_and_the_first_the_usual_ones() -> None:
+def test_each_sensor_has_its_own_random_numbers() -> None:
     sections = {"pressure_2": {"sensor": "pressure"}}
     scene = Simulation(load_vehicle("bluerov2")[0], load_world("open_water"), {})
     read = read_sensors(sections, "")
@@ -102,7 +102,7 @@ def test_each_has_random_numbers_of_its_own_and_the_first_the_usual_ones() -> No
     assert values[0] != values[1]
 
 
-def test_echoes_of_a_further_scanning_sonar_have_noise_of_their_own() -> None:
+def test_echoes_of_a_second_scanning_sonar_have_their_own_noise() -> None:
     keys = {"bins": 50, "max_range": 20.0}
     read = read_sensors({"scanning_sonar": keys, "sonar_aft": {"sensor": "scanning_sonar", **keys}}, "")
     scene = Simulation(load_vehicle("bluerov2")[0], load_world("slope"), {}, position=(0.0, 0.0, 2.0))
@@ -121,7 +121,7 @@ def test_echoes_of_a_further_scanning_sonar_have_noise_of_their_own() -> None:
     ({"camera": {"down": {"width": 3}}}, r'camera: no key .down.*\[sensors.camera_down\] with sensor = "camera"'),
     ({"camera": [{"width": 3}]}, r'\[sensors.camera_2\] with sensor = "camera"'),
 ])  # fmt: skip
-def test_what_is_wrong_is_named(sections: dict[str, object], words: str) -> None:
+def test_wrong_sensor_sections_are_reported(sections: dict[str, object], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         read_sensors(sections, "sensors")
 
@@ -131,13 +131,13 @@ def test_what_is_wrong_is_named(sections: dict[str, object], words: str) -> None
     ({"altitude": {"sensor": "imu"}}, "altitude"),
     ({"aft": {"sensor": "dvl"}, "aft_twist": {"sensor": "imu"}}, "aft_twist"),
 ])  # fmt: skip
-def test_a_topic_of_two_is_refused(sections: dict[str, object], topic: str) -> None:
+def test_a_topic_used_by_two_sensors_is_refused(sections: dict[str, object], topic: str) -> None:
     with pytest.raises(ConfigError, match=f"the topic '{topic}' is taken"):
         announce(read_sensors(sections, "sensors"), "sensors")
     assert "aft" not in TOPICS or topic != "motors"
 
 
-def test_two_of_one_name_are_refused(tmp_path: Path) -> None:
+def test_two_sensors_of_the_same_name_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text('[sensors.down]\nsensor = "camera"\n[sensors.down]\nsensor = "imu"\n')
     with pytest.raises(ConfigError, match=r"down.*twice"):
@@ -157,8 +157,8 @@ def test_a_process_without_the_scenario_learns_a_topic_from_the_graph() -> None:
 
 
 @pytest.mark.parametrize("kind", ["laser", "profiler", "forward_sonar", "scanning_sonar", "altimeter", "dvl"])
-def test_the_kind_is_that_which_has_the_topics_of_the_node(kind: str) -> None:
-    """LaserScan, Range and ProjectedSonarImage are types of several kinds, which read them differently."""
+def test_the_kind_of_a_topic_follows_from_the_nodes_other_topics(kind: str) -> None:
+    """LaserScan, Range and ProjectedSonarImage are types of several kinds, which decode them differently."""
     published = {topic: TOPICS[row].type for topic, row in further_topics("aft", kind).items()}
     for topic, type_name in published.items():
         if TOPICS[further_topics("aft", kind)[topic]].priority != "real_time":
@@ -166,7 +166,7 @@ def test_the_kind_is_that_which_has_the_topics_of_the_node(kind: str) -> None:
             assert first_of(topic) == further_topics("aft", kind)[topic]
 
 
-def test_a_flag_of_a_further_switch() -> None:
+def test_a_second_leak_switch_has_its_own_topic() -> None:
     announce(read_sensors({"leak_aft": {"sensor": "leak"}}, ""), "")
     ((topic, payload),) = ros.encoder("leak_aft")(FlagSample(0, True), "")
     assert topic == "leak_aft"

@@ -1,4 +1,4 @@
-"""A file that we read fits its schema, and what a schema refuses we refuse too."""
+"""Files that we load fit their schema, and what a schema refuses the loader refuses too."""
 
 import copy
 import json
@@ -44,17 +44,17 @@ def faults(kind: str, table: dict[str, Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_schema_is_one(kind: str) -> None:
+def test_every_schema_is_a_valid_json_schema(kind: str) -> None:
     jsonschema.Draft7Validator.check_schema(json.loads(json.dumps(schema(kind), allow_nan=False)))
     assert schema(kind)["$schema"] == DRAFT
 
 
 @pytest.mark.parametrize(("kind", "path"), OURS, ids=lambda value: getattr(value, "stem", value))
-def test_our_own_files_fit(kind: str, path: Path) -> None:
+def test_all_shipped_files_fit_their_schema(kind: str, path: Path) -> None:
     assert faults(kind, read_table(str(path))) == []
 
 
-def test_fleets_have_members() -> None:
+def test_a_fleet_needs_members() -> None:
     hunting, field = (read_table(f"{preset_folder(FOLDERS['scenario'])}/{name}.toml")
                       for name in ("target_hunting", "paper_field"))  # fmt: skip
     assert faults("fleet", hunting) == []
@@ -72,11 +72,11 @@ def whole_blocks() -> Iterator[tuple[str, str, dict[str, Any]]]:
 
 
 @pytest.mark.parametrize(("where", "kind", "table"), list(whole_blocks()), ids=lambda value: str(value)[:40])
-def test_the_files_on_our_pages_fit(where: str, kind: str, table: dict[str, Any]) -> None:
+def test_files_shown_in_docs_fit_their_schema(where: str, kind: str, table: dict[str, Any]) -> None:
     assert faults(kind, table) == []
 
 
-def test_every_block_of_a_page_fits_a_scenario() -> None:
+def test_every_block_shown_in_docs_fits_a_scenario() -> None:
     wholes = {where for where, _, _ in whole_blocks()}
     field = {"vehicle": "paper_six", "world": "paper_field", "master": {"goal": [1.0, 2.0]}}
     count = 0
@@ -106,7 +106,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("kind", "key", "value"), WRONG, ids=lambda value: str(value)[:30])
-def test_what_is_wrong_is_refused_by_both(kind: str, key: str, value: Any, tmp_path: Path) -> None:
+def test_wrong_values_are_refused_by_schema_and_loader(kind: str, key: str, value: Any, tmp_path: Path) -> None:
     path = next(path for each, path in OURS if each == kind and ("paper" in path.stem or kind in ("board", "frame")))
     table = copy.deepcopy(read_table(str(path)))
     inner = table
@@ -122,7 +122,7 @@ def test_what_is_wrong_is_refused_by_both(kind: str, key: str, value: Any, tmp_p
 
 
 @pytest.mark.parametrize("kind", FOLDERS)
-def test_what_is_missing_is_refused(kind: str, tmp_path: Path) -> None:
+def test_missing_keys_are_refused(kind: str, tmp_path: Path) -> None:
     path = next(path for each, path in OURS if each == kind)
     for key in schema(kind)["required"]:
         table = {name: value for name, value in read_table(str(path)).items() if name != key}
@@ -153,7 +153,7 @@ def _inline(value: Any) -> str:
     )
 
 
-def test_every_key_says_what_it_means() -> None:
+def test_every_key_has_a_description() -> None:
     def keys(node: Any) -> Iterator[tuple[str, Any]]:
         if isinstance(node, dict):
             for name, value in node.get("properties", {}).items():
@@ -174,7 +174,7 @@ def _sensor_names() -> set[str]:
     return set(schema("scenario")["properties"]["sensors"]["properties"])
 
 
-def test_the_command_writes_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_every_schema(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema", "-o", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.glob("*")} == {f"{kind}.schema.json" for kind in KINDS}
     capsys.readouterr()

@@ -1,4 +1,4 @@
-"""A slave reports whether its modules were loaded from bytecode, which decides how soon it starts."""
+"""Detection of modules that were loaded from bytecode, which decides how fast a slave starts."""
 
 import sys
 from types import ModuleType
@@ -8,11 +8,11 @@ import pytest
 from hil.slave.health.reporter import bytecode_compiled
 
 
-def test_bytecode_of_what_is_not_loaded() -> None:
+def test_a_package_that_is_not_loaded_has_no_bytecode() -> None:
     assert not bytecode_compiled("no_such_package")
 
 
-def test_what_is_in_c_needs_no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modules_in_c_need_no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
     package, twin, late = ModuleType("made_up"), ModuleType("made_up._twin"), ModuleType("made_up.late")
     monkeypatch.setattr(package, "__cached__", __file__, raising=False)
     twin.__file__, late.__file__ = "_twin.abi3.so", "late.py"

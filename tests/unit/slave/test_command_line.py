@@ -1,4 +1,4 @@
-"""The slave's own reading of its command line, which is quicker than argparse and means the same."""
+"""The slave's own parsing of its command line, which is faster than argparse and has the same result."""
 
 import itertools
 
@@ -16,7 +16,7 @@ VALUES = {
 
 @pytest.mark.parametrize("first", VALUES)
 @pytest.mark.parametrize("second", VALUES)
-def test_what_is_given_twice_means_the_last_as_with_argparse(first: str, second: str) -> None:
+def test_the_last_of_repeated_options_applies_as_with_argparse(first: str, second: str) -> None:
     words = ["paper_field", first, VALUES[first][0], second, VALUES[second][1]]
     found = _quick(words)
     assert found is not None
@@ -25,13 +25,13 @@ def test_what_is_given_twice_means_the_last_as_with_argparse(first: str, second:
 
 
 @pytest.mark.parametrize("given", list(itertools.permutations(VALUES, 3)))
-def test_any_order_of_options(given: tuple[str, ...]) -> None:
+def test_options_may_have_any_order(given: tuple[str, ...]) -> None:
     words = ["paper_field", *[word for name in given for word in (name, VALUES[name][0])]]
     assert _quick(words) == _parse(words)
 
 
 @pytest.mark.parametrize("words", [["--port", "x", "paper_field"], ["paper_field", "--port=x"], ["a", "--port", "-x"]])
-def test_what_is_not_plain_is_left_to_argparse(words: list[str]) -> None:
+def test_unusual_command_lines_are_left_to_argparse(words: list[str]) -> None:
     assert _quick(words) is None
 
 

@@ -1,4 +1,4 @@
-"""Commands: the newest counts, old and broken ones are dropped and counted."""
+"""The command receiver: the newest command applies, stale and malformed ones are dropped and counted."""
 
 import select
 import time
@@ -22,7 +22,7 @@ HOLD_MS = 500  # of an command_receiver that is told nothing else
 
 
 class Clock:
-    """A clock that passes only when advanced, and when somebody sleeps; `current` is that of the test."""
+    """A clock that passes only when a test advances it or the code sleeps; `current` is the clock of the test."""
 
     current: ClassVar["Clock"]
 
@@ -55,7 +55,7 @@ class Clock:
 
 @pytest.fixture(autouse=True)
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    """Set a clock for every test: none has a real age or rate to go by."""
+    """Set a clock for every test, so that none depends on real ages or rates."""
     return Clock(monkeypatch)
 
 
@@ -75,7 +75,7 @@ def deliver(
     )
 
 
-def test_a_command_wakes_and_is_taken_once(command_receiver: CommandReceiver) -> None:
+def test_a_command_wakes_the_loop_and_is_returned_once(command_receiver: CommandReceiver) -> None:
     assert command_receiver.take_latest() is None
     deliver(command_receiver, 1, surge=0.7)
     assert select.select((command_receiver,), (), (), 0)[0]
@@ -88,7 +88,7 @@ def test_a_command_wakes_and_is_taken_once(command_receiver: CommandReceiver) ->
     assert not select.select((command_receiver,), (), (), 0)[0]
 
 
-def test_the_newest_wins(command_receiver: CommandReceiver) -> None:
+def test_the_newest_command_applies(command_receiver: CommandReceiver) -> None:
     for sequence in (1, 2, 3):
         deliver(command_receiver, sequence, surge=sequence / 10)
     taken = command_receiver.take_latest()
@@ -97,7 +97,7 @@ def test_the_newest_wins(command_receiver: CommandReceiver) -> None:
     assert command_receiver.superseded == 2
 
 
-def test_a_command_that_nobody_took_in_time_is_dropped(command_receiver: CommandReceiver, clock: Clock) -> None:
+def test_a_command_that_is_not_read_in_time_is_dropped(command_receiver: CommandReceiver, clock: Clock) -> None:
     deliver(command_receiver, 1)
     clock.wait(99)
     assert command_receiver.take_latest() is not None
@@ -107,7 +107,7 @@ def test_a_command_that_nobody_took_in_time_is_dropped(command_receiver: Command
     assert command_receiver.stale == 1
 
 
-def test_another_master_is_refused_until_this_one_is_silent(command_receiver: CommandReceiver) -> None:
+def test_another_master_is_refused_until_the_first_times_out(command_receiver: CommandReceiver) -> None:
     deliver(command_receiver, 1)
     deliver(command_receiver, 1, gid=OTHER)
     assert (command_receiver.master, command_receiver.refused) == (GID, 1)
@@ -124,7 +124,7 @@ def test_another_master_is_refused_until_this_one_is_silent(command_receiver: Co
     assert command_receiver.wakeup.is_set()
 
 
-def test_who_commanded_before_it_was_known_and_left_is_followed_by_one_master(
+def test_a_removed_unknown_sender_frees_the_vehicle_for_another_master(
     command_receiver: CommandReceiver,
 ) -> None:
     deliver(command_receiver, 1)
@@ -136,7 +136,7 @@ def test_who_commanded_before_it_was_known_and_left_is_followed_by_one_master(
     assert command_receiver.master == OTHER
 
 
-def test_a_stale_command_gives_no_right(command_receiver: CommandReceiver) -> None:
+def test_a_stale_command_does_not_make_its_sender_the_master(command_receiver: CommandReceiver) -> None:
     deliver(command_receiver, 1)
     command_receiver.remove_sender(GID)
     deliver(command_receiver, 2, age_ms=3000)
@@ -155,7 +155,7 @@ def test_an_exact_clock_judges_even_the_first_command(command_receiver: CommandR
     assert command_receiver.take_latest() is not None
 
 
-def test_a_flood_lets_the_reader_rest(command_receiver: CommandReceiver, clock: Clock) -> None:
+def test_a_flood_makes_the_reader_sleep(command_receiver: CommandReceiver, clock: Clock) -> None:
     for sequence in range(1, 61):
         deliver(command_receiver, sequence)
     assert sum(clock.slept) == pytest.approx(0.2, abs=0.02), "60 commands at 200 a second, less a burst of a tenth"
@@ -164,10 +164,10 @@ def test_a_flood_lets_the_reader_rest(command_receiver: CommandReceiver, clock: 
 
 @pytest.mark.parametrize("rate", [300, 20_000])
 @pytest.mark.parametrize("known", [False, True], ids=["outsiders", "masters"])
-def test_a_flood_of_who_is_refused_neither_hides_the_master_nor_replaces_it(
+def test_a_flood_of_a_refused_sender_neither_blocks_nor_replaces_the_master(
     command_receiver: CommandReceiver, clock: Clock, rate: int, known: bool
 ) -> None:
-    """Messages that come while the reader rests wait in a ring of eight, as on the network."""
+    """Messages that arrive while the reader sleeps wait in a ring of eight, as on the network."""
     if known:
         command_receiver.ranks.update({GID: 0, OTHER: 0})
     ring: deque[tuple[int, bytes]] = deque(maxlen=8)
@@ -190,7 +190,9 @@ def test_a_flood_of_who_is_refused_neither_hides_the_master_nor_replaces_it(
 
 
 @pytest.mark.parametrize("gid", [GID, OTHER], ids=["master", "other"])
-def test_under_overload_silence_proves_nothing(command_receiver: CommandReceiver, clock: Clock, gid: bytes) -> None:
+def test_under_overload_the_master_does_not_time_out(
+    command_receiver: CommandReceiver, clock: Clock, gid: bytes
+) -> None:
     """A master's missing commands may be lost among thousands of others under overload."""
     command_receiver.ranks[OTHER] = 0
     clock.deliver(command_receiver, 1)
@@ -205,9 +207,7 @@ def test_under_overload_silence_proves_nothing(command_receiver: CommandReceiver
     assert command_receiver.master == gid
 
 
-def test_who_repeats_its_commands_as_a_planner_does_is_no_overload(
-    command_receiver: CommandReceiver, clock: Clock
-) -> None:
+def test_commands_repeated_at_a_planners_rate_are_no_overload(command_receiver: CommandReceiver, clock: Clock) -> None:
     clock.deliver(command_receiver, 1)
     refused = 0
     while not clock.deliver(command_receiver, refused + 1, OTHER):
@@ -217,14 +217,14 @@ def test_who_repeats_its_commands_as_a_planner_does_is_no_overload(
     assert not clock.slept
 
 
-def test_who_is_refused_is_not_read(command_receiver: CommandReceiver) -> None:
+def test_commands_of_a_refused_sender_are_not_decoded(command_receiver: CommandReceiver) -> None:
     deliver(command_receiver, 1)
     command_receiver.on_message("cmd_vel", b"\xff" * 52, ros.pack_attachment(1, 0, OTHER))
     command_receiver.on_message("cmd_pose", b"\xff" * 52, ros.pack_attachment(1, 0, bytes(15) + b"x"))
     assert (command_receiver.refused, command_receiver.malformed) == (1, 1), "an outsider may have a topic of its own"
 
 
-def test_a_refused_sender_makes_nobody_forgotten(command_receiver: CommandReceiver, clock: Clock) -> None:
+def test_refused_senders_do_not_displace_the_masters_state(command_receiver: CommandReceiver, clock: Clock) -> None:
     for sequence in range(1, 40):
         assert clock.deliver(command_receiver, sequence)
         clock.wait(50)
@@ -234,9 +234,7 @@ def test_a_refused_sender_makes_nobody_forgotten(command_receiver: CommandReceiv
     assert (command_receiver.disordered, command_receiver.stale) == (1, 0)
 
 
-def test_many_who_have_commanded_do_not_make_the_master_forgotten(
-    command_receiver: CommandReceiver, clock: Clock
-) -> None:
+def test_many_earlier_masters_do_not_displace_a_masters_state(command_receiver: CommandReceiver, clock: Clock) -> None:
     command_receiver.ranks[GID] = 1
     assert clock.deliver(command_receiver, 7)
     for number in range(200):
@@ -247,13 +245,13 @@ def test_many_who_have_commanded_do_not_make_the_master_forgotten(
     assert command_receiver.disordered == 1
 
 
-def test_overtaken_and_repeated_commands_are_dropped(command_receiver: CommandReceiver) -> None:
+def test_out_of_order_and_repeated_commands_are_dropped(command_receiver: CommandReceiver) -> None:
     for sequence in (5, 4, 5):
         deliver(command_receiver, sequence)
     assert command_receiver.disordered == 2
 
 
-def test_a_new_sender_starts_its_own_count(command_receiver: CommandReceiver) -> None:
+def test_each_sender_has_its_own_sequence_count(command_receiver: CommandReceiver) -> None:
     deliver(command_receiver, 50)
     deliver(command_receiver, 1, gid=bytes(16))
     assert command_receiver.disordered == 0
@@ -281,7 +279,7 @@ def test_a_command_without_its_time_is_malformed(command_receiver: CommandReceiv
     assert command_receiver.malformed == 1
 
 
-def test_age_needs_no_common_clock() -> None:
+def test_ages_need_no_common_clock() -> None:
     ages = AgeFilter()
     offset = -7 * 3600 * 10**9  # the master's clock is seven hours wrong
     assert ages.age_ns(offset, 5 * MS) == 0
@@ -289,7 +287,7 @@ def test_age_needs_no_common_clock() -> None:
     assert ages.age_ns(offset + 100 * MS, 103 * MS) == 0
 
 
-def test_age_follows_drifting_clocks() -> None:
+def test_ages_follow_drifting_clocks() -> None:
     ages = AgeFilter()
     hour = 3600 * 10**9
     age = 0
@@ -302,7 +300,8 @@ def test_age_follows_drifting_clocks() -> None:
 def commands(
     command_receiver: CommandReceiver, clock: Clock, first: int, seconds: float, age_ms: float, each: int = 1
 ) -> list[bool]:
-    """Return which of the commands that come twenty times a second are obeyed; `each`: so many numbers apart."""
+    """Return which of the commands that come twenty times a second are accepted; `each` is the step of their numbers.
+    """
     obeyed = []
     for sequence in range(first, first + round(20 * seconds) * each, each):
         clock.wait(50)
@@ -310,9 +309,7 @@ def commands(
     return obeyed
 
 
-def test_a_clock_that_is_set_back_is_believed_after_some_seconds(
-    command_receiver: CommandReceiver, clock: Clock
-) -> None:
+def test_a_clock_set_back_is_accepted_after_some_seconds(command_receiver: CommandReceiver, clock: Clock) -> None:
     assert all(commands(command_receiver, clock, 1, 5, 2))
     obeyed = commands(command_receiver, clock, 101, 10, 2002)
     assert obeyed.index(True) == pytest.approx(100, abs=3), "five seconds"
@@ -323,7 +320,9 @@ def test_a_clock_that_is_set_back_is_believed_after_some_seconds(
     assert command_receiver.fault.startswith("cmd_vel: 0.5")
 
 
-def test_old_commands_do_not_pass_for_a_clock_that_was_set(command_receiver: CommandReceiver, clock: Clock) -> None:
+def test_delayed_commands_are_not_mistaken_for_a_clock_set_back(
+    command_receiver: CommandReceiver, clock: Clock
+) -> None:
     commands(command_receiver, clock, 1, 5, 2)
     for sequence in range(101, 501):  # the network was away for 20 s, and all of that comes now
         clock.wait(1)
@@ -340,7 +339,7 @@ def test_old_commands_do_not_pass_for_a_clock_that_was_set(command_receiver: Com
     )
 
 
-def test_a_clock_that_is_compared_needs_no_guess(command_receiver: CommandReceiver, clock: Clock) -> None:
+def test_with_a_known_clock_offset_stale_commands_stay_refused(command_receiver: CommandReceiver, clock: Clock) -> None:
     exact = command_receiver.clocks[GID] = ClockOffset()
     now = to_wall_ns(clock.now_ns)
     exact.add(now, now, now, now)

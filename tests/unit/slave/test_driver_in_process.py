@@ -12,8 +12,8 @@ from tests.support.links.link_contract import await_answer, nothing_leaks
 
 
 @pytest.mark.parametrize("kind", ["python", "unicorn"])
-def test_the_instant_counts_what_reading_and_obeying_took(kind: str) -> None:
-    """The outputs did not have the pulses before these were read, however old the caller's instant is."""
+def test_the_applied_time_includes_reading_and_executing_the_command(kind: str) -> None:
+    """The outputs did not have the pulses before these were read, however old the caller's time is."""
     with nothing_leaks():
         driver = open_driver(kind, load_scenario("paper_field").link, 6, True, 1, lambda _: None)
         for sequence in range(1, 6):

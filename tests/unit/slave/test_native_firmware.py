@@ -1,4 +1,4 @@
-"""The firmware's C in the slave does what its Python twin does, byte for byte; and which of the two is taken."""
+"""The firmware's C in the slave equals its Python twin byte for byte; and which of the two is used."""
 
 import sys
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ def native(binaries: Path) -> Iterator[None]:
 
 
 class Line(Wire):
-    """A wire in memory: bytes put into `coming` are read; those written are listed write by write."""
+    """A wire in memory: bytes put into `coming` are read; written bytes are listed write by write."""
 
     def __init__(self) -> None:
         self.name = "line"
@@ -74,8 +74,8 @@ RECEIVED = st.one_of(
 
 @EACH
 @given(st.lists(st.tuples(st.integers(0, 120_000), RECEIVED), min_size=1, max_size=30))
-def test_the_same_of_any_hour(hour: list[tuple[int, bytes]]) -> None:
-    """The C equals Python for commands sound, late and too long, noise and silence, at whole microseconds."""
+def test_the_c_equals_python_for_any_hour_of_commands(hour: list[tuple[int, bytes]]) -> None:
+    """The commands are valid, late and too long, with noise and pauses, at whole microseconds."""
     quick, end, plain, stub = ends()
     now = 0
     for pause_us, data in hour:
@@ -89,7 +89,7 @@ def test_the_same_of_any_hour(hour: list[tuple[int, bytes]]) -> None:
         assert (end.command_ns > 0) == (stub.command_ns > 0)
 
 
-def test_the_instant_is_that_of_the_last_command_obeyed() -> None:
+def test_the_command_time_is_that_of_the_last_executed_command() -> None:
     quick, end, _, _ = ends()
     before = now_ns()
     quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
@@ -103,7 +103,7 @@ def test_the_instant_is_that_of_the_last_command_obeyed() -> None:
     assert end.command_ns == obeyed
 
 
-def test_closed_it_is_neutral() -> None:
+def test_closing_sets_the_outputs_to_neutral() -> None:
     quick, end, _, _ = ends()
     quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
     end.service(NS_PER_MS)
@@ -113,7 +113,7 @@ def test_closed_it_is_neutral() -> None:
     assert quick.closed
 
 
-def test_it_is_taken_on_its_own_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_c_is_used_with_its_own_frame_only(monkeypatch: pytest.MonkeyPatch) -> None:
     link = load_scenario("paper_field").link
 
     def kind(**changes: Any) -> type:
@@ -133,7 +133,7 @@ def test_it_is_taken_on_its_own_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kind() is Stm32End
 
 
-def test_without_c_the_slave_s_stm32_does_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_c_the_slaves_stm32_behaves_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = []
     for wish in ("1", "0"):
         monkeypatch.setenv("UUV_HIL_NATIVE", wish)
@@ -146,7 +146,7 @@ def test_without_c_the_slave_s_stm32_does_the_same(monkeypatch: pytest.MonkeyPat
     assert answers[0] == answers[1]
 
 
-def test_what_cannot_be_meant_is_refused() -> None:
+def test_invalid_arguments_are_refused() -> None:
     module = sys.modules["hil.slave.native._firmware"]
     for channels in (0, 17):
         with pytest.raises(ValueError, match=f"1 to 16 channels are needed, found {channels}"):

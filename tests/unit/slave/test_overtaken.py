@@ -1,4 +1,4 @@
-"""Telemetry that is overtaken on its way, as on UDP, is neither a restart of the STM32 nor what it does now."""
+"""Telemetry that arrives out of order, as on UDP, is neither a restart of the STM32 nor its present state."""
 
 from itertools import pairwise
 from typing import Any, cast
@@ -24,7 +24,7 @@ def report(sequence: int, frames: int, pwm_us: tuple[int, ...] = PUSHING, **more
 
 @pytest.mark.parametrize("begin", [5, 500, 40_000, 65_530])
 @pytest.mark.parametrize("sent_before", [0, 3, 40_000])
-def test_order(begin: int, sent_before: int) -> None:
+def test_an_older_report_is_recognised_as_overtaken(begin: int, sent_before: int) -> None:
     """The slave may have sent more commands than the STM32 has counted; both wrap."""
     reports = [report(begin + sent_before + number, begin + number) for number in range(20)]
     for newest, later in pairwise(reports):
@@ -38,7 +38,7 @@ def test_order(begin: int, sent_before: int) -> None:
 
 
 @pytest.mark.parametrize("counted", [2, 500, 40_000, 65_000])
-def test_an_stm32_that_begins_again(counted: int) -> None:
+def test_a_restart_is_recognised_by_its_counts(counted: int) -> None:
     newest = report(7000, counted)
     assert not is_overtaken(STARTED, newest), "it has counted nothing and is disarmed"
     assert not is_overtaken(report(7001, 1), newest)
@@ -48,8 +48,8 @@ def test_an_stm32_that_begins_again(counted: int) -> None:
 
 @pytest.mark.parametrize("ahead", [0, 3, 40_000])
 @pytest.mark.parametrize("counted", [2, 500, 40_000, 65_000])
-def test_one_that_reports_before_its_first_command(counted: int, ahead: int) -> None:
-    """Its sequence begins at 0 as its count does: the slave has sent as many commands as it had counted, or more."""
+def test_a_report_before_the_first_command_is_a_restart(counted: int, ahead: int) -> None:
+    """Its sequence and count begin at 0: the slave has sent as many commands as were counted, or more."""
     newest = report(counted + ahead, counted)
     assert has_restarted(STARTED, newest)
     assert not has_restarted(STARTED, STARTED)
@@ -60,7 +60,7 @@ def make_driver(received: list[ThrusterTelemetry]) -> ExternalDriver:
     return ExternalDriver(says_in_turn(received), 6, NS_PER_S, print)
 
 
-def test_the_thrusters_have_what_the_newest_report_says() -> None:
+def test_the_outputs_are_those_of_the_newest_report() -> None:
     driver = make_driver([report(1, 1, PUSHING), report(3, 3, NEUTRAL), report(2, 2, OTHER), STARTED])
     seen = []
     for _ in range(4):
@@ -70,7 +70,7 @@ def test_the_thrusters_have_what_the_newest_report_says() -> None:
 
 
 def make_loop(driver: ExternalDriver) -> tuple[Loop, list[str]]:
-    """Return a loop on that driver that only reads its link, and what it reports."""
+    """Return a loop on that driver that only reads its link, and the lines that it reports."""
     nobody: Any = None
     lines: list[str] = []
     simulation = Simulation(load_vehicle("paper_six")[0], load_world("pool"))
@@ -83,7 +83,7 @@ class Pilot:
     active = False
 
 
-def test_the_loop_tells_a_restart_and_nothing_of_what_is_late(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_loop_reports_a_restart_and_ignores_late_reports(capsys: pytest.CaptureFixture[str]) -> None:
     late = report(99, 49, timed_out=True)
     driver = make_driver([report(100, 50), late, report(101, 51), report(102, 1), report(103, 2)])
     loop, lines = make_loop(driver)
@@ -95,7 +95,7 @@ def test_the_loop_tells_a_restart_and_nothing_of_what_is_late(capsys: pytest.Cap
     assert lines == ["the STM32 has restarted"]
 
 
-def test_a_report_from_before_the_stop_confirms_none() -> None:
+def test_a_report_from_before_the_stop_does_not_confirm_it() -> None:
     driver = make_driver([report(100, 50, PUSHING), report(99, 49, NEUTRAL), report(101, 51, NEUTRAL)])
     loop, lines = make_loop(driver)
     loop.pilot = cast(Any, Pilot())

@@ -25,7 +25,7 @@ def new_pilot(deadman_ms: int = 500) -> Pilot:
     return Pilot(VEHICLE, gains, WORLD.density * WORLD.gravity, deadman_ms * NS_PER_MS)
 
 
-def test_before_the_first_command_everything_is_neutral() -> None:
+def test_thrusters_are_neutral_before_the_first_command() -> None:
     command, tripped = new_pilot().update(0, 0.02)
     assert not command.armed
     assert command.pwm_us == NEUTRAL
@@ -48,14 +48,14 @@ def test_the_deadman_trips_once_and_a_command_ends_it() -> None:
     assert pilot.deadman_trips == 1
 
 
-def test_every_command_on_the_link_has_its_own_number() -> None:
+def test_every_command_on_the_link_has_its_own_sequence_number() -> None:
     pilot = new_pilot()
     numbers = [pilot.update(0, 0.02)[0].sequence for _ in range(70_000)]
     assert numbers[:3] == [1, 2, 3]
     assert numbers[65_534:65_537] == [65_535, 0, 1]
 
 
-def test_each_sensor_tells_its_part_until_its_next_sample() -> None:
+def test_each_sensor_updates_its_part_of_the_navigation() -> None:
     pilot, attitude = new_pilot(), from_euler(0.1, -0.2, 0.3)
     assert pilot.navigation == ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
     pilot.update_sensor("pressure", PressureSample(0, ATMOSPHERE_PA + 5.0 * WORLD.density * WORLD.gravity))
@@ -68,8 +68,8 @@ def test_each_sensor_tells_its_part_until_its_next_sample() -> None:
     assert pilot.position == (7.0, 8.0, 9.0)
 
 
-def test_an_imu_that_sits_askew_tells_of_the_vehicle() -> None:
-    """An IMU turned by a quarter about z has to port what is ahead of the vehicle."""
+def test_a_rotated_imu_gives_the_vehicles_attitude_and_rates() -> None:
+    """An IMU turned by a quarter about z measures to port what is ahead of the vehicle."""
     askew = Mounting(orientation=(0.0, 0.0, 0.5 * pi))
     pilot = Pilot(VEHICLE, parse(CONTROL, Gains, "control"), WORLD.density * WORLD.gravity, NS_PER_MS, askew)
     pilot.update_sensor("imu", ImuSample(0, from_euler(0.0, 0.0, 0.5 * pi + 0.4), (0.0, -0.1, 0.3), (0.0, 0.0, -9.8)))
@@ -87,7 +87,7 @@ def test_an_imu_that_sits_askew_tells_of_the_vehicle() -> None:
         (VelocityCommand(yaw_rate=0.4), 5),
     ],
 )
-def test_the_vehicle_does_what_is_commanded(wanted: VelocityCommand, axis: int) -> None:
+def test_the_vehicle_follows_the_commands(wanted: VelocityCommand, axis: int) -> None:
     pilot = new_pilot(10_000)
     simulation = Simulation(VEHICLE, WORLD, seed=3, position=(0.0, 0.0, 2.0))
     pulses: tuple[int, ...] = NEUTRAL
@@ -105,7 +105,7 @@ def test_the_vehicle_does_what_is_commanded(wanted: VelocityCommand, axis: int) 
 
 
 @pytest.mark.parametrize("name", ["paper_six", "paper_seven", "bluerov2"])
-def test_a_vehicle_that_a_wall_stopped_pushes_no_harder_than_a_current_would(name: str) -> None:
+def test_a_vehicle_stopped_by_a_wall_pushes_no_harder_than_a_current(name: str) -> None:
     """The vehicle is commanded to stop there: its speed is then as commanded, and no error lessens the integral."""
     vehicle, control = load_vehicle(name)
     gains = parse(control, Gains, "control")

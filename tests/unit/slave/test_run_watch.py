@@ -23,7 +23,7 @@ class Driver:
 
 
 class Watched(Bench):
-    """The vehicle in the pool with its watch, checked as the loop does."""
+    """The vehicle in the pool with its watch, which is checked as the loop does."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -44,12 +44,12 @@ def watched() -> Watched:
     return Watched()
 
 
-def test_nothing_is_said_of_a_vehicle_that_lies_still(watched: Watched) -> None:
+def test_a_vehicle_at_rest_gives_no_events(watched: Watched) -> None:
     assert watched.run(2.0) == []
     assert watched.output == []
 
 
-def test_a_link_that_is_lost_is_one_event_as_long_as_it_lasts(watched: Watched) -> None:
+def test_a_lost_link_is_one_event_until_it_is_back(watched: Watched) -> None:
     watched.driver.lost, watched.driver.losses = True, 1
     watched.run(3.0)
     watched.driver.lost = False
@@ -59,13 +59,13 @@ def test_a_link_that_is_lost_is_one_event_as_long_as_it_lasts(watched: Watched) 
     assert watched.output == ["link lost: the thruster link, at N 4.0 E 4.0 depth 2.0 m"]
 
 
-def test_a_loss_between_two_looks_is_not_missed(watched: Watched) -> None:
+def test_a_loss_between_two_checks_is_recorded(watched: Watched) -> None:
     watched.run(1.0)
     watched.driver.losses += 1
     assert watched.run(1.0) == ["link_lost"]
 
 
-def test_an_stm32_that_does_not_answer(watched: Watched) -> None:
+def test_a_silent_stm32_is_an_event(watched: Watched) -> None:
     watched.driver.is_silent = True
     watched.run(0.5)
     assert watched.simulation.events.events()[0].what == "the STM32 does not answer"
@@ -76,7 +76,7 @@ def test_a_vehicle_upside_down_has_capsized(watched: Watched) -> None:
     assert watched.run(0.1) == ["capsize"]
 
 
-def test_a_touch_between_two_looks_is_reported(watched: Watched) -> None:
+def test_a_contact_between_two_checks_is_recorded(watched: Watched) -> None:
     """Contacts are recorded by the step, and reported at the next check."""
     watched.simulation.state.position = [4.0, 4.0, WORLD.depth - 0.5 * VEHICLE.dimensions[2] - 1e-4]
     watched.simulation.state.nu = [0.0, 0.0, 0.3, 0.0, 0.0, 0.0]
@@ -84,7 +84,7 @@ def test_a_touch_between_two_looks_is_reported(watched: Watched) -> None:
     assert watched.output[0].startswith("collision with the seabed, at N 4.0 E 4.0 depth ")
 
 
-def test_depth_is_judged_only_where_one_was_asked_for(watched: Watched) -> None:
+def test_depth_is_judged_only_where_one_is_commanded(watched: Watched) -> None:
     def drift_up() -> list[str]:
         watched.simulation.state.position = [4.0, 4.0, 2.0]
         watched.run(0.1)
@@ -107,7 +107,7 @@ def test_a_vehicle_that_was_to_stay_below_has_surfaced(
     assert watched.run(0.1) == ["surfaced"]
 
 
-def test_a_vehicle_says_itself_when_it_counts_as_capsized() -> None:
+def test_the_vehicle_file_sets_the_tilt_that_counts_as_capsized() -> None:
     lenient = Simulation(VEHICLE._replace(capsize_tilt=pi), WORLD, {}, position=(4.0, 4.0, 2.0))
     lenient.state.quaternion = [0.0, 1.0, 0.0, 0.0]
     watch = RunWatch(lenient, Driver(), None, print)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The services of simulation_interfaces, each by what the simulation does then."""
+"""The services of simulation_interfaces, each by its effect on the simulation."""
 
 import math
 from collections.abc import Iterator
@@ -34,12 +34,12 @@ def set_state(vehicle: Vehicle, state: int) -> int:
     return code(call(vehicle, "set_simulation_state", state={"state": state}))
 
 
-def test_features_are_what_is_offered(vehicle: Vehicle) -> None:
+def test_the_features_are_those_offered(vehicle: Vehicle) -> None:
     features = call(vehicle, "get_simulator_features")["features"]
     assert list(features["features"]) == sorted([*FEATURES.values(), *PAUSE_FEATURES.values()])
 
 
-def test_a_pose_that_was_set_is_the_one_that_is_read(vehicle: Vehicle) -> None:
+def test_a_set_pose_is_read_back(vehicle: Vehicle) -> None:
     twist = {"linear": {"x": 0.3, "y": -0.2, "z": 0.1}, "angular": {"z": 0.05}}
     assert (
         code(vehicle.server.call("/uuv1/set_entity_state", {"entity": "uuv1", **pose(3, 4, -6, 0.7, twist=twist)}))
@@ -54,7 +54,7 @@ def test_a_pose_that_was_set_is_the_one_that_is_read(vehicle: Vehicle) -> None:
     assert state["twist"]["angular"]["z"] == pytest.approx(0.05)
 
 
-def test_entities_are_the_vehicle_and_what_stands_in_the_world(vehicle: Vehicle) -> None:
+def test_entities_are_the_vehicle_and_the_worlds_obstacles(vehicle: Vehicle) -> None:
     names = call(vehicle, "get_entities")["entities"]
     world = vehicle.simulation.world
     assert len(names) == 1 + len(world.cylinder) + len(world.box) > 1
@@ -72,13 +72,13 @@ def test_entities_are_the_vehicle_and_what_stands_in_the_world(vehicle: Vehicle)
 
 
 @pytest.mark.parametrize("filters", [{"filter": "(a+)+b"}, {"filter": "a" * 300}])
-def test_an_expression_that_could_take_long_is_refused(vehicle: Vehicle, filters: dict[str, Any]) -> None:
+def test_a_slow_regular_expression_is_refused(vehicle: Vehicle, filters: dict[str, Any]) -> None:
     assert code(call(vehicle, "get_entities", filters=filters)) == FAILED
     assert code(call(vehicle, "get_entities", filters={"bounds": {"type": 1}})) == UNSUPPORTED
     assert call(vehicle, "get_entities", filters={"tags": {"tags": ["x"]}})["entities"] == []
 
 
-def test_reset_brings_it_to_its_start(vehicle: Vehicle) -> None:
+def test_reset_returns_the_vehicle_to_its_start(vehicle: Vehicle) -> None:
     assert code(call(vehicle, "reset_simulation")) == OK
     start = vehicle.start
     assert list(vehicle.simulation.state.position) == [start.north, start.east, start.depth]
@@ -86,7 +86,7 @@ def test_reset_brings_it_to_its_start(vehicle: Vehicle) -> None:
     assert code(call(vehicle, "reset_simulation", scope=255)) == UNSUPPORTED
 
 
-def test_a_paused_simulation_stands_still_and_steps_when_told(vehicle: Vehicle) -> None:
+def test_a_paused_simulation_stops_and_steps_on_request(vehicle: Vehicle) -> None:
     loop, simulation = vehicle.loop, vehicle.simulation
     assert call(vehicle, "get_simulation_state")["state"]["state"] == 1
     assert code(call(vehicle, "step_simulation", steps=1)) == FAILED
@@ -105,7 +105,7 @@ def test_a_paused_simulation_stands_still_and_steps_when_told(vehicle: Vehicle) 
     assert simulation.time_ns > before + 4 * loop.schedule.period_ns
 
 
-def test_after_a_pause_stamps_are_those_of_the_clock(vehicle: Vehicle) -> None:
+def test_stamps_after_a_pause_are_on_the_clock(vehicle: Vehicle) -> None:
     loop, stamps = vehicle.loop, vehicle.loop.sample_publisher.stamps
     now = now_ns()
     loop.advance_to(now)
@@ -117,7 +117,7 @@ def test_after_a_pause_stamps_are_those_of_the_clock(vehicle: Vehicle) -> None:
     assert abs(stamps.stamp(vehicle.simulation.time_ns) - then) < 2 * loop.schedule.period_ns
 
 
-def test_states_that_are_not_there_are_refused(vehicle: Vehicle) -> None:
+def test_unsupported_states_are_refused(vehicle: Vehicle) -> None:
     assert [set_state(vehicle, state) for state in (0, 3, 77)] == [UNSUPPORTED] * 3
     vehicle.loop.autopilot = object()  # type: ignore[assignment]  # any: it is only looked whether there is one
     try:
@@ -130,7 +130,7 @@ def test_states_that_are_not_there_are_refused(vehicle: Vehicle) -> None:
 
 @settings(max_examples=200)
 @given(st.text(max_size=40), st.integers(0, 255), st.integers(0, 2**64 - 1))
-def test_noise_is_answered(shared: Vehicle, text: str, number: int, steps: int) -> None:
+def test_any_request_gets_a_valid_reply(shared: Vehicle, text: str, number: int, steps: int) -> None:
     requests: dict[str, dict[str, Any]] = {
         "get_entities": {"filters": {"filter": text, "categories": [{"category": number}], "bounds": {"type": number}}},
         "get_entity_state": {"entity": text},

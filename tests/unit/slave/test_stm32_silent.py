@@ -1,4 +1,4 @@
-"""An STM32 that does not answer (wrong wiring, baud or protocol) is reported, counted, and costs no memory."""
+"""An STM32 that does not answer (wrong wiring, baud or protocol) is reported and counted without growing memory."""
 
 import os
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ SILENT = "/dev/bench: the STM32 has not answered for 0.5 s; check wiring, baud, 
 
 @pytest.fixture
 def still(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stop the clock of the drivers and of the loop: only what a test adds has passed."""
+    """Stop the clock of the drivers and of the loop, so that only the time that a test adds passes."""
     for module in (stm32, slave_loop):
         monkeypatch.setattr(module, "now_ns", lambda: 10**12)
 
@@ -45,7 +45,7 @@ def now_ns() -> int:
 
 
 class Bed:
-    """A driver of a bench, checked some seconds after its first command."""
+    """A driver on a bench, checked some seconds after its first command."""
 
     def __init__(self) -> None:
         self.bench, self.output = BenchLink(), list[str]()
@@ -69,7 +69,7 @@ class Bed:
 
 
 @pytest.mark.usefixtures("still")
-def test_silence_is_reported_once_and_its_end_too() -> None:
+def test_a_silent_stm32_is_reported_once_and_so_is_its_return() -> None:
     bed = Bed()
     for began in (0.0, 10.0):
         bed.driver.send(COMMAND)
@@ -88,7 +88,7 @@ def test_silence_is_reported_once_and_its_end_too() -> None:
 
 
 @pytest.mark.usefixtures("still")
-def test_who_was_asked_nothing_need_not_answer() -> None:
+def test_no_reply_is_expected_without_a_command() -> None:
     """No answer is missing before the first command, between two, and where another program has the host's end."""
     bed = Bed()
     bed.look(5.0)
@@ -99,7 +99,7 @@ def test_who_was_asked_nothing_need_not_answer() -> None:
 
 
 @pytest.mark.usefixtures("still")
-def test_a_lost_link_is_not_silence_too() -> None:
+def test_a_lost_link_is_not_also_reported_as_silent() -> None:
     bed = Bed()
     bed.driver.send(COMMAND)
     bed.look(1.0)
@@ -119,7 +119,7 @@ def test_a_lost_link_is_not_silence_too() -> None:
     assert bed.output[3:] == [SILENT]
 
 
-def test_the_silent_and_the_lost_confirm_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_silent_or_lost_stm32_confirms_no_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("CONFIRM_NS", "SETTLE_NS"):
         monkeypatch.setattr(stm32, name, NS_PER_S // 100)
     bed = Bed()
@@ -136,7 +136,7 @@ def test_the_silent_and_the_lost_confirm_nothing(monkeypatch: pytest.MonkeyPatch
     bed.driver.close()
 
 
-def test_neutral_is_sent_again_until_it_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_neutral_is_repeated_until_it_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stm32, "REPEAT_NS", NS_PER_S // 100)
     monkeypatch.setattr(stm32, "CONFIRM_NS", 60 * NS_PER_S)
     bed, sent = Bed(), list[ThrusterCommand]()
@@ -160,7 +160,7 @@ class Master:
 
 @pytest.fixture
 def loop(tmp_path: Path) -> Iterator[Loop]:
-    """Return a loop whose device is a terminal that nobody reads."""
+    """Return a loop whose device is a terminal without a reader."""
     scenario = load_scenario("paper_field")
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
@@ -177,7 +177,7 @@ def loop(tmp_path: Path) -> Iterator[Loop]:
 
 
 @pytest.mark.usefixtures("still")
-def test_commands_without_an_answer_are_counted_and_forgotten(loop: Loop, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_without_a_reply_are_counted_and_dropped(loop: Loop, capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(100):
         loop._apply_command(now_ns())
     loop._service_link(now_ns())
@@ -191,7 +191,7 @@ def test_commands_without_an_answer_are_counted_and_forgotten(loop: Loop, capsys
 
 
 @pytest.mark.usefixtures("still")
-def test_a_link_lost_with_a_command_is_waited_on_no_more(loop: Loop) -> None:
+def test_a_link_lost_while_sending_is_no_longer_waited_on(loop: Loop) -> None:
     """The link's descriptors may be those of something else by the next wait."""
     assert loop.driver.host
     assert loop._link_fds

@@ -1,4 +1,4 @@
-"""Traces of commands are published with a sample that goes out, or soon; none is lost."""
+"""Traces of commands are published with the next sample, or soon; none is lost."""
 
 import os
 import select
@@ -23,7 +23,7 @@ STEP_NS = 2_500_000
 
 
 class CommandReceiver:
-    """A command receiver that has what is put into it."""
+    """A command receiver that returns the commands put into it."""
 
     def __init__(self) -> None:
         self.waiting: list[Received] = []
@@ -37,7 +37,7 @@ class CommandReceiver:
 
 
 class SamplePublisher:
-    """A publisher that records what goes out; `wanted` are the topics that have subscribers."""
+    """A publisher that records its output; `wanted` are the topics that have subscribers."""
 
     def __init__(self) -> None:
         self.output: list[str | Trace] = []
@@ -93,7 +93,7 @@ def bed() -> Iterator[Bed]:
     os.close(bed.command_receiver.event)
 
 
-def test_they_go_with_the_next_sample_that_goes_out(bed: Bed) -> None:
+def test_traces_are_published_with_the_next_sample(bed: Bed) -> None:
     bed.sample_publisher.wanted = ("odom",)
     bed.obey(1)
     bed.obey(2)
@@ -110,7 +110,7 @@ def test_they_go_with_the_next_sample_that_goes_out(bed: Bed) -> None:
     assert bed.reported() == [1, 2, 3]
 
 
-def test_they_go_soon_where_nobody_listens_to_samples(bed: Bed) -> None:
+def test_traces_are_published_after_50_ms_without_sample_subscribers(bed: Bed) -> None:
     bed.run(3)
     bed.obey(1)
     bed.run(19)
@@ -119,7 +119,7 @@ def test_they_go_soon_where_nobody_listens_to_samples(bed: Bed) -> None:
     assert bed.reported() == [1]
 
 
-def test_the_last_is_reported_at_the_end(bed: Bed) -> None:
+def test_the_last_trace_is_published_at_the_end(bed: Bed) -> None:
     bed.obey(1)
     stop = os.eventfd(1)
     bed.loop.run(stop)

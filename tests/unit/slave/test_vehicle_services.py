@@ -49,7 +49,7 @@ class SilentSamplePublisher:
         self.put_payloads.append((name, payload))
 
     def wake_publisher(self) -> None:
-        """Do nothing: there is nothing to send."""
+        """Do nothing, because there is nothing to send."""
 
 
 class RecordedServer:
@@ -123,7 +123,7 @@ def pose(x: float, y: float, z: float, yaw: float = 0.0, **more: Any) -> dict[st
     return {"state": {"pose": {"position": {"x": x, "y": y, "z": z}, "orientation": orientation}, **more}}
 
 
-def test_all_that_is_offered(vehicle: Vehicle) -> None:
+def test_the_offered_services_are_complete(vehicle: Vehicle) -> None:
     thrusters = [thruster.name for thruster in vehicle.simulation.vehicle.thrusters]
     expected = {"/uuv1/arm": "std_srvs/srv/SetBool", "/uuv1/reset": "std_srvs/srv/Trigger"}
     expected["/uuv1/set_pose"] = "simulation_interfaces/srv/SetEntityState"
@@ -148,7 +148,7 @@ def test_all_that_is_offered(vehicle: Vehicle) -> None:
     assert {name: type_name for name, (type_name, _) in vehicle.server.offered.items()} == expected
 
 
-def test_disarmed_the_thrusters_are_neutral_and_commands_are_not_taken(vehicle: Vehicle) -> None:
+def test_disarming_sets_neutral_and_refuses_commands(vehicle: Vehicle) -> None:
     loop = vehicle.loop
     vehicle.command(0.8)
     vehicle.run(200)
@@ -165,7 +165,7 @@ def test_disarmed_the_thrusters_are_neutral_and_commands_are_not_taken(vehicle: 
     assert set(loop.driver.pwm_us) != {1500}
 
 
-def test_reset_is_the_start_at_rest_with_all_thrusters_repaired(vehicle: Vehicle) -> None:
+def test_reset_restores_the_start_at_rest_with_all_thrusters_repaired(vehicle: Vehicle) -> None:
     name = vehicle.simulation.vehicle.thrusters[0].name
     vehicle.server.call(f"/uuv1/thrusters/{name}/fail", {"data": True})
     vehicle.command(0.8)
@@ -201,7 +201,7 @@ def test_a_thruster_fails_and_is_repaired(vehicle: Vehicle) -> None:
     assert vehicle.output == [f"thruster: {name} is off", f"thruster: {name} is repaired"]
 
 
-def test_a_parameter_lets_a_thruster_fail(vehicle: Vehicle) -> None:
+def test_a_parameter_makes_a_thruster_fail(vehicle: Vehicle) -> None:
     """A parameter sets half of the thrust, none, then all of it."""
     name = vehicle.simulation.vehicle.thrusters[0].name
 
@@ -226,13 +226,13 @@ def test_a_parameter_lets_a_thruster_fail(vehicle: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("name", ["a", "upper starboard fin", "7", "ü-1", "T_1"])
-def test_names_of_thrusters_as_ros_allows_them(name: str) -> None:
+def test_thruster_names_are_valid_ros_names(name: str) -> None:
     plain = plain_name(name)
     assert plain.isidentifier()
     assert plain.isascii()
 
 
-def test_set_pose_takes_enu_and_a_velocity_along_the_world(vehicle: Vehicle) -> None:
+def test_set_pose_accepts_enu_and_a_velocity_in_world_axes(vehicle: Vehicle) -> None:
     request = pose(3.0, 1.0, -4.0, yaw=math.pi / 2, twist={"linear": {"y": 0.7, "z": 0.1}, "angular": {"z": 0.2}})
     assert vehicle.server.call("/uuv1/set_pose", request) == {"result": {"result": 1, "error_message": ""}}
     state = vehicle.simulation.state
@@ -251,8 +251,8 @@ def test_set_pose_at_any_heading(vehicle: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_the_most_that_set_pose_takes_does_no_harm(name: str) -> None:
-    """Full thrust does no harm while it spins about any axis and goes along any other, also with long steps."""
+def test_the_fastest_motion_of_set_pose_stays_stable(name: str) -> None:
+    """The motion stays bounded at full thrust, about any axis and along any other, also with long steps."""
     vehicle, _ = load_vehicle(name)
     ways = [[sign * (axis == i) for i in range(3)] for axis in range(3) for sign in (1.0, -1.0)]
     for step_ns in (STEP_NS, 20_000_000):
@@ -279,7 +279,7 @@ def test_the_most_that_set_pose_takes_does_no_harm(name: str) -> None:
         ({"state": {"header": {"frame_id": "odom2"}}}, 4, "frame 'odom2' is not known"),
     ],
 )
-def test_what_cannot_be_is_refused_with_a_reason(vehicle: Vehicle, request_: Any, code: int, words: str) -> None:
+def test_invalid_requests_are_refused_with_a_reason(vehicle: Vehicle, request_: Any, code: int, words: str) -> None:
     before = list(vehicle.simulation.state.position)
     result = vehicle.server.call("/uuv1/set_pose", request_)["result"]
     assert result["result"] == code

@@ -1,4 +1,4 @@
-"""Every tool that takes a vehicle runs with every vehicle: fins and drop weights give more channels than thrusters."""
+"""Every tool that accepts a vehicle runs with every vehicle, also those with more channels than thrusters."""
 
 import sys
 from pathlib import Path
@@ -13,13 +13,13 @@ TOOLS = Path(__file__).parents[3] / "tools"
 VEHICLES = preset_names("sim/vehicles")
 
 
-def test_these_are_all_tools_that_take_a_vehicle() -> None:
+def test_all_tools_that_accept_a_vehicle_are_tested() -> None:
     found = {path.name for path in TOOLS.rglob("*.py") if '"--vehicle"' in path.read_text()}
     assert found == {"sim_cost.py", "step_cost.py"}
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_what_a_simulation_costs(
+def test_the_cost_of_a_simulation_is_measured(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["sim_cost.py", "--vehicle", name, "--rounds", "1"])
@@ -31,8 +31,10 @@ def test_what_a_simulation_costs(
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_what_a_step_costs(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Costs are measured of Python, C and numpy, which also has to fly the same path."""
+def test_the_cost_of_a_step_is_measured(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Costs are measured of Python, C and numpy, which also have to fly the same path."""
     monkeypatch.setattr(sys, "argv", ["step_cost.py", "--vehicle", name, "--rounds", "1"])
     monkeypatch.setattr(step_cost, "STEPS", 5)
     assert step_cost.main() == 0

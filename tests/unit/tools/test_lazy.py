@@ -1,4 +1,4 @@
-"""A stand-in imports its module on first use; pytest, which looks at all that a module holds, is no use."""
+"""Lazy imports: a stand-in imports its module on first use."""
 
 import sys
 
@@ -17,5 +17,5 @@ def test_a_module_is_imported_on_first_use(monkeypatch: pytest.MonkeyPatch) -> N
     assert "colorsys" in sys.modules
 
 
-def test_an_attribute_stands_for_what_is_below_it() -> None:
+def test_an_attribute_of_a_lazy_module_can_be_a_stand_in() -> None:
     assert import_lazily("os", "path").sep == "/"

@@ -1,4 +1,4 @@
-"""The modems' figure: its curves are what messages through the channels do."""
+"""The figure of the modems: its curves agree with messages through the channels."""
 
 from collections import Counter
 from types import ModuleType
@@ -13,7 +13,7 @@ SIGMA = 0.025  # of a share of 400 messages at its widest
 
 
 @pytest.mark.parametrize("distance", [1980.0, 2060.0, 2120.0])
-def test_sound_is_lost_as_the_curve_says(distance: float) -> None:
+def test_acoustic_messages_are_lost_as_the_curve_shows(distance: float) -> None:
     modem = AcousticModem(source_level=140.0)
     snr, lost = modem_figure.by_sound(modem, distance)
     assert 0.2 < lost < 0.9
@@ -22,14 +22,14 @@ def test_sound_is_lost_as_the_curve_says(distance: float) -> None:
 
 
 @pytest.mark.parametrize("distance", [20.4, 20.8, 21.2])
-def test_light_is_lost_as_the_curve_says(distance: float) -> None:
+def test_optical_messages_are_lost_as_the_curve_shows(distance: float) -> None:
     _, lost = modem_figure.by_light(OpticalModem(), distance)
     assert 0.1 < lost < 0.9
     assert modem_figure.lost_by_light(OpticalModem(), distance) == pytest.approx(lost, abs=3.5 * SIGMA)
 
 
 @pytest.mark.parametrize(("tool", "words"), [(modem_hunts, "SEEDS"), (modem_figure, "range.png")])
-def test_they_have_help(
+def test_the_tools_have_help(
     tool: ModuleType, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.argv", ["tool", "--help"])
@@ -39,7 +39,7 @@ def test_they_have_help(
     assert words in capsys.readouterr().out
 
 
-def test_the_table_counts_those_who_could_have_received() -> None:
+def test_the_table_counts_every_possible_receiver() -> None:
     outcome, counts = modem_hunts.hunt({"master.time_limit": 6.0})
     assert counts["delivered"] == 3 * counts["sent"] - 3 or counts["delivered"] == 3 * counts["sent"]
     text = modem_hunts.row("mine", [outcome, outcome], Counter(sent=10, delivered=15, deaf=6, too_weak=9))

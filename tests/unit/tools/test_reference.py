@@ -1,4 +1,4 @@
-"""The reference pages are those of the code, and every key of every file has a meaning."""
+"""The reference pages agree with the code, and every key of every file has a description."""
 
 import re
 from math import pi
@@ -18,11 +18,11 @@ FOLDER = Path(__file__).parents[3] / "docs" / "reference"
 
 
 @pytest.mark.parametrize("name", sorted(pages()))
-def test_the_page_is_that_of_the_code(name: str) -> None:
+def test_every_page_is_current(name: str) -> None:
     assert (FOLDER / f"{name}.md").read_text(encoding="utf-8") == pages()[name], "run python -m tools.reference"
 
 
-def test_every_meaning_belongs_to_a_key(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_description_belongs_to_a_key(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Section] = []
 
     def collect(section: Section) -> str:
@@ -46,7 +46,7 @@ ROWS = re.compile(
 
 
 @pytest.mark.parametrize("name", files.PAGES)
-def test_no_key_lacks_a_unit_a_default_or_a_meaning(name: str) -> None:
+def test_every_key_has_a_unit_a_default_and_a_description(name: str) -> None:
     rows = list(ROWS.finditer(files.PAGES[name]()))
     assert len(rows) > 20
     for row in rows:
@@ -67,11 +67,11 @@ def test_an_array_shows_the_ranges_of_all_its_numbers() -> None:
     assert kind_of(tuple[Annotated[float, Range(0.0, 1.0, "T")], Annotated[float, Range(0.0, 1.0, "rad")]]).unit == ""
 
 
-def test_a_file_may_have_the_ends_that_a_page_shows() -> None:
-    """The ends on a page are rounded inwards."""
+def test_the_range_limits_on_a_page_are_accepted_in_a_file() -> None:
+    """The limits on a page are rounded inwards."""
     low, high = map(float, kind_of(Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]).range.split(" to "))
     assert -2.0 * pi <= low < -6.283 < 6.283 < high <= 2.0 * pi
 
 
-def test_every_topic_has_a_content() -> None:
+def test_every_topic_has_a_description() -> None:
     assert set(topics.CONTENT) == set(OURS)

@@ -11,7 +11,7 @@ def sample(number: int, age_ns: int = 0) -> Stamped:
     return Stamped(value, 5 * NS_PER_MS, 5 * NS_PER_MS - age_ns)
 
 
-def test_what_is_missing_between_the_first_and_the_last_was_sent() -> None:
+def test_missing_sequence_numbers_count_as_sent() -> None:
     received = Received()
     assert received.sent() == 0
     for number in (3, 4, 7):

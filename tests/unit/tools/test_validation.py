@@ -1,4 +1,4 @@
-"""The page validation.md: its pictures are there, its tests exist, and a figure beyond its bound stops the tool."""
+"""The page validation.md: its pictures and tests exist, and a value beyond its bound stops the tool."""
 
 import re
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ SHEETS = {sheet.name: sheet for sheet in validation.SHEETS}
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_what_is_found_is_within_its_bound(name: str, tmp_path: Path) -> None:
+def test_every_result_is_within_its_bound(name: str, tmp_path: Path) -> None:
     path = tmp_path / "picture.png"
     findings = validation.draw(SHEETS[name], path)
     assert findings
@@ -54,7 +54,7 @@ def test_the_page_shows_all_pictures_and_no_other() -> None:
         assert " ".join((sheet.draw.__doc__ or "").split()) in text, "run python tools/pages/validation.py"
 
 
-def test_every_figure_names_a_test_that_exists() -> None:
+def test_every_result_names_an_existing_test() -> None:
     text = (DOCS / "validation.md").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line.endswith(".py) |")]
     assert len(lines) > 100
@@ -63,7 +63,7 @@ def test_every_figure_names_a_test_that_exists() -> None:
         assert f"\ndef {test}(" in (ROOT / file).read_text(encoding="utf-8"), line
 
 
-def test_links_of_the_table_lead_to_the_sections() -> None:
+def test_links_of_the_table_lead_to_sections() -> None:
     text = (DOCS / "validation.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| \[(.*?)\]\(#(.*?)\)", text, re.MULTILINE)
     assert [title for title, _ in rows] == [sheet.title for sheet in SHEETS.values()]
@@ -85,17 +85,17 @@ def test_links_of_the_table_lead_to_the_sections() -> None:
         (near("", nan, 0.0, "", within=0.03), False),
     ],
 )
-def test_findings_know_their_bounds(finding: Finding, holds: bool) -> None:
+def test_a_finding_holds_within_its_bounds_only(finding: Finding, holds: bool) -> None:
     assert finding.holds is holds
 
 
-def test_what_a_finding_says() -> None:
+def test_a_finding_is_printed_with_its_bound() -> None:
     found = near("", 10.953, 10.95, "", "m", within=0.02)
     assert (found.found, found.bound) == ("10.95 m", "10.95 m ± 0.02 m")
     assert below("", 1.8765e-9, 1e-8, "").found == "1.88e-09"
 
 
-def test_a_figure_beyond_its_bound_ends_the_run(
+def test_a_result_beyond_its_bound_ends_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     value = 2.0
@@ -103,7 +103,7 @@ def test_a_figure_beyond_its_bound_ends_the_run(
     def small(panels: Sequence[Axes]) -> list[Finding]:
         """Draw a line, with one finding."""
         panels[0].plot([0.0, 1.0])
-        return [below("size", value, 1.0, "unit/tools/test_validation.py::test_what_a_finding_says")]
+        return [below("size", value, 1.0, "unit/tools/test_validation.py::test_a_finding_is_printed_with_its_bound")]
 
     monkeypatch.setattr(validation, "SHEETS", [Sheet("Small", small, columns=1)])
     with pytest.raises(SystemExit, match="1 beyond the bounds"):
@@ -113,7 +113,7 @@ def test_a_figure_beyond_its_bound_ends_the_run(
     value = 0.5
     validation.main(["--out", str(tmp_path)])
     text = (tmp_path / "validation.md").read_text(encoding="utf-8")
-    link = "[test_what_a_finding_says](../../tests/unit/tools/test_validation.py)"
+    link = "[test_a_finding_is_printed_with_its_bound](../../tests/unit/tools/test_validation.py)"
     assert f"| [Small](#small) | size | 0.5 | < 1 | {link} |" in text
     assert f"| size | 0.5 | < 1 | {link} |" in text
     assert (tmp_path / "validation" / "small.png").exists()

@@ -1,4 +1,4 @@
-"""Tuning: figures of responses known in closed form, processes found again, and gains that fly better."""
+"""Tuning: figures of responses known in closed form, identified processes, and gains that fly better."""
 
 import math
 from typing import Any
@@ -31,7 +31,7 @@ def respond(share: Any, seconds: float = 20.0, size: float = 2.0) -> Response:
 # -- figures ------------------------------------------------------------------------------------------------------
 
 
-def test_figures_of_a_first_order_lag() -> None:
+def test_a_first_order_lag_has_its_known_figures() -> None:
     """A lag 1 - exp(-t/T) has a rise of T ln 9, settles to 5 % at T ln 20, and costs T."""
     figures = respond(lambda t: 1.0 - math.exp(-t / 1.5)).figures()
     assert figures.rise == pytest.approx(1.5 * math.log(9.0), abs=0.03)
@@ -42,7 +42,7 @@ def test_figures_of_a_first_order_lag() -> None:
 
 
 @pytest.mark.parametrize("damping", [0.2, 0.5, 0.8])
-def test_overshoot_of_a_second_order_system(damping: float) -> None:
+def test_a_second_order_system_has_its_known_overshoot(damping: float) -> None:
     """The overshoot is exp(-pi z / sqrt(1 - z²)), as in any textbook."""
     root = math.sqrt(1.0 - damping * damping)
 
@@ -53,7 +53,7 @@ def test_overshoot_of_a_second_order_system(damping: float) -> None:
     assert respond(share).figures().overshoot == pytest.approx(math.exp(-math.pi * damping / root), abs=2e-3)
 
 
-def test_what_never_gets_there_says_so() -> None:
+def test_a_response_that_never_settles_has_no_settling_time() -> None:
     figures = respond(lambda t: 0.8).figures()
     assert math.isnan(figures.settling)
     assert math.isnan(figures.rise)
@@ -66,7 +66,7 @@ def test_what_never_gets_there_says_so() -> None:
 
 @examples(25)
 @given(st.floats(0.3, 1.5), st.floats(0.1, 4.0), st.integers(0, 60), st.sampled_from([-0.7, 0.4]))
-def test_a_lag_behind_a_delay_is_found_again(slope: float, damping: float, steps: int, push: float) -> None:
+def test_a_lag_with_a_delay_is_identified(slope: float, damping: float, steps: int, push: float) -> None:
     delay = 0.005 * steps
     values = [
         slope * push / damping * (1.0 - math.exp(-damping * max(0.0, number * PERIOD - delay))) for number in range(150)
@@ -75,13 +75,13 @@ def test_a_lag_behind_a_delay_is_found_again(slope: float, damping: float, steps
     assert found == pytest.approx(Process(slope, damping, delay), rel=0.05, abs=0.02)
 
 
-def test_an_integrator_has_no_damping() -> None:
+def test_an_integrator_is_identified_without_damping() -> None:
     values = [0.5 * max(0.0, number * PERIOD - 0.1) for number in range(100)]
     assert fit_lag(values, 0.5, PERIOD, "") == pytest.approx(Process(1.0, 0.0, 0.1), abs=1e-6)
 
 
 @pytest.mark.parametrize("sign", [0.0, -1.0])
-def test_what_does_not_move_as_it_is_pushed_is_refused(sign: float) -> None:
+def test_a_response_against_the_force_is_refused(sign: float) -> None:
     with pytest.raises(ConfigError, match=r"mine\.toml: surge: does not move as it is pushed"):
         fit_lag([sign * 0.01 * number for number in range(100)], 0.5, PERIOD, "mine.toml: surge")
 
@@ -89,7 +89,7 @@ def test_what_does_not_move_as_it_is_pushed_is_refused(sign: float) -> None:
 # -- flights ------------------------------------------------------------------------------------------------------
 
 
-def test_a_rig_repeats_itself_to_the_bit_and_a_nudge_is_what_it_says() -> None:
+def test_a_rig_is_deterministic_and_adds_its_nudge_exactly() -> None:
     vehicle, control = load_vehicle("paper_six")
     first, second = (Rig("paper_six", vehicle, control) for _ in range(2))
     command = VelocityCommand(surge=0.3, depth=START_DEPTH)
@@ -101,7 +101,7 @@ def test_a_rig_repeats_itself_to_the_bit_and_a_nudge_is_what_it_says() -> None:
     assert any(moment.wrench[5] != before[5] for moment in after)
 
 
-def test_a_step_is_as_high_as_the_vehicle_can_take() -> None:
+def test_the_step_size_follows_the_vehicles_limits() -> None:
     strong, weak = Reach("surge", (50.0, -40.0), (3.0, -2.5)), Reach("surge", (1.0, -1.0), (0.2, -0.1))
     assert step_size("surge", strong) == 0.5
     assert step_size("surge", weak) == pytest.approx(0.04)
@@ -115,7 +115,7 @@ WILD: dict[str, Any] = {"surge": {"p": 12.0, "i": 60.0, "limit": 20.0}}
 
 
 @pytest.mark.parametrize(("control", "axis"), [(SLUGGISH, "surge"), (SLUGGISH, "heading"), (WILD, "surge")])
-def test_bad_gains_are_mended(control: dict[str, Any], axis: str) -> None:
+def test_bad_gains_are_improved(control: dict[str, Any], axis: str) -> None:
     vehicle, _ = load_vehicle("paper_six")
     tuner = Tuner("paper_six", vehicle, control)
     (tuned,) = tuner.tune([axis])
@@ -128,7 +128,7 @@ def test_bad_gains_are_mended(control: dict[str, Any], axis: str) -> None:
     assert fly_step("paper_six", vehicle, tuner.control, axis, tuned.after.size) == tuned.after
 
 
-def test_good_gains_stay() -> None:
+def test_good_gains_are_left_unchanged() -> None:
     vehicle, control = load_vehicle("paper_six")
     tuner = Tuner("paper_six", vehicle, control)
     (tuned,) = tuner.tune(["surge"])
@@ -138,8 +138,8 @@ def test_good_gains_stay() -> None:
     assert tuned.after == tuned.before
 
 
-def test_the_identified_process_is_that_of_the_vehicle() -> None:
-    """The process of RexROV, 2.6 t with little drag, has slope 1, little damping, and a delay of lag and sensors."""
+def test_the_identified_process_agrees_with_the_vehicle() -> None:
+    """The process of RexROV, 2.6 t with little drag, has slope 1, little damping, and a delay from lag and sensors."""
     vehicle, control = load_vehicle("rexrov")
     (tuned,) = Tuner("rexrov", vehicle, control).tune(["sway"])
     assert tuned.process.slope == pytest.approx(1.0, abs=0.1)
@@ -147,7 +147,7 @@ def test_the_identified_process_is_that_of_the_vehicle() -> None:
     assert tuned.process.delay == pytest.approx(0.05 + 0.025 + 0.01, abs=0.02)  # thrusters, odometry, controller
 
 
-def test_vehicles_and_axes_it_is_not_for() -> None:
+def test_unsupported_vehicles_and_axes_are_refused() -> None:
     torpedo, control = load_vehicle("remus100")
     with pytest.raises(ConfigError, match="remus100: steers by fins"):
         Tuner("remus100", torpedo, control)
@@ -165,7 +165,7 @@ def test_vehicles_and_axes_it_is_not_for() -> None:
 GAINS = Gains()._replace(surge=AxisGains(p=3.21, i=7.0, slew=4.0), depth=HoldGains(0.9, 0.25))
 
 
-def test_gains_as_text_are_read_back(tmp_path: Any) -> None:
+def test_gains_written_as_text_are_read_back(tmp_path: Any) -> None:
     path = tmp_path / "gains.toml"
     path.write_text(control_text(GAINS))
     assert parse(read_table(str(path))["control"], Gains, "") == GAINS
@@ -180,7 +180,7 @@ def test_gains_as_text_are_read_back(tmp_path: Any) -> None:
         "[control] # mine\nsurge = { p = 1.0 }\n\n[control.sliding_mode]\nsway = { strength = 1.0, layer = 0.1 }\n",
     ],
 )
-def test_the_old_gains_go_and_all_else_stays(old: str, tmp_path: Any) -> None:
+def test_only_the_old_gains_are_replaced_in_a_file(old: str, tmp_path: Any) -> None:
     rest = 'name = "mine"\n# a comment\n[every_thruster]\nmax_forward = 3.0\n'
     path = tmp_path / "vehicle.toml"
     path.write_text(with_gains(f"{rest}\n{old}\n[[thrusters]]\nname = 'a' # left\n", GAINS, "new", "mine.toml"))
@@ -196,6 +196,6 @@ def test_the_old_gains_go_and_all_else_stays(old: str, tmp_path: Any) -> None:
     assert "# new" in text
 
 
-def test_gains_written_another_way_are_not_guessed_at() -> None:
+def test_gains_in_another_form_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"mine\.toml: its gains stand outside of a \[control\] table"):
         with_gains("control = { surge = { p = 1.0 } }\n", GAINS, "new", "mine.toml")

@@ -1,4 +1,4 @@
-"""A stand-in for viser's scene."""
+"""A recorder that stands in for viser's scene."""
 
 from typing import Any
 

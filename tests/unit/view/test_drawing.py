@@ -21,7 +21,7 @@ from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
 from tests.unit.view.scene_recorder import Recorder
 
 
-def test_places_and_attitudes_of_the_scene() -> None:
+def test_positions_and_attitudes_are_converted_to_scene_axes() -> None:
     assert frames.to_scene([(1.0, 2.0, 3.0)]).tolist() == [[2.0, 1.0, -3.0]]
     assert frames.from_scene((2.0, 1.0, -3.0)) == (1.0, 2.0, 3.0)
     attitude = from_euler(0.1, 0.2, 0.5 * pi)
@@ -39,7 +39,7 @@ def relief(rows: int, columns: int) -> Terrain:
     return Terrain(Grid(-10.0, 20.0, 1.0, rows, columns), depths, 9.0)
 
 
-def test_a_seabed_is_drawn_with_holes_contours_and_no_more_nodes_than_a_browser_turns() -> None:
+def test_a_seabed_is_drawn_with_holes_contours_and_a_limited_number_of_nodes() -> None:
     world = World("bay", "", (-10.0, 90.0, 20.0, 120.0), 9.0, terrain=relief(1001, 901))
     recorder = Recorder()
     drawn = world_scene.WorldScene(recorder, world)
@@ -92,7 +92,7 @@ def sonar(echoes: np.ndarray[Any, Any]) -> SonarImageSample:
     return SonarImageSample(1, angles, bins, 0.0, 0.1, 7e5, 1500.0, 0.02, 0.3, "uint8", echoes.tobytes())
 
 
-def test_a_target_of_the_forward_sonar_is_where_it_is_in_the_fan() -> None:
+def test_a_sonar_target_has_its_position_in_the_fan() -> None:
     echoes = np.zeros((100, 65), np.uint8)
     echoes[50, 48] = 255  # 5 m ahead, half a radian to starboard
     picture = pictures.fan_picture(sonar(echoes))
@@ -118,7 +118,7 @@ def test_a_side_scan_scrolls() -> None:
     assert picture[1, 0].sum() > 600, "port on the left, farthest outside"
 
 
-def test_a_side_scan_goes_as_far_along_the_track_as_the_vehicle() -> None:
+def test_a_side_scan_scrolls_by_the_distance_travelled() -> None:
     """The pings are 1 m apart in bins of 10 cm: ten rows from one to the next, and between them a slope, no brick."""
     waterfall = pictures.Waterfall()
     for number in range(4):
@@ -131,14 +131,14 @@ def test_a_side_scan_goes_as_far_along_the_track_as_the_vehicle() -> None:
     assert (red[40:] == pictures.BACKGROUND[0]).all()
 
 
-def test_pictures_of_a_camera_and_what_is_none() -> None:
+def test_camera_pictures_are_shown_and_malformed_ones_ignored() -> None:
     raw = Picture(1, 2, 1, "rgb8", bytes((1, 2, 3, 4, 5, 6)))
     assert pictures.camera_picture(raw).tolist() == [[[1, 2, 3], [4, 5, 6]]]
     for broken in (raw._replace(data=b"12"), Picture(1, 0, 0, "jpeg", b"no picture")):
         assert pictures.camera_picture(broken) is None
 
 
-def test_instruments_are_an_image_whose_words_are_escaped() -> None:
+def test_instruments_are_an_svg_image_with_escaped_text() -> None:
     now = instruments.Reading(
         0.1, -0.2, 1.0, 3.456, float("nan"), 0.5, (1.0, 2.0, 3.0), 15.5, (1500, 1700), (0.0, 12.5), ("<left>", "right")
     )

@@ -1,4 +1,4 @@
-"""Links and places of a fleet in the scene, and a plan that replaces another."""
+"""Links and targets of a fleet in the scene, and a plan that replaces another."""
 
 from typing import Any
 
@@ -41,7 +41,7 @@ def reports(clock_s: float) -> dict[str, dict[str, Any]]:
     return {node: {"formation": FormationSample((0.0, 0.0, 2.0), LEVEL, round(clock_s * 1e9))} for node in NODES}
 
 
-def test_who_is_within_reach_of_whom_has_a_link(recorder: Recorder, fleet: FleetScene) -> None:
+def test_vehicles_within_range_are_joined_by_links(recorder: Recorder, fleet: FleetScene) -> None:
     fleet.draw({}, places(0.0, 3.0, 6.0, 20.0))
     segments = recorder.added["/fleet/links"][1][0]
     assert sorted(tuple(pair[:, 0].tolist()) for pair in segments) == [(0.0, 3.0), (3.0, 6.0)]
@@ -52,7 +52,7 @@ def test_who_is_within_reach_of_whom_has_a_link(recorder: Recorder, fleet: Fleet
     assert "/fleet/places" not in recorder.added, "no report yet"
 
 
-def test_places_go_with_the_clock_that_each_reports(recorder: Recorder, fleet: FleetScene) -> None:
+def test_formation_targets_follow_each_vehicles_reported_clock(recorder: Recorder, fleet: FleetScene) -> None:
     fleet.draw(reports(0.0), places(0.0, 3.0, 6.0, 9.0))
     first = recorder.added["/fleet/places"][1][0]
     assert first.tolist() == [[east, north, -2.0] for north, east in FORMATIONS["line"]]
@@ -63,7 +63,7 @@ def test_places_go_with_the_clock_that_each_reports(recorder: Recorder, fleet: F
     assert {f"/path/{node}" for node in NODES} <= set(recorder.added)
 
 
-def test_a_plan_that_comes_is_drawn_in_place_of_the_last(recorder: Recorder, world: WorldScene) -> None:
+def test_a_new_plan_replaces_the_drawn_one(recorder: Recorder, world: WorldScene) -> None:
     world.draw_path([(0.0, 0.0), (1.0, 1.0)], 2.0)
     plan = ((0.0, 0.0, 1.0), (3.0, 4.0, 1.0), (5.0, 5.0, 1.0))
     world.draw_path(plan, 2.0)

@@ -1,4 +1,4 @@
-"""A camera that follows a vehicle, in a browser that reports late what it shows."""
+"""A camera that follows a vehicle, in a browser that reports its view late."""
 
 from collections import deque
 from typing import Any
@@ -12,7 +12,7 @@ STEP = np.array([0.04, 0.02, 0.0])  # m a frame: 0.9 m/s
 
 
 class Camera:
-    """A camera as viser's: to set its place moves also the point that it looks at."""
+    """A camera as in viser: setting its position also moves the point that it looks at."""
 
     def __init__(self, place: Any, offset: Any) -> None:
         self._position, self.look_at = place + offset, place
@@ -27,12 +27,12 @@ class Camera:
         self._position = value
 
     def report(self, position: Any, look_at: Any) -> None:
-        """Take what a browser shows."""
+        """Receive the view that a browser shows."""
         self._position, self.look_at = position, look_at
 
 
 @pytest.mark.parametrize("frames_late", [0, 1, 20])
-def test_it_does_not_fall_behind(frames_late: int) -> None:
+def test_the_camera_does_not_fall_behind(frames_late: int) -> None:
     place, offset = np.zeros(3), np.array(CAMERA_OFFSET)
     camera = Camera(place, offset)
     shown = deque([(camera.position, camera.look_at)] * (frames_late + 1))
@@ -46,14 +46,14 @@ def test_it_does_not_fall_behind(frames_late: int) -> None:
     assert np.allclose(last[1], place)
 
 
-def test_it_keeps_the_side_and_distance_that_a_person_chose() -> None:
+def test_the_camera_keeps_the_chosen_side_and_distance() -> None:
     camera = Camera(np.zeros(3), np.array(CAMERA_OFFSET))
     camera.report(np.array([0.0, 8.0, 1.0]), np.zeros(3))
     follow(camera, STEP.tolist())
     assert np.allclose(camera.position, STEP + np.array([0.0, 8.0, 1.0]))
 
 
-def test_a_camera_inside_the_vehicle_comes_out() -> None:
+def test_a_camera_inside_the_vehicle_moves_out() -> None:
     camera = Camera(np.zeros(3), np.zeros(3))
     follow(camera, STEP.tolist())
     assert np.allclose(camera.position, STEP + np.array(CAMERA_OFFSET))

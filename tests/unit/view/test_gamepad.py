@@ -1,4 +1,4 @@
-"""Axes of a gamepad whose layout SDL does not know: a trigger, which rests at -1, never counts as a stick."""
+"""Axes of a gamepad whose layout SDL does not have: a trigger, which rests at -1, never counts as a stick."""
 
 from collections.abc import Sequence
 from types import SimpleNamespace
@@ -31,19 +31,19 @@ def gamepad(axes: Sequence[float], buttons: Sequence[int]) -> Gamepad:
         ((0.5, -1.0), (1.0, 0.0, 0.0, 0.5)),  # one stick
     ],
 )
-def test_axes(axes: Sequence[float], wanted: Sequence[float]) -> None:
+def test_the_axes_are_mapped_without_triggers(axes: Sequence[float], wanted: Sequence[float]) -> None:
     found: dict[str, Any] = gamepad(axes, [0] * 4 + [1]).message()
     assert tuple(found["axes"][name] for name in ("surge", "sway", "heave", "yaw")) == wanted
     assert found["held"]
 
 
-def test_the_switch_is_a_shoulder_button_and_no_other() -> None:
+def test_only_a_shoulder_button_is_the_switch() -> None:
     assert [gamepad((0.0,) * 4, [n == number for n in range(8)]).message()["held"] for number in range(8)] == [
         number in (4, 5) for number in range(8)
     ]
 
 
-def test_an_unplugged_one_is_let_go() -> None:
+def test_an_unplugged_gamepad_counts_as_released() -> None:
     pad = gamepad((0.0, -1.0), [1] * 8)
     pad.problem = UNPLUGGED
     message = pad.message()

@@ -1,4 +1,4 @@
-"""Keys of a terminal as a stick, by instants that the test gives."""
+"""Keys of a terminal as a stick, by times that the test gives."""
 
 from hil.view.teleop.keys import HELD_NS, Keys
 

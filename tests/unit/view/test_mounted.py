@@ -17,7 +17,7 @@ from tests.unit.view.scene_recorder import Recorder
 PICTURE = np.zeros((30, 40, 3), np.uint8)
 
 
-def test_a_camera_is_where_it_sits_looks_where_it_looks_and_sees_as_wide() -> None:
+def test_a_camera_is_drawn_with_its_position_direction_and_field_of_view() -> None:
     camera = {"position": [0.3, 0.1, 0.2], "orientation": ["0 deg", "-30 deg", "90 deg"], "field_of_view": "60 deg"}
     recorder = Recorder()
     scene = SensorScene(recorder, "/vehicles/a", read_sensors({"camera": camera}, "here"))
@@ -30,7 +30,7 @@ def test_a_camera_is_where_it_sits_looks_where_it_looks_and_sees_as_wide() -> No
     assert np.tan(0.5 * vertical) * aspect == pytest.approx(np.tan(pi / 6))
 
 
-def test_a_camera_that_no_scenario_describes_looks_ahead() -> None:
+def test_a_camera_without_a_scenario_looks_ahead() -> None:
     recorder = Recorder()
     SensorScene(recorder, "/a", {}).draw_camera(PICTURE)
     _, (vertical, aspect), _ = recorder.added["/a/camera/frustum"]
@@ -38,7 +38,7 @@ def test_a_camera_that_no_scenario_describes_looks_ahead() -> None:
     assert recorder.added["/a/camera"][2]["wxyz"] == body_attitude((1.0, 0.0, 0.0, 0.0))
 
 
-def test_the_fan_of_a_sonar_starts_where_it_sits() -> None:
+def test_the_fan_of_a_sonar_starts_at_its_mounting() -> None:
     echoes = np.full((20, 3), 255, np.uint8)
     sample = SonarImageSample(1, (-0.5, 0.0, 0.5), 20, 0.0, 0.5, 7e5, 1500.0, 0.02, 0.3, "uint8", echoes.tobytes())
     sits = Mounting(position=(0.5, 0.0, 1.0), orientation=(0.0, 0.0, 0.5 * pi))

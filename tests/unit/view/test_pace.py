@@ -1,4 +1,4 @@
-"""The view draws soon after a sample whatever the phase, seldom enough with many vehicles, and without any too."""
+"""The view draws soon after a sample at any phase, at a limited rate with many vehicles, and also without samples."""
 
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ def drawings(samples: list[int], end: int) -> list[int]:
 
 
 @pytest.mark.parametrize("phase_ms", range(0, 50, 7))
-def test_a_sample_is_drawn_soon_whatever_its_phase(phase_ms: int) -> None:
+def test_a_sample_is_drawn_soon_at_any_phase(phase_ms: int) -> None:
     samples = [phase_ms * NS_PER_MS + number * PERIOD for number in range(40)]
     drawn = drawings(samples, samples[-1] + PERIOD)
     for sample in samples[8:]:  # once the beat is found
@@ -31,16 +31,16 @@ def test_a_sample_is_drawn_soon_whatever_its_phase(phase_ms: int) -> None:
     assert len(drawn) <= len(samples) + 3
 
 
-def test_samples_of_one_instant_are_drawn_together() -> None:
+def test_simultaneous_samples_are_drawn_together() -> None:
     samples = [number * PERIOD + part * NS_PER_MS for number in range(1, 20) for part in (0, 1, 2)]
     assert len(drawings(samples, 20 * PERIOD)) <= 21
 
 
-def test_many_vehicles_are_drawn_at_most_so_often() -> None:
+def test_the_drawing_rate_is_limited_with_many_vehicles() -> None:
     drawn = drawings([number * NS_PER_MS for number in range(2000)], 2000 * NS_PER_MS)
     assert min(after - before for before, after in pairwise(drawn)) >= LEAST_NS
 
 
-def test_without_samples_it_goes_on() -> None:
+def test_drawing_continues_without_samples() -> None:
     drawn = drawings([], 10 * MOST_NS)
     assert drawn == [number * MOST_NS for number in range(10)]

@@ -1,4 +1,4 @@
-"""Time that is paused, stepped and sped up, by a clock that the test moves."""
+"""Time that is paused, stepped and sped up, by a clock that the test advances."""
 
 from hil.common.clock import NS_PER_S
 from hil.view.sources.paced_time import STEP_S, PacedTime
@@ -15,7 +15,7 @@ class Clock:
         self.ns += round(seconds * NS_PER_S)
 
 
-def test_it_runs_pauses_steps_and_ends() -> None:
+def test_time_runs_pauses_steps_seeks_and_ends() -> None:
     clock = Clock()
     time = PacedTime(10.0, clock)
     clock.advance(2.0)
@@ -38,7 +38,7 @@ def test_it_runs_pauses_steps_and_ends() -> None:
     assert time.time == 0.0
 
 
-def test_without_an_end_it_goes_on() -> None:
+def test_time_without_an_end_runs_on() -> None:
     clock = Clock()
     time = PacedTime(0.0, clock)
     clock.advance(1e6)

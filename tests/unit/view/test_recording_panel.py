@@ -44,7 +44,7 @@ class Server:
 
 
 class Recording:
-    """A stand-in for what records."""
+    """A stand-in for the recorder."""
 
     state, fails = "", False
 
@@ -70,7 +70,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threading, "Thread", Thread)
 
 
-def test_it_starts_says_where_and_ends() -> None:
+def test_a_recording_is_started_reported_and_ended() -> None:
     server, recorder, reported = Server(), Recording(), list[str]()
     panel = RecordingPanel(server, nullcontext(), recorder, reported.append)
     button, text = server.controls
@@ -88,7 +88,7 @@ def test_it_starts_says_where_and_ends() -> None:
     assert reported == ["recording into there", "7 messages recorded: there", "disk full"]
 
 
-def test_where_nothing_can_be_recorded_it_is_grey_and_says_why() -> None:
+def test_the_button_is_disabled_with_a_reason_if_recording_is_impossible() -> None:
     server = Server()
     RecordingPanel(server, nullcontext(), None, print).update()
     button, text = server.controls

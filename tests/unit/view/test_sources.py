@@ -1,4 +1,4 @@
-"""A sample is shown alike whether it comes from a simulation, a recording or the network."""
+"""A sample is shown alike from a simulation, a recording or the network."""
 
 from math import inf
 from types import SimpleNamespace
@@ -39,7 +39,7 @@ def recording(monkeypatch: pytest.MonkeyPatch, samples: dict[str, Any]) -> Recor
     return source
 
 
-def test_a_recording_shows_what_the_simulation_showed(vehicle: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_is_shown_like_its_simulation(vehicle: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     simulated = SimulatedSource({"uuv1": vehicle}).latest("uuv1")
     replayed = recording(monkeypatch, vehicle.samples).latest("uuv1")
     for topic in ("odom", "dvl", "altitude"):
@@ -52,6 +52,6 @@ def test_a_recording_shows_what_the_simulation_showed(vehicle: Any, monkeypatch:
     assert (shown.depth, shown.altitude, shown.speed) == (3.0, 4.0, 0.5)
 
 
-def test_a_simulated_log_without_lock_knows_no_bed(vehicle: Any) -> None:
+def test_a_simulated_dvl_without_lock_gives_no_seabed(vehicle: Any) -> None:
     vehicle.samples["dvl"] = LOCKED._replace(locked=False)
     assert SimulatedSource({"uuv1": vehicle}).latest("uuv1")["altitude"].distance == inf

@@ -1,4 +1,4 @@
-"""A stick moves a vehicle only while its switch is held and its messages come."""
+"""A stick moves a vehicle only while its switch is held and its messages arrive."""
 
 from typing import Any
 
@@ -28,7 +28,7 @@ def test_a_held_stick_commands_in_proportion() -> None:
     assert (command.mode, command.surge, command.yaw) == ("effort", 40.0, -5.0)
 
 
-def test_it_commands_nothing_when_let_go_or_silent() -> None:
+def test_a_released_or_silent_stick_commands_nothing() -> None:
     stick = Stick()
     assert stick.command(NOW) is None, "before the first message"
     stick.update(message(held=False, surge=1.0), NOW)
@@ -45,7 +45,7 @@ def test_it_commands_nothing_when_let_go_or_silent() -> None:
 @pytest.mark.parametrize(
     "broken", [{}, {"axes": None, "held": True}, message(surge="ahead"), message(surge=float("nan")), {"held": True}]
 )
-def test_a_malformed_message_lets_it_go(broken: dict[str, Any]) -> None:
+def test_a_malformed_message_releases_the_stick(broken: dict[str, Any]) -> None:
     stick = Stick()
     stick.update(message(surge=1.0), NOW)
     stick.update(broken, NOW)
@@ -57,7 +57,7 @@ ANY = st.none() | st.booleans() | st.floats() | st.text(max_size=5) | st.lists(s
 
 
 @given(ANY, st.dictionaries(st.sampled_from(("surge", "sway", "heave", "yaw", "other")), ANY), ANY, ANY)
-def test_any_message_is_survived(held: Any, axes: dict[str, Any], mode: Any, holds: Any) -> None:
+def test_any_message_is_decoded_without_an_exception(held: Any, axes: dict[str, Any], mode: Any, holds: Any) -> None:
     stick = Stick()
     stick.update({"held": held, "axes": axes, "mode": mode, "hold_depth": holds}, NOW)
     command = stick.command(NOW)

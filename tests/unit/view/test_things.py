@@ -33,7 +33,7 @@ def world_of(folder: Path) -> World:
     return load_world(str(folder / "w.toml"))._replace(pipeline=(PIPE,), zone=(ZONE,))
 
 
-def test_the_live_view_draws_them(tmp_path: Path) -> None:
+def test_the_live_view_draws_meshes_shapes_pipelines_and_zones(tmp_path: Path) -> None:
     recorder = Recorder()
     world_scene.WorldScene(recorder, world_of(tmp_path))
     kind, (corners, faces), options = recorder.added["/meshes/0"]
@@ -52,7 +52,7 @@ def test_the_live_view_draws_them(tmp_path: Path) -> None:
     assert recorder.added["/zones/0/name"][1][0] == "restricted area: reserve"
 
 
-def test_topic_echo_prints_them_in_a_screen_or_two_and_not_what_is_hidden(tmp_path: Path) -> None:
+def test_topic_echo_prints_markers_briefly_and_omits_hidden_ones(tmp_path: Path) -> None:
     payload = encode_obstacles(1, world_of(tmp_path))
     fields = message.decode("visualization_msgs/msg/MarkerArray", payload)
     assert fields is not None

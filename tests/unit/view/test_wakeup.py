@@ -6,7 +6,7 @@ import threading
 from hil.view.scene.wakeup import ThreadSafeEvent
 
 
-def test_only_the_loop_wakes_those_who_wait() -> None:
+def test_only_the_event_loop_wakes_waiting_tasks() -> None:
     async def run() -> None:
         loop = asyncio.get_running_loop()
         event = ThreadSafeEvent(loop)

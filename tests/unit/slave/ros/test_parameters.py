@@ -1,4 +1,4 @@
-"""Parameters of a vehicle's node that go with parts of its simulation: those of a tether."""
+"""Parameters of a vehicle's node that belong to parts of its simulation: those of a tether."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +10,7 @@ DOUBLE, STRING = 3, 4
 
 
 class FakeTether:
-    """A tether of which only length and pull are there."""
+    """A tether that has a length and a pull only."""
 
     length, tension, keys = 20.0, 3.5, TetherKeys(20.0)
 
@@ -33,7 +33,7 @@ def parameter(name: str, value: float | str) -> dict[str, Any]:
     return {"name": name, "value": {"type": kind, key: value}}
 
 
-def test_a_tether_has_a_length_that_is_set_and_a_pull_that_is_read() -> None:
+def test_a_tethers_length_can_be_set_and_its_pull_read() -> None:
     tether = FakeTether()
     call, reports = answers(tether)
     names = ["tether.length", "tether.tension"]
@@ -45,7 +45,7 @@ def test_a_tether_has_a_length_that_is_set_and_a_pull_that_is_read() -> None:
     assert (tether.length, reports) == (25.0, ["parameter: tether.length: 25 m"])
 
 
-def test_values_that_cannot_be_are_refused_with_a_reason() -> None:
+def test_invalid_values_are_refused_with_a_reason() -> None:
     call, reports = answers(FakeTether())
     for wrong, words in (
         (parameter("tether.tension", 1.0), "tether.tension: it is measured"),
@@ -58,7 +58,7 @@ def test_values_that_cannot_be_are_refused_with_a_reason() -> None:
     assert not reports
 
 
-def test_without_a_tether_there_are_none() -> None:
+def test_without_a_tether_there_are_no_parameters() -> None:
     call, _ = answers(None)
     assert call("list_parameters", prefixes=[], depth=0)["result"]["names"] == ["failures.bow"]
     assert call("get_parameters", names=["tether.length"])["values"] == [{}]
