@@ -6,5 +6,5 @@ from tests.support.flights.level_flight import LEVEL, check_level
 
 
 @pytest.mark.parametrize("name", LEVEL)
-def test_a_vehicle_is_level_at_1_m_s(name: str) -> None:
+def test_a_vehicle_is_level_at_its_top_speed(name: str) -> None:
     check_level(name, 1.0)
