@@ -8,7 +8,7 @@ from hil.scenario.config import load_scenario
 
 EXAMPLES = """\
 Each vehicle of a fleet has its slave and its agent. The agents find each other at the endpoints that the
-scenario names, and wait until all who begin next to them are there. Ctrl-C ends it; the vehicle then stands still.
+scenario names, and wait for the agents of all vehicles that start nearby. Ctrl-C ends it; the vehicle then stops.
 
 examples:
   uuv-hil slave target_hunting --member uuv2 &
@@ -19,7 +19,7 @@ All of them at once: uuv-hil case target_hunting --hil
 
 
 def main(arguments: list[str]) -> int:
-    """Lead the vehicle until stopped; return the exit code. Raises MissionError if something went wrong with it."""
+    """Plan for the vehicle until stopped; return the exit code. Raises MissionError if something went wrong with it."""
     parser = new_parser("agent", __doc__, EXAMPLES)
     add_scenario(parser, None)
     add_member(parser)

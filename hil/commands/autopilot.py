@@ -1,4 +1,4 @@
-"""`uuv-hil autopilot`: test motors and connection of an autopilot, and show what it is started with."""
+"""`uuv-hil autopilot`: test motors and link of an autopilot, and print its parameters."""
 
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
 from hil.autopilots.opening import settings_of
@@ -8,20 +8,20 @@ from hil.scenario.config import AUTOPILOTS, Scenario, load_single
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 EXAMPLES = """\
-`motors` turns each motor alone in the simulation, and prints which way the vehicle goes. `link` exchanges states and
-outputs with the autopilot, thrusters neutral: losses, round trip, jitter, rate. `parameters` prints the parameters that
-make the autopilot right for this vehicle, as a file for it.
+`motors` turns each motor alone in the simulation, and prints in which direction the vehicle moves. `link` exchanges
+states and outputs with the autopilot, thrusters neutral, and measures losses, round trip, jitter and rate.
+`parameters` prints the parameters that the autopilot needs for this vehicle, as a parameter file.
 
 examples:
   uuv-hil autopilot motors ardusub
   uuv-hil autopilot link ardusub --seconds 20
   uuv-hil autopilot parameters px4_uuv > bluerov2_heavy.parm
 """
-SLOW_MS = 10.0  # of a round trip, beyond which an estimator of 250 Hz sees old values
+SLOW_MS = 10.0  # round trip beyond which an estimator of 250 Hz works with outdated values
 
 
 def main(arguments: list[str]) -> int:
-    """Do one of the three; return the exit code."""
+    """Test the motors or the link, or print the parameters; return the exit code."""
     parser = new_parser("autopilot", __doc__, EXAMPLES)
     parser.add_argument(
         "what", choices=("motors", "link", "parameters"), metavar="ACTION", help="motors, link or parameters; see below"
@@ -81,11 +81,11 @@ def _link(scenario: Scenario, seconds: float) -> int:
         print(f"the line carries at most {result.line_rate:.0f} HIL_SENSOR a second")
     if not result.outputs:
         raise DeviceError(
-            f"{scenario.path}: no outputs came: the autopilot does not answer; start it, and let it reach the address "
-            "of [autopilot]"
+            f"{scenario.path}: no outputs were received: the autopilot does not answer; start it, and let it reach "
+            "the address of [autopilot]"
         )
     if result.round_trip_p50_ms > SLOW_MS:
-        print(f"WARNING: a round trip above {SLOW_MS:g} ms: the autopilot's estimator sees old values")
+        print(f"WARNING: a round trip above {SLOW_MS:g} ms: the autopilot's estimator works with outdated values")
     return 0
 
 
@@ -93,6 +93,6 @@ def _parameters(scenario: Scenario, vehicle: Vehicle) -> int:
     from hil.autopilots.parameters import all_parameters, format_parameters
 
     motors = map_motors(_frame(scenario), vehicle)
-    found = all_parameters(settings_of(scenario), scenario.controller, vehicle, motors, scenario.sensors)
-    print(format_parameters(found), end="")
+    parameters = all_parameters(settings_of(scenario), scenario.controller, vehicle, motors, scenario.sensors)
+    print(format_parameters(parameters), end="")
     return 0

@@ -18,9 +18,9 @@ HIL_SEEDS = whole(0, MOST_SEEDS)
 EXAMPLES = f"""\
 NAME is one of: {", ".join(CASES)}, or all.
 
-Seed 1 is the case as it stands; others have other noise, starts and, where the map lacks them, obstacles. With
---hil every vehicle is a `uuv-hil slave` in a process of its own with an emulated STM32, and this process is the
-master, over the network: that takes as long as the mission does.
+Seed 1 is the case unchanged; other seeds change the noise, the start and the obstacles that are not in the map.
+With --hil every vehicle is a `uuv-hil slave` in a process of its own with an emulated STM32, and this process is
+the master, over the network. A flight then takes as long as its mission.
 
 examples:
   uuv-hil case path_planning
@@ -29,7 +29,7 @@ examples:
   uuv-hil case target_hunting --view                    a fleet in a browser
   uuv-hil case all --seeds 50 --hil 2 --output runs/all
 
-DIR then holds report.md with its pictures, results.json and results.csv, and a folder for every flight.
+DIR then contains report.md with its pictures, results.json, results.csv, and a folder for every flight.
 """
 
 
@@ -41,7 +41,13 @@ def main(arguments: list[str]) -> int:
         "--seeds", type=SEEDS, default=1, metavar="N", help="seeds 1 to N in the simulation [%(default)s]"
     )
     parser.add_argument(
-        "--hil", type=HIL_SEEDS, nargs="?", const=1, default=0, metavar="N", help="and seeds 1 to N in HIL [1]"
+        "--hil",
+        type=HIL_SEEDS,
+        nargs="?",
+        const=1,
+        default=0,
+        metavar="N",
+        help="also fly seeds 1 to N with slaves [1]",
     )
     parser.add_argument("--jobs", type=JOBS, default=-1, metavar="N", help="simulations at once [all cores]")
     add_view(parser, "show each flight in a browser, one after the other")

@@ -28,7 +28,7 @@ REPORT_PERIOD_S = 5.0
 
 
 def main(arguments: list[str]) -> int:
-    """Carry messages until SIGINT or SIGTERM; return the exit code. Raises ConfigError, NetworkError."""
+    """Simulate the channel until SIGINT or SIGTERM; return the exit code. Raises ConfigError, NetworkError."""
     parser = new_parser("channel", __doc__, EXAMPLES)
     add_scenario(parser, None)
     options = parser.parse_args(arguments)
@@ -37,11 +37,11 @@ def main(arguments: list[str]) -> int:
         raise ConfigError(f"{scenario.path}: the simulated acoustic channel has no [security]: leave it out")
     modem = modem_of(scenario)
     routed = is_routed(scenario)
-    ends = [end for member in scenario.member for end in (member.listen, member.agent)]
+    endpoints = [endpoint for member in scenario.member for endpoint in (member.listen, member.agent)]
     began = now_ns()
     with (
         StopSignals() as stop_fd,
-        open_master_session(*([scenario.network.router] if routed else ends), network=scenario.network) as session,
+        open_master_session(*([scenario.network.router] if routed else endpoints), network=scenario.network) as session,
     ):
         network = ModemNetwork(session, scenario)
         print(f"{modem.kind} modems of {len(scenario.member)} vehicles, slots of {modem.slot:g} s", flush=True)

@@ -1,4 +1,4 @@
-"""`uuv-hil completion`: let the shell complete commands, options, names of scenarios and the keys after --set."""
+"""`uuv-hil completion`: print the script with which a shell completes commands, options, scenarios and keys."""
 
 import argparse
 import os
@@ -17,8 +17,8 @@ SHELLS = ("bash", "zsh", "fish")
 _PARSES = ("parse_args", "parse_intermixed_args", "parse_known_args")
 
 
-class _Found(BaseException):
-    """Carries the parser that a command has made."""
+class _ParserMade(BaseException):
+    """Interrupts a command at its parser, and carries that parser."""
 
     def __init__(self, parser: argparse.ArgumentParser) -> None:
         super().__init__()
@@ -26,7 +26,7 @@ class _Found(BaseException):
 
 
 def main(arguments: list[str]) -> int:
-    """Print what a shell has to read; return 0. Raises ConfigError."""
+    """Print the completion script of a shell; return 0. Raises ConfigError."""
     from argcomplete.shell_integration import shellcode
 
     parser = new_parser("completion", __doc__, EXAMPLES)
@@ -37,7 +37,7 @@ def main(arguments: list[str]) -> int:
 
 
 def answer_shell(commands: dict[str, tuple[str, str]]) -> None:
-    """Write what may follow the words of the environment's COMP_LINE, and end this process.
+    """Write the completions of the command line in the environment's COMP_LINE, and end this process.
 
     commands: name -> module with a `main`, and what it does.
     """
@@ -48,7 +48,7 @@ def answer_shell(commands: dict[str, tuple[str, str]]) -> None:
 
 
 def parser_for(words: list[str], commands: dict[str, tuple[str, str]]) -> argparse.ArgumentParser:
-    """Return a parser of all commands, with the options of that one alone which `words` begin with."""
+    """Return a parser of all commands; only the command that `words` begin with has its options."""
     parser = argparse.ArgumentParser(prog="uuv-hil")
     parser.add_argument("-V", "--version", action="store_true")
     actions = parser.add_subparsers()
@@ -61,22 +61,22 @@ def parser_for(words: list[str], commands: dict[str, tuple[str, str]]) -> argpar
 
 
 def find_parser(module: str) -> argparse.ArgumentParser:
-    """Return the parser that the `main` of a command makes. Raises RuntimeError if it makes none."""
+    """Return the parser that the `main` of a command creates. Raises RuntimeError if it creates none."""
 
     def stop(parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
-        raise _Found(parser)
+        raise _ParserMade(parser)
 
     real = {name: getattr(argparse.ArgumentParser, name) for name in _PARSES}
     for name in _PARSES:
         setattr(argparse.ArgumentParser, name, stop)
     try:
         import_module(module).main(["--help"])
-    except _Found as found:
+    except _ParserMade as found:
         return found.parser
     finally:
         for name, method in real.items():
             setattr(argparse.ArgumentParser, name, method)
-    raise RuntimeError(f"{module}: main has made no parser")
+    raise RuntimeError(f"{module}: main has created no parser")
 
 
 def _bench_parser(words: list[str]) -> argparse.ArgumentParser:
@@ -87,7 +87,7 @@ def _bench_parser(words: list[str]) -> argparse.ArgumentParser:
 
 
 def _add_completers(parser: argparse.ArgumentParser) -> None:
-    """Let SCENARIO be completed by the installed names and by .toml files, KEY=... by the keys of a scenario."""
+    """Complete SCENARIO by the installed names and by .toml files, KEY=... by the keys of a scenario."""
     for inner in subparsers(parser).values():
         _add_completers(inner)
     for action in parser._actions:

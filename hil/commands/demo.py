@@ -1,4 +1,4 @@
-"""`uuv-hil demo`: slave and master on this machine, one run, the HIL table."""
+"""`uuv-hil demo`: run slave and master on this machine for one mission, and print the HIL table."""
 
 import argparse
 import os
@@ -39,14 +39,14 @@ EXAMPLES = """\
 examples:
   uuv-hil demo                         the reference platform's field
   uuv-hil demo mine.toml --output out
-  uuv-hil demo --view                  and in a browser while it flies
+  uuv-hil demo --view                  also show it in a browser
   uuv-hil demo --listen tcp/127.0.0.1:9000    beside a slave that runs already
   uuv-hil demo --world US5AK5SI.000    over the seabed of a chart, with laser, sonar and camera
   uuv-hil demo --world US5AK5SI.000 --start 59.6032,-151.4117 --goal 59.6032,-151.4101 --depth 6
-A chart's folder of results also has report.md, report.html and what the vehicle saw.
+With --world the results also contain report.md, report.html and pictures of the sensors.
 """
 GRACE_S = 10.0
-FIRST_SIGHT_S = 60  # that pictures are waited for after a short dive: a busy board draws the first ones late
+FIRST_PICTURE_TIMEOUT_S = 60  # after a short dive: a busy board draws the first pictures late
 DEPTH = Number(0.0, 11_000.0, "m")
 LENGTH = Number(1.0, 100_000.0, "m")
 
@@ -58,21 +58,21 @@ def main(arguments: list[str]) -> int:
     add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
     add_view(parser)
     add_listen(parser)
-    over = parser.add_argument_group("over a seabed of your own")
-    over.add_argument("--world", metavar="CHART.000", help="a chart, soundings, or a world's .toml or name")
-    over.add_argument("--start", metavar="LAT,LON", type=place, help="degrees, with --goal [where there is relief]")
-    over.add_argument("--goal", metavar="LAT,LON", type=place, help="goal of the dive; the path to it is planned")
-    over.add_argument(
+    seabed = parser.add_argument_group("over a seabed of your own")
+    seabed.add_argument("--world", metavar="CHART.000", help="a chart, soundings, or a world's .toml or name")
+    seabed.add_argument("--start", metavar="LAT,LON", type=place, help="degrees, with --goal [a place with relief]")
+    seabed.add_argument("--goal", metavar="LAT,LON", type=place, help="goal of the dive; the path to it is planned")
+    seabed.add_argument(
         "--depth", metavar="M", type=DEPTH, help="depth of the dive [above the highest place of the path]"
     )
-    over.add_argument(
+    seabed.add_argument(
         "--length", metavar="M", type=LENGTH, default=70.0, help="length of the path without --goal [%(default)g]"
     )
-    add_reading(over)
+    add_reading(seabed)
     options = parser.parse_args(arguments)
     if options.world:
         if options.set:
-            raise ConfigError("--set goes with a scenario, and --world makes one of its own")
+            raise ConfigError("--set changes a scenario, but --world makes its own: leave one of them out")
         return _dive(options)
     scenario = load_single(options.scenario, changes_of(options))
     warning = attitude_warning(scenario)
@@ -89,16 +89,16 @@ def main(arguments: list[str]) -> int:
 
 
 def _dive(options: argparse.Namespace) -> int:
-    """Make a world and a way, fly there, and report what was seen."""
+    """Build a world and a path, fly the path, and report what the sensors saw."""
     _require_extras()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the systems solved are small: its threads would only wait
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the linear systems are small: more threads only wait
     from hil.charts.dive.dive import DiveOptions, prepare_dive
     from hil.charts.dive.watch import DiveWatch
 
     endpoint = options.listen or DiveOptions().listen
-    require_free(endpoint)  # now: to find a place takes long
+    require_free(endpoint)  # checked before the search for a place, which takes long
     folder = make_folder(options.output) if options.output else new_folder(options.world)
-    print(f"looking for a place to dive in {options.world}", flush=True)
+    print(f"searching {options.world} for a place to dive", flush=True)
     dive = DiveOptions(
         options.start,
         options.goal,
@@ -114,7 +114,7 @@ def _dive(options: argparse.Namespace) -> int:
     finally:
         show_progress(1.0)
     if bed:
-        print(f"its bed: {bed[0][1]} (--resolution for another)", flush=True)
+        print(f"seabed: {bed[0][1]} (--resolution for another grid)", flush=True)
     scenario = load_scenario(path)
     require_free(endpoint)
     with view_process([path], [endpoint], options.view), DiveWatch(scenario) as watch:
@@ -122,12 +122,12 @@ def _dive(options: argparse.Namespace) -> int:
     from hil.charts.dive.report import write_report
 
     files = write_report(folder, scenario, watch.observations, watch.figures(), bed)
-    print(f"what it saw: {files[-1]}")
+    print(f"report of the sensors: {files[-1]}")
     return code
 
 
 def _require_extras() -> None:
-    """Raise MissingExtraError unless there is what a dive over a chart needs."""
+    """Raise MissingExtraError if a library that a dive over a chart needs is not installed."""
     missing = [name for name in ("numpy", "scipy", "matplotlib", "PIL") if find_spec(name) is None]
     if missing:
         raise MissingExtraError(
@@ -136,7 +136,7 @@ def _require_extras() -> None:
 
 
 def require_free(endpoint: str, routed: bool = False) -> None:
-    """Raise NetworkError unless a slave of this machine can listen at `endpoint`; unless `routed` on the next port too.
+    """Raise NetworkError unless a slave here can listen at `endpoint`; unless `routed`, on the next port too.
 
     Otherwise the demo's master would arm and command the vehicle of another slave on this port.
     """
@@ -149,31 +149,31 @@ def require_free(endpoint: str, routed: bool = False) -> None:
                 probe.bind(address)
         except OSError as error:
             raise NetworkError(
-                f"{endpoint} is not free for the demo's slave (port {number}: {error.strerror}), and a vehicle of "
-                "others it must not command; end what runs there, or choose another place: "
+                f"{endpoint} is not free for the demo's slave (port {number}: {error.strerror}), and the demo "
+                "must not command the vehicle of another slave; end what runs there, or choose another endpoint: "
                 f"--listen tcp/127.0.0.1:{free_ports(1)[0]}"
             ) from None
 
 
 def _run(scenario: list[str], endpoint: str, folder: str, observe: Callable[[], bool]) -> int:
-    """Run both processes with the words `scenario`; return the master's exit code.
+    """Run both processes; return the master's exit code. `scenario` are the words of the command line that name it.
 
-    `observe` is called often meanwhile, and returns whether anything was seen yet. The slave is ended once it was.
+    `observe` is called often meanwhile, and returns True once a sensor has seen something. Then the slave is ended.
     """
     log_path = os.path.join(folder, "slave.log")
     with StopSignals() as stop_fd, open(log_path, "w", encoding="utf-8") as log:
         master, ready_fd = _start_master(scenario, endpoint, folder)
         slave = None
         try:
-            if not _dials(ready_fd, stop_fd):
+            if not _wait_until_dialling(ready_fd, stop_fd):
                 return master.wait(GRACE_S)
             print(f"starting the slave (its log: {log_path})", flush=True)
             slave = _start_slave(scenario, endpoint, log)
-            return _watch(master, slave, stop_fd, log_path, observe)
+            return _wait_for_master(master, slave, stop_fd, log_path, observe)
         finally:
             for process in (master, slave):
                 if process:
-                    _end(process)
+                    _stop_process(process)
 
 
 def _start_master(scenario: list[str], endpoint: str, folder: str) -> tuple[subprocess.Popen[bytes], int]:
@@ -185,10 +185,10 @@ def _start_master(scenario: list[str], endpoint: str, folder: str) -> tuple[subp
     return master, read_fd
 
 
-def _dials(ready_fd: int, stop_fd: int) -> bool:
-    """Wait until the master dials: only then is the slave's start-up time the slave's alone.
+def _wait_until_dialling(ready_fd: int, stop_fd: int) -> bool:
+    """Wait until the master dials, so that the measured start-up time is the slave's alone.
 
-    False if the master ended instead. Raises KeyboardInterrupt when the user ends us.
+    Return False if the master ended instead. Raises KeyboardInterrupt when the user ends this process.
     """
     try:
         if stop_fd in select.select((ready_fd, stop_fd), (), ())[0]:
@@ -204,7 +204,7 @@ def _start_slave(scenario: list[str], endpoint: str, log: object) -> subprocess.
     return start_child(command, environment=environment, stderr=log)
 
 
-def _watch(
+def _wait_for_master(
     master: subprocess.Popen[bytes],
     slave: subprocess.Popen[bytes],
     stop_fd: int,
@@ -216,20 +216,20 @@ def _watch(
         if select.select((stop_fd,), (), (), 0.1)[0]:
             raise KeyboardInterrupt
         if slave.poll() is not None and master.poll() is None:
-            master.kill()  # ended in order, it would print the table of a run that was none
+            master.kill()  # ended by SIGTERM, it would print the table of a run that never began
             if sys.stdout.isatty():
-                print()  # after its line of progress
+                print()  # below the master's line of progress
             with open(log_path, encoding="utf-8", errors="replace") as log:
                 last = (log.read().strip().splitlines() or ["no message"])[-1]
             raise NetworkError(f"the slave ended with exit code {slave.returncode}: {last}")
-    deadline_ns = now_ns() + FIRST_SIGHT_S * NS_PER_S
+    deadline_ns = now_ns() + FIRST_PICTURE_TIMEOUT_S * NS_PER_S
     while master.returncode == 0 and not observe() and now_ns() < deadline_ns:
         if select.select((stop_fd,), (), (), 0.1)[0]:
             raise KeyboardInterrupt
     return master.returncode
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _stop_process(process: subprocess.Popen[bytes]) -> None:
     if process.poll() is None:
         process.send_signal(signal.SIGTERM)
     try:

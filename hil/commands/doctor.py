@@ -1,4 +1,4 @@
-"""`uuv-hil doctor`: whether this machine can run a scenario, and what to do where it cannot. It changes nothing."""
+"""`uuv-hil doctor`: check whether this machine can run a scenario, and print remedies. It changes nothing."""
 
 import argparse
 import json
@@ -20,13 +20,13 @@ from hil.doctor.findings import Case, Finding, User, accounts
 from hil.scenario.config import Scenario, load_scenario, with_port
 
 EXAMPLES = """\
-Each line is ok, a note, or a problem with what to do about it. Without a scenario nothing is needed and nothing is
-a problem. The exit code is 1 if there is a problem, else 0.
+Each line is ok, a note, or a problem with its remedy. Without a scenario nothing is required, so that nothing is a
+problem. The exit code is 1 if there is a problem, else 0.
 
 examples:
   uuv-hil doctor                            on the single-board computer, before the first run
   uuv-hil doctor mine.toml                  everything that this scenario needs
-  sudo uuv-hil doctor mine.toml --user uuv  for the user who is to run it; only root sees what others have open
+  sudo uuv-hil doctor mine.toml --user uuv  for the user who will run it; only root sees open files of others
   uuv-hil doctor --root recorded/           a machine whose /proc, /sys, /dev and /etc were copied there
 """
 Check = Callable[[Case], Iterator[Finding]]
@@ -41,7 +41,7 @@ INDENT = " " * 22  # of a finding's text, behind level and topic
 
 
 def main(arguments: list[str]) -> int:
-    """Print one line for each thing looked at; 1 if one of them is a problem, else 0. Raises HilError."""
+    """Print one line for each finding; return 1 if one of them is a problem, else 0. Raises HilError."""
     options = _parser().parse_args(arguments)
     tree = Tree(options.root)
     if not os.path.isdir(options.root):
@@ -73,21 +73,21 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def findings(case: Case) -> Iterator[Finding]:
-    """Return all findings; what this process would be granted is tried only on this machine."""
+    """Yield all findings; the permissions of this process are tried only if the tree is this machine's."""
     checks = (*SOFTWARE, *MACHINE, doctor_software.granted) if case.tree.live else MACHINE
     for check in checks:
         yield from check(case)
 
 
 def line(finding: Finding) -> str:
-    """Return a finding as one line of text, whatever a file of the machine or the name of a process had in it."""
+    """Return a finding as one line of printable text, whatever the machine's files or names of processes contain."""
     remedy = f" -> {finding.remedy}" if finding.remedy else ""
     text = f"{finding.level:7}  {finding.topic:12} {finding.text}{remedy}"
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def find_user(tree: Tree, name: str | None) -> User:
-    """Return the user of the machine called `name`, or who asks. Raises ConfigError when it has none of that name."""
+    """Return the machine's user called `name`, by default this process's. Raises ConfigError if there is none."""
     if not tree.live:
         return _recorded_user(tree, name)
     import pwd
@@ -104,7 +104,7 @@ def find_user(tree: Tree, name: str | None) -> User:
 
 
 def _recorded_user(tree: Tree, name: str | None) -> User:
-    """Return the same of a recorded machine, by its files; who asks is there who has the same number."""
+    """Return a user of a recorded machine from its files, by default the one with this process's user id."""
     for row in accounts(tree, "/etc/passwd"):
         if row.name == name or (name is None and row.number == os.getuid()):
             joined = [group.number for group in accounts(tree, "/etc/group") if row.name in group.fourth.split(",")]
@@ -117,7 +117,7 @@ def _recorded_user(tree: Tree, name: str | None) -> User:
 def _scenario(options: argparse.Namespace) -> Scenario | None:
     if options.scenario is None:
         if options.listen or options.port or options.set:
-            raise ConfigError("--listen, --port and --set go with a scenario")
+            raise ConfigError("--listen, --port and --set need a scenario")
         return None
     scenario = load_scenario(options.scenario, changes_of(options))
     if options.listen:

@@ -14,9 +14,9 @@ from hil.install import fleet
 from hil.scenario.config import load_scenario
 
 EXAMPLES = """\
-Each [[member]] of the scenario becomes a slave with a log in ~/.cache/uuv-hil/fleet-NAME of its machine. They run on
-when this command has ended, until `down`. A host is a name that `ssh` knows, with a key that asks for no password; the
-scenario's file goes there, the vehicles and worlds that it names by path must be there.
+Each [[member]] of the scenario becomes a slave with a log in ~/.cache/uuv-hil/fleet-NAME of its machine. They run
+until `down`, also after this command has ended. A host is a name for `ssh`, with a key that needs no password. The
+scenario's file is copied to it; vehicles and worlds that the scenario names by path must be there already.
 
 examples:
   uuv-hil fleet up mine.toml                                         all on this machine
@@ -32,7 +32,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("action", choices=("up", "status", "down"), help="start, show or stop the slaves")
     add_scenario_name(parser, of="the fleet: ")
     parser.add_argument("--on", metavar="NODE=HOST", action="append", default=[], help="up: where a member runs [here]")
-    parser.add_argument("--ssh", metavar="COMMAND", default=fleet.SSH, help="up: how hosts are reached [%(default)s]")
+    parser.add_argument(
+        "--ssh", metavar="COMMAND", default=fleet.SSH, help="up: command that reaches hosts [%(default)s]"
+    )
     parser.add_argument("--program", metavar="PATH", default="uuv-hil", help="up: this command on hosts [%(default)s]")
     add_changes(parser)
     add_json(parser)
@@ -52,19 +54,19 @@ def main(arguments: list[str]) -> int:
         return 0
     members, ssh = fleet.load_started(options.scenario)
     if options.action == "down":
-        shown = fleet.stop(options.scenario, members, ssh)
-        failed = [one for one in shown if one.state == "unreachable"]
+        states = fleet.stop(options.scenario, members, ssh)
+        failed = [one for one in states if one.state == "unreachable"]
     else:
-        shown = fleet.query_states(members, ssh)
-        failed = [one for one in shown if one.state != "running"]
+        states = fleet.query_states(members, ssh)
+        failed = [one for one in states if one.state != "running"]
     if options.json:
-        print(json.dumps([one._asdict() for one in shown]))
+        print(json.dumps([one._asdict() for one in states]))
     else:
-        print(*aligned([(one.member, one.host or "here", one.state, one.last) for one in shown]), sep="\n")
+        print(*aligned([(one.member, one.host or "here", one.state, one.last) for one in states]), sep="\n")
     if options.action == "down" and failed:
         names = ", ".join(one.member for one in failed)
-        note = fleet.state_file(options.scenario)
-        print(f"{names}: still noted in {note}: `down` again ends them, or remove it", file=sys.stderr)
+        path = fleet.state_file(options.scenario)
+        print(f"{names}: not stopped, still listed in {path}: run `down` again, or remove that file", file=sys.stderr)
     return DeviceError.exit_code if failed else 0
 
 
@@ -72,7 +74,9 @@ def _hosts(name: str, places: list[str], changes: dict[str, Any]) -> dict[str, s
     """Return member -> host. Raises ConfigError."""
     scenario = load_scenario(name, changes)
     if not scenario.member:
-        raise ConfigError(f"{scenario.path}: has no [[member]], so it is no fleet; start it by: uuv-hil slave {name}")
+        raise ConfigError(
+            f"{scenario.path}: has no [[member]], so it is not a fleet; start it with: uuv-hil slave {name}"
+        )
     hosts = {member.node: "" for member in scenario.member}
     for place in places:
         node, equals, host = place.partition("=")

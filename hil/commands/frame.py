@@ -1,4 +1,4 @@
-"""`uuv-hil frame`: describe a frame file byte by byte, and decode bytes from a line by it."""
+"""`uuv-hil frame`: describe a frame file byte by byte, and decode bytes of a line with it."""
 
 import argparse
 import re
@@ -22,8 +22,8 @@ examples:
   uuv-hil frame list
   uuv-hil frame check aa55                                  its byte tables and wire times
   uuv-hil frame check my_lab.toml --thrusters 8 --rate 100
-  uuv-hil frame check aa55 AA 55 05 10 07 01 f4 01 12       what these bytes say
-  xxd -p capture.bin | uuv-hil frame check my_lab.toml -    the same of a file
+  uuv-hil frame check aa55 AA 55 05 10 07 01 f4 01 12       decode these bytes
+  xxd -p capture.bin | uuv-hil frame check my_lab.toml -    decode the bytes of a file
 """
 FRAMES = "firmware_stub/frames"
 BAUDS = (9_600, 57_600, 115_200, 460_800, 921_600, 2_000_000)
@@ -35,9 +35,9 @@ CRC_PARAMETERS = ("polynomial", "start_value", "reflected", "final_xor")
 
 
 def main(arguments: list[str]) -> int:
-    """List the frames there are, or explain one and the bytes given; return the exit code. Raises HilError."""
+    """List the installed frames, describe one, or decode bytes with it; return the exit code. Raises HilError."""
     options = _parser().parse_args(arguments)
-    if options.what == "list":
+    if options.action == "list":
         print("\n".join(listing()))
         return 0
     data = read_hex(options.hex)
@@ -55,9 +55,9 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("frame", __doc__, EXAMPLES)
-    what = parser.add_subparsers(dest="what", required=True, metavar="ACTION")
-    what.add_parser("list", help="list the frames")
-    check = what.add_parser("check", help="explain a frame file, or bytes by it")
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    actions.add_parser("list", help="list the frames")
+    check = actions.add_parser("check", help="describe a frame file, or decode bytes with it")
     check.add_argument("file", metavar="NAME|FILE", help="an installed frame, or a .toml file")
     check.add_argument(
         "hex", metavar="HEX", nargs="*", help="bytes, with or without spaces, commas and 0x; - reads the standard input"
@@ -82,11 +82,11 @@ def listing() -> list[str]:
 
 
 def description(protocol: FrameProtocol, channels: int, rate: float) -> Iterator[str]:
-    """Yield the byte tables of a frame for so many thrusters, and what its messages take of a line at `rate` Hz."""
+    """Yield the byte tables of a frame for `channels` thrusters, and its share of a line's capacity at `rate` Hz."""
     layout = protocol.layout
     yield f"{channels} thruster{'s' * (channels > 1)}, {layout.byte_order}-endian; {_checksum(layout.checksum, layout)}"
     if layout.stuffing.type != "none":
-        yield f"stuffing: {layout.stuffing.type}; offsets are those before it, sizes on the line of a message at rest"
+        yield f"stuffing: {layout.stuffing.type}; offsets before it, sizes on the line with neutral pulses"
     for name, message in (("command", layout.command), ("telemetry", layout.telemetry)):
         yield ""
         yield from _message(name, layout, message, channels)
@@ -106,7 +106,7 @@ def read_hex(words: list[str]) -> bytes:
         try:
             data += bytes.fromhex(digits)
         except ValueError:
-            raise ConfigError(f"HEX: {word!r} is no hexadecimal bytes: give pairs of 0-9 and a-f") from None
+            raise ConfigError(f"HEX: {word!r} is not hexadecimal: give pairs of 0-9 and a-f") from None
     return data
 
 
@@ -119,7 +119,7 @@ def _channels(protocol: FrameProtocol, options: argparse.Namespace) -> int:
 
 
 def _size(protocol: FrameProtocol, kind: type[Message], channels: int) -> int:
-    """Return the bytes on the wire of a message at rest."""
+    """Return the number of bytes on the wire of a message with neutral pulses."""
     pulses = (PWM_NEUTRAL_US,) * channels
     if kind is ThrusterCommand:
         return len(protocol.encode(ThrusterCommand(1, True, pulses)))
@@ -137,7 +137,7 @@ def _checksum(rule: ChecksumRule, layout: FrameLayout) -> str:
 def _sender(other: Other) -> str:
     sender = {"host": "from the host", "device": "from the STM32", "both": "from both"}[other.sent_by]
     if not other.period:
-        return f"{sender}, passed over"
+        return f"{sender}, ignored"
     return (
         f"{sender} {'after' if other.when_silent else 'every'} {other.period * 1e3:g} ms"
         + " of silence" * other.when_silent

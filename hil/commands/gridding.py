@@ -1,4 +1,4 @@
-"""Common parts of commands that grid a seabed: options of how files are read, and the progress on a terminal."""
+"""Common parts of commands that grid a seabed: options for reading files, and the progress on a terminal."""
 
 import argparse
 import sys
@@ -21,7 +21,7 @@ def add_reading(parser: argparse._ActionsContainer) -> None:
 
 
 def show_progress(share: float) -> None:
-    """Show progress in one line of a terminal, which is removed when all is done."""
+    """Show progress (0 to 1) in one line of a terminal; the line is removed at 1."""
     if sys.stderr.isatty():
         print(
             f"\r\033[Kgridding {100.0 * share:.0f} %" if share < 1.0 else "\r\033[K",

@@ -7,7 +7,7 @@ from hil.common.options import host, new_parser, whole
 from hil.network.security import CA, CERTIFICATE, KEY
 
 DAYS = whole(1, 36_500)  # a century
-AUTHORITY = "authority"  # the folder that stays at home
+AUTHORITY = "authority"  # the folder that must not be copied to a vehicle
 EXAMPLES = """\
 DIR/authority/ can make certificates: keep it off the vehicles. DIR/NAME/ is all that the machine NAME needs; copy it
 there, and name the folders of both machines in the scenario:
@@ -59,7 +59,7 @@ def init(directory: str) -> str:
     from hil.network.certificates import new_authority
 
     authority = new_authority()
-    folder = _new_folder(directory, AUTHORITY, "a new one would make all certificates so far worthless")
+    folder = _new_folder(directory, AUTHORITY, "a new one would make all existing certificates invalid")
     _write(folder, CA, authority.certificate)
     _write(folder, KEY, authority.key)
     return folder
@@ -92,7 +92,7 @@ def _new_folder(directory: str, name: str, reason: str) -> str:
     except FileExistsError:
         raise ConfigError(f"{path}: exists already; {reason}") from None
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be made: {error.strerror}") from None
+        raise ConfigError(f"{path}: cannot be created: {error.strerror}") from None
     return path
 
 

@@ -1,4 +1,4 @@
-"""Options by which a command reaches vehicles, the addresses and keys that follow, and the loop of a gateway."""
+"""Options with which a command reaches vehicles, the endpoints and keys they give, and the loop of a gateway."""
 
 import argparse
 import select
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 POLL_S = 0.02  # between two checks for messages
 
 
-class Reach(NamedTuple):
+class ConnectArguments(NamedTuple):
     """Arguments of `hil.connect(*endpoints, routed=..., keys=...)` for a fleet; `keys` is a folder, or ""."""
 
     endpoints: list[str]
@@ -25,7 +25,7 @@ class Reach(NamedTuple):
 
 
 def add_fleet(parser: argparse.ArgumentParser) -> None:
-    """Add the options of a command that is the master of all vehicles it reaches; `reach_of` reads them."""
+    """Add the options of a command that is the master of all vehicles it reaches; `connect_arguments` reads them."""
     add_connect(parser, lan=True)
     add_settings(parser)
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
@@ -33,8 +33,8 @@ def add_fleet(parser: argparse.ArgumentParser) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add --scenario and --set, for a command that flies nothing and needs only how the network is set up."""
-    about = "whose [network] and [security] hold, and where its vehicle listens"
+    """Add --scenario and --set, for a command that needs only the network settings of a scenario."""
+    about = "scenario with the [network] and [security] settings, and the endpoint of its vehicle"
     parser.add_argument("--scenario", metavar="SCENARIO", help=about)
     add_changes(parser)
 
@@ -51,21 +51,21 @@ def add_connect(parser: argparse.ArgumentParser, *, lan: bool = False) -> None:
 
 
 def add_take_over(parser: argparse.ArgumentParser) -> None:
-    """Add --take-over: whether this master commands in place of another."""
+    """Add --take-over, with which this master commands in place of another."""
     parser.add_argument("--take-over", action="store_true", help="take over from a master that commands already")
 
 
 def add_wait(parser: argparse.ArgumentParser, default: float, what: str = "the vehicle") -> None:
-    """Add --wait, how long (s) the command waits for `what`."""
+    """Add --wait, the time (s) that the command waits for `what`."""
     about = f"time to wait for {what} [%(default)g s]"
     parser.add_argument("--wait", metavar="S", type=WAIT, default=default, help=about)
 
 
 def scenario_and_endpoints(options: Any) -> tuple[Scenario | None, list[str]]:
-    """Return the scenario of `add_settings`, and the endpoints of `add_connect`: else the scenario's, else one here.
+    """Return the scenario of `add_settings` and the endpoints of `add_connect`: by default its own, else a local one.
 
-    A scenario with a router is reached there. Raises ConfigError, also for a fleet with neither a router nor `connect`:
-    each of its vehicles has an endpoint of its own.
+    A scenario with a router has the router's endpoint. Raises ConfigError, also for a fleet with neither a router nor
+    --connect: each of its vehicles has an endpoint of its own.
     """
     name, connect = options.scenario, options.connect
     if name is None:
@@ -76,15 +76,17 @@ def scenario_and_endpoints(options: Any) -> tuple[Scenario | None, list[str]]:
     if scenario.network.router:
         return scenario, [scenario.network.router]
     if scenario.member:
-        ends = " ".join([f"--connect {member.listen}" for member in scenario.member])
-        load_single(name, remedy=f"and each vehicle has an endpoint of its own: name those to listen to, {ends}")
+        choices = " ".join([f"--connect {member.listen}" for member in scenario.member])
+        load_single(name, remedy=f"and each vehicle has an endpoint of its own: name those to listen to, {choices}")
     return scenario, [scenario.slave.listen]
 
 
-def reach_of(options: Any) -> tuple[Scenario | None, Reach]:
-    """Return the scenario and how its fleet is reached, by the options of `add_fleet`. Raises ConfigError."""
+def connect_arguments(options: Any) -> tuple[Scenario | None, ConnectArguments]:
+    """Return the scenario, and the arguments to connect to its fleet, from `add_fleet`. Raises ConfigError."""
     scenario, endpoints = scenario_and_endpoints(options)
-    return scenario, Reach(endpoints, options.routed or is_routed(scenario), options.keys or keys_of(scenario))
+    return scenario, ConnectArguments(
+        endpoints, options.routed or is_routed(scenario), options.keys or keys_of(scenario)
+    )
 
 
 def is_routed(scenario: Scenario | None) -> bool:
@@ -93,14 +95,14 @@ def is_routed(scenario: Scenario | None) -> bool:
 
 
 def keys_of(scenario: Scenario | None) -> str:
-    """Return the folder of a master's certificates; "" where the scenario asks for none."""
+    """Return the folder of a master's certificates; "" if the scenario has no [security]."""
     return scenario.security.folder("master") if scenario and scenario.security else ""
 
 
 def presence(names: list[str], endpoints: list[str]) -> str:
-    """Return which vehicles are there, or who is waited for and where, as a line."""
+    """Return a line: the vehicles that are connected, or the endpoints at which one is expected."""
     if names:
-        return f"here: {', '.join(names)}"
+        return f"connected: {', '.join(names)}"
     return f"no vehicle at {', '.join(endpoints)} yet; waiting for one (`uuv-hil slave` there)"
 
 
@@ -110,11 +112,11 @@ def forward(
     fleet: "Fleet",
     endpoints: list[str],
     stop_fd: int,
-    is_over: Callable[[], bool] = lambda: False,
+    has_ended: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Show what vehicles publish until `stop_fd` is readable; print who is there, and again when that changes."""
+    """Show what vehicles publish until `stop_fd` is readable; print the connected vehicles whenever they change."""
     names: list[str] | None = None
-    while not is_over() and not select.select((stop_fd,), (), (), POLL_S)[0]:
+    while not has_ended() and not select.select((stop_fd,), (), (), POLL_S)[0]:
         show(tap.receive())
         if fleet.names != names:
             names = fleet.names

@@ -1,4 +1,4 @@
-"""`uuv-hil loopback`: test a thruster link, both ends or one: what it loses and how long it takes."""
+"""`uuv-hil loopback`: measure losses and round trips of a thruster link, with both ends here or one."""
 
 import json
 import sys
@@ -15,14 +15,14 @@ from hil.scenario.records import Link
 from hil.slave.drivers.driver import DRIVERS
 
 EXAMPLES = """\
-Without a port both ends are here, on a pseudo terminal. At a port of its own one end is here: at the other is an
-STM32 (`--stm32 device`), or TX leads to RX (`--stm32 jumper`). A real STM32 gets disarmed commands, which move
-nothing, unless --spin is given; propellers off then.
+Without --port both ends are here, on a pseudo terminal. With --port only one end is here: at the other end is an
+STM32 (`--stm32 device`), or TX is connected to RX (`--stm32 jumper`). A real STM32 gets disarmed commands, which
+move nothing, unless --spin is given: take the propellers off first.
 
 examples:
   uuv-hil loopback                                               both ends, a pty
-  uuv-hil loopback --fault baud=115200 --rate 0                  as slow as a UART, as many as it carries
-  uuv-hil loopback --protocol mavlink --stm32 unicorn            the firmware's image, MAVLink
+  uuv-hil loopback --fault baud=115200 --rate 0                  paced as a UART, as many commands as it carries
+  uuv-hil loopback --protocol mavlink --stm32 unicorn            the firmware image, MAVLink
   uuv-hil loopback --protocol vesc --port can:virtual:bus0
   uuv-hil loopback --fault drop=0.05 --fault delay="20 ms" --max-loss 0.12
   uuv-hil loopback --stm32 device --port /dev/ttyUSB0 --baud 921600 --max-p99 "5 ms"
@@ -42,9 +42,9 @@ def main(arguments: list[str]) -> int:
         options.stm32, link_of(options), options.channels, options.rate, options.seconds,
         options.spin or options.stm32 not in ("device",), options.seed,
     )  # fmt: skip
-    show = sys.stderr.isatty()
-    result = run(plan, lambda text: print(text, file=sys.stderr), _show if show else None)
-    if show:
+    is_terminal = sys.stderr.isatty()
+    result = run(plan, lambda text: print(text, file=sys.stderr), _show_progress if is_terminal else None)
+    if is_terminal:
         print("\r\x1b[K", end="", file=sys.stderr)
     broken = _broken(result, options)
     if options.json:
@@ -58,9 +58,9 @@ def _parser() -> Any:
     parser = new_parser("loopback", __doc__, EXAMPLES)
     add_link(parser, "pty:")
     add = parser.add_argument
-    players = [*DRIVERS, "jumper"]
-    about = f"what answers: {', '.join(players)} [%(default)s]"
-    add("--stm32", metavar="NAME", default="python", choices=players, help=about)
+    kinds = [*DRIVERS, "jumper"]
+    about = f"device at the other end: {', '.join(kinds)} [%(default)s]"
+    add("--stm32", metavar="NAME", default="python", choices=kinds, help=about)
     add("--rate", type=RATE, default=50.0, metavar="HZ", help="commands a second; 0: one at a time [%(default)s]")
     add("--seconds", type=SECONDS, default=5.0, metavar="S", help="duration of the test [%(default)s]")
     fault = "baud, drop, corrupt, delay ... on our end"
@@ -122,7 +122,7 @@ def _text(result: Result, plan: Plan, broken: list[str]) -> str:
     lines = [
         f"{plan.link.protocol} on {result.port}, {plan.stm32}, {plan.channels} thrusters, {result.seconds:.1f} s",
         f"commands    {result.sent} sent, {result.answered} answered, {result.lost} lost ({result.loss:.2%})",
-        f"came in     {counters['messages_in']} messages, {counters['checksum_errors']} with a wrong checksum, "
+        f"received    {counters['messages_in']} messages, {counters['checksum_errors']} with a wrong checksum, "
         f"{counters['malformed']} malformed, {counters['dropped_bytes']} bytes dropped",
         f"throughput  {out:.0f} B/s out, {back:.0f} B/s in, {result.answered / result.seconds:.0f} round trips/s",
         f"round trip  p50 {result.p50_ms:.2f} ms, p99 {result.p99_ms:.2f} ms, max {result.max_ms:.2f} ms{wire}",
@@ -131,5 +131,5 @@ def _text(result: Result, plan: Plan, broken: list[str]) -> str:
     return "\n".join(lines)
 
 
-def _show(sent: int, answered: int) -> None:
+def _show_progress(sent: int, answered: int) -> None:
     print(f"\r{sent} sent, {answered} answered", end="", file=sys.stderr, flush=True)

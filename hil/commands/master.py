@@ -35,7 +35,7 @@ from hil.ros.topics import ALL
 from hil.scenario.config import Scenario, load_single
 
 WAIT_STEP_S = 0.02
-ASK_AFTER_S = 2.0  # without a word, look why
+DIAGNOSE_AFTER_S = 2.0  # without a sample, report why none arrives
 EXAMPLES = """\
 Start it before the slave and the start-up time is measured too.
 
@@ -44,7 +44,7 @@ examples:
   uuv-hil master mine.toml --connect tcp/127.0.0.1:7447 --output runs/today
   uuv-hil master mine.toml --connect lan               a slave with [network] discovery = true
 
-The folder of the run then holds trajectory.png, table.json, track.csv and master.log.
+The folder of the run then contains trajectory.png, table.json, track.csv and master.log.
 """
 
 
@@ -75,14 +75,14 @@ def main(arguments: list[str]) -> int:
     size = plan.request.map.resolution
     cells = f", in cells of {size:g} m" if size > scenario.master.resolution and scenario.master.map == "known" else ""
     progress.print_line(f"{type(planner).__name__} planned {len(planner.path)} points in {plan.duration:.2f} s{cells}")
-    where = options.connect if options.connect != "lan" else _report_vehicles(options.wait)
+    endpoint = options.connect if options.connect != "lan" else _discover_slave(options.wait)
     words = scenario_words(options)
     with (
-        view_process(words, [where], options.view),
+        view_process(words, [endpoint], options.view),
         StopSignals() as stop_fd,
-        _client(where, scenario, plan, int(options.take_over), progress) as client,
+        _client(endpoint, scenario, plan, int(options.take_over), progress) as client,
     ):
-        progress.print_line(f"waiting for {scenario.slave.node} at {where}")
+        progress.print_line(f"waiting for {scenario.slave.node} at {endpoint}")
         if options.ready_fd is not None:
             os.write(options.ready_fd, b"\n")
             os.close(options.ready_fd)
@@ -95,9 +95,9 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _client(where: str, scenario: Scenario, plan: Plan, rank: int, progress: Progress) -> RecordedClient:
+def _client(endpoint: str, scenario: Scenario, plan: Plan, rank: int, progress: Progress) -> RecordedClient:
     return RecordedClient(
-        where,
+        endpoint,
         scenario.slave.node,
         rank=rank,
         network=scenario.network,
@@ -107,17 +107,17 @@ def _client(where: str, scenario: Scenario, plan: Plan, rank: int, progress: Pro
     )
 
 
-def _report_vehicles(seconds: float) -> str:
-    """Return the endpoint of the slave that multicast finds. Raises NetworkError when nobody does, or several do."""
+def _discover_slave(seconds: float) -> str:
+    """Return the endpoint of the slave that multicast finds. Raises NetworkError if it finds none or several."""
     from hil.network.discovery import find
 
     endpoints = find(seconds)
     if len(endpoints) == 1:
         return endpoints[0]
     if endpoints:
-        raise NetworkError(f"several answer in this network: {', '.join(endpoints)}; choose one with --connect")
+        raise NetworkError(f"several slaves answered by multicast: {', '.join(endpoints)}; choose one with --connect")
     raise NetworkError(
-        f"nobody answered by multicast within {seconds:g} s; the slave's scenario needs discovery = true in its "
+        f"no slave answered by multicast within {seconds:g} s; the slave's scenario needs discovery = true in its "
         "[network] section and an address of this network in listen; many access points block multicast: --connect "
         "tcp/ADDRESS:PORT always works"
     )
@@ -130,7 +130,7 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
     while not (client.has_samples and client.diagnostics() and not client.in_doubt):
         _pause(stop_fd, WAIT_STEP_S)
         waited = (now_ns() - began) / NS_PER_S
-        if not is_reported and waited > min(ASK_AFTER_S, seconds):
+        if not is_reported and waited > min(DIAGNOSE_AFTER_S, seconds):
             is_reported = True
             progress.print_line(f"no sample from {client.node} yet: {_why_silent(client, scenario)}")
         if waited > seconds:
@@ -150,7 +150,7 @@ def _pause(stop_fd: int, seconds: float) -> None:
 
 
 def _why_silent(client: VehicleClient, scenario: Scenario) -> str:
-    """Return what stands in the way. Raises NetworkError when that does not pass by waiting."""
+    """Return why no sample arrives. Raises NetworkError if waiting longer cannot help."""
     from hil.network.diagnosis import why_not
 
     security = scenario.security
@@ -183,7 +183,7 @@ def _report(
         with open(os.path.join(folder, "table.json"), "w", encoding="utf-8") as file:
             json.dump(table.to_json(result, outcome), file, indent=2)
         picture.draw(folder, scenario, plan, outcome.events)
-    except (MissingExtraError, OSError) as error:  # a full disk takes nothing back of what was flown
+    except (MissingExtraError, OSError) as error:  # the flight counts, also on a full disk
         progress.print_line(f"results are missing: {error}")
     progress.print_line(f"results in {folder}/: {', '.join(sorted(os.listdir(folder)))}")
     progress.close()

@@ -11,7 +11,7 @@ from hil.network.router_links import RouterLinks
 from hil.network.settings import Network
 
 EXAMPLES = """\
-Vehicles and masters then all dial the router; their scenario says
+Vehicles and masters then all dial the router; their scenario contains
 
   [network]
   mode = "routed"
@@ -20,7 +20,7 @@ Vehicles and masters then all dial the router; their scenario says
 examples:
   uuv-hil router --listen tcp/0.0.0.0:7447
   uuv-hil router --scenario mine.toml --listen tcp/0.0.0.0:7447     with the [network] and [security] of a scenario
-  uuv-hil router --listen tcp/0.0.0.0:7447 --connect tcp/10.0.2.1:7447       joined with that of another site
+  uuv-hil router --listen tcp/0.0.0.0:7447 --connect tcp/10.0.2.1:7447       joined with the router of another site
   uuv-hil master mine.toml --connect tcp/192.168.3.1:7447
 
 Without a [security] section anyone who reaches the port can command.
@@ -46,13 +46,13 @@ def main(arguments: list[str]) -> int:
         network, security = scenario.network, scenario.security
     others = tuple(options.connect)
     with StopSignals() as stop_fd, open_router_session(options.listen, network, security, others) as session:
-        print(f"forwarding between all who dial {options.listen}", flush=True)
-        known: list[str] = []
+        print(f"forwarding between all peers that dial {options.listen}", flush=True)
+        reported: list[str] = []
         links = RouterLinks(session, lambda line: print(line, flush=True))
         while not select.select((stop_fd,), (), (), 0.5)[0]:
             links.check(now_ns())
             connected = session.others()
-            if connected != known:
-                known = connected
-                print(f"connected: {', '.join(known) or 'nobody'}", flush=True)
+            if connected != reported:
+                reported = connected
+                print(f"connected: {', '.join(reported) or 'none'}", flush=True)
     return 0

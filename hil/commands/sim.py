@@ -35,9 +35,9 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("sim", __doc__, EXAMPLES)
     add_scenario(parser)
     parser.add_argument("--fast", action="store_true", help="run as fast as possible instead of in real time")
-    parser.add_argument("--seed", type=SEED, metavar="N", help="value instead of the scenario's")
+    parser.add_argument("--seed", type=SEED, metavar="N", help="seed in place of the scenario's")
     add_output(parser, "FILE.csv", "state, thrusts and every force, 20 times a second")
-    add_plot(parser, "draw the same")
+    add_plot(parser, "draw state, thrusts and forces")
     add_json(parser)
     add_view(parser, "show it in a browser: pause, step, speed")
     options = parser.parse_args(arguments)
@@ -76,7 +76,7 @@ def _fly(
 
         flight = Flight(simulation)
         watches.append(lambda vehicle: flight.record(vehicle.simulation))
-    began, began_cpu = time.monotonic(), time.process_time()  # psutil has the same in steps of 10 ms
+    began, began_cpu = time.monotonic(), time.process_time()  # psutil's processor time has steps of 10 ms
     outcome = None
     try:
         outcome, digest = fly(scenario, plan, vehicle, watches)
@@ -97,14 +97,14 @@ def _fly(
 
 
 def _show(opened: ExitStack, scenario: Scenario, vehicle: SimulatedVehicle) -> Watch:
-    """Show the flight in a browser; its time is that of the view."""
+    """Show the flight in a browser; the view paces it."""
     from hil.commands.view.flights import FlightViewer
 
     return opened.enter_context(FlightViewer().show_simulated(scenario, {scenario.slave.node: vehicle}))
 
 
 def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | None) -> None:
-    """Draw obstacles, goal and the places of events."""
+    """Draw obstacles, path, goal and events."""
     from hil.plots import run_picture as picture
 
     picture.draw_world(axes, plan.world)
@@ -114,7 +114,7 @@ def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | No
 
 
 def _pace(step_ns: int) -> Watch:
-    """Delay each step until its time has come."""
+    """Delay each step until it is due in real time."""
     schedule = RateKeeper(step_ns, now_ns())
     ahead = 0
 

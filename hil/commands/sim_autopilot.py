@@ -1,4 +1,4 @@
-"""`uuv-hil sim` with an autopilot as the controller: nobody plans, a ground station flies the vehicle."""
+"""`uuv-hil sim` with an autopilot as the controller: no planner runs, a ground station commands the vehicle."""
 
 import json
 import sys
@@ -27,14 +27,14 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
 
     with ExitStack() as opened:
         run = opened.enter_context(AutopilotRun(scenario, report))
-        watches = [_showing(line)]
+        watches = [_progress_watch(line)]
         if options.view:
             from hil.commands.view.flights import FlightViewer
 
             viewer = FlightViewer().show_simulated(scenario, {scenario.slave.node: run})
-            watches.append(opened.enter_context(viewer))  # its time is that of the view
+            watches.append(opened.enter_context(viewer))  # the view paces the flight
         elif not options.fast:
-            watches.append(_pacing(seconds_ns(scenario.slave.step)))
+            watches.append(_pace(seconds_ns(scenario.slave.step)))
         flight = None
         if options.output or options.plot:
             from hil.plots.force_log import Flight
@@ -50,17 +50,17 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
         line.clear()
         events = merge_events(run.simulation.events.events(), run.log.events())
         faults = [event for event in events if event.kind not in scenario.master.allow]
-        print(_account(run, time.monotonic() - began, faults, options.json))
+        print(_format_result(run, time.monotonic() - began, faults, options.json))
     if flight and options.output:
         flight.write(options.output)
     if flight and options.plot:
         flight.draw(options.plot, lambda axes: None)
     if faults:
-        raise MissionError(f"{faults[0].describe()}; if that is to be, name {faults[0].kind!r} in [master] allow")
+        raise MissionError(f"{faults[0].describe()}; if that is intended, add {faults[0].kind!r} to [master] allow")
     return STOPPED if interrupted else 0
 
 
-def _account(run: AutopilotRun, took: float, faults: list[Any], as_json: bool) -> str:
+def _format_result(run: AutopilotRun, took: float, faults: list[Any], as_json: bool) -> str:
     figures = run.autopilot.figures
     counts = {name: getattr(figures, name) for name in figures.__slots__}
     simulated = run.simulation.time_ns / NS_PER_S
@@ -76,7 +76,7 @@ def _account(run: AutopilotRun, took: float, faults: list[Any], as_json: bool) -
     return f"{simulated:.1f} s simulated in {took:.2f} s: {speed}\n{run.autopilot.name}: {listed}\nends at {where} m"
 
 
-def _showing(line: ProgressLine) -> Any:
+def _progress_watch(line: ProgressLine) -> Any:
     steps = 0
 
     def watch(run: AutopilotRun) -> None:
@@ -91,8 +91,8 @@ def _showing(line: ProgressLine) -> Any:
     return watch
 
 
-def _pacing(step_ns: int) -> Any:
-    """Delay each step until its time has come; catch up with late ones."""
+def _pace(step_ns: int) -> Any:
+    """Delay each step until it is due in real time; catch up with late ones."""
     schedule: RateKeeper | None = None
     ahead = 0
 

@@ -33,23 +33,23 @@ class Options(NamedTuple):
     set: tuple[str, ...] = ()
 
 
-QUICK = [f"--{name}" for name in Options._fields if name not in ("scenario", "set")]  # those with one value
+PLAIN_OPTIONS = [f"--{name}" for name in Options._fields if name not in ("scenario", "set")]  # those with one value
 
 
 def main(arguments: list[str]) -> int:
     """Run the slave until a signal stops it; return the exit code."""
     startup = {"exec": process_start_ns(), "python": now_ns()}
-    gc.disable()  # most modules are still to come; the daemon sets how it goes on
-    _run(_quick(arguments) or _parse(arguments), startup)
+    gc.disable()  # not while modules load; the daemon configures it afterwards
+    _run(_parse_plain(arguments) or _parse(arguments), startup)
     return 0
 
 
-def _quick(arguments: list[str]) -> Options | None:
+def _parse_plain(arguments: list[str]) -> Options | None:
     """Return the options of a plain command line, without argparse (8 ms of a start of 40); None for any other."""
     words, values = list(arguments), dict[str, Any]()
-    while len(words) > 1 and words[-2] in QUICK:
+    while len(words) > 1 and words[-2] in PLAIN_OPTIONS:
         value, name = words.pop(), words.pop()
-        values.setdefault(name[2:], value)  # of one given twice the last holds, as with argparse
+        values.setdefault(name[2:], value)  # the last value of an option counts, as in argparse
     plain = len(words) == 1 and not any(word.startswith("-") for word in (*words, *values.values()))
     return Options(words[0], **values) if plain else None
 
@@ -70,7 +70,7 @@ def _parse(arguments: list[str]) -> Options:
 
 
 def _run(options: Options, startup: dict[str, int]) -> None:
-    """Open the network while the rest is loaded: that way it costs the start nothing."""
+    """Open the network while the other modules are loaded, so that it does not lengthen the start."""
     from hil.scenario.config import load_scenario, with_port
 
     scenario = load_scenario(options.scenario, _changes(options))
@@ -98,7 +98,7 @@ def _run(options: Options, startup: dict[str, int]) -> None:
         daemon.run(scenario, board, network, startup, notes)
     finally:
         network.close()
-    if network.is_stuck:  # all that is ours is closed and written, and the thrusters are neutral
+    if network.is_stuck:  # everything else is closed and written, and the thrusters are neutral
         streams.leave(0)
 
 

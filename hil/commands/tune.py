@@ -16,12 +16,12 @@ from hil.tuning.step_response import AXES
 from sim.vehicle.vehicle import load_vehicle
 
 EXAMPLES = """\
-Each axis that the thrusters drive is pushed, its lag and delay are read from how it answers, gains are computed and
-flown. Where they do no better than those it has, these stay. The table shows a step of each axis before and
-after: the size, the rise from 10 to 90 %, overshoot, settling to 5 %, and the error that stays.
+Each axis that the thrusters drive gets a step input; lag and delay are identified from the response, and gains are
+computed and flown. Gains that are no better than the present ones are not used. The table shows a step of each axis
+before and after: its size, the rise time from 10 to 90 %, overshoot, settling time to 5 %, and the steady error.
 
 examples:
-  uuv-hil tune paper_six                               what better gains would be
+  uuv-hil tune paper_six                               find better gains, and print them
   uuv-hil tune paper_six --axis surge --axis heading   only these
   uuv-hil tune vehicle.toml -o tuned.toml --plot steps.png
 then, in a scenario: vehicle = "tuned.toml"
@@ -63,7 +63,7 @@ def main(arguments: list[str]) -> int:
 
 
 def report(results: list[Tuned]) -> str:
-    """Return the table before and after, the processes, and the gains."""
+    """Return the table of steps before and after, the identified processes, and the gains."""
     rows = [HEADER, *(row for tuned in results for row in _rows(tuned))]
     processes: list[tuple[str, ...]] = [("axis", "slope", "damping", "delay")]
     processes += [
@@ -72,7 +72,7 @@ def report(results: list[Tuned]) -> str:
         for slope, damping, delay in (tuned.process,)
     ]
     gains = [f"{key} = {{ {_gain(row)} }}" for tuned in results if tuned.better for key, row in tuned.gains.items()]
-    proposal = ["[control]", *gains] if gains else ["no better gains found: it keeps those it has"]
+    proposal = ["[control]", *gains] if gains else ["no better gains found: the present gains stay"]
     return "\n".join([*aligned(rows), "", *aligned(processes), "", *proposal])
 
 
@@ -83,7 +83,7 @@ def _gain(row: AxisGains | HoldGains) -> str:
 def _rows(tuned: Tuned) -> list[tuple[str, ...]]:
     unit = AXES[tuned.axis].unit
     lines: list[tuple[str, ...]] = []
-    for word, response in (("before", tuned.before), ("after" if tuned.better else "kept", tuned.after)):
+    for word, response in (("before", tuned.before), ("after" if tuned.better else "unchanged", tuned.after)):
         figures = response.figures()
         first = (tuned.axis, f"{response.size:.2f} {unit}") if word == "before" else ("", "")
         rest = (_seconds(figures.rise), f"{figures.overshoot:.1%}", _seconds(figures.settling))

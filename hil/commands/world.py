@@ -23,7 +23,7 @@ examples:
   uuv-hil world show worlds/homer.toml -o homer.png
   uuv-hil world export worlds/homer.toml homer.glb       .glb .stl .tif, .sdf for Gazebo,
   uuv-hil world export worlds/homer.toml homer.pgm --depth 10   or a map for planners
-  uuv-hil world import harbour.sdf -o worlds/harbour     Gazebo's, with its meshes
+  uuv-hil world import harbour.sdf -o worlds/harbour     a world of Gazebo, with its meshes
   uuv-hil world list
 A scenario flies in a world with `world = "worlds/homer.toml"`. Not for navigation.
 """
@@ -35,7 +35,7 @@ NOTE = "Made with `uuv-hil world build`. Not for navigation. Depths count from t
 
 def main(arguments: list[str]) -> int:
     """Run one of build, show, export and list; return 0. Raises HilError."""
-    # The systems solved are small: threads of the linear algebra would only wait for each other.
+    # The linear systems are small: more threads would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     options = _parser().parse_args(arguments)
     if find_spec("numpy") is None:
@@ -47,24 +47,20 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("world", __doc__, EXAMPLES)
     actions = parser.add_subparsers(metavar="ACTION", required=True)
-    build = actions.add_parser("build", help="make a world of charts and soundings")
+    build = actions.add_parser("build", help="make a world from charts and soundings")
     build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
     add_output(build, "WORLD", "writes WORLD.toml and WORLD.f32; makes their folder", required=True)
     add_reading(build)
-    build.add_argument(
-        "--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all that is known]"
-    )
+    build.add_argument("--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all data]")
     build.add_argument("--updates", action=argparse.BooleanOptionalAction, help="apply the .001... beside a chart")
     build.set_defaults(updates=True)  # not above: 3.10 would write it into the help
     build.add_argument(
         "--reach", metavar="M", type=REACH, help="distance from single soundings up to which the bed counts as known"
     )
-    build.add_argument(
-        "--newest", action="store_true", help="of rasters that overlap take the newest [the first named]"
-    )
+    build.add_argument("--newest", action="store_true", help="where rasters overlap, use the newest [the first named]")
     build.add_argument(
         "--priority", metavar="FILE=N", type=priority, action="append", default=[],
-        help="where sources overlap, those with the greatest number are believed [1 of rasters, 0 of others]",
+        help="where sources overlap, the greatest number is used [1 of rasters, 0 of others]",
     )  # fmt: skip
     add_plot(build, "draw it with soundings and contours")
     add_json(build)
@@ -76,27 +72,29 @@ def _parser() -> argparse.ArgumentParser:
     export = actions.add_parser("export", help="write a world as a file of other programs")
     _add_world(export)
     export.add_argument("output", metavar="OUT.pgm|.tif|.stl|.glb|.sdf", help="the file to write; its ending says what")
-    export.add_argument("--depth", metavar="M", type=DEPTH, help="for a .pgm: how far down a vehicle reaches")
+    export.add_argument(
+        "--depth", metavar="M", type=DEPTH, help="for a .pgm: depth down to which the water must be free"
+    )
     export.set_defaults(run=_export)
-    taking = actions.add_parser("import", help="make a world of Gazebo's: an SDF file")
-    taking.add_argument("file", metavar="WORLD.sdf", help="the world's file, also .world or xacro")
-    add_output(taking, "WORLD", "writes WORLD.toml, and meshes and depths beside it", required=True)
-    taking.add_argument(
+    importing = actions.add_parser("import", help="make a world from an SDF file of Gazebo")
+    importing.add_argument("file", metavar="WORLD.sdf", help="the world's file, also .world or xacro")
+    add_output(importing, "WORLD", "writes WORLD.toml, and meshes and depths beside it", required=True)
+    importing.add_argument(
         "--surface",
         metavar="M",
         type=HEIGHT,
         help="height of the water's surface, z in the file [its buoyancy's, or 0]",
     )
-    taking.set_defaults(run=_import)
+    importing.set_defaults(run=_import)
     listing = actions.add_parser("list", help="list the worlds")
-    listing.add_argument("folders", metavar="FOLDER", nargs="*", help="with worlds of your own")
+    listing.add_argument("folders", metavar="FOLDER", nargs="*", help="folder with worlds of your own")
     add_json(listing)
     listing.set_defaults(run=_list)
     return parser
 
 
 def _add_world(parser: argparse.ArgumentParser) -> None:
-    """Add the world, and --resolution, what its grid is drawn or written with."""
+    """Add the world's name, and --resolution of the grid that is drawn or written."""
     parser.add_argument("world", metavar="NAME|FILE.toml", help="an installed world, or a .toml file")
     parser.add_argument("--resolution", metavar="M", type=RESOLUTION, help="[the world's own]")
 
@@ -125,10 +123,10 @@ def _build(options: argparse.Namespace) -> int:
     try:
         built = build(survey, extent, options.resolution, show_progress)
     finally:
-        show_progress(1.0)  # the line goes, also on Ctrl-C
+        show_progress(1.0)  # remove the progress line, also on Ctrl-C
     lines = aligned([(f"  {name}", text) for name, text in describe(survey, built)])
-    head = (NOTE, *(line.strip() for line in lines))
-    write_world(path, built.placed, survey.source, survey.origin, head)
+    header = (NOTE, *(line.strip() for line in lines))
+    write_world(path, built.placed, survey.source, survey.origin, header)
     if options.plot:
         from hil.charts.picture import Marks, draw
 
@@ -175,7 +173,7 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _write(world: World, path: str, ending: str, resolution: float | None, depth: float | None) -> str:
-    """Write `world` in the format of `ending`; return a line on it."""
+    """Write `world` in the format of `ending`; return a line that describes the file."""
     from hil.charts.grid import frame_of, grid_of, strip
 
     frame = frame_of(world, resolution)
@@ -197,9 +195,9 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
         from hil.charts.exports.gazebo import MOST_NODES, spacing, write_gazebo
 
         grid = grid_of(world, resolution)
-        note, apart = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", spacing(grid)
-        is_coarser = apart > 1.001 * grid.resolution
-        note += f"; one every {apart:.3g} m, as {MOST_NODES} a side are the most" if is_coarser else ""
+        note, step = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", spacing(grid)
+        is_coarser = step > 1.001 * grid.resolution
+        note += f"; one every {step:.3g} m, because a side has at most {MOST_NODES}" if is_coarser else ""
         return note + (f"; its {len(world.mesh)} meshes are left out" if world.mesh else "")
     from hil.charts.exports.mesh import check_size, write_glb, write_stl
 
@@ -234,22 +232,22 @@ def _list(options: argparse.Namespace) -> int:
         names += sorted(os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(".toml"))
     worlds = {name: load_world(name) for name in names}
     if options.json:
-        print(json_text([_described(name, world) for name, world in worlds.items()]))
+        print(json_text([_summary(name, world) for name, world in worlds.items()]))
         return 0
     rows = [("world", "size", "depth", "bed", "obstacles", "source")]
     for name, world in worlds.items():
         south, north, west, east = world.extent
         bed = f"{world.terrain.grid.resolution:g} m grid" if world.terrain else "flat"
-        standing = len(world.cylinder) + len(world.box)
+        count = len(world.cylinder) + len(world.box)
         rows.append((
-            name, f"{north - south:.4g} x {east - west:.4g} m", f"{world.depth:.4g} m", bed, str(standing), world.source
+            name, f"{north - south:.4g} x {east - west:.4g} m", f"{world.depth:.4g} m", bed, str(count), world.source
         ))  # fmt: skip
     print("\n".join(aligned(rows)))
     return 0
 
 
-def _described(name: str, world: World) -> dict[str, Any]:
-    """Return what a list shows of a world, lengths in m."""
+def _summary(name: str, world: World) -> dict[str, Any]:
+    """Return the values that a list shows of a world, lengths in m."""
     return {
         "world": name,
         "source": world.source,

@@ -190,7 +190,7 @@ def parse_only(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(argparse.ArgumentParser, method, stopping(getattr(argparse.ArgumentParser, method)))
     from hil.commands import slave
 
-    monkeypatch.setattr(slave, "_quick", lambda arguments: None)
+    monkeypatch.setattr(slave, "_parse_plain", lambda arguments: None)
 
 
 def examples() -> list[tuple[str, str]]:

@@ -38,7 +38,7 @@ HEAD = """\
 
 - Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL. Both read
   the same files.
-- Seed 1 is the case as its scenario file gives it. The other seeds have other noise, other starts, and, where the map
+- Seed 1 is the case of its scenario file unchanged. The other seeds have other noise, other starts, and, where the map
   leaves them open, other obstacles.
 - The paper does not print the positions of obstacles nor the durations of tasks. Ours stand in the scenario files.
 - [reference_platform.md](reference_platform.md) compares the paper with this project equation by equation.

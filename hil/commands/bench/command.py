@@ -18,9 +18,9 @@ BENCHMARKS = {
         "master CPU, start-up, memory and command delay, beside the reference platform's",
     ),
     "delay": ("hil.commands.bench.delay", "where a command's time goes, by load, rate, link, STM32"),
-    "echo": ("hil.commands.bench.echo", "answer bare messages beside a slave elsewhere, for the floor of delay"),
+    "echo": ("hil.commands.bench.echo", "echo bare messages beside a slave elsewhere, for the floor of the delay"),
     "startup": ("hil.commands.bench.startup", "what a start costs, cold and warm, phase by phase"),
-    "jitter": ("hil.commands.bench.jitter", "how late the loop wakes up, beside what the kernel can do"),
+    "jitter": ("hil.commands.bench.jitter", "how late the loop wakes up, compared with the kernel"),
     "load": ("hil.commands.bench.load", "CPU and memory over time, by sensors, rates and numbers of vehicles"),
     "stream": ("hil.commands.bench.stream", "what reaches the master: rates, loss, age, bandwidth"),
     "soak": ("hil.commands.bench.soak", "hours of running: growth, drift, reconnects"),
@@ -51,7 +51,8 @@ def _help() -> str:
     rows = "\n".join(aligned([(name, text) for name, (_, text) in BENCHMARKS.items()], indent="  "))
     return f"""usage: uuv-hil bench BENCHMARK [OPTIONS]
 
-What a board, a link or a network can do. Leave the machine alone meanwhile.
+Measure what a board, a link or a network can do.
+Run nothing else on the machine meanwhile.
 
 benchmarks:
 {rows}

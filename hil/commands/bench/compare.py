@@ -13,17 +13,17 @@ from hil.common.options import Share, add_json, new_parser
 from hil.common.text import json_text
 
 EXAMPLES = """\
-A difference is real when the bootstrap interval of the ratio of the two medians leaves out 1. Starts of the programs
-are what is counted, as the values of one start are alike: 5 of each side are needed (bench delay --repeat 5). Of a
-hundred figures that do not differ, some five seem to at 95 %; and what changed between the two hours of measuring, such
-as the machine's other work, is taken for a difference of the programs: measure both in turn.
+A difference is real when the bootstrap interval of the ratio of the two medians does not contain 1. It counts starts
+of the programs, because the values of one start are alike: each side needs 5 (bench delay --repeat 5). At 95 %, about
+five of a hundred equal figures seem to differ. A change of the machine between the two measurements, such as other
+work, looks like a difference of the programs: measure both in turn.
 
 examples:
   uuv-hil bench compare before.json after.json
-  uuv-hil bench compare main.json branch.json --fail-on-regression --least 10%     in a continuous integration
+  uuv-hil bench compare main.json branch.json --fail-on-regression --least 10%     in continuous integration
 """
 REGRESSION = 1
-UNSURE: dict[Verdict, str] = {
+UNDECIDED: dict[Verdict, str] = {
     "too few": f"too few: fewer than {FEWEST} values on a side; measure with more repetitions",
     "few starts": f"few starts: the two differ, but with fewer than {FEWEST} starts on a side that may be a difference "
     "between two starts rather than two programs; measure with --repeat 5",
@@ -67,7 +67,7 @@ def main(arguments: list[str]) -> int:
     warnings = unlike(before, after)
     print(json_text(_record(differences, warnings), indent=1) if options.json else _text(differences, confidence))
     for warning in warnings:
-        print(f"not alike: {warning}", file=sys.stderr)
+        print(f"different conditions: {warning}", file=sys.stderr)
     worse = any(one.verdict == "worse" for one in differences)
     return REGRESSION if worse and options.fail_on_regression else 0
 
@@ -80,10 +80,10 @@ def _text(differences: list[Difference], confidence: float) -> str:
         ratio = [f"{one.ratio:.3f}", interval] if isfinite(one.interval.low) else ["-", "-"]
         rows.append([one.name, *values, *ratio, one.verdict])
     counts = Counter(one.verdict for one in differences)
-    lines = [*aligned(rows, rule=True), *(text for verdict, text in UNSURE.items() if counts[verdict])]
-    unsure = sum(counts[verdict] for verdict in UNSURE)
-    undecided = f", {unsure} undecided" if unsure else ""
-    return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{undecided}, of {len(differences)}"])
+    lines = [*aligned(rows, rule=True), *(text for verdict, text in UNDECIDED.items() if counts[verdict])]
+    undecided = sum(counts[verdict] for verdict in UNDECIDED)
+    remark = f", {undecided} undecided" if undecided else ""
+    return "\n".join([*lines, f"{counts['worse']} worse, {counts['better']} better{remark}, of {len(differences)}"])
 
 
 def _record(differences: list[Difference], warnings: list[str]) -> Any:

@@ -40,8 +40,8 @@ from hil.slave.drivers.driver import DRIVERS
 
 EXAMPLES = """\
 Options that take LIST measure every combination: --baud 0,115200 --load 0,2 are four configurations. A baud paces
-the link as a UART of that speed would; 0 lets it run as it is. The floor is bare UDP and TCP between the same
-machines in the same seconds, and the frame's time on its line.
+the link as a UART of that speed would; 0 does not limit it. The floor is bare UDP and TCP between the same machines
+in the same seconds, and the frame's time on its line.
 
 For a slave elsewhere, start `uuv-hil bench echo` beside it and name its ports. There is no floor
 without it, and --payload needs it.
@@ -60,16 +60,16 @@ examples:
 LIMIT_BROKEN = 1
 ECHO_PORT = whole(1, 65_535)
 STEPS = whole(0, 1000)
-LIMIT = Number(-1e6, 1e6, "ms")  # what is above the floor may be below it
+LIMIT = Number(-1e6, 1e6, "ms")  # a delay above the floor can be negative
 PROTOCOLS = List(one_of("frame", "mavlink", "dronecan", "vesc"))
-PLAYERS = List(one_of(*DRIVERS))
+STM32S = List(one_of(*DRIVERS))
 SWITCH = List(one_of("off", "on"))
 BAUDS = List(whole(1200, 12_000_000, also=(0,)))
 RATES = List(Number(1.0, 1000.0, "Hz"))
 LOADS = List(whole(0, 1024))
 PAYLOADS = List(whole(0, 1 << 26))
-OF_A_MASTER = ("network.", "security.", "slave.node")  # what the end here makes of a scenario
-ON_CAN = {"dronecan": "can:virtual:bench", "vesc": "can:virtual:bench"}  # where no port is given
+MASTER_KEYS = ("network.", "security.", "slave.node")  # keys of a scenario that the master here uses
+ON_CAN = {"dronecan": "can:virtual:bench", "vesc": "can:virtual:bench"}  # default ports
 
 
 class Case(NamedTuple):
@@ -84,7 +84,7 @@ class Case(NamedTuple):
     payload: int
 
     def name(self, changing: list[str]) -> str:
-        """Return what distinguishes it from the others."""
+        """Return a name from the values of the fields in `changing`."""
         values = {key: getattr(self, key) for key in changing}
         words = [f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}" for key, value in values.items()]
         return ", ".join(words) or "as the scenario has it"
@@ -103,8 +103,8 @@ def main(arguments: list[str]) -> int:
     with failures.caught():
         for number, (_, case) in enumerate(itertools.product(range(options.repeat), cases), 1):
             name = case.name(changing)
-            failures.place = f"{number} of {options.repeat * len(cases)}: {name}"
-            show(failures.place)
+            failures.current = f"{number} of {options.repeat * len(cases)}: {name}"
+            show(failures.current)
             result, labels = _measure(case, options, echo)
             runs.setdefault(name, []).append(result)
     show("")
@@ -116,7 +116,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any) -> list[str]:
-    """Print, write, draw; return the limits that are broken. Raises ConfigError."""
+    """Print, save and draw the results; return the limits that are broken. Raises ConfigError."""
     results = {name: pooled(repeats) for name, repeats in runs.items()}
     print(delay_report.text(results))
     figures = {f"{row} [{name}]": figure for name, repeats in runs.items() for row, figure in _figures(repeats).items()}
@@ -140,7 +140,7 @@ def _parser() -> Any:
     add_scenario(parser)
     add = parser.add_argument
     add("--protocol", metavar="LIST", type=PROTOCOLS, help="frame, mavlink, dronecan, vesc [the scenario's]")
-    add("--stm32", metavar="LIST", type=PLAYERS, help=f"{', '.join(DRIVERS)} [the scenario's]")
+    add("--stm32", metavar="LIST", type=STM32S, help=f"{', '.join(DRIVERS)} [the scenario's]")
     add("--baud", metavar="LIST", type=BAUDS, help="rate that the link is limited to, bit/s; 0: no limit [0]")
     add("--security", metavar="LIST", type=SWITCH, help="off, on: certificates made for the purpose [the scenario's]")
     add("--rate", metavar="LIST", type=RATES, help="commands a second [20]")
@@ -171,23 +171,27 @@ def _cases(options: Any) -> list[Case]:
 
 
 def _check_elsewhere(options: Any, cases: list[Case]) -> None:
-    """Check that no option concerns a slave elsewhere, which would not get it. Raises ConfigError."""
+    """Check that no option would have to be passed to a slave that runs elsewhere. Raises ConfigError."""
     if limits_of(options) != Limits() or any((options.protocol, options.stm32, options.baud, options.port)):
         raise ConfigError(
-            "command line: --connect is measured as it is: without limits, --protocol, --stm32, --baud, --port"
+            "command line: --connect measures a running slave: leave out limits, --protocol, --stm32, --baud and --port"
         )
-    deaf = [key for key in changes_of(options) if not key.startswith(OF_A_MASTER)]
-    if deaf:
-        raise ConfigError(f"--set {deaf[0]}: --connect is measured as it is; change it in the scenario over there")
+    inapplicable = [key for key in changes_of(options) if not key.startswith(MASTER_KEYS)]
+    if inapplicable:
+        raise ConfigError(
+            f"--set {inapplicable[0]}: --connect measures a running slave; change it in that slave's scenario"
+        )
     if any(case.security == "on" for case in cases):
         raise ConfigError(
-            "--security on: makes keys that --connect does not have; leave it out, and name the SCENARIO with this "
-            "machine's in its [security] section"
+            "--security on: makes keys that the slave of --connect does not have; leave it out, and name the "
+            "SCENARIO with this machine's in its [security] section"
         )
     if options.echo:
         return
     if any(case.payload for case in cases):
-        raise ConfigError("--payload: needs somebody to send it to: `uuv-hil bench echo` beside --connect, and --echo")
+        raise ConfigError(
+            "--payload: needs a receiver: run `uuv-hil bench echo` beside the slave, and name it with --echo"
+        )
     if options.most_over_floor is not None:
         raise ConfigError(
             "--most-over-floor: there is no floor without `uuv-hil bench echo` beside --connect, and --echo"
@@ -236,7 +240,7 @@ def _keys(choice: str) -> Iterator[dict[str, Any]]:
 
 
 def _echo(text: str) -> Echo:
-    """Return what `uuv-hil bench echo` prints: a host, and its ports."""
+    """Parse HOST:UDP:TCP, as `uuv-hil bench echo` prints it."""
     name, udp, tcp = ([*text.rsplit(":", 2), "", ""])[:3]
     try:
         return host(name), ECHO_PORT(udp), ECHO_PORT(tcp)
@@ -246,7 +250,7 @@ def _echo(text: str) -> Echo:
 
 
 def _figures(runs: list[Result]) -> dict[str, Figure]:
-    """Return what goes into the record. A floor is the machine's: less of it is not our merit."""
+    """Return the figures of the record. A floor depends on the machine alone, so that a lower one is not "better"."""
     series: dict[str, list[list[float]]] = {
         "delay": [run.delay for run in runs],
         "motion": [run.motion for run in runs],
@@ -262,14 +266,14 @@ def _figures(runs: list[Result]) -> dict[str, Figure]:
             tuple(map(len, of_runs)),
         )
         for name, of_runs in series.items()
-        if any(of_runs) or name == "delay"  # what was not asked for is no figure
+        if any(of_runs) or name == "delay"  # others were not measured
     }
 
 
 def _details(run: Result) -> dict[str, Any]:
     """Return details of one run: commands sent and answered, their rate in Hz, and the floor above bare TCP in ms.
 
-    Then the clocks' offset in ms, what it is known to, and when each command of the figures was published, in s.
+    Then the clocks' offset and its uncertainty in ms, and when each command of the figures was published, in s.
     """
     return {
         "sent": run.sent,

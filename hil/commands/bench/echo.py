@@ -1,12 +1,12 @@
-"""`uuv-hil bench echo`: echo packets beside a slave, for the network's part in `uuv-hil bench delay`."""
+"""`uuv-hil bench echo`: echo packets beside a slave, for the network's share in `uuv-hil bench delay`."""
 
 from hil.bench.floors.network import serve
 from hil.common.options import host, new_parser
 from hil.common.stop import StopSignals
 
 EXAMPLES = """\
-It prints the value for `uuv-hil bench delay --echo`, and ends with Ctrl-C. Anyone who reaches it gets back
-what he sends: run it while you measure.
+It prints the value for `uuv-hil bench delay --echo`, and ends with Ctrl-C. It returns every packet to its sender,
+without authentication: run it only while you measure.
 
 examples:
   uuv-hil bench echo --listen 192.168.3.116

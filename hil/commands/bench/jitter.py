@@ -1,4 +1,4 @@
-"""`uuv-hil bench jitter`: measure how late the loop wakes up, beside the kernel and a loop with nothing to do."""
+"""`uuv-hil bench jitter`: measure how late the slave's loop wakes up, compared with the kernel and an empty loop."""
 
 import os
 from contextlib import ExitStack
@@ -25,8 +25,8 @@ from hil.common.options import List, Number, add_scenario, changes_of, new_parse
 
 EXAMPLES = f"""\
 For each rate, one after the other on the same processor: cyclictest (rt-tests, where it is installed), the slave's loop
-with nothing to do, and the slave with a master that commands it 20 times a second. Lateness counts every cycle: of a
-wake-up that comes three periods late, three. Since the start, its own included.
+with nothing to do, and the slave with a master that commands it 20 times a second. A wake-up that is three periods
+late counts as three late cycles. The figures include the start of the loop.
 
 {NOTE}
 
@@ -41,7 +41,7 @@ MISSED = 1
 RATES = List(Number(50.0, 5000.0, "Hz"))
 
 
-class Found(NamedTuple):
+class RateResult(NamedTuple):
     """One rate in one run."""
 
     kernel: Lateness | None
@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
     rates = options.rates
     limits = limits_of(options)
     limits = limits if limits.cpus else limits._replace(cpus=(_last_cpu(),))
-    by_rate: dict[float, list[Found]] = {}
+    by_rate: dict[float, list[RateResult]] = {}
     labels: tuple[str, ...] = ()
     failures = PartialFailures()
     with failures.caught(), ExitStack() as stack:
@@ -63,8 +63,8 @@ def main(arguments: list[str]) -> int:
         labels = benches[0].labels
         for number in range(options.repeat):
             for rate, bench in zip(rates, benches, strict=True):
-                failures.place = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
-                run = _measure(bench, options.seconds, failures.place)
+                failures.current = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
+                run = _measure(bench, options.seconds, failures.current)
                 by_rate.setdefault(rate, []).append(run)
     show("")
     if not by_rate:
@@ -73,7 +73,7 @@ def main(arguments: list[str]) -> int:
     if options.repeat > 1:
         print(f"medians of {failures.most(options.repeat)} runs")
     pinned = f"pinned to processor {','.join(map(str, limits.cpus))}"
-    print(paragraph(f"{pinned}; behind: cycles that the schedule lacks at the end"))
+    print(paragraph(f"{pinned}; behind: cycles that are missing at the end"))
     print(paragraph(NOTE))
     options_used = {key: getattr(options, key) for key in ("scenario", "set", "seconds", "repeat")}
     figures = {
@@ -95,20 +95,20 @@ def _parser() -> Any:
     add("--rates", default="250,400,1000", metavar="LIST", type=RATES, help="loop rates in Hz [%(default)s]")
     add_seconds(parser, 20.0, "run")
     add_repeat(parser, 1, "whole runs, each with new slaves")
-    add("--check", action="store_true", help="whether 99 %% of the cycles are within 2 ms")
+    add("--check", action="store_true", help="check that 99 %% of the cycles are within 2 ms")
     add_limits(parser)
     add_results(parser)
     return parser
 
 
 def _bench(rate: float, options: Any, limits: Limits, stack: ExitStack) -> Bench:
-    """Return the place of that rate's slaves, looked at before anything is measured. Raises ConfigError."""
+    """Return the bench of that rate's slaves. Its scenario is checked before any measurement. Raises ConfigError."""
     bench = stack.enter_context(Bench(options.scenario, changes_of(options) | changes_for(rate), limits))
     simulation_of(bench.scenario)
     return bench
 
 
-def _measure(bench: Bench, seconds: float, place: str) -> Found:
+def _measure(bench: Bench, seconds: float, place: str) -> RateResult:
     def watch(share: float) -> None:
         show(f"{place}: slave {share:4.0%}")
 
@@ -116,10 +116,10 @@ def _measure(bench: Bench, seconds: float, place: str) -> Found:
     kernel = cyclictest(bench, seconds / 2)
     show(f"{place}: bare loop")
     bare = bare_loop(bench, seconds / 2)
-    return Found(kernel, bare, slave_loop(bench, seconds, watch))
+    return RateResult(kernel, bare, slave_loop(bench, seconds, watch))
 
 
-def _table(by_rate: dict[float, list[Found]]) -> list[str]:
+def _table(by_rate: dict[float, list[RateResult]]) -> list[str]:
     """Return medians over the runs."""
     rows = [["", "late p50 us", "p99", "p99.9", "max", "within 2 ms", "skipped", "behind"]]
     for rate, runs in by_rate.items():
@@ -144,7 +144,7 @@ def _cells(late: list[Lateness]) -> list[str]:
     return [f"{median(values):.0f}" for values in zip(*[each[:4] for each in late], strict=True)]
 
 
-def _figures(name: str, runs: list[Found]) -> dict[str, Figure]:
+def _figures(name: str, runs: list[RateResult]) -> dict[str, Figure]:
     """Return a value for each run, which is a start of the slave."""
     slaves, kernels = [run.slave for run in runs], [run.kernel for run in runs if run.kernel]
     figures = {

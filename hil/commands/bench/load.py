@@ -24,21 +24,21 @@ from hil.common.options import List, Number, add_scenario, changes_of, new_parse
 from hil.plots.plotting import pyplot, save_figure
 
 EXAMPLES = """\
-Slaves that are commanded 20 times a second, one setting after the other. CPU is in shares of one core, memory the
-proportional set size. Beside each stands the range of the middle half of its values, one a second; "more" is what a
-setting takes more than the scenario as it is, in brackets where that is less than what comes and goes by itself. What
-the vehicle or the world cannot have is left out and named. Exit code 1 when a setting could not be measured.
+It measures slaves that get 20 commands a second, one setting after the other. CPU is in shares of one core, memory is
+the proportional set size. "+-" is the range of the middle half of the values, one value a second. "more" is the
+difference from the unchanged scenario, in brackets where it is within the noise. Sensors that the vehicle or the world
+cannot have are left out and named. Exit code 1 when a setting could not be measured.
 
 examples:
-  uuv-hil bench load                                    the scenario as it is
+  uuv-hil bench load                                    the scenario unchanged
   uuv-hil bench load --each-sensor --seconds 5          what each sensor costs
   uuv-hil bench load --rates 100,400,1000 --vehicles 1,2,4 --plot load.png --output load.json
 """
 MOST_VEHICLES = 64
 RATES = List(Number(50.0, 5000.0, "Hz"))
 VEHICLES = List(whole(1, MOST_VEHICLES))
-MOST_PROCESSES = 12  # of a setting that are shown; the record has all
-MOST_THREADS = 5  # of a process, likewise
+MOST_PROCESSES = 12  # shown of each setting; the record has all
+MOST_THREADS = 5  # shown of each process; the record has all
 LEAST_SHARE = 0.0005  # of a core: threads that take less are not shown
 FAILED = 1
 
@@ -52,25 +52,25 @@ def main(arguments: list[str]) -> int:
     failures = PartialFailures()
     with failures.caught():
         for number, setting in enumerate(plan, 1):
-            failures.place = f"{number} of {len(plan)}: {setting.name}"
-            courses.append(_run(setting, options, failures.place))
+            failures.current = f"{number} of {len(plan)}: {setting.name}"
+            courses.append(_run(setting, options, failures.current))
     show("")
-    done, failed = [c for c in courses if c.cpu], [c for c in courses if c.failure]
-    if not done:
+    measured, failed = [c for c in courses if c.cpu], [c for c in courses if c.failure]
+    if not measured:
         failures.raise_first()
         raise NetworkError(f"nothing could be measured: {failed[0].failure}")
-    record = _record(done, failed, left_out, options, failures)
+    record = _record(measured, failed, left_out, options, failures)
     print("\n".join(_table(courses)))
-    note = "more: than the scenario as it is; in brackets what is within the noise; +-: the middle half's range\n"
+    note = "more: difference from the unchanged scenario, in brackets if within the noise; +-: middle half's range\n"
     print(fit_to_terminal(note))
-    print("\n".join(_processes(done)))
+    print("\n".join(_processes(measured)))
     for name, reason in left_out.items():
         print(f"left out: {name}: {reason}")
     for each in failed:
         print(f"FAILED: {each.setting.name}: {each.failure}")
     save_record(record, options)
     if options.plot:
-        _draw(done, record, options.plot)
+        _draw(measured, record, options.plot)
     failures.raise_first()
     return FAILED if failed else 0
 
@@ -79,9 +79,9 @@ def _parser() -> Any:
     parser = new_parser("bench load", __doc__, EXAMPLES)
     add_scenario(parser)
     add = parser.add_argument
-    add("--each-sensor", action="store_true", help="also with each sensor more, and each one less")
-    add("--rates", default=(), metavar="LIST", type=RATES, help="also with the loop at these, Hz")
-    add("--vehicles", default=(), metavar="LIST", type=VEHICLES, help="also with so many slaves at once")
+    add("--each-sensor", action="store_true", help="also with each sensor added, and with each one removed")
+    add("--rates", default=(), metavar="LIST", type=RATES, help="also with these rates of the loop, Hz")
+    add("--vehicles", default=(), metavar="LIST", type=VEHICLES, help="also with these numbers of slaves at once")
     add_seconds(parser, 10.0, "run", least=2.0)
     add_limits(parser)
     add_results(parser, "CPU and memory over time")
@@ -89,7 +89,7 @@ def _parser() -> Any:
 
 
 def _plan(options: Any) -> tuple[list[Setting], dict[str, str]]:
-    """Return what is measured, and what is not, with the reason. Raises ConfigError when there is no beginning."""
+    """Return the settings to measure, and why others are left out. Raises ConfigError if the first is impossible."""
     base = changes_of(options)
     with Bench(options.scenario, base, limits_of(options)) as bench:
         fitted = [*bench.scenario.sensors] if options.each_sensor else None
@@ -103,7 +103,7 @@ def _plan(options: Any) -> tuple[list[Setting], dict[str, str]]:
 
 
 def _run(setting: Setting, options: Any, place: str) -> Course:
-    """Run one setting and return its result. A failure is a result too, so the others run on."""
+    """Run one setting and return its result. A failure is a result too, so that the others still run."""
 
     def watch(share: float) -> None:
         show(f"{place} {share:4.0%}")
@@ -118,22 +118,22 @@ def _run(setting: Setting, options: Any, place: str) -> Course:
 def _table(courses: list[Course]) -> list[str]:
     rows = [["setting", "CPU % of a core", "+-", "more", "memory MiB", "+-", "more"]]
     base = courses[0]
-    again = [c for c in courses[1:] if c.cpu and c.setting[1:] == base.setting[1:]]
+    repeats = [c for c in courses[1:] if c.cpu and c.setting[1:] == base.setting[1:]]
     for course in courses:
         if not course.cpu:
             rows.append([course.setting.name, "failed", *[""] * 5])
             continue
-        cpu = _cells(course.cpu, base.cpu, [c.cpu for c in again], 100.0)
-        memory = _cells(course.memory, base.memory, [c.memory for c in again])
+        cpu = _cells(course.cpu, base.cpu, [c.cpu for c in repeats], 100.0)
+        memory = _cells(course.memory, base.memory, [c.memory for c in repeats])
         if course is base or not base.cpu:
             cpu[-1] = memory[-1] = ""
         rows.append([course.setting.name, *cpu, *memory])
     return aligned(rows, rule=True)
 
 
-def _cells(values: list[float], base: list[float], again: list[list[float]], factor: float = 1.0) -> list[str]:
-    """Return median, spread, and what it is more than `base`."""
-    change = difference(values, base, again)
+def _cells(values: list[float], base: list[float], repeats: list[list[float]], factor: float = 1.0) -> list[str]:
+    """Return median, spread, and the difference from `base`."""
+    change = difference(values, base, repeats)
     more = f"{factor * change.more:+.2f}"
     return [
         f"{factor * median(values):.2f}",
@@ -143,25 +143,25 @@ def _cells(values: list[float], base: list[float], again: list[list[float]], fac
 
 
 def _processes(courses: list[Course]) -> list[str]:
-    """Return what each process takes, and those of its threads that take most."""
-    rows = [["setting", "process", "CPU %", "memory MiB", "most of it in threads (CPU %)"]]
+    """Return CPU and memory of each process, and its busiest threads."""
+    rows = [["setting", "process", "CPU %", "memory MiB", "busiest threads (CPU %)"]]
     for course in courses:
         costly = sorted(course.processes.items(), key=lambda row: -median(row[1].cpu))
         for name, cost in costly[:MOST_PROCESSES]:
             threads = sorted(((median(cpu), thread) for thread, cpu in cost.threads.items()), reverse=True)
-            most = [f"{name} {100.0 * cpu:.2f}" for cpu, name in threads[:MOST_THREADS] if cpu >= LEAST_SHARE]
+            busiest = [f"{name} {100.0 * cpu:.2f}" for cpu, name in threads[:MOST_THREADS] if cpu >= LEAST_SHARE]
             cpu, memory = f"{100.0 * median(cost.cpu):.2f}", f"{median(cost.memory):.2f}"
-            rows.append([course.setting.name, name, cpu, memory, ", ".join(most)])
+            rows.append([course.setting.name, name, cpu, memory, ", ".join(busiest)])
         if len(costly) > MOST_PROCESSES:
             rows.append([course.setting.name, f"{len(costly) - MOST_PROCESSES} more", "", "", "in --output"])
     return aligned(rows, rule=True)
 
 
 def _record(
-    done: list[Course], failed: list[Course], left_out: dict[str, str], options: Any, failures: PartialFailures
+    measured: list[Course], failed: list[Course], left_out: dict[str, str], options: Any, failures: PartialFailures
 ) -> Record:
     figures: dict[str, Figure] = {}
-    for course in done:
+    for course in measured:
         series = {"": (course.cpu, course.memory)}
         if len(course.processes) > 1:
             series |= {f"{name} ": (cost.cpu, cost.memory) for name, cost in course.processes.items()}
@@ -175,17 +175,17 @@ def _record(
             name: {"cpu": cost.cpu, "memory_mib": cost.memory, "threads": cost.threads}
             for name, cost in course.processes.items()
         }
-        for course in done
+        for course in measured
     }
     details |= {course.setting.name: {"failure": course.failure} for course in failed}
     keys = ("scenario", "set", "each_sensor", "rates", "vehicles", "seconds")
     options_used = {key: getattr(options, key) for key in keys}
-    labels = *done[0].labels, *failures.labels
+    labels = *measured[0].labels, *failures.labels
     return new_record("load", options_used, figures, labels, details | {"left out": left_out})
 
 
 def _draw(courses: list[Course], record: Record, path: str) -> None:
-    """Draw a row of panels a kind of process: CPU at the left, memory at the right, a line a setting."""
+    """Draw a row of panels for each kind of process: CPU at the left, memory at the right, a line for each setting."""
     plt = pyplot()
     groups = load_run.groups(courses)
     size = 11, 3.0 * len(groups) + 1.6

@@ -11,12 +11,12 @@ from hil.common.options import DAY_S, REPEAT, Number, Share, add_output, add_plo
 from hil.plots.plotting import check_picture
 
 CPU_SHARE = Share(0.01, 64.0)  # of one core
-PRINT_EVERY_S = 60.0  # where no person watches, such as in a log
+PRINT_EVERY_S = 60.0  # where the output is not a terminal, such as in a log
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:
     """Add the options that limit a laptop to the resources of a small board."""
-    limits = parser.add_argument_group("less than the machine has, for the slave; results are labelled")
+    limits = parser.add_argument_group("limits of the slave, below what the machine has; results are labelled")
     limits.add_argument(
         "--cpus", metavar="LIST", type=checked(parse_cpus), default=(), help="processors to use: 0 or 0,2 or 0-3"
     )
@@ -37,20 +37,20 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
 
 
 def add_results(parser: argparse.ArgumentParser, picture: str = "") -> None:
-    """Add --output, where the record goes, and --plot if there is a `picture`; `check_plot` and `save_record` read."""
+    """Add --output for the record, and --plot if there is a `picture`; `check_plot` and `save_record` read them."""
     add_output(parser, "FILE.json", "write the record, for `uuv-hil bench compare` and --against")
     if picture:
         add_plot(parser, picture)
 
 
 def add_seconds(parser: argparse.ArgumentParser, default: float, of: str, least: float = 1.0) -> None:
-    """Add --seconds, the duration of each `of`, from `least` s on."""
+    """Add --seconds, the duration of each `of`, at least `least` s."""
     kind, about = Number(least, DAY_S, "s"), f"duration of each {of} [%(default)s]"
     parser.add_argument("--seconds", type=kind, default=default, metavar="S", help=about)
 
 
 def add_repeat(parser: argparse.ArgumentParser, default: int, what: str) -> None:
-    """Add --repeat, how often it is measured; `what` is repeated."""
+    """Add --repeat, the number of repetitions; `what` says what is repeated."""
     parser.add_argument("--repeat", type=REPEAT, default=default, metavar="N", help=f"{what} [%(default)s]")
 
 
@@ -77,10 +77,10 @@ class Progress:
     """Progress of a benchmark on standard error."""
 
     def __init__(self) -> None:
-        self._logged_s = time.monotonic()  # when a line was last left in a log
+        self._logged_s = time.monotonic()  # when a line was last printed in a log
 
     def show(self, text: str) -> None:
-        """Show a line in place of the last one; "" for none. In a log one a minute."""
+        """Show a line in place of the last one; "" removes it. In a log, print one line a minute."""
         if sys.stderr.isatty():
             print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
         elif text and time.monotonic() - self._logged_s > PRINT_EVERY_S:

@@ -9,39 +9,39 @@ from hil.common.errors import HilError
 class PartialFailures:
     """The errors and the Ctrl-C that ended measurements, which are reported beside the figures and raised at the end.
 
-    `place` is what is being measured; the measuring code keeps it up to date.
+    `current` describes what is being measured; the measuring code sets it.
     """
 
     def __init__(self) -> None:
-        self.place = ""
-        self._found: list[tuple[str, HilError | KeyboardInterrupt]] = []
+        self.current = ""
+        self._errors: list[tuple[str, HilError | KeyboardInterrupt]] = []
 
     @contextmanager
     def caught(self) -> Iterator[None]:
-        """Store what is raised inside; it only ends the `with`."""
+        """Store an error that is raised inside; only the `with` block ends."""
         try:
             yield
         except (HilError, KeyboardInterrupt) as error:
-            self._found.append((self.place, error))
+            self._errors.append((self.current, error))
 
     @property
     def stopped(self) -> bool:
-        """True if a person or a signal ended the run: then nothing else is to be measured."""
-        return any(isinstance(error, KeyboardInterrupt) for _, error in self._found)
+        """True if a person or a signal ended the run: then stop measuring."""
+        return any(isinstance(error, KeyboardInterrupt) for _, error in self._errors)
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Return the labels of figures that are incomplete."""
         return tuple(
             f"RUN FAILED: {place}: {error}" if isinstance(error, HilError) else f"STOPPED: {place}"
-            for place, error in self._found
+            for place, error in self._errors
         )
 
     def most(self, times: int) -> str:
-        """Return how many repetitions there are of each figure, in words."""
-        return f"up to {times}" if self._found else str(times)
+        """Return the number of repetitions of each figure as text: "5", or "up to 5" after a failure."""
+        return f"up to {times}" if self._errors else str(times)
 
     def raise_first(self) -> None:
-        """Raise what ended the first, if anything did: its exit code is that of the benchmark."""
-        for _, error in self._found:
+        """Raise the first error, if there is one: its exit code is the benchmark's."""
+        for _, error in self._errors:
             raise error

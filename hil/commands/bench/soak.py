@@ -22,10 +22,10 @@ from hil.common.stop import StopSignals
 from hil.plots.plotting import pyplot, save_figure
 
 EXAMPLES = """\
-A slave that is commanded 20 times a second; the master leaves and comes back now and then. Growth is a straight line
-through the memory that no other process shares, without the first tenth, with its interval of 95 %: it is reported as
-one when the interval is above 0 and the line steeper than --leak, and not before half an hour. A slave that ends, hangs
-or is out of reach is a finding. Ctrl-C ends early and judges what there is.
+The slave gets 20 commands a second; the master disconnects and reconnects from time to time. Growth is the slope of a
+straight line through the slave's private memory, without the first tenth of the run, with its interval of 95 %. It is
+reported as a leak after half an hour, when the interval is above 0 and the slope above --leak. A slave that ends,
+hangs or cannot be reached is a finding. Ctrl-C ends the run early and judges the readings so far.
 
 examples:
   uuv-hil bench soak --hours 8 --output soak.json --plot soak.png
@@ -35,8 +35,8 @@ FOUND = 1
 HOURS = Number(0.001, 10_000.0, "h")
 EVERY = Number(0.2, 1e6, "s")
 LEAK = Number(0.0, 1e6, "MiB")
-LATE_S = 1.0  # a return that takes longer is reported
-LEAK_AFTER_S = 1800.0  # before, caches and buffers that fill once look like one
+LATE_S = 1.0  # a reconnection that takes longer is reported
+LEAK_AFTER_S = 1800.0  # earlier, caches and buffers that fill once look like a leak
 # Figures of the record and the picture: a field of Observation, title, unit, whether it is in the picture.
 SERIES = (
     ("private", "private memory", "MiB", True),
@@ -51,7 +51,7 @@ SERIES = (
 
 
 def main(arguments: list[str]) -> int:
-    """Run and judge; return 0, or 1 when something grows, drifts, hangs or does not come back. Raises HilError."""
+    """Run and judge; return 0, or 1 when something grows, drifts, hangs or does not reconnect. Raises HilError."""
     options = _parser().parse_args(arguments)
     check_plot(options)
     if options.every >= options.leave_every:
@@ -78,15 +78,15 @@ def _parser() -> Any:
     add_scenario(parser)
     add = parser.add_argument
     add("--hours", type=HOURS, default=1.0, metavar="H", help="[%(default)s]")
-    add("--every", type=EVERY, default=10.0, metavar="S", help="between readings [%(default)s]")
+    add("--every", type=EVERY, default=10.0, metavar="S", help="time between readings [%(default)s]")
     add(
         "--leave-every",
         type=EVERY,
         default=300.0,
         metavar="S",
-        help="the master is disconnected and comes back [%(default)s]",
+        help="time between disconnections of the master [%(default)s]",
     )
-    add("--leak", type=LEAK, default=0.5, metavar="MIB", help="growth an hour that is one [%(default)s]")
+    add("--leak", type=LEAK, default=0.5, metavar="MIB", help="growth an hour that counts as a leak [%(default)s]")
     add_limits(parser)
     add_results(parser, "memory, delay and time over the run")
     return parser
@@ -101,7 +101,7 @@ def _show(observation: Observation) -> None:
 
 
 def judge(soak: Soak, leak: float) -> list[str]:
-    """Print what came out; return the findings that are bad."""
+    """Print the figures; return the findings."""
     observations = soak.observations[len(soak.observations) // 10 :]
     print(f"{observations[-1].at_s / 3600.0 if observations else 0.0:.3f} h, {len(soak.observations)} readings")
     bad = _judge_observations(observations, leak) if observations else []
@@ -141,7 +141,7 @@ def _judge_memory(observations: list[Observation], leak: float) -> list[str]:
     if isnan(slope):
         print("memory: too few readings for a line")
         return []
-    print(f"memory of its own: {first.private:.2f} -> {last.private:.2f} MiB; {slope:+.3f} MiB an hour "
+    print(f"private memory: {first.private:.2f} -> {last.private:.2f} MiB; {slope:+.3f} MiB an hour "
           f"({interval.low:+.3f} to {interval.high:+.3f}); in all {last.memory:.2f} MiB")  # fmt: skip
     if last.at_s < LEAK_AFTER_S:
         print(f"no verdict on memory: that takes {LEAK_AFTER_S / 60.0:.0f} minutes")
@@ -151,14 +151,16 @@ def _judge_memory(observations: list[Observation], leak: float) -> list[str]:
 
 
 def _judge_returns(returns: list[float | None]) -> list[str]:
-    there = [seconds for seconds in returns if seconds is not None]
+    reconnected = [seconds for seconds in returns if seconds is not None]
     if not returns:
         return []
-    slowest = max(there, default=nan)
-    print(f"the master came back {len(there)} of {len(returns)} times; first sample after {slowest:.3f} s at most")
-    missed = len(returns) - len(there)
-    bad = [f"a master that came back was not answered ({missed} of {len(returns)} times)"] if missed else []
-    return bad + ([f"a return took {slowest:.1f} s"] if slowest > LATE_S else [])
+    slowest = max(reconnected, default=nan)
+    print(
+        f"the master reconnected {len(reconnected)} of {len(returns)} times; first sample after {slowest:.3f} s at most"
+    )
+    missed = len(returns) - len(reconnected)
+    bad = [f"a master that reconnected got no sample ({missed} of {len(returns)} times)"] if missed else []
+    return bad + ([f"a reconnection took {slowest:.1f} s"] if slowest > LATE_S else [])
 
 
 def _record(soak: Soak, findings: list[str], options: Any, labels: tuple[str, ...]) -> Record:

@@ -33,7 +33,7 @@ examples:
 LIMIT_BROKEN = 1
 MOST = Number(0.0, 3600.0, "s")
 
-Row = dict[str, float]  # what each phase of one start took, ms
+Row = dict[str, float]  # phase of one start -> its duration, ms
 Series = dict[str, list[float]]
 
 
@@ -49,16 +49,16 @@ def main(arguments: list[str]) -> int:
     add_results(parser)
     options = parser.parse_args(arguments)
     failures = PartialFailures()
-    by_kind, how, labels = _measure(options, failures)
+    by_kind, notes, labels = _measure(options, failures)
     if not by_kind:
         failures.raise_first()
     print(_text(by_kind))
     print(f"medians of {failures.most(options.repeat)} starts each, (range of the middle half); ms")
-    for line in how:
+    for line in notes:
         print(paragraph(line))
     figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in by_kind.items() for row, v in rows.items()}
     settings = {key: getattr(options, key) for key in ("scenario", "set", "repeat", "drop_caches")}
-    save_record(new_record("startup", settings, figures, (*labels, *failures.labels), {"cold": how}), options)
+    save_record(new_record("startup", settings, figures, (*labels, *failures.labels), {"cold": notes}), options)
     took = median(by_kind["warm"]["all"]) / 1e3
     broken = options.most is not None and not took <= options.most
     if broken:
@@ -75,15 +75,15 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series]
     with failures.caught(), Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
         labels = bench.labels
         show("the first start")
-        start(bench)  # the next prints each module, and would bury the reason of one that fails
+        start(bench)  # the next start prints each module, which would hide why a start fails
         files = files_of_a_start(bench)
         kinds = {"warm": _leave}
         if not options.warm_only:
             kinds["cold"], words = coldness(files, options.drop_caches)
         for kind, before in kinds.items():
             for number in range(options.repeat):
-                failures.place = f"{kind}: {number + 1} of {options.repeat}"
-                show(failures.place)
+                failures.current = f"{kind}: {number + 1} of {options.repeat}"
+                show(failures.current)
                 row = _start(bench, before)
                 rows.setdefault(kind, []).append(row)
     show("")

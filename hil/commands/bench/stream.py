@@ -25,10 +25,10 @@ from hil.common.options import ENDPOINT, add_scenario, changes_of, new_parser
 from hil.scenario.config import load_single
 
 EXAMPLES = """\
-Loss is by sequence numbers, "missing" what is missing to the nominal rate: what was never sent is in it too.
-Age is from publish to receipt by the estimated offset of the two clocks (0 on one machine). Topics that a slave of the
-scenario should send and does not have a row of 0 Hz. A vehicle elsewhere is only listened to; without --connect one is
-started here.
+Loss is counted by sequence numbers. "missing" is the difference from the nominal rate, with messages that were never
+sent. Age is the time from publication to receipt, by the estimated offset of the two clocks (0 on one machine). A topic
+that a slave of the scenario should send but does not has a row of 0 Hz. With --connect it only listens to a running
+slave; without, it starts one here.
 
 examples:
   uuv-hil bench stream --seconds 30
@@ -36,7 +36,7 @@ examples:
   uuv-hil bench stream --set sensors.laser.rate=20 --set sensors.imu.rate=400
   uuv-hil bench stream --repeat 5 --output today.json            enough for `uuv-hil bench compare`
 """
-# What goes into the record: a field of Stream, what it is called there, its unit, what makes it that, which is better.
+# Figures of the record: a field of Stream, its name in the record, unit, factor to that unit, and which is better.
 ROWS: tuple[tuple[str, str, str, float, Better], ...] = (
     ("rate", "rate", "Hz", 1.0, "higher"),
     ("loss", "loss", "%", 100.0, "lower"),
@@ -53,15 +53,15 @@ def main(arguments: list[str]) -> int:
     if options.connect and (options.set or limits_of(options) != Limits()):
         raise ConfigError(
             "command line: --set, --cpus, --cpu-quota and --memory change a slave started here, not --connect; "
-            "start that one as it shall be, and give its scenario as a file"
+            "start that slave with its own options, and give its scenario as a file"
         )
     runs: list[Listening] = []
     labels: tuple[str, ...] = ()
     failures = PartialFailures()
     with failures.caught():
         for number in range(options.repeat):
-            failures.place = f"run {number + 1} of {options.repeat}"
-            received, labels = _listen(options, failures.place)
+            failures.current = f"run {number + 1} of {options.repeat}"
+            received, labels = _listen(options, failures.current)
             runs.append(received)
     show("")
     if not runs:
@@ -70,9 +70,9 @@ def main(arguments: list[str]) -> int:
     print("\n".join(_table(streams)))
     if options.repeat > 1:
         print(f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s")
-    dead = [topic for topic, of_runs in streams.items() if _dead(of_runs, options.seconds)]
-    if dead:
-        print(f"nothing came on {', '.join(dead)}, though a slave of this scenario should send it")
+    silent_topics = [topic for topic, of_runs in streams.items() if _is_silent(of_runs, options.seconds)]
+    if silent_topics:
+        print(f"nothing was received on {', '.join(silent_topics)}, though a slave of this scenario should send it")
     warnings = list(dict.fromkeys(warning for received in runs for warning in received.warnings))
     for warning in warnings:
         print(f"WARNING: {warning}")
@@ -122,14 +122,14 @@ def _by_topic(runs: list[Listening]) -> dict[str, list[Stream]]:
     return dict(sorted(by_topic.items()))
 
 
-def _dead(streams: list[Stream], seconds: float) -> bool:
-    """Return whether nothing came in all runs of so long, and more than one message was due in them."""
+def _is_silent(streams: list[Stream], seconds: float) -> bool:
+    """Return whether nothing was received in all runs of `seconds`, though more than one message was due."""
     silent = not any(stream.rate for stream in streams)
     return silent and missing(0, streams[0].nominal, len(streams) * seconds) > 0.0
 
 
 def _values(streams: list[Stream], field: str) -> list[float]:
-    """Return that field of each run that has it."""
+    """Return the values of a field, of each run that has it."""
     return [value for value in (getattr(stream, field) for stream in streams) if not isnan(value)]
 
 

@@ -52,23 +52,23 @@ examples:
   uuv-hil bench table --output today.json --against yesterday.json --plot table.png
 """
 BUDGET_MISSED = 1
-OF_SLAVE_ALONE = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that its master does not use
+SLAVE_KEYS = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that its master does not use
 
 
 def main(arguments: list[str]) -> int:
     """Measure and print; return 0, or 1 with --check when a budget is missed. Raises HilError.
 
-    When a run fails after others, or is stopped, the results of those are reported before the error is raised.
+    When a run fails or is stopped, the results of the runs before it are reported before the error is raised.
     """
     options = _parser().parse_args(arguments)
     check_plot(options)
     earlier = [column for path in options.against for column in _earlier(path)]
     if options.connect and (options.cpus or options.cpu_quota or options.memory):
         raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --connect")
-    inapplicable = [key for key in changes_of(options) if key.startswith(OF_SLAVE_ALONE) and key != "slave.node"]
+    inapplicable = [key for key in changes_of(options) if key.startswith(SLAVE_KEYS) and key != "slave.node"]
     if options.connect and inapplicable:
         raise ConfigError(
-            f"command line: --set {inapplicable[0]}: a slave that runs elsewhere does not get it; set it there"
+            f"command line: --set {inapplicable[0]}: it is not passed to a slave that runs elsewhere; set it there"
         )
     board = _board(options)
     failures = PartialFailures()
@@ -115,7 +115,7 @@ def _parser() -> Any:
 
 
 def _measure(options: Any, failures: PartialFailures) -> Record:
-    """Return the record. What ended the runs of a slave before their time is raised when there is none at all."""
+    """Return the record. An error that ended the runs of a slave early is raised if there is no run at all."""
     changes = {"recording.master": False, **changes_of(options), "master.time_limit": options.seconds}
     measured: dict[str, Figure] = {}
     details: dict[str, Any] = {}
@@ -123,7 +123,7 @@ def _measure(options: Any, failures: PartialFailures) -> Record:
     for endpoint in options.connect or [""]:
         name = endpoint or HERE
         runs: list[Run] = []
-        failures.place = f"{name}: run 1 of {options.repeat}"
+        failures.current = f"{name}: run 1 of {options.repeat}"
         with failures.caught(), Bench(options.scenario, changes, limits_of(options)) as bench:
             labels += bench.labels
             _repeat(bench, options.repeat, endpoint, runs, failures)
@@ -145,7 +145,7 @@ def _measure(options: Any, failures: PartialFailures) -> Record:
 
 
 def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], failures: PartialFailures) -> None:
-    """Add runs, one by one, so that those before one that fails are not lost. Raises HilError."""
+    """Append each run as it ends, so that a failure does not lose the runs before it. Raises HilError."""
     if not endpoint:
         show("warming the caches")
         warm = bench.start_slave()
@@ -153,8 +153,8 @@ def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], failures: 
             await_vehicle(client, warm)
         warm.stop()
     for number in range(times):
-        failures.place = f"{endpoint or HERE}: run {number + 1} of {times}"
-        show(failures.place)
+        failures.current = f"{endpoint or HERE}: run {number + 1} of {times}"
+        show(failures.current)
         runs.append(fly(bench, number, endpoint))
 
 
@@ -198,16 +198,16 @@ def _description(record: Record) -> list[str]:
             f"{shown(slave.loop_rate_hz, '.0f')} Hz, link {shown(slave.link_port)}{compiled}"
         )
         lines += [f"note: {note}" for note in detail["notes"]]
-        lines += [f"WARNING: (!) is not to be trusted: {text}" for text in detail["warnings"]]
+        lines += [f"WARNING: (!) marks an unreliable figure: {text}" for text in detail["warnings"]]
     return lines
 
 
 def _check(columns: list[Column], record: Record, board: Board | None) -> int:
-    """Hold each against its budgets, and print which are missed. Raises ConfigError when a slave has none."""
+    """Compare each column with its budgets, and print which are missed. Raises ConfigError if a slave has none."""
     broken = []
     for column in columns:
-        its = board or _board_of(column.title, Diagnostics(record.details[column.title or HERE]["slave"]))
-        broken += [f"{its.name}: {text}" for text in board_table.missed(column, its.budgets)]
+        own_board = board or _board_of(column.title, Diagnostics(record.details[column.title or HERE]["slave"]))
+        broken += [f"{own_board.name}: {text}" for text in board_table.missed(column, own_board.budgets)]
     for text in broken:
         print(fit_to_terminal(f"BUDGET MISSED: {text}"))
     if not broken:
@@ -216,7 +216,7 @@ def _check(columns: list[Column], record: Record, board: Board | None) -> int:
 
 
 def _board(options: Any) -> Board | None:
-    """Return the requested one, else this machine's if it is to be checked; None: slaves elsewhere report theirs.
+    """Return the board of --board, else this machine's for --check; None if slaves elsewhere report theirs.
 
     Raises ConfigError.
     """

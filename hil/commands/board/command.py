@@ -14,19 +14,19 @@ from hil.common.options import add_board, add_json, add_listen, add_member, add_
 from hil.common.schema import preset_names
 
 EXAMPLES = """\
-install tries whether the slave would start as the user, then writes a unit for systemd with a watchdog, rules for
-udev, limits for real-time scheduling, for a CAN link the unit that sets its bit rate, and where NetworkManager is, that
-it does not let the wlan save power. It shows every change first and asks; uninstall puts back what was there.
+install checks that the slave would start as the user. It then writes a systemd unit with a watchdog, udev rules, and
+limits for real-time scheduling; for a CAN link also a unit that sets the bit rate; with NetworkManager also a setting
+against power saving of the wlan. It shows every change and asks first; uninstall restores the files from before.
 
 examples:
-  uuv-hil board                                          what this machine is
-  uuv-hil board --sources                                and where that was read
-  uuv-hil board list                                     all boards that are known
-  uuv-hil board install mine.toml --user uuv --dry-run   only show it
+  uuv-hil board                                          identify this machine
+  uuv-hil board --sources                                also the source of each value
+  uuv-hil board list                                     list all known boards
+  uuv-hil board install mine.toml --user uuv --dry-run   only show the changes
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
   sudo .venv/bin/uuv-hil board uninstall
 """
-# What each action takes.
+# What each action accepts.
 OPTIONS = {
     "show": ("board", "root", "json", "sources"),
     "list": ("json",),
@@ -81,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _misplaced(name: str, value: str) -> str:
-    """Return the message about an option, or of a scenario, that the action has no use for."""
+    """Return the message about an option, or a scenario, that the action does not accept."""
     given = f"the scenario {value}" if name == "scenario" else f"--{name.replace('_', '-')}"
     return f"{given} goes only with {', '.join(action for action, names in OPTIONS.items() if name in names)}"
 
@@ -97,48 +97,48 @@ def listing() -> str:
 
 
 def boards_json() -> dict[str, object]:
-    """Return all that is known of every board, by preset."""
+    """Return the records of all boards, by preset."""
     return {name: _plain(load_board(name)) for name in preset_names("boards")}
 
 
 def describe(tree: Tree, board: Board | None) -> str:
-    """Return what the machine is and how it does, as text for a terminal."""
+    """Return the machine's board, state, ports and budgets, as text for a terminal."""
     model_name = model(tree.root)
     if board is None:
-        return f"none of the boards known: {model_name or 'nameless'}, {architecture(tree) or 'unknown architecture'}"
+        return f"not a known board: {model_name or 'no model name'}, {architecture(tree) or 'unknown architecture'}"
     rows = [
         ("processor", board.cpu),
         ("memory", _memory(tree, board)),
         ("system", board.system),
         ("wlan", board.wlan),
-        ("temperature", _warmth(tree, board)),
+        ("temperature", _temperature(tree, board)),
         ("throttled", _throttled(throttling(tree, board))),
         ("governor", ", ".join(f"{name} ({count} processors)" for name, count in governors(tree).items())),
     ]
-    parts = [f"{board.name}" + (f' (calls itself "{model_name}")' if model_name else "")]
+    parts = [f"{board.name}" + (f' (model "{model_name}")' if model_name else "")]
     parts += aligned([(f"  {name}", text or "unknown") for name, text in rows])
     for port in board.serial:
-        parts.append(f"{port.device} {_there(tree, port.device)}: {port.at}" + _needs(port.needs))
+        parts.append(f"{port.device} {_presence(tree, port.device)}: {port.at}" + _needs(port.needs))
     for bus in board.can:
-        there = _there(tree, f"/sys/class/net/{bus.interface}")
-        parts.append(f"{bus.interface} {there}: {bus.controller}" + _needs(bus.needs))
+        presence = _presence(tree, f"/sys/class/net/{bus.interface}")
+        parts.append(f"{bus.interface} {presence}: {bus.controller}" + _needs(bus.needs))
     for mode in board.power:
         watts = f", {mode.watts:g} W" if mode.watts else ""
         parts.append(f"power mode {mode.name}: {mode.cores} cores{watts} ({mode.command})")
-    recommended, most = board.recommended, board.budgets
+    recommended, budgets = board.recommended, board.budgets
     parts.append(
         f"recommended: step {recommended.step * 1e3:g} ms, control_period {recommended.control_period * 1e3:g} ms, "
         f"at most {recommended.core_share:.0%} of a core and {recommended.memory:g} MiB"
     )
     parts.append(
-        f"budgets: start {most.startup:g} s, memory {most.memory:g} MiB, {most.slave_cpu:.0%} of a core, delay of a "
-        f"command {most.delay_p50 * 1e3:g} ms (median), {most.delay_p99 * 1e3:g} ms (99 %)"
+        f"budgets: start {budgets.startup:g} s, memory {budgets.memory:g} MiB, {budgets.slave_cpu:.0%} of a core, "
+        f"delay of a command {budgets.delay_p50 * 1e3:g} ms (median), {budgets.delay_p99 * 1e3:g} ms (99 %)"
     )
     return "\n".join([paragraph(line, "    ") for part in parts for line in part.split("\n")])
 
 
 def sources(board: Board) -> str:
-    """Return where each statement about a board was read, a line each."""
+    """Return the source of each statement about a board, one line each."""
     rows = [("board", board.source), *board.sources.items()]
     rows += [(port.device, port.source) for port in board.serial]
     rows += [(bus.interface, bus.source) for bus in board.can]
@@ -148,7 +148,7 @@ def sources(board: Board) -> str:
 
 
 def to_json(tree: Tree, board: Board | None) -> dict[str, object]:
-    """Return the same as plain values."""
+    """Return the description as plain values."""
     slow = throttling(tree, board)
     return {
         "model": model(tree.root),
@@ -162,7 +162,7 @@ def to_json(tree: Tree, board: Board | None) -> dict[str, object]:
 
 
 def _plain(value: object) -> object:
-    """Return records as dicts, however deep."""
+    """Return records as dicts, at any depth."""
     if isinstance(value, tuple):
         fields = getattr(value, "_asdict", None)
         return {key: _plain(item) for key, item in fields().items()} if fields else [_plain(item) for item in value]
@@ -172,11 +172,11 @@ def _plain(value: object) -> object:
 def _memory(tree: Tree, board: Board) -> str:
     sold = ", ".join(f"{size / 1024:g}" for size in board.ram)
     here = total_memory_mib(tree)
-    texts = (f"sold with {sold} GiB" if sold else "", f"{here / 1024:.2f} GiB here" if here else "")
+    texts = (f"sold with {sold} GiB" if sold else "", f"{here / 1024:.2f} GiB installed" if here else "")
     return "; ".join(text for text in texts if text)
 
 
-def _warmth(tree: Tree, board: Board) -> str:
+def _temperature(tree: Tree, board: Board) -> str:
     value = temperature(tree, board)
     limit = f", slows down from {board.throttles_at:g} °C" if board.throttles_at else ""
     return f"{value:.1f} °C{limit}" if value is not None else ""
@@ -187,11 +187,11 @@ def _throttled(slow: Throttling) -> str:
     return "; ".join(filter(None, (", ".join(slow.now), before))) or ("no" if slow.known else "")
 
 
-def _there(tree: Tree, name: str) -> str:
+def _presence(tree: Tree, name: str) -> str:
     real = tree.resolve(name)
     if not tree.exists(real):
-        return "(not there)"
-    return f"({real})" if real != name and real.startswith("/dev/") else "(there)"
+        return "(not present)"
+    return f"({real})" if real != name and real.startswith("/dev/") else "(present)"
 
 
 def _needs(text: str) -> str:

@@ -1,4 +1,4 @@
-"""`uuv-hil board install` and `uninstall`: show what will be done, and do it when that is agreed to."""
+"""`uuv-hil board install` and `uninstall`: show the changes, and make them after confirmation."""
 
 import argparse
 import getpass
@@ -22,7 +22,7 @@ from hil.install.units import MANAGER, NAME, Service
 
 Command = tuple[str, ...]
 RELOAD = ("systemctl", "daemon-reload")
-# All that the rules are for: a change is as good as an addition to them.
+# All devices that the rules are for: the rules apply to a "change" event as to an "add".
 UDEV = [
     ("udevadm", "control", "--reload"),
     ("udevadm", "trigger", *(f"--subsystem-match={name}" for name in ("tty", "misc", "net", "usb", "usb-serial"))),
@@ -48,12 +48,12 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
             print(f"note: {left_out}")
     _print_changed(plan)
     if not plan.changes:
-        print("everything is installed as it should be")
+        print("everything is installed already")
         return 0
-    before = _leaving([change.path for change in plan.removed])
+    before = _stop_commands([change.path for change in plan.removed])
     enable = ("systemctl", "enable", *units([change.path for change in plan.written]))
-    after = [RELOAD, *([enable] if enable[2:] else []), *UDEV, *_manager(plan)]
-    if _agreed(tree, plan, [*before, *after], options):
+    after = [RELOAD, *([enable] if enable[2:] else []), *UDEV, *_reload_manager(plan)]
+    if _confirm(tree, plan, [*before, *after], options):
         board_changes.check_permission(tree, plan)
         _run(tree, before)
         board_changes.carry_out(tree, plan)
@@ -63,18 +63,18 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
 
 
 def uninstall(tree: Tree, options: argparse.Namespace) -> int:
-    """Put back what was there; return the exit code. Raises HilError, and then nothing was changed."""
+    """Restore the files from before install; return the exit code. Raises HilError, and then nothing was changed."""
     plan = board_changes.plan_uninstall(tree)
     _print_changed(plan)
-    before = _leaving([*(change.path for change in plan.removed), *plan.changed])
-    after = [RELOAD, UDEV[0], *_manager(plan)]
-    if _agreed(tree, plan, [*before, *after], options):
+    before = _stop_commands([*(change.path for change in plan.removed), *plan.changed])
+    after = [RELOAD, UDEV[0], *_reload_manager(plan)]
+    if _confirm(tree, plan, [*before, *after], options):
         board_changes.check_permission(tree, plan)
         _run(tree, before)
         board_changes.carry_out(tree, plan)
         _run(tree, after)
-        again = f"once that is taken away, uninstall again, which ends the record of it, {board_changes.MANIFEST}"
-        print(f"uninstalled but for what stays; {again}" if plan.changed else "uninstalled")
+        again = f"after that file is removed, uninstall again, which removes its record, {board_changes.MANIFEST}"
+        print(f"uninstalled, except for changed files; {again}" if plan.changed else "uninstalled")
         left = [folder for folder in STATE_FOLDERS if tree.exists(folder)]
         if left:
             print(f"files of the service are still there; remove them with: sudo rm -r {' '.join(left)}")
@@ -102,34 +102,34 @@ def _print_changed(plan: Plan) -> None:
         print(f"{path}: changed since it was written; it is left there; remove it with: sudo rm {path}")
 
 
-def _leaving(paths: Sequence[str]) -> list[Command]:
-    """Return what ends units before their files go; those that had failed would stay in systemd's list."""
+def _stop_commands(paths: Sequence[str]) -> list[Command]:
+    """Return the commands that stop units before their files are removed, and clear systemd's list of failed units."""
     names = units(paths)
     return [("systemctl", "disable", "--now", *names), ("systemctl", "reset-failed", *names)] if names else []
 
 
-def _manager(plan: Plan) -> list[Command]:
-    """Return what makes NetworkManager, where it runs, read its settings again."""
+def _reload_manager(plan: Plan) -> list[Command]:
+    """Return the command that makes NetworkManager, if it runs, reload its settings."""
     changed = any(change.path == MANAGER for change in plan.changes)
     return [("systemctl", "try-reload-or-restart", "NetworkManager")] if changed else []
 
 
-def _agreed(tree: Tree, plan: Plan, commands: list[Command], options: argparse.Namespace) -> bool:
-    """Show everything that will be done, and ask; return whether it is wanted."""
+def _confirm(tree: Tree, plan: Plan, commands: list[Command], options: argparse.Namespace) -> bool:
+    """Show all changes and commands, and ask; return whether the user agrees."""
     for change in plan.changes:
         print(board_changes.show(change), end="\n\n")
     for command in commands if tree.live else ():
         print("run", *command)
     if options.dry_run or options.yes:
         return not options.dry_run
-    return agreed("do this?", LOOK_FIRST)
+    return agreed("make these changes?", LOOK_FIRST)
 
 
 def _run(tree: Tree, commands: list[Command]) -> None:
     """Run commands on this machine; a failure is reported and does not stop the rest."""
     for command in commands if tree.live else ():
         if "reset-failed" in command:
-            tree.run(*command)  # what had not failed is an error to it, and none to us
+            tree.run(*command)  # fails for a unit that has not failed, which is harmless
             continue
         try:
             done = subprocess.run(command, check=False)

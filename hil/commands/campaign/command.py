@@ -66,7 +66,7 @@ def main(arguments: list[str]) -> int:
             f"--vary and --seeds: {len(sets)} combinations with {options.seeds} seeds each are more than {MOST_RUNS} "
             "runs: give fewer, or several campaigns"
         )
-    for changes in sets:  # a wrong key shall not cost a campaign
+    for changes in sets:  # find a wrong key before the first run
         load_single(options.scenario, fixed | changes, given="--set or --vary")
     with every_end_like_ctrl_c():
         rows = run_all(
@@ -97,19 +97,19 @@ def combinations(vary: list[str]) -> list[Changes]:
 
 
 def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
-    """Run once; return parameters, outcome, and why it failed if it did. Raises no HilError."""
+    """Run once; return parameters and outcome, with the reason of a failure. Raises no HilError."""
     row: Row = {**changes, "seed": seed, "success": False, "reached": False, "reason": ""}
     try:
         scenario = load_scenario(scenario_name, {**changes, "seed": seed}, given="--set or --vary")
         outcome, _ = fly(scenario, prepare(scenario))
     except HilError as error:
         return row | {"reason": str(error)}
-    except Exception as error:  # of a planner of the user's, which other seeds may not meet
+    except Exception as error:  # from a user's planner; other seeds may not cause it
         own = own_traceback(error)
         if own is None:
             raise
-        place = f"{os.path.basename(own.tb_frame.f_code.co_filename)}:{own.tb_lineno}"
-        return row | {"reason": f"{place}: {type(error).__name__}: {error}"}
+        location = f"{os.path.basename(own.tb_frame.f_code.co_filename)}:{own.tb_lineno}"
+        return row | {"reason": f"{location}: {type(error).__name__}: {error}"}
     figures = {name: getattr(outcome, name) for name in METRICS}
     counts = {kind: sum(event.kind == kind for event in outcome.events) for kind in KINDS}
     result = {"success": outcome.success, "reached": outcome.reached, "reason": outcome.verdict}
@@ -119,7 +119,7 @@ def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
 def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backend: str) -> list[Row]:
     """Return all runs, in order: each set with each seed, with a line of progress. Raises HilError."""
     pairs = itertools.product(sets, range(1, seeds + 1))
-    tasks = [Task(place, changes, seed) for place, (changes, seed) in enumerate(pairs)]
+    tasks = [Task(number, changes, seed) for number, (changes, seed) in enumerate(pairs)]
     if backend in CLUSTERS:
         results = run_on_cluster(run_one, collect(scenario, sets), tasks, jobs, backend)
     else:
@@ -129,10 +129,10 @@ def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backe
     line = ProgressLine(at_once=True)
     try:
         with closing(results):
-            for place, row in results:
-                rows[place] = row
-                left = (time.monotonic() - began) / len(rows) * (len(tasks) - len(rows))
-                line.show(f"{len(rows)}/{len(tasks)} runs, {left:.0f} s left")
+            for number, row in results:
+                rows[number] = row
+                left_s = (time.monotonic() - began) / len(rows) * (len(tasks) - len(rows))
+                line.show(f"{len(rows)}/{len(tasks)} runs, {left_s:.0f} s left")
     except KeyboardInterrupt:
         line.clear()
         print(f"ended after {len(rows)} of {len(tasks)} runs; their results are discarded", file=sys.stderr)
@@ -142,9 +142,9 @@ def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backe
 
 
 def summary(rows: list[Row], sets: list[Changes]) -> str:
-    """Return a line a parameter set: how many runs were a success, and in how many each kind of thing went wrong.
+    """Return a line for each parameter set: the number of successes, and the number of runs with each kind of event.
 
-    Then mean and standard deviation of each figure of the successes.
+    It ends with mean and standard deviation of each figure over the successes.
     """
     seen = [kind for kind in KINDS if any(row.get(kind) for row in rows)]
     header = ["", "success", *[name.replace("_", " ") for name in (*seen, *METRICS)]]

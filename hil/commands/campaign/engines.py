@@ -1,6 +1,6 @@
 """Engines that run a campaign: joblib on this machine, or a cluster of Dask or Ray.
 
-Each gives results as they come, so that there is progress to show. A run is sent to a cluster with the contents of
+Each yields a result when its run ends, so that progress can be shown. A run is sent to a cluster with the contents of
 the scenario's files; workers need the same version of this project.
 """
 
@@ -20,7 +20,7 @@ from hil.common.stop import ctrl_c_held_back, every_end_like_ctrl_c
 
 CLUSTERS = ("dask", "ray")
 DASK_ADDRESS, RAY_ADDRESS = "DASK_SCHEDULER_ADDRESS", "RAY_ADDRESS"
-DIAL_S = 3.0  # for who has to answer at a cluster's address
+DIAL_S = 3.0  # timeout of the check that a cluster's address answers
 
 Changes = dict[str, Any]
 Row = dict[str, Any]
@@ -29,7 +29,7 @@ Row = dict[str, Any]
 class Task(NamedTuple):
     """One run: its number, what is changed in the scenario, and its seed."""
 
-    place: int
+    number: int
     changes: Changes
     seed: int
 
@@ -47,7 +47,7 @@ def run_here(run: Run, scenario: str, tasks: Sequence[Task], jobs: int, backend:
     try:
         chosen = joblib.parallel_config(backend=backend, n_jobs=jobs)
     except ValueError as error:
-        raise ConfigError(f"--backend {backend!r}: {error}; there are dask and ray besides") from None
+        raise ConfigError(f"--backend {backend!r}: {error}; dask and ray are available too") from None
     with chosen, _workers(backend) as options:
         calls = (joblib.delayed(_run_named)(run, scenario, task) for task in tasks)
         with ctrl_c_held_back():  # this process ends its workers
@@ -100,11 +100,11 @@ def _dask(jobs: int) -> Iterator[_Engine]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported in one line
     address = os.environ.get(DASK_ADDRESS, "")
     if address:
-        _check_there("dask", DASK_ADDRESS, address, "start it with `dask scheduler`")
+        _check_scheduler("dask", DASK_ADDRESS, address, "start it with `dask scheduler`")
         cluster = None
         client = distributed.Client(address, timeout=4 * DIAL_S)
     else:
-        # No dashboard: its port is one more to be taken.
+        # No dashboard: it would need another free port.
         cluster = distributed.LocalCluster(
             n_workers=_processes(jobs),
             threads_per_worker=1,
@@ -135,13 +135,13 @@ def _dask(jobs: int) -> Iterator[_Engine]:
 
 @contextmanager
 def _ray(jobs: int) -> Iterator[_Engine]:
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it reports to its makers otherwise
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no usage reports to Ray's makers
     ray = import_module("ray")
     address = os.environ.get(RAY_ADDRESS, "")
     quiet = {"logging_level": "ERROR", "log_to_driver": False}
     if address and address != "local":
         if address != "auto":
-            _check_there("ray", RAY_ADDRESS, address, "start it with `ray start --head`")
+            _check_scheduler("ray", RAY_ADDRESS, address, "start it with `ray start --head`")
         ray.init(address=address, **quiet)
     else:
         _start_ray(ray, {"num_cpus": _processes(jobs), "include_dashboard": False, **quiet})
@@ -154,11 +154,11 @@ def _ray(jobs: int) -> Iterator[_Engine]:
 
 
 def _start_ray(ray: Any, options: Mapping[str, Any]) -> None:
-    """Start a cluster on this machine. Ray allows itself 30 s, too little for a busy machine: then try once more."""
+    """Start a cluster on this machine. Ray waits 30 s, which is too short on a busy machine: then try once more."""
     try:
         ray.init(address="local", **options)
     except Exception as error:  # noqa: BLE001 - one of its own, or plain ones
-        print(f"ray did not start ({str(error).splitlines()[:1]}); once more", file=sys.stderr)
+        print(f"ray did not start ({str(error).splitlines()[:1]}); trying once more", file=sys.stderr)
         ray.shutdown()
         ray.init(address="local", **options)
 
@@ -168,7 +168,7 @@ def _call(function: Callable[..., Result], *arguments: Any) -> Result:
 
 
 def _workers(backend: str) -> AbstractContextManager[dict[str, Any]]:
-    """Return what `joblib.Parallel` is given, inside: processes of its own that end with us."""
+    """Return a context with the arguments of `joblib.Parallel`: worker processes that end with this process."""
     return worker_options() if backend == "loky" else nullcontext({})
 
 
@@ -176,7 +176,7 @@ def _processes(jobs: int) -> int:
     return jobs if jobs > 0 else os.cpu_count() or 1
 
 
-def _check_there(backend: str, variable: str, address: str, remedy: str) -> None:
+def _check_scheduler(backend: str, variable: str, address: str, remedy: str) -> None:
     """Check that a scheduler answers at its address. Raises NetworkError at once; the library's error takes minutes.
 
     Raises ConfigError for what is no address.
@@ -195,11 +195,11 @@ def _check_there(backend: str, variable: str, address: str, remedy: str) -> None
 
 
 def _run_named(run: Run, scenario: str, task: Task) -> Result:
-    return task.place, run(scenario, task.changes, task.seed)
+    return task.number, run(scenario, task.changes, task.seed)
 
 
 def _run_unpacked(run: Run, bundle: Bundle, task: Task) -> Result:
     """Run one mission on a worker, after its scenario's files are written there."""
     unpacked = unpack(bundle)
     row = run(unpacked.scenario, unpacked.moved(task.changes), task.seed)
-    return task.place, row | task.changes | {"reason": unpacked.as_named(row["reason"])}
+    return task.number, row | task.changes | {"reason": unpacked.as_named(row["reason"])}

@@ -48,8 +48,8 @@ class Bundle(NamedTuple):
         ]
         return hashlib.sha256("\0".join([*parts, *self.modules, *self.folders]).encode()).hexdigest()
 
-    def place(self, name: str) -> str:
-        """Return the absolute path of a file that goes along, by its name `here`; "" if none does."""
+    def bundled_path(self, name: str) -> str:
+        """Return the absolute path of a bundled file, by its name in the folder `here`; "" if it is not bundled."""
         path = os.path.normpath(os.path.join(self.here, name))
         return path if path in self.files else ""
 
@@ -57,8 +57,8 @@ class Bundle(NamedTuple):
 def collect(scenario: str, sets: Sequence[Mapping[str, Any]]) -> Bundle:
     """Collect all files that runs of a scenario with these changes read, except installed ones. Raises HilError.
 
-    Found by building each vehicle, and looking at which files are opened: whatever kind of file a scenario, a vehicle
-    or a world comes to name, it is among them.
+    It builds each vehicle and records which files are opened, so that it finds every kind of file that a scenario, a
+    vehicle or a world can name.
     """
     with _opened_files() as opened:
         for changes in sets:
@@ -101,9 +101,11 @@ class Unpacked(NamedTuple):
     bundle: Bundle
 
     def moved(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return changes of the scenario, in which files that came along have the paths where they are now."""
-        places = {key: self.bundle.place(value) if isinstance(value, str) else "" for key, value in changes.items()}
-        return {key: self.root + places[key] if places[key] else value for key, value in changes.items()}
+        """Return changes of the scenario with the paths of bundled files replaced by their unpacked paths."""
+        paths = {
+            key: self.bundle.bundled_path(value) if isinstance(value, str) else "" for key, value in changes.items()
+        }
+        return {key: self.root + paths[key] if paths[key] else value for key, value in changes.items()}
 
     def as_named(self, text: str) -> str:
         """Return a message with the paths as the user wrote them."""
@@ -145,12 +147,12 @@ def _write(bundle: Bundle) -> Unpacked:
     _Cache.modules = bundle.modules
     _Cache.folders = tuple([root + folder for folder in bundle.folders])
     sys.path[:0] = _Cache.folders
-    path = bundle.place(bundle.scenario)
+    path = bundle.bundled_path(bundle.scenario)
     return Unpacked(root, root + path if path else bundle.scenario, bundle)
 
 
 def _moved(data: bytes, files: Mapping[str, bytes], root: str) -> bytes:
-    """Return a file whose absolute paths to others of the bundle lead to where those are now."""
+    """Return a file's content, in which absolute paths of other bundled files are replaced by their unpacked paths."""
     for path in files:
         for quote in (b'"', b"'"):
             data = data.replace(quote + path.encode() + quote, quote + (root + path).encode() + quote)
@@ -169,7 +171,7 @@ def _build(name: str, changes: dict[str, Any]) -> None:
 
 
 class _Watch:
-    """The interpreter's hook for audits, which can be set but not taken away; it notes files while `paths` is a set."""
+    """The interpreter's audit hook, which cannot be removed. It records opened files while `paths` is a set."""
 
     paths: set[str] | None = None
     is_set = False

@@ -12,10 +12,10 @@ from hil.common.tables import read_bytes
 from hil.scenario.config import SCENARIOS, Scenario, load_scenario
 
 EXAMPLES = """\
-`check` finds what a flight would run into: keys and values that are wrong, a rate that the link's baud cannot carry, a
-start, a goal or a task inside an obstacle, more speed than the vehicle reaches or keeps its attitude at, a path that
-takes longer than time_limit, members of a fleet that overlap, folders of certificates that are missing. Its exit code
-is 1 if there is a problem, 2 if the file cannot be read; a warning alone is no problem.
+`check` finds the problems that a flight would have: wrong keys and values, a rate that the link's baud cannot carry, a
+start, a goal or a task inside an obstacle, a speed that the vehicle cannot reach or that tilts it too far, a path that
+takes longer than time_limit, overlapping members of a fleet, missing folders of certificates. Its exit code is 1 if
+there is a problem, 2 if the file cannot be read; a warning alone is not a problem.
 
 examples:
   uuv-hil scenario list
@@ -28,7 +28,7 @@ PROBLEM = 1
 
 
 def main(arguments: list[str]) -> int:
-    """Do the action of the first word; return the exit code. Raises ConfigError."""
+    """Run list, show, new or check; return the exit code. Raises ConfigError."""
     options = _parser().parse_args(arguments)
     if options.action == "list":
         return _list(options.json)
@@ -89,7 +89,7 @@ def _text(path: str) -> str:
 
 
 def _new(path: str, name: str) -> int:
-    """Copy an installed scenario, which names vehicles and worlds that are found from everywhere."""
+    """Copy an installed scenario; it names vehicles and worlds by preset, so that the copy works in any folder."""
     if name not in preset_names(SCENARIOS):
         names = ", ".join(preset_names(SCENARIOS))
         raise ConfigError(f"--copy: no installed scenario {shortened(name)}; there are: {names}")
@@ -97,10 +97,10 @@ def _new(path: str, name: str) -> int:
         raise ConfigError(f"{path}: a scenario's file ends in .toml")
     text = _text(find_preset(SCENARIOS, name))
     try:
-        with open(path, "x", encoding="utf-8") as file:  # "x": never over a file that is there
+        with open(path, "x", encoding="utf-8") as file:  # "x": never overwrite a file
             file.write(text)
     except FileExistsError:
-        raise ConfigError(f"{path}: is there already; choose another name") from None
+        raise ConfigError(f"{path}: exists already; choose another name") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}; name a file in a folder of yours") from None
     fleet = load_scenario(name).member

@@ -10,7 +10,7 @@ from hil.common.text import json_text
 from hil.schemas.files import KINDS, schema
 
 EXAMPLES = f"""\
-KIND is {", ".join(KINDS)}. Without one, -o DIR gets a file of each.
+KIND is {", ".join(KINDS)}. Without KIND, -o DIR gets one file of each kind.
 
 examples:
   uuv-hil schema scenario -o scenario.schema.json

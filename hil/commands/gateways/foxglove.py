@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 EXAMPLES = """\
 Open Foxglove, "open connection", "Foxglove WebSocket", and give the address that this command prints, with its token.
 The messages are those of ROS 2, byte for byte. With --command the panels Teleop, Publish, Service Call and Parameters
-command the vehicles; who has no token can only look. Web pages need the token to look, too.
+command the vehicles; clients without the token can only read. Web pages need the token to read, too.
 With a scenario the 3-D panel also shows its seabed, its obstacles and the vehicle.
 
 examples:
@@ -27,7 +27,7 @@ examples:
   uuv-hil foxglove --scenario mine.toml --command
   uuv-hil foxglove --layout uuv1 > layout.json       a layout to import in Foxglove, of the usual sensors
   uuv-hil foxglove --layout uuv1 --scenario mine.toml > layout.json   with its cameras, sonars, laser and battery
-  uuv-hil foxglove --listen 0.0.0.0:9000             for other machines: programs that reach it can look
+  uuv-hil foxglove --listen 0.0.0.0:9000             for other machines: programs that reach it can read
 """
 LISTEN = "127.0.0.1:8765"
 POLL_S = 0.02
@@ -76,18 +76,18 @@ def main(arguments: list[str]) -> int:
             messages = tap.receive()
             server.show(messages)
             for message in messages:
-                _greet(server, nodes, message)
+                _report_vehicle(server, nodes, message)
             if text := tap.complaint():
                 print(text, flush=True)
     return 0
 
 
-def _greet(server: "FoxgloveServer", nodes: set[str], message: Message) -> None:
-    """Report once that a vehicle is present; /tf and /clock are of no vehicle alone."""
+def _report_vehicle(server: "FoxgloveServer", nodes: set[str], message: Message) -> None:
+    """Report each vehicle once; /tf and /clock belong to no single vehicle."""
     node = message.topic.split("/")[1]
     if node not in nodes and message.topic.count("/") > 1:
         nodes.add(node)
-        print(f"here: {node}", flush=True)
+        print(f"connected: {node}", flush=True)
 
 
 def _show_scene(server: "FoxgloveServer", scenario: Scenario) -> None:

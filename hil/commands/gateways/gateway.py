@@ -4,23 +4,23 @@ import os
 import select
 
 import hil
-from hil.commands.listening import add_fleet, add_take_over, presence, reach_of
+from hil.commands.listening import add_fleet, add_take_over, connect_arguments, presence
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 from hil.gateways.json_lines.server import JsonGateway
 
-POLL_S = 0.5  # between two checks of which vehicles are there
+POLL_S = 0.5  # between two checks of which vehicles are connected
 EXAMPLES = """\
 examples:
   uuv-hil gateway --connect tcp/192.168.3.116:7447
   uuv-hil gateway --connect tcp/127.0.0.1:7447 --listen 127.0.0.1:7460
   printf '{"do": "get", "sensor": "state"}\\n' | nc 127.0.0.1 7450
 
-A line is a request, {"id": 1, "vehicle": "uuv1", "do": "drive", "surge": 0.4}, and each has a line as its answer;
-docs/how-to/matlab.md lists what can be done. For MATLAB and Octave there is a package, +uuv, and a template of
-high-level planning; `uuv-hil gateway --matlab` says in which folder, for addpath. Anybody who reaches the port can
-read what vehicles send; who commands them first sends {"do": "login", "token": "..."}. The token is new at each start,
-is shown, and lies in a file that only this user reads.
+A line is a request, {"id": 1, "vehicle": "uuv1", "do": "drive", "surge": 0.4}, and gets one line as its reply;
+docs/how-to/matlab.md lists the requests. For MATLAB and Octave there is a package, +uuv, and a template of high-level
+planning; `uuv-hil gateway --matlab` prints their folder, for addpath. Anybody who reaches the port can read what
+vehicles send. To command them, a client first sends {"do": "login", "token": "..."}. The token is new at each start;
+it is printed, and stored in a file that only this user can read.
 """
 
 
@@ -39,7 +39,7 @@ def main(arguments: list[str]) -> int:
     if options.matlab:
         print(os.path.join(os.path.dirname(os.path.abspath(hil.__file__)), "gateways", "matlab"))
         return 0
-    _, (endpoints, routed, keys) = reach_of(options)
+    _, (endpoints, routed, keys) = connect_arguments(options)
     host, port = options.listen
     with (
         StopSignals() as stop_fd,

@@ -29,14 +29,14 @@ examples:
   uuv-hil mavlink --connect tcp/192.168.3.116:7447     a slave elsewhere
   uuv-hil mavlink --endpoint udpin:0.0.0.0:14550 --commands-from network    from other machines too
 
-Without --commands-from network, who is on another machine may only look. A section [mavlink] of the scenario has
+Without --commands-from network, programs on other machines can only read. A section [mavlink] of the scenario has
 the same settings, and more: docs/how-to/qgroundcontrol.md.
 """
 
 
 def main(arguments: list[str]) -> int:
     """Serve until stopped; return the exit code."""
-    if hasattr(os, "sched_setscheduler"):  # Linux; inherited from a slave: nothing here is as urgent as its loop
+    if hasattr(os, "sched_setscheduler"):  # Linux: drop a priority inherited from a slave, whose loop is more urgent
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     options = _parser().parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
@@ -91,7 +91,7 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("mavlink", __doc__, EXAMPLES)
-    add_scenario(parser, None, optional=True)  # it flies a vehicle, in every mode
+    add_scenario(parser, None, optional=True)  # not --scenario: this command flies a vehicle
     add_connect(parser)
     parser.add_argument(
         "--endpoint",
@@ -116,7 +116,7 @@ def _parser() -> argparse.ArgumentParser:
         type=checked(_rtp),
         help="ground station that gets the camera's picture as H.264 in RTP, such as 127.0.0.1:5600 [none]",
     )
-    parser.add_argument("--camera", metavar="NAME", help="camera whose picture that is [camera]")
+    parser.add_argument("--camera", metavar="NAME", help="camera of that picture [camera]")
     parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
     parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
     add_take_over(parser)
@@ -143,11 +143,11 @@ def _open_rtp(stack: ExitStack, target: str, rate: float) -> "RtpVideo | None":
 
 
 def _shown_by(pictures: str, *viewers: "VideoServer | RtpVideo | None") -> Callable[[str, Stamped], None]:
-    there = [viewer for viewer in viewers if viewer]
+    opened = [viewer for viewer in viewers if viewer]
 
     def show(topic: str, stamped: Stamped) -> None:
         if topic == pictures:
-            for viewer in there:
+            for viewer in opened:
                 viewer.show(stamped.value.data)
 
     return show

@@ -5,16 +5,16 @@ import re
 from contextlib import ExitStack
 
 import hil
-from hil.commands.listening import add_fleet, add_take_over, forward, reach_of
+from hil.commands.listening import add_fleet, add_take_over, connect_arguments, forward
 from hil.common.errors import MissingExtraError
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 from hil.network.settings import Network
 
 EXAMPLES = """\
-It is a node of ROS 1 at the master of ROS_MASTER_URI (`roscore`, not started here). It publishes the topics of vehicles
-in the types of Noetic, and their parameters. With --command it also takes /NAME/cmd_vel and the other commands, answers
-services, and sets parameters.
+It runs a ROS 1 node at the master of ROS_MASTER_URI (`roscore`, not started here). The node publishes the topics of
+vehicles in the types of Noetic, and their parameters. With --command it also subscribes to /NAME/cmd_vel and the other
+command topics, serves the services, and sets parameters.
 
 A ROS 1 network has no authentication: with --command every node of it commands. The node listens on this machine only,
 unless --listen names an address; others reach it by ROS_HOSTNAME or ROS_IP, as with every node of ROS 1.
@@ -34,9 +34,11 @@ def main(arguments: list[str]) -> int:
     add_serving(parser, LISTEN)
     add_take_over(parser)
     parser.add_argument("--command", action="store_true", help="let nodes of ROS 1 command the vehicles")
-    parser.add_argument("--name", metavar="NODE", type=_node_name, default="uuv_hil", help="its name [%(default)s]")
+    parser.add_argument(
+        "--name", metavar="NODE", type=_node_name, default="uuv_hil", help="name of the node [%(default)s]"
+    )
     options = parser.parse_args(arguments)
-    scenario, (endpoints, routed, keys) = reach_of(options)
+    scenario, (endpoints, routed, keys) = connect_arguments(options)
     try:
         from hil.gateways.ros1.bridge import Ros1Bridge, master_uri
     except ImportError as error:
@@ -56,10 +58,10 @@ def main(arguments: list[str]) -> int:
         tap = opened.enter_context(Tap(endpoints, network, security))
         _print(f"/{options.name} at {bridge.api} serves {', '.join(endpoints)} to {master}; Ctrl-C ends it")
         if options.command:
-            _print("every node of that ROS network may command")
+            _print("every node of that ROS network can command")
         forward(tap, bridge.show, fleet, endpoints, stop_fd, lambda: bool(bridge.ended))
         if bridge.ended:
-            _print(f"ends: {bridge.ended}")
+            _print(f"ended: {bridge.ended}")
     return 0
 
 

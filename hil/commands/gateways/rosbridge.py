@@ -3,21 +3,21 @@
 from contextlib import ExitStack
 
 import hil
-from hil.commands.listening import add_fleet, add_take_over, forward, reach_of
+from hil.commands.listening import add_fleet, add_take_over, connect_arguments, forward
 from hil.common.errors import MissingExtraError
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 from hil.network.settings import Network
 
 EXAMPLES = """\
-Clients are roslibjs in web pages, roslibpy, and what else speaks rosbridge's protocol (v2): JSON over a websocket, CBOR
-where a client asks for it. Messages are those of ROS 2. Who opens the address with its token commands the vehicles and
-calls their services; programs without it can only look, web pages need it for that, too.
+Clients are roslibjs in web pages, roslibpy, and other software with rosbridge's protocol (v2): JSON over a websocket,
+CBOR if a client requests it. Messages are those of ROS 2. A client that opens the address with its token can command
+the vehicles and call their services. Programs without the token can only read; web pages need it to read, too.
 
 examples:
   uuv-hil rosbridge --connect tcp/192.168.3.116:7447
   uuv-hil rosbridge --scenario mine.toml
-  uuv-hil rosbridge --listen 0.0.0.0:9090             for other machines: programs that reach it can look
+  uuv-hil rosbridge --listen 0.0.0.0:9090             for other machines: programs that reach it can read
 """
 LISTEN = "127.0.0.1:9090"
 
@@ -29,7 +29,7 @@ def main(arguments: list[str]) -> int:
     add_serving(parser, LISTEN)
     add_take_over(parser)
     options = parser.parse_args(arguments)
-    scenario, (endpoints, routed, keys) = reach_of(options)
+    scenario, (endpoints, routed, keys) = connect_arguments(options)
     try:
         import cbor2  # noqa: F401 - missed now, and not when a client asks for it
 

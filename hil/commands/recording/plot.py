@@ -6,15 +6,15 @@ from hil.commands.recording.options import add_recording
 from hil.common.options import add_output, new_parser
 
 EXAMPLES = """\
-Pictures go where the recording is, unless -o says otherwise.
+Pictures are written beside the recording, or into the folder of -o.
 
 examples:
   uuv-hil plot recordings/dive7
   uuv-hil plot dive7.mcap -o pictures
 
-A recording made with a scenario has the world's map in it. The pulses of the thrusters are complete in a slave's own
-recording; other recordings have those of once a second. A recording can name classes for its forces and sensors, and
-to load one is to run it: that is refused unless --own-classes is given, for your own.
+A recording made with a scenario contains the world's map. The pulses of the thrusters are complete in a slave's own
+recording; other recordings have one sample of them a second. A recording can name classes for its forces and sensors,
+and loading a class runs its code: this is refused without --own-classes, which is for your own recordings.
 """
 
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from hil.recording.tap import Tap
 
 EXAMPLES = """\
-The folder holds MCAP files and an index; it is a rosbag2 bag. Every file is whole at any time: a recorder that is
+The folder holds MCAP files and an index; it is a rosbag2 bag. Every file is readable at any time: a recorder that is
 killed loses at most its last second. A scenario gives the node's name, the keys of a secured network and the limits of
-[recording], and is kept in the files, for pictures with a map.
+[recording], and is stored in the files, for pictures with a map.
 
 examples:
   uuv-hil record --connect tcp/192.168.3.116:7447                       until Ctrl-C, into recordings/
@@ -50,9 +50,9 @@ def main(arguments: list[str]) -> int:
     save_processor()
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     tap = Tap(endpoints, network, security)
-    require_library()  # before there is a folder
+    require_library()  # before the folder is made
     folder = options.output or new_folder(scenario.slave.node if scenario else "record", recording.folder)
-    recorder = Recorder(folder, recording, about, files, source=tap.receive)  # it may refuse: before anybody is dialled
+    recorder = Recorder(folder, recording, about, files, source=tap.receive)  # raises before the network is opened
     with StopSignals() as stop_fd, tap, recorder:
         print(f"recording {', '.join(endpoints)} into {folder}; Ctrl-C ends it", flush=True)
         _wait(recorder, tap, options.seconds, stop_fd)
@@ -60,7 +60,7 @@ def main(arguments: list[str]) -> int:
         raise DeviceError(recorder.failure)
     if not recorder.written:
         raise NetworkError(f"nothing was recorded: {_why_nothing(endpoints, tap)}")
-    losses = ", ".join(f"{n} {word}" for n, word in ((tap.missed, "did not come"), (recorder.lost, "not written")) if n)
+    losses = ", ".join(f"{n} {word}" for n, word in ((tap.missed, "not received"), (recorder.lost, "not written")) if n)
     print(
         f"{recorder.written} messages recorded{'; ' + losses if losses else ', none lost'}: {_size(folder)} in {folder}"
     )
@@ -75,10 +75,9 @@ def _about(scenario: Scenario | None, endpoints: list[str]) -> tuple[dict[str, s
 def _why_nothing(endpoints: list[str], tap: "Tap") -> str:
     where = ", ".join(endpoints)
     if tap.connected:
-        return f"who answers at {where} sent no sample; `uuv-hil topic list --connect ENDPOINT` lists its topics"
+        return f"{where} answered but sent no sample; `uuv-hil topic list --connect ENDPOINT` lists its topics"
     return (
-        f"nobody answered at {where}; is `uuv-hil slave` running there, with --listen on an address this machine "
-        "reaches?"
+        f"no answer from {where}; is `uuv-hil slave` running there, with --listen on an address this machine reaches?"
     )
 
 

@@ -1,4 +1,4 @@
-"""`uuv-hil replay`: replay a recording on the network, with a fresh vehicle, or bit for bit without a clock."""
+"""`uuv-hil replay`: replay a recording on the network, to another slave, or bit for bit in the simulator."""
 
 import argparse
 import select
@@ -25,16 +25,16 @@ EXAMPLES = """\
 examples:
   uuv-hil replay recordings/dive7                                    for masters that dial this machine
   uuv-hil replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
-  uuv-hil replay dive7 --connect tcp/127.0.0.1:7447                  its commands to a slave that runs there
+  uuv-hil replay dive7 --connect tcp/127.0.0.1:7447                  send its commands to a running slave
   uuv-hil replay dive7 --view                                        in a browser, with pause, speed and a slider
   uuv-hil replay dive7 --foxglove dive7_foxglove.mcap                for `uuv-hil foxglove --layout`
-  uuv-hil replay dive7 --check                                       does the vehicle do the same, bit for bit?
+  uuv-hil replay dive7 --check                                       check that the simulator repeats it bit for bit
 
---check needs a slave's own recording ([recording] slave = true). It runs the simulator with the pulses that the
-thrusters got, step by step, and holds every sensor message against the recorded one; exit code 6 at a difference.
-With --connect the wall clock counts, so there the tracks are compared: start the slave with the same scenario.
-Both read the recording's scenario. It can name classes for forces and sensors, and to load one is to run it: that is
-refused unless --own-classes is given, for your own.
+--check needs a slave's own recording ([recording] slave = true). It runs the simulator with the recorded pulses of
+the thrusters, step by step, and compares every sensor message with the recorded one; exit code 6 at a difference.
+--connect runs in real time, so that only the tracks are compared: start the slave with the same scenario.
+Both read the recording's scenario. It can name classes for forces and sensors, and loading a class runs its code: this
+is refused without --own-classes, which is for your own recordings.
 """
 LISTEN = "tcp/127.0.0.1:7447"
 WAIT_STEP_S = 0.02
@@ -42,22 +42,22 @@ SPEED = Number(0.001, 1000.0, also=(0,))
 
 
 def main(arguments: list[str]) -> int:
-    """Replay in one of the ways; return the exit code."""
+    """Replay in the chosen mode; return the exit code."""
     parser = new_parser("replay", __doc__, EXAMPLES)
     add_recording(parser)
-    way = parser.add_mutually_exclusive_group()
-    way.add_argument(
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LISTEN, help="publish it at this endpoint [%(default)s]"
     )
-    way.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, help="send its commands to this slave")
-    way.add_argument("--check", action="store_true", help="repeat it without network and clock")
-    way.add_argument(
+    mode.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, help="send its commands to this slave")
+    mode.add_argument("--check", action="store_true", help="repeat it without network and clock")
+    mode.add_argument(
         "--foxglove",
         metavar="FILE.mcap",
         type=OUTPUT_FILE,
         help="write one file for Foxglove, with seabed and vehicle; its folder must be there",
     )
-    way.add_argument("--view", action="store_true", help="show it in a browser")
+    mode.add_argument("--view", action="store_true", help="show it in a browser")
     parser.add_argument(
         "--speed", metavar="X", type=SPEED, default=1.0, help="speed factor; 0: as fast as possible [%(default)g]"
     )
@@ -89,9 +89,7 @@ def _check(path: str, own_classes: bool) -> int:
     compared, steps, difference = check(path, own_classes)
     took = (now_ns() - began) / NS_PER_S
     if difference:
-        raise MissionError(
-            f"{path}: {compared} messages are the same, then the vehicle does something else, {difference}"
-        )
+        raise MissionError(f"{path}: {compared} messages are the same, then the simulator differs: {difference}")
     print(f"the same bit for bit: {compared} messages of {steps} steps, repeated in {took:.2f} s")
     return 0
 
@@ -100,7 +98,7 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
     from hil.network.opening import listen
     from hil.recording.player import Player, pace
 
-    read_about(options.recording)  # reports a bad file before the network is opened
+    read_about(options.recording)  # raises for a bad file before the network is opened
     messages = read_messages(options.recording)
     with listen(options.listen) as session:
         print(f"playing {options.recording} at {options.listen}; Ctrl-C ends it", flush=True)
@@ -136,7 +134,7 @@ def _show(path: str, own_classes: bool, stop_fd: int) -> int:
 
 
 def _command(options: argparse.Namespace, stop_fd: int) -> int:
-    """Send the commands to a slave; report how far its vehicle goes astray."""
+    """Send the commands to a slave; report how far its vehicle's track differs."""
     from hil.client.client import VehicleClient
     from hil.recording.player import pace
 
@@ -151,19 +149,19 @@ def _command(options: argparse.Namespace, stop_fd: int) -> int:
     if not comparison.commands:
         raise ConfigError(f"{options.recording}: no commands for {node} in it; record a flight with a master")
     print(
-        f"{comparison.commands} commands of {seconds:.1f} s sent; the vehicle was at most {comparison.most:.2f} m and "
-        f"at the end {comparison.last:.2f} m from where it was in the recording"
+        f"{comparison.commands} commands of {seconds:.1f} s sent; its vehicle was at most "
+        f"{comparison.max_distance:.2f} m and at the end {comparison.last_distance:.2f} m from its recorded track"
     )
     return 0
 
 
 class _TrackComparison:
-    """Comparison of the recorded track with that of a vehicle that gets the recorded commands."""
+    """Comparison of the recorded track with the track of a vehicle that gets the recorded commands."""
 
     def __init__(self, client: "VehicleClient", node: str) -> None:
         self._client, self._node = client, node
         self.commands = 0
-        self.most = self.last = 0.0
+        self.max_distance = self.last_distance = 0.0
 
     def add(self, message: Message) -> None:
         """Send a command; compare a recorded position with the present one."""
@@ -174,5 +172,5 @@ class _TrackComparison:
         elif message.topic == f"/{self._node}/ground_truth" and self.commands:
             then, now = ros.decode_odometry(message.data), self._client.latest.get("ground_truth")
             if then and now:
-                self.last = dist(then.position, now.value.position)
-                self.most = max(self.most, self.last)
+                self.last_distance = dist(then.position, now.value.position)
+                self.max_distance = max(self.max_distance, self.last_distance)

@@ -1,4 +1,4 @@
-"""`uuv-hil stm32 check`: turn each output a little and show what telemetry answers."""
+"""`uuv-hil stm32 check`: turn each output a little and show its telemetry."""
 
 import argparse
 import sys
@@ -25,11 +25,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the check."""
     add_link(parser, None)
     add = parser.add_argument
-    add("--stm32", metavar="NAME", default="device", help="what is checked: device, or one emulated [%(default)s]")
+    add("--stm32", metavar="NAME", default="device", help="STM32 to check: device, or an emulated one [%(default)s]")
     add("--chip", choices=CHIPS, help="chip of the board, to name the pin of each output")
-    add("--offset", metavar="US", type=OFFSET, default=60, help="of the pulse from 1500 us, us [%(default)s]")
+    add("--offset", metavar="US", type=OFFSET, default=60, help="offset of the pulse from 1500 us, us [%(default)s]")
     seconds = Number(0.1, 5.0, "s")
-    add("--seconds", metavar="S", type=seconds, default=1.0, help="for which each output turns, s [%(default)s]")
+    add("--seconds", metavar="S", type=seconds, default=1.0, help="time that each output turns, s [%(default)s]")
     settle = Quantity(0.0, 30.0, "s")
     add("--settle", metavar="TIME", type=settle, default="2 s", help="neutral before the first output [%(default)s]")
     add("--yes", action="store_true", help="do not ask: the propellers are free")
@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     plan = Plan(_kind(options), link_of(options), options.channels, options.offset, options.seconds, options.settle)
     pins = load_image(options.chip).outputs if options.chip else ()
     print(WARNING.format(seconds=options.seconds), file=sys.stderr)
-    if not options.yes and not agreed("turn them?", "with free propellers do it with --yes"):
+    if not options.yes and not agreed("turn them?", "if the propellers are free, give --yes"):
         return FAILED
 
     def show(finding: "Finding") -> None:
@@ -62,7 +62,9 @@ def run(options: argparse.Namespace) -> int:
 
         print(json.dumps([finding._asdict() | {"passed": finding.passed} for finding in findings], indent=2))
     else:
-        print(f"{good} of {len(findings)} outputs confirmed by telemetry; whether they turned, and which way, you saw")
+        print(
+            f"{good} of {len(findings)} outputs confirmed by telemetry; check by eye whether they turned, and which way"
+        )
     return 0 if good == len(findings) else FAILED
 
 

@@ -12,7 +12,7 @@ Without a subcommand it emulates an STM32, for software that expects one on its 
 emulated probes and chips only, never yet on hardware.
 
 {serve.EXAMPLES}\
-  uuv-hil stm32 flash --dry-run --chip f411         what would be written, and the wiring
+  uuv-hil stm32 flash --dry-run --chip f411         show what would be written, and the wiring
   uuv-hil stm32 flash                               recognise the board and write its image, by a debug probe
   uuv-hil stm32 flash --by dfu --chip f411          the same by USB, after BOOT0 and reset
   uuv-hil stm32 check --port /dev/ttyUSB0           turn each output a little; propellers off first
@@ -36,14 +36,14 @@ def main(arguments: list[str]) -> int:
     check.add_options(
         actions.add_parser(
             "check",
-            help="turn each output a little, one after the other, and show what it answers",
-            description="Turn each output a little, one after the other, and show what telemetry answers. Propellers "
+            help="turn each output a little, one after the other, and show its telemetry",
+            description="Turn each output a little, one after the other, and show its telemetry. Propellers "
             "must be free: it asks first. Tried with emulated STM32 only, never yet on hardware.",
         )
     )
     options = parser.parse_args(arguments)
     if options.action and arguments[0] != options.action:
-        raise ConfigError(f"{arguments[0]}: options of {options.action} stand behind it: stm32 {options.action} ...")
+        raise ConfigError(f"{arguments[0]}: options of {options.action} come after it: stm32 {options.action} ...")
     if options.action == "flash":
         return flash.run(options)
     if options.action == "check":

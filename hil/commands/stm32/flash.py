@@ -23,11 +23,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--under-reset",
         action="store_true",
-        help="hold the chip in reset while connecting, for a program that sleeps or takes the debug pins",
+        help="hold the chip in reset while connecting, for a program that sleeps or uses the debug pins",
     )
     add("--channels", metavar="N", type=whole(1, MAX_CHANNELS), help="also write parameters: number of thrusters [6]")
     watchdog = Quantity(0.01, 60.0, "s")
-    add("--watchdog", metavar="S", type=watchdog, help="also write parameters: longest silence [200 ms]")
+    add("--watchdog", metavar="S", type=watchdog, help="also write parameters: timeout of the watchdog [200 ms]")
     add("--pwm-hz", metavar="HZ", type=whole(50, 400), help="also write parameters: pulses a second, Hz [50]")
     add("--baud", metavar="BIT/S", type=BAUD, help="also write parameters: speed of the serial port, bit/s [115200]")
     add("--dry-run", action="store_true", help="only show what would be written, and the wiring; write nothing")
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _named_chip(chip: str | None, image: Image | None) -> str | None:
-    """Return the chip that was named, by itself or by an image for it. Raises ConfigError if these are two."""
+    """Return the chip of --chip or of the image; None without both. Raises ConfigError if they differ."""
     if image is None:
         return chip
     if image.name not in CHIPS:
@@ -78,7 +78,7 @@ def _named_chip(chip: str | None, image: Image | None) -> str | None:
 
 
 def _recognise(options: argparse.Namespace, chip: str | None) -> tuple[Image, Callable[..., None]]:
-    """Return the image for the board that is there, and what writes to it."""
+    """Return the image for the connected board, and the function that writes to it."""
     if options.by == "dfu":
         from firmware_stub.flash import dfu
 
@@ -98,7 +98,7 @@ def _recognise(options: argparse.Namespace, chip: str | None) -> tuple[Image, Ca
 
 
 def _parameters(options: argparse.Namespace) -> bytes | None:
-    """Return the parameters, if one of them was given; else those on the board stay."""
+    """Return the parameters to write; None if none was given, so that those on the board stay."""
     given = {name: getattr(options, name) for name in ("channels", "watchdog", "pwm_hz", "baud")}
     given = {name: value for name, value in given.items() if value is not None}
     return parameters(**({"channels": 6} | given)) if given else None

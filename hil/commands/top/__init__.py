@@ -1,1 +1,1 @@
-"""`uuv-hil top`: the health of all slaves, as a table and as a Prometheus endpoint."""
+"""`uuv-hil top`: show the health of all slaves, as a table and as a Prometheus endpoint."""

@@ -33,7 +33,7 @@ examples:
   uuv-hil top --grafana > dashboard.json             a dashboard of these figures for Grafana
 """
 REDRAW_S = 0.5
-STALE_S = 3.0  # after which figures are old news
+STALE_S = 3.0  # age at which figures count as outdated
 RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
 
 
@@ -106,7 +106,7 @@ def _wait(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], seco
 
 
 def _settle(watch: HealthWatch, seconds: float, stop_fd: int) -> None:
-    """Wait until each slave has sent two diagnostics, so that rates are known; some may stay silent."""
+    """Wait up to `seconds` until each slave has sent two diagnostics, from which rates are computed."""
     deadline = now_ns() + seconds_ns(seconds)
     while now_ns() < deadline and (watch.without_answer() or not all(status.paces for status in watch.statuses())):
         _pause(stop_fd, 0.05)
@@ -128,14 +128,14 @@ def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop
         if live:
             width, height = shutil.get_terminal_size()
             lines = [line if "\x1b" in line else line[:width] for line in text.splitlines()]
-            print("\x1b[H\x1b[2J" + "\n".join(fitting(lines, height - 1, len(remarks))), flush=True)
+            print("\x1b[H\x1b[2J" + "\n".join(fit_lines(lines, height - 1, len(remarks))), flush=True)
         elif text != printed:
             print(text + "\n", flush=True)
         printed = text
 
 
 def _remarks(watch: HealthWatch, unanswered: Unanswered) -> list[str]:
-    """Return what has to be known besides the table."""
+    """Return warnings and errors, to be printed below the table."""
     mixed = [
         f"{number} slaves are called {name}, and their figures are mixed: give each a [slave] node of its own"
         for name, number in watch.mixed().items()
@@ -143,13 +143,13 @@ def _remarks(watch: HealthWatch, unanswered: Unanswered) -> list[str]:
     return [*mixed, *unanswered.lines]
 
 
-def fitting(lines: list[str], room: int, last: int) -> list[str]:
-    """Return the lines that fit, with the `last` ones among them, and how many are missing."""
+def fit_lines(lines: list[str], room: int, last: int) -> list[str]:
+    """Return at most `room` lines: the first ones, how many are left out, and the `last` ones."""
     if len(lines) <= room:
         return lines
-    fitting = max(room - last - 1, 0)
+    count = max(room - last - 1, 0)
     end = lines[len(lines) - last :]
-    return [*lines[:fitting], f"... {len(lines) - last - fitting} more lines in a higher window", *end][: max(room, 1)]
+    return [*lines[:count], f"... {len(lines) - last - count} more lines in a higher window", *end][: max(room, 1)]
 
 
 def _figure(figure: Figure[float], form: str = ".0f") -> Callable[[Status], str]:
@@ -187,7 +187,7 @@ def _traffic(status: Status) -> str:
 
 
 def _run_events(status: Status) -> str:
-    """Return how often something went wrong with the vehicle since its slave was started, and what did last."""
+    """Return the number of the vehicle's events since the start of its slave, and the latest one."""
     events, count = status.figures.run_event_list, shown(status.figures.run_events)
     if not events:
         return count
@@ -197,14 +197,14 @@ def _run_events(status: Status) -> str:
 # The text of each row, and its figures; a row without any figure is left out.
 ROWS: dict[str, Callable[[Status], str]] = {
     "board": _text(Health.board),
-    "its figures are of": lambda status: "; ".join(status.figures.labels or ()) or "-",
+    "conditions": lambda status: "; ".join(status.figures.labels or ()) or "-",
     "state": lambda status: status.message if status.present else "GONE",
     "commanded by": _text(Health.commander),
     "loop (Hz)": _figure(Health.loop_rate_hz),
     "late p50 / p99 / max (us)": _several(
         Health.lateness_recent_p50_us, Health.lateness_recent_p99_us, Health.lateness_recent_max_us
     ),
-    "the same since its start": _several(Health.lateness_p50_us, Health.lateness_p99_us, Health.lateness_max_us),
+    "the same since the start": _several(Health.lateness_p50_us, Health.lateness_p99_us, Health.lateness_max_us),
     "steps skipped": _counts(Health.steps_skipped),
     "real-time factor": _figure(Health.real_time_factor, ".4f"),
     "CPU (of a core)": _pace(Health.cpu_s, ".1%"),
@@ -226,7 +226,7 @@ ROWS: dict[str, Callable[[Status], str]] = {
 
 
 def as_json(statuses: list[Status]) -> str:
-    """Return what each slave reports of itself, by its node, as JSON."""
+    """Return the diagnostics of each slave by its node, as JSON."""
     return json_text({
         status.node: {"present": status.present, "message": status.message, "age_s": status.age_s,
                       "paces": {**status.paces},
@@ -236,13 +236,13 @@ def as_json(statuses: list[Status]) -> str:
 
 
 def table(statuses: list[Status], silent: list[str], colour: bool = False) -> str:
-    """Return rows of figures, a column a slave; in `colour` what is wrong stands out."""
+    """Return rows of figures, one column for each slave; with `colour`, problems are highlighted."""
     head = ["", *[status.node for status in statuses]]
     rows = [[name, *[cell(status) for status in statuses]] for name, cell in ROWS.items()]
     lines = aligned([head, *[row for row in rows if any(cell != "-" for cell in row[1:])]], rule=True)
     if colour:
         lines = [_coloured(line, statuses) for line in lines]
-    return "\n".join([*lines, *([f"there, but silent: {', '.join(silent)}"] if silent else [])])
+    return "\n".join([*lines, *([f"connected, but silent: {', '.join(silent)}"] if silent else [])])
 
 
 def _coloured(line: str, statuses: list[Status]) -> str:

@@ -21,7 +21,7 @@ class Panel(NamedTuple):
 
 
 PANELS = (
-    Panel("Slaves that answer (1) and that are gone (0)", "none", {"": "up"}),
+    Panel("Slaves that answer (1) and that are lost (0)", "none", {"": "up"}),
     Panel("Processor time of the slave, of one core", "percentunit", {"": "cpu_share"}),
     Panel("Memory of the slave (PSS)", "bytes", {"": "pss_bytes"}),
     Panel("Rate of the loop", "hertz", {"": "loop_rate_hertz"}),
@@ -54,7 +54,7 @@ PANELS = (
 
 
 def dashboard() -> str:
-    """Return the dashboard as JSON; who imports it chooses the Prometheus server and the vehicles."""
+    """Return the dashboard as JSON; it has variables for the Prometheus server and the vehicles."""
     nodes = {
         "name": "node", "label": "vehicle", "type": "query", "datasource": SOURCE, "refresh": 2, "multi": True,
         "query": {"query": "label_values(uuv_hil_up, node)", "refId": "node"}, "includeAll": True, "allValue": ".*",

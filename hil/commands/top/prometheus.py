@@ -50,18 +50,21 @@ METRICS: dict[str, Figure[Any]] = {
 
 
 def exposition(statuses: Iterable[Status]) -> str:
-    """Return the metrics of these slaves as text; a slave that is gone has only `uuv_hil_up` 0."""
+    """Return the metrics of these slaves as text; a slave that is lost has only `uuv_hil_up` 0."""
     slaves = list(statuses)
-    there = [slave for slave in slaves if slave.present]
-    lines = _metric("up", "gauge", "whether the slave is there", [(slave, float(slave.present)) for slave in slaves])
+    present = [slave for slave in slaves if slave.present]
+    lines = _metric(
+        "up", "gauge", "whether the slave is connected", [(slave, float(slave.present)) for slave in slaves]
+    )
     slow = [
-        (slave, None if slave.figures.throttled is None else float(slave.figures.throttled != "no")) for slave in there
+        (slave, None if slave.figures.throttled is None else float(slave.figures.throttled != "no"))
+        for slave in present
     ]
     lines += _metric("throttled", "gauge", "whether the processor is slowed down", slow)
-    shares = [(slave, slave.pace(Health.cpu_s)) for slave in there]
+    shares = [(slave, slave.pace(Health.cpu_s)) for slave in present]
     lines += _metric("cpu_share", "gauge", "share of one core that the slave uses", shares)
     for metric, figure in METRICS.items():
-        values = [(slave, _in_base_unit(figure, slave)) for slave in there]
+        values = [(slave, _in_base_unit(figure, slave)) for slave in present]
         lines += _metric(metric, "counter" if figure.is_counter else "gauge", figure.meaning, values)
     return "\n".join(lines) + "\n"
 
@@ -72,7 +75,7 @@ def _in_base_unit(figure: Figure[Any], slave: Status) -> float | None:
 
 
 def _metric(name: str, kind: str, text: str, values: list[tuple[Status, float | None]]) -> list[str]:
-    """Return its lines; none if no slave reported it."""
+    """Return the lines of a metric; none if no slave reported it."""
     rows = [f"uuv_hil_{name}{_labels(slave)} {value:.10g}" for slave, value in values if value is not None]
     return [f"# HELP uuv_hil_{name} {text}", f"# TYPE uuv_hil_{name} {kind}", *rows] if rows else []
 
@@ -112,7 +115,7 @@ class Endpoint:
 
 def _handler(watch: HealthWatch) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
-        """Answers for /metrics, and points others there."""
+        """HTTP handler of /metrics; other paths get a hint."""
 
         timeout = 5.0
 

@@ -1,1 +1,1 @@
-"""`uuv-hil topic`: list, echo, hz and pub of ROS 2 topics, without ROS."""
+"""`uuv-hil topic`: list, echo, hz, pub and call for ROS 2 topics and services, without ROS."""

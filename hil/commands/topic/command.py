@@ -42,15 +42,15 @@ Messages are written as YAML in one line, as JSON, or as TOML (linear.x = 0.5), 
 radians, ENU and FLU. Ctrl-C ends it.
 """
 POLL_S = 0.02
-SETTLE_S = 1.0  # for what the other side declares to arrive, if it declares anything
-WINDOW = 10_000  # arrivals that hz looks back on
+SETTLE_S = 1.0  # time for the declarations of the peer to arrive
+WINDOW = 10_000  # arrivals that hz evaluates
 QUEUE = 1000
 COUNT = whole(1, 10**9)
 RATE = Number(0.001, 10_000.0, "Hz")
 
 
 def main(arguments: list[str]) -> int:
-    """Do one of list, echo, hz, pub and call; return 0. Raises ConfigError, NetworkError."""
+    """Run list, echo, hz, pub or call; return 0. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
     secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
@@ -70,18 +70,18 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("topic", __doc__, EXAMPLES)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    list_ = actions.add_parser("list", help="list topics and services, their types, and whose they are")
+    list_ = actions.add_parser("list", help="list topics and services, with their types and nodes")
     echo = actions.add_parser("echo", help="print what is published")
     hz = actions.add_parser("hz", help="measure the rate of messages")
     pub = actions.add_parser("pub", help="publish a message repeatedly")
     call = actions.add_parser("call", help="call a service")
     for action in (echo, hz, pub):
-        action.add_argument("topic", metavar="TOPIC", help="its whole name, such as /uuv1/imu")
+        action.add_argument("topic", metavar="TOPIC", help="its full name, such as /uuv1/imu")
         action.add_argument("-n", "--count", metavar="N", type=COUNT, help="exit after this number of messages")
     pub.add_argument("type", metavar="TYPE", help="such as geometry_msgs/msg/Twist")
     pub.add_argument("values", metavar="VALUES", nargs="?", default="", help="fields that are not 0")
     pub.add_argument("--rate", metavar="HZ", type=RATE, help="messages a second [the topic's own, or 1]")
-    call.add_argument("service", metavar="SERVICE", help="its whole name, such as /uuv1/reset")
+    call.add_argument("service", metavar="SERVICE", help="its full name, such as /uuv1/reset")
     call.add_argument("values", metavar="VALUES", nargs="?", default="", help="fields that are not 0")
     for action in (list_, echo, hz, pub, call):
         add_connect(action)
@@ -100,7 +100,7 @@ def _open(endpoints: list[str], secure: dict[str, Any], seconds: float, pause: C
 
 
 def _settle(session: Session, stop_fd: int) -> None:
-    """Wait until the other side has declared what it has."""
+    """Wait until the peer has declared its topics and services."""
     deadline = now_ns() + seconds_ns(SETTLE_S)
     while not session.tokens(graph.ALL) and now_ns() < deadline:
         _pause(stop_fd, POLL_S)
@@ -138,7 +138,7 @@ def _nodes(entities: Sequence[Entity], name: tuple[str, str], kind: graph.Kind) 
 
 
 class _Arrivals:
-    """Received messages of a topic, with instant, key and payload, for a loop that waits."""
+    """Queue of a topic's received messages, with instant (ns), key and payload; a loop can wait on it."""
 
     def __init__(self, session: Session, topic: str, latched: bool) -> None:
         self._event = Wakeup()
@@ -150,7 +150,7 @@ class _Arrivals:
         self._event.set()
 
     def receive(self, stop_fd: int, seconds: float) -> list[tuple[int, str, bytes]]:
-        """Return what has come by now, or within the time."""
+        """Return the messages received so far; wait for one up to `seconds` if there is none."""
         ready = select.select((stop_fd, self._event.fileno()), (), (), seconds)[0]
         if stop_fd in ready:
             raise KeyboardInterrupt
@@ -165,25 +165,25 @@ def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple
     published = _published(session)
     latched = name in published and published[name].qos.latched
     arrivals = _Arrivals(session, name, latched)
-    if name in published:  # in the graph, as what describes a vehicle is made for those who are there
+    if name in published:  # a node in the graph: without one, descriptions of a vehicle are not made
         listener = Node(session, f"uuv_hil_topic_{os.getpid()}")
         listener.subscribes(_row(name, published[name].type)._replace(qos=published[name].qos), "")
-    came = arrivals.receive(stop_fd, options.wait)
-    if not came:
-        published = _published(session)  # there may be more by now
+    received = arrivals.receive(stop_fd, options.wait)
+    if not received:
+        published = _published(session)  # topics declared since
         if name in published:
-            raise NetworkError(f"{name} is there, but nothing came on it within {options.wait:g} s; raise --wait")
+            raise NetworkError(f"{name} is published, but nothing was received within {options.wait:g} s; raise --wait")
         if sensor := _starting(session, name, published):
             raise NetworkError(
-                f"nothing came on {name} within {options.wait:g} s: the process that makes the pictures of {sensor} is "
+                f"nothing was received on {name} within {options.wait:g} s: the process of the pictures of {sensor} is "
                 "still starting; ask again, or raise --wait"
             )
         raise NetworkError(f"nobody publishes {name}; {_there_is(name, published)}")
-    return arrivals, came
+    return arrivals, received
 
 
 def _starting(session: Session, name: str, published: Collection[str]) -> str:
-    """Return the sensor of a topic if it makes pictures and none is published yet, by its vehicle's graph; else ""."""
+    """Return the sensor of a topic if it makes pictures and has not published any yet; else ""."""
     node, _, topic = name[1:].partition("/")
     sensor = topic.partition("/")[0]
     if any(each.startswith(f"/{node}/{sensor}/") for each in published):
@@ -206,15 +206,15 @@ def _there_is(name: str, known: Collection[str]) -> str:
 
 
 def _echo(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
-    arrivals, came = _first(session, options, stop_fd)
+    arrivals, received = _first(session, options, stop_fd)
     shown = 0
     while True:
-        for _, key, payload in came:
+        for _, key, payload in received:
             print("\n".join(_message(key, payload, options.json)), flush=True)
             shown += 1
             if shown == options.count:
                 return
-        came = arrivals.receive(stop_fd, 1.0)
+        received = arrivals.receive(stop_fd, 1.0)
 
 
 def _message(key: str, payload: bytes, as_json: bool) -> list[str]:
@@ -226,18 +226,18 @@ def _message(key: str, payload: bytes, as_json: bool) -> list[str]:
 
 
 def _hz(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
-    arrivals, came = _first(session, options, stop_fd)
+    arrivals, received = _first(session, options, stop_fd)
     instants: deque[int] = deque(maxlen=WINDOW)
     reported_ns = now_ns()
     while True:
-        instants += [instant for instant, _, _ in came]
+        instants += [instant for instant, _, _ in received]
         ended = options.count is not None and len(instants) >= options.count
         if ended or now_ns() - reported_ns >= NS_PER_S:
             reported_ns = now_ns()
             print(json_text(rate(instants)._asdict()) if options.json else rate_line(instants), flush=True)
         if ended:
             return
-        came = arrivals.receive(stop_fd, 1.0)
+        received = arrivals.receive(stop_fd, 1.0)
 
 
 class Rate(NamedTuple):
@@ -288,7 +288,7 @@ def _pub(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
 
 
 def _repeat(publisher: Publisher, payload: bytes, period_ns: int, count: int | None, stop_fd: int) -> None:
-    _pause(stop_fd, POLL_S)  # that the subscriber finds us
+    _pause(stop_fd, POLL_S)  # time for subscribers to find the publisher
     schedule = RateKeeper(period_ns, now_ns())
     while count is None or publisher.sequence < count:
         publisher.put(payload, to_wall_ns(now_ns()))
@@ -297,7 +297,7 @@ def _repeat(publisher: Publisher, payload: bytes, period_ns: int, count: int | N
 
 
 def _row(name: str, type_name: str) -> Topic:
-    """Return the topic by its whole name, as urgent as ours of that name and type."""
+    """Return the topic of a full name, with the priority of our topic of that name and type."""
     known = TOPICS.get(name) or TOPICS.get(name.rpartition("/")[2])
     if known and known.type == type_name:
         return known._replace(name=name)
@@ -316,6 +316,6 @@ def _call(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     name = f"/{options.service.strip('/')}"
     offered = {entity.topic: entity.type for entity in _entities(session) if entity.kind == "SS"}
     if name not in offered:
-        raise NetworkError(f"nobody answers {name}; {_there_is(name, offered)}")
+        raise NetworkError(f"no server for {name}; {_there_is(name, offered)}")
     response = services.call(session, name, offered[name], parse_values(options.values), options.wait)
     print(json_text(response) if options.json else "\n".join(lines(response)))

@@ -9,18 +9,18 @@ from hil.common.errors import ConfigError
 from hil.common.schema import shortened
 
 LONGEST = 64  # elements of an array that are shown
-MOST_MESSAGES, FEW_MESSAGES = 128, 4  # of an array of messages that is longer only a few are
+MOST_MESSAGES, FEW_MESSAGES = 128, 4  # a longer array of messages is cut to a few
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 _BARE = re.compile(r"[^,:\[\]{}\"']+")
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
-_WORDS |= {"yes": True, "on": True, "no": False, "off": False}  # as YAML 1.1 has it, and with it ROS's own tools
+_WORDS |= {"yes": True, "on": True, "no": False, "off": False}  # as in YAML 1.1, and in ROS's own tools
 _NUMBERS = {".nan": "nan", ".inf": "inf", "-.inf": "-inf", "+.inf": "inf"}  # as YAML writes them
 
 
 def parse_values(text: str) -> dict[str, Any]:
     """Return the fields in `text`: "{linear: {x: 0.5}}", '{"linear": {"x": 0.5}}' or "linear.x = 0.5".
 
-    Raises ConfigError that shows where it stops making sense.
+    Raises ConfigError that shows the position of the error.
     """
     stripped = text.strip()
     if not stripped:
@@ -31,9 +31,9 @@ def parse_values(text: str) -> dict[str, Any]:
 
     try:
         return parse_toml(stripped)
-    except (ValueError, RecursionError) as error:  # also a number of thousands of digits
+    except (ValueError, RecursionError) as error:  # ValueError also for a number with thousands of digits
         raise ConfigError(
-            f"{shortened(stripped)} is no message: {error}; write it as '{{linear: {{x: 0.5}}}}'"
+            f"{shortened(stripped)} is not a message: {error}; write it as '{{linear: {{x: 0.5}}}}'"
         ) from None
 
 
@@ -56,11 +56,11 @@ class _Flow:
         self._at = 0
 
     def error(self, words: str) -> ConfigError:
-        """Return what is wrong, and where."""
+        """Return an error with its position in the text."""
         return ConfigError(f"{words} at {self._text[self._at : self._at + 20]!r} of {self._text!r}")
 
     def rest(self) -> str:
-        """Return what has not been read."""
+        """Return the text that has not been read."""
         return self._text[self._at :].strip()
 
     def mapping(self) -> dict[str, Any]:
@@ -129,9 +129,9 @@ class _Flow:
         return self._text[self._at : self._at + 1]
 
     def _skip_mark(self, mark: str) -> bool:
-        is_there = self._peek() == mark
-        self._at += is_there
-        return is_there
+        is_next = self._peek() == mark
+        self._at += is_next
+        return is_next
 
     def _expect(self, mark: str) -> None:
         if not self._skip_mark(mark):

@@ -16,9 +16,9 @@ from sim.vehicle.vehicle import Vehicle, displaced_volume, load_vehicle
 
 EXAMPLES = """\
 examples:
-  uuv-hil vehicle                                     the presets there are
-  uuv-hil vehicle bluerov2 --plot bluerov2.png        numbers, and a drawing of them
-  uuv-hil vehicle mine.toml --json                    for other programs
+  uuv-hil vehicle                                     list the presets
+  uuv-hil vehicle bluerov2 --plot bluerov2.png        print its numbers, and draw it
+  uuv-hil vehicle mine.toml --json                    as JSON, for other programs
   uuv-hil vehicle mine.toml --urdf > mine.urdf        for tools of ROS, and simulators
   uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF or xacro, FLU there, FRD here
   uuv-hil vehicle --import robot.urdf --add rest.toml -o mine.toml
@@ -66,7 +66,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--urdf", dest="write_urdf", action="store_true", help="print it as URDF, for tools of ROS")
     parser.add_argument("--prefix", metavar="TEXT", default="", help="with --urdf: before the names of links []")
     parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="density of the water [1000]")
-    parser.add_argument("--import", metavar="MODEL", dest="urdf", help="make a vehicle file of a .urdf, .sdf or .xacro")
+    parser.add_argument(
+        "--import", metavar="MODEL", dest="urdf", help="make a vehicle file from a .urdf, .sdf or .xacro"
+    )
     parser.add_argument("--add", metavar="FILE.toml", help="with --import: keys that the model lacks, and [[fins]]")
     parser.add_argument("--model", metavar="NAME", help="with --import of a world: which of its models")
     parser.add_argument(
@@ -79,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def listing() -> str:
-    """Return one line a preset: mass, thrusters, top surge, surge up to which it is level, axes it cannot drive."""
+    """Return one line for each preset: mass, thrusters, top surge, top surge that is level, axes it cannot drive."""
     rows: list[tuple[str, ...]] = [("preset", "mass", "thrusters", "surge", "level up to", "cannot drive")]
     for name in preset_names("sim/vehicles"):
         vehicle, _ = load_vehicle(name)
@@ -93,7 +95,7 @@ def listing() -> str:
 
 
 def presets() -> list[dict[str, Any]]:
-    """Return every preset by its name, and all that is known of it."""
+    """Return the descriptions of all presets, each with its name."""
     return [{"preset": name, **to_json(load_vehicle(name)[0], 1000.0)} for name in preset_names("sim/vehicles")]
 
 
@@ -124,7 +126,7 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
 
 
 def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
-    """Return the description as plain values: the vehicle's own keys, and what follows from them."""
+    """Return the description as plain values: the vehicle's keys, and the figures computed from them."""
     matrix = wrench_matrix(vehicle)
     reaches = top(vehicle, density)
     return {

@@ -9,7 +9,7 @@ Table = list[tuple[str, ...]]
 
 
 def tables(vehicle: Vehicle) -> list[tuple[str, Table]]:
-    """Return titles and rows of the equipment that the vehicle has."""
+    """Return the title and rows of each kind of equipment that the vehicle has."""
     channels: Table = [(str(number), name) for number, name in enumerate(vehicle.channels, 1)]
     sections: list[tuple[str, Table]] = [
         ("hull", _hull(vehicle)),

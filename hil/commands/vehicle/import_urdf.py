@@ -44,16 +44,18 @@ def convert(request: Request) -> int:
     fins = f", {len(vehicle.fins)} fins" if vehicle.fins else ""
     print(f"{request.output}: {vehicle.name}, {vehicle.mass:g} kg, {len(vehicle.thrusters)} thrusters{fins}")
     if request.scenario is not None:
-        print(f"{request.scenario}: flies it, with {', '.join(sensors) or 'the usual sensors'}")
+        print(f"{request.scenario}: a scenario with it, with {', '.join(sensors) or 'the usual sensors'}")
     for note in notes:
         print(f"note: {note}")
     if sensors and request.scenario is None:
-        print(f"note: It has sensors, which a scenario holds ({', '.join(sensors)}): --flight FILE.toml writes one.")
+        print(
+            f"note: It has sensors, which belong in a scenario ({', '.join(sensors)}): --flight FILE.toml writes one."
+        )
     return 0
 
 
 def read(request: Request) -> Imported:
-    """Return what can be read of a URDF, an SDF model or a world with a vehicle. Raises ConfigError."""
+    """Read a vehicle from a URDF, an SDF model or a world with a vehicle. Raises ConfigError."""
     path = request.file
     text = expand(path, request.arguments) if is_xacro(path) else None
     given = read_table(request.add) if request.add else {}
@@ -63,7 +65,7 @@ def read(request: Request) -> Imported:
     solids: dict[MeshKey, Solid | None] = {}
 
     def measured(meshes: Sequence[MeshKey]) -> dict[MeshKey, Solid]:
-        """Measure each mesh once, in however many shapes it is: a process is started for it."""
+        """Measure each mesh once, even if several shapes use it: each measurement starts a process."""
         fresh = [mesh for mesh in meshes if mesh not in solids]
         solids.update(dict.fromkeys(fresh) | dict(measure(fresh, notes)))
         return {mesh: solid for mesh in meshes if (solid := solids[mesh]) is not None}
@@ -93,7 +95,7 @@ def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Ma
 
 
 def to_toml(vehicle: Vehicle, notes: list[str]) -> str:
-    """Return `vehicle` as the text of a vehicle file; `notes` stand at its head as comments."""
+    """Return `vehicle` as the text of a vehicle file; `notes` become comments at its start."""
     head = [f"# {note}" for note in ("Body axes: x forward, y starboard, z down.", *notes)]
     lines = [*head, *_toml_keys(vehicle, skip=("thrusters", "meshes", *EQUIPMENT))]
     equipment = {key: value for key in EQUIPMENT if (value := getattr(vehicle, key))}
@@ -120,5 +122,5 @@ def _toml_keys(record: Any, skip: tuple[str, ...]) -> Iterator[str]:
 
 
 def _toml(value: Any) -> str:
-    """Return a value as TOML, without the dust of sines and cosines."""
+    """Return a value as TOML, without the rounding errors of sines and cosines."""
     return toml_text(value, lambda number: repr(round(float(f"{number:.12g}"), 15) + 0.0))

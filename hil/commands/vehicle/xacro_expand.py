@@ -14,7 +14,7 @@ MAX_SECONDS = 60.0
 
 
 def is_xacro(path: str) -> bool:
-    """True if the file at `path` uses xacro's namespace or is named for it; False too if it cannot be read."""
+    """True if the file at `path` uses xacro's namespace or is named for it; also False if it cannot be read."""
     try:
         return b"/wiki/xacro" in read_bytes(path) or path.endswith(".xacro")
     except ConfigError:
@@ -34,8 +34,8 @@ def expand(path: str, arguments: Iterable[str] = ()) -> bytes:
     code = done.returncode
     if code == NO_LIBRARY:
         raise MissingExtraError("a xacro file needs the package xacro: pip install 'uuv-hil[master]'")
-    if code < 0:  # by a signal: at the limit on time
-        raise ConfigError(f"{path}: cannot be expanded: an expression of it takes too long")
+    if code < 0:  # ended by a signal: at the time limit
+        raise ConfigError(f"{path}: cannot be expanded: one of its expressions takes too long")
     if code:
         reason = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
         raise ConfigError(f"{path}: cannot be expanded: {clean(reason[0])}")

@@ -2,8 +2,8 @@
 
     python -P -m hil.commands.vehicle.xacro_process FILE.xacro [NAME:=VALUE ...]
 
-The URDF is written to the standard output; what is wrong with the file is the last line of the errors. xacro evaluates
-the file's expressions as Python, so that `9**9**9**9` would run for ever: hence the limits.
+The URDF is written to the standard output; an error in the file is the last line of standard error. xacro evaluates
+the file's expressions as Python; the limits stop expressions such as `9**9**9**9`.
 """
 
 import sys
@@ -31,7 +31,7 @@ def main(path: str, *arguments: str) -> int:
     try:
         text: bytes = xacro.process_file(path, mappings=dict(each.split(":=", 1) for each in arguments)).toxml("utf-8")
     except Exception as error:  # noqa: BLE001 - what an expression of the file raises
-        reason = getattr(error, "exc", None) or error  # xacro wraps what an expression raised, and says it twice
+        reason = getattr(error, "exc", None) or error  # xacro wraps an expression's error and repeats its text
         print(" ".join(str(reason).split()) or type(reason).__name__, file=sys.stderr)
         return DAMAGED
     sys.stdout.buffer.write(text)
@@ -39,7 +39,7 @@ def main(path: str, *arguments: str) -> int:
 
 
 def _package_index(path: str) -> dict[str, ModuleType]:
-    """Return what xacro asks for packages, answered from the folders around `path`."""
+    """Return a replacement of `ament_index_python`, which xacro imports; it searches the folders around `path`."""
 
     def share(name: str) -> str:
         folder = find_package(name, path)

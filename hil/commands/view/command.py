@@ -2,7 +2,7 @@
 
 import select
 
-from hil.commands.listening import add_fleet, presence, reach_of
+from hil.commands.listening import add_fleet, connect_arguments, presence
 from hil.commands.view.opening import open_view, shown_of
 from hil.commands.view.tls import page_tls
 from hil.common.clock import NS_PER_S, now_ns
@@ -16,10 +16,10 @@ vehicle the view also shows the seabed, the obstacles, the planned path and the 
 examples:
   uuv-hil view                                         a slave on this machine
   uuv-hil view --scenario paper_field                  with the map of its world
-  uuv-hil view --connect tcp/192.168.3.116:7447        one elsewhere
-  uuv-hil view --listen 0.0.0.0:7480                   for browsers of other machines, who need the token
+  uuv-hil view --connect tcp/192.168.3.116:7447        a slave elsewhere
+  uuv-hil view --listen 0.0.0.0:7480                   for browsers of other machines, with the token
   uuv-hil view --listen 0.0.0.0:7480 --cert cert.pem --key key.pem      encrypted
-  uuv-hil view --observe                               to look only
+  uuv-hil view --observe                               never command a vehicle
 """
 
 
@@ -33,7 +33,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--key", metavar="FILE", default="", help="its private key")
     parser.add_argument("--no-browser", action="store_true", help="print the address, but open no browser")
     options = parser.parse_args(arguments)
-    scenario, (endpoints, routed, keys) = reach_of(options)
+    scenario, (endpoints, routed, keys) = connect_arguments(options)
     from hil.view.pace import Pace
     from hil.view.sources.live import LiveSource
 
@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> int:
         open_view(source, shown_of(scenario), options.listen, not options.no_browser, tls=tls) as view,
     ):
         pace = Pace(now_ns())
-        here: list[str] | None = None
+        reported: list[str] | None = None
         while True:
             wait = max(pace.due_ns - now_ns(), 0) / NS_PER_S
             ready = select.select((stop_fd, source.fileno()), (), (), wait)[0]
@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
                 pace.on_sample(now_ns())
             if pace.draws(now_ns()):
                 view.update()
-                if (names := [name for name in source.names if source.is_present(name)]) != here:
-                    here = names
-                    print(presence(here, endpoints), flush=True)
+                if (names := [name for name in source.names if source.is_present(name)]) != reported:
+                    reported = names
+                    print(presence(reported, endpoints), flush=True)
     return 0

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from hil.cases.viewer import Viewer
-from hil.commands.view.opening import ANY_PLACE, new_token, open_view, shown_of, view_process
+from hil.commands.view.opening import ANY_PORT, new_token, open_view, shown_of, view_process
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import endpoints_of
 
@@ -22,18 +22,18 @@ class FlightViewer(Viewer):
 
     def __init__(self) -> None:
         self._token = new_token()
-        self._place = ANY_PLACE
+        self._address = ANY_PORT
 
     @contextmanager
     def show_simulated(
         self, scenario: Scenario, vehicles: "Mapping[str, SimulatedVehicle]"
     ) -> Iterator[Callable[[Any], None]]:
-        """Show a flight whose time is that of the view: it can be paused, stepped and sped up."""
+        """Show a flight that the view paces: it can be paused, stepped and sped up."""
         from hil.view.sources.simulated import SimulatedSource
 
         source = SimulatedSource(vehicles)
-        with open_view(source, shown_of(scenario), self._place, token=self._token) as view:
-            self._place = self._place[0], view.port
+        with open_view(source, shown_of(scenario), self._address, token=self._token) as view:
+            self._address = self._address[0], view.port
             yield source.pace(view.update, time.sleep)
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""The live view as a part of commands: what it shows of a scenario, and where to watch it."""
+"""The live view as a part of commands: the content from a scenario, and the address."""
 
 import os
 import secrets
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from hil.view.scene.fleet import Hunt
     from hil.view.sources.source import Source
 
-ANY_PLACE = "127.0.0.1", 0  # of a view that another command shows: several run beside each other
+ANY_PORT = "127.0.0.1", 0  # for the view of another command: several can run at once
 UNENCRYPTED = (
-    "the view listens beyond this machine without encryption: who reads this network gets the token, and "
-    "with it the vehicle; give --cert and --key, or a scenario with [security]"
+    "the view listens beyond this machine without encryption: anyone who reads this network's traffic gets "
+    "the token, and can command the vehicle; give --cert and --key, or a scenario with [security]"
 )
 
 
 def new_token() -> str:
-    """Return what nobody guesses."""
+    """Return a random token."""
     return secrets.token_urlsafe(18)
 
 
@@ -36,15 +36,15 @@ def new_token() -> str:
 def open_view(
     source: "Source",
     shown: "Shown",
-    place: tuple[str, int] = ANY_PLACE,
+    place: tuple[str, int] = ANY_PORT,
     browser: bool = True,
     token: str = "",
     tls: "SSLContext | None" = None,
 ) -> Iterator["LiveView"]:
     """Serve a live view at `place` (host, port), print its address, and open it in a browser if there is a screen.
 
-    `token` is what a browser has to know, a new one if left out. What leaves this machine without `tls` can be read on
-    the way: this is reported. Raises NetworkError, MissingExtraError.
+    A browser needs `token`; by default it is a new one. A page beyond this machine without `tls` is not encrypted:
+    this is reported. Raises NetworkError, MissingExtraError.
     """
     from hil.view.live_view import LiveView
 
@@ -81,7 +81,7 @@ def shown_of(scenario: Scenario | None) -> "Shown":
             from hil.master.flight import prepare
 
             path = prepare(scenario).planner.path
-        except HilError as error:  # what cannot be planned is shown without a path
+        except HilError as error:  # without a plan, the view has no path
             print(f"no path is shown: {error}", file=sys.stderr, flush=True)
     depth = scenario.master.depth
     world, sensors = load_world(scenario.world), scenario.sensors
@@ -89,7 +89,7 @@ def shown_of(scenario: Scenario | None) -> "Shown":
 
 
 def _hunt_of(scenario: Scenario) -> "Hunt | None":
-    """Return what is shown of a fleet's hunt; None without one."""
+    """Return the hunt of a fleet, for the view; None without one."""
     if scenario.hunting is None:
         return None
     from hil.scenario.fleet import hunt_plan
@@ -104,7 +104,7 @@ def _hunt_of(scenario: Scenario) -> "Hunt | None":
 def view_process(scenario: Sequence[str], endpoints: Sequence[str], wanted: bool) -> Iterator[None]:
     """Serve a view of the slaves at `endpoints` in a process of its own, if it is `wanted`.
 
-    It prints where to watch once that can be. `scenario` are the words of a command that name it. Raises
+    It prints the address when the view is ready. `scenario` are the words of a command that name it. Raises
     NetworkError when the view cannot start.
     """
     if not wanted:
@@ -117,7 +117,7 @@ def view_process(scenario: Sequence[str], endpoints: Sequence[str], wanted: bool
     try:
         line = process.stdout.readline()
         if not line:
-            raise NetworkError(f"the view ended with exit code {process.wait()}; leave out --view to go on without it")
+            raise NetworkError(f"the view ended with exit code {process.wait()}; leave out --view to run without it")
         print(line, end="", flush=True)
         yield
     finally:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import hil
 from hil.client import services
 from hil.client.vehicle_handle import Vehicle
-from hil.commands.listening import add_fleet, add_take_over, reach_of
+from hil.commands.listening import add_fleet, add_take_over, connect_arguments
 from hil.common.clock import now_ns
 from hil.common.errors import ConfigError, HilError
 from hil.common.options import new_parser
@@ -40,7 +40,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--gamepad", action="store_true", help="steer with the first gamepad of this machine")
     add_take_over(parser)
     options = parser.parse_args(arguments)
-    _, (endpoints, routed, keys) = reach_of(options)
+    _, (endpoints, routed, keys) = connect_arguments(options)
     pad = Gamepad() if options.gamepad else None
     with (
         StopSignals() as stop_fd,
@@ -61,7 +61,7 @@ def _steer(vehicle: Vehicle, steering: Steering, pad: Gamepad | None, keyboard_f
             break
         if keyboard_fd in ready:
             typed = os.read(keyboard_fd, 64).decode(errors="ignore")
-            if not typed:  # the terminal is gone
+            if not typed:  # the terminal was closed
                 break
             for key in typed:
                 message = _act(vehicle, key) or message
@@ -72,7 +72,7 @@ def _steer(vehicle: Vehicle, steering: Steering, pad: Gamepad | None, keyboard_f
 
 
 def _act(vehicle: Vehicle, key: str) -> str:
-    """Disarm or arm by a key; what came of it."""
+    """Disarm or arm by a key; return the result as text, "" for other keys."""
     if key not in "xv":
         return ""
     try:
@@ -92,10 +92,10 @@ def _state(vehicle: Vehicle) -> str:
 
 @contextmanager
 def _raw_terminal() -> Iterator[int]:
-    """Let keys come one by one, without an echo; Ctrl-C stays a signal. Raises ConfigError where there is none."""
+    """Provide keys one by one, without echo; Ctrl-C stays a signal. Raises ConfigError without a terminal."""
     number = sys.stdin.fileno()
     if not os.isatty(number):
-        raise ConfigError("teleop reads keys from a terminal; standard input is none")
+        raise ConfigError("teleop reads keys from a terminal; standard input is not a terminal")
     before = termios.tcgetattr(number)
     tty.setcbreak(number)
     try:

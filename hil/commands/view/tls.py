@@ -17,7 +17,7 @@ def is_local(host: str) -> bool:
 
 
 def page_tls(host: str, cert: str, key: str, folder: str) -> SSLContext | None:
-    """Return how the page at `host` is encrypted: by `cert` and `key`, else beyond this machine by those in `folder`.
+    """Return the TLS context of a page at `host`: from `cert` and `key`, else, beyond this machine, from `folder`.
 
     None without either. `folder` is one that `uuv-hil keys add NAME` made. Raises ConfigError.
     """

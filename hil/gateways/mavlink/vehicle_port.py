@@ -156,7 +156,7 @@ class NetworkVehicle:
                 self._attempt(self._refresh)
                 if not was_here:
                     was_here = True
-                    self._report(f"here: {self._client.node}")
+                    self._report(f"connected: {self._client.node}")
             self._wake.wait(REFRESH_S if self._is_known else 0.1)
             self._wake.clear()
 

@@ -155,7 +155,7 @@ def test_the_json_gateway_runs_without_linux_modules(tmp_path: Path) -> None:
         words = ("gateway", "--connect", f"tcp/127.0.0.1:{port}", "--listen", f"127.0.0.1:{free_port()}")
         with Program(tmp_path, *words, command=COMMAND) as gateway:
             place = gateway.expect(r"JSON at (\S+):(\d+)")
-            gateway.expect("here: uuv1")
+            gateway.expect("connected: uuv1")
             with socket.create_connection((place[1], int(place[2])), 10) as client, client.makefile() as lines:
                 client.sendall(b'{"do": "vehicles"}\n')
                 assert "uuv1" in lines.readline()

@@ -23,15 +23,15 @@ __all__ = ["root", "scenario"]  # the fixtures
 def test_the_state_of_a_board_is_shown(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "--root", str(root)]) == 0
     text = capsys.readouterr().out
-    assert text.startswith('Raspberry Pi 4 Model B (calls itself "Raspberry Pi 4 Model B Rev 1.5")\n')
-    assert re.search(r"memory +sold with 1, 2, 4, 8 GiB; 3\.70 GiB here\n", text)
+    assert text.startswith('Raspberry Pi 4 Model B (model "Raspberry Pi 4 Model B Rev 1.5")\n')
+    assert re.search(r"memory +sold with 1, 2, 4, 8 GiB; 3\.70 GiB installed\n", text)
     assert re.search(r"temperature +51\.1 °C, slows down from 80 °C\n", text)
     assert re.search(r"throttled +no\n", text)
     assert re.search(r"system +Raspberry Pi OS 12", text)
     assert re.search(r"governor +performance \(4 processors\)\n", text)
     assert "/dev/serial0 (/dev/ttyS0): GPIO 14 and 15" in text
-    assert "/dev/ttyAMA2 (not there): GPIO 0 and 1 (uart2)" in text
-    assert "can0 (not there): MCP2515" in text
+    assert "/dev/ttyAMA2 (not present): GPIO 0 and 1 (uart2)" in text
+    assert "can0 (not present): MCP2515" in text
 
 
 def test_budgets_and_sources_are_shown(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,7 +72,7 @@ def test_the_state_of_a_board_as_json(root: Path, capsys: pytest.CaptureFixture[
 def test_an_unknown_machine_and_a_named_board_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board"]) == 0
     assert cli.main(["board", "--root", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.endswith("none of the boards known: nameless, unknown architecture\n")
+    assert capsys.readouterr().out.endswith("not a known board: no model name, unknown architecture\n")
     (tmp_path / "silent").mkdir()
     assert cli.main(["board", "--board", "jetson_nano", "--root", str(tmp_path / "silent")]) == 0
     assert re.search(r"throttled +unknown\n", capsys.readouterr().out)  # nobody can be asked
@@ -148,7 +148,7 @@ def test_a_repeated_installation_changes_only_what_differs(
     assert install(root, scenario, "--yes") == 0
     capsys.readouterr()
     assert install(root, scenario) == 0
-    assert "as it should be" in capsys.readouterr().out
+    assert "installed already" in capsys.readouterr().out
     Path(scenario).write_text(CAN)
     assert install(root, scenario, "--yes") == 0
     shown = capsys.readouterr().out
@@ -173,7 +173,9 @@ def test_a_file_that_was_changed_after_installation_is_left(
     assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
     reported = capsys.readouterr().out
     assert f"{RULES}: changed since it was written; it is left there" in reported
-    assert re.search(rf"^uninstalled but for what stays; .* uninstall again, .* {MANIFEST}$", reported, re.MULTILINE)
+    assert re.search(
+        rf"^uninstalled, except for changed files; .* uninstall again, .* {MANIFEST}$", reported, re.MULTILINE
+    )
     assert files(root).keys() == {*before, MANIFEST[1:]}
     assert (root / RULES[1:]).read_text() == "# mine\n"
     (root / RULES[1:]).unlink()

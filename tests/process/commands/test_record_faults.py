@@ -117,7 +117,7 @@ def test_a_recording_without_a_slave_is_an_error(tmp_path: Path, monkeypatch: py
     code, output = run_here("record", "--connect", endpoint, "-o", str(tmp_path / "received"), "--seconds", "1")
     assert code == 4, output
     assert f"still nobody at {endpoint}; waiting" in output
-    assert f"nothing was recorded: nobody answered at {endpoint}" in output
+    assert f"nothing was recorded: no answer from {endpoint}" in output
     assert "none lost" not in output
 
 
@@ -126,7 +126,7 @@ def test_a_recording_without_samples_is_an_error(tmp_path: Path) -> None:
     what = ["--connect", endpoint, "-o", tmp_path / "received", "--seconds", "2"]
     with listen(endpoint), Program(tmp_path, "record", *what) as record:
         assert record.wait() == 4, record.output
-    assert f"who answers at {endpoint} sent no sample" in record.output
+    assert f"{endpoint} answered but sent no sample" in record.output
 
 
 def test_a_recording_without_a_vehicle_cannot_be_plotted(tmp_path: Path) -> None:

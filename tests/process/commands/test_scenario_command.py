@@ -37,7 +37,7 @@ def test_a_copy_is_the_same_scenario_and_replaces_no_file(capsys: pytest.Capture
     assert "#" in path.read_text(), "with its comments"
     assert run(capsys, "scenario", "show", str(path))[1] == path.read_text()
     code, _, error = run(capsys, "scenario", "new", str(path))
-    assert (code, "is there already" in error) == (2, True)
+    assert (code, "exists already" in error) == (2, True)
     assert run(capsys, "scenario", "new", str(tmp_path / "mine"))[0] == 2
     code, _, error = run(capsys, "scenario", "new", str(tmp_path / "b.toml"), "--copy", "nope")
     assert (code, "paper_field" in error) == (2, True)

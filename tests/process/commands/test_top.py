@@ -15,7 +15,7 @@ from boards.tree import Tree
 from hil.cli import main
 from hil.client.client import VehicleClient
 from hil.client.health_watch import PACED, HealthWatch, Status
-from hil.commands.top.command import fitting, table
+from hil.commands.top.command import fit_lines, table
 from hil.commands.top.prometheus import Endpoint, exposition
 from hil.common.clock import now_ns
 from hil.network.roles import open_master_session
@@ -48,7 +48,7 @@ def test_the_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
     assert float(row(text, "messages sent (1/s)")) < 10.0, "nobody else listens"
     assert row(text, "link").startswith("frame /dev/pts/")
     assert len(row(text, "late p50 / p99 / max (us)").split("/")) == 3
-    assert len(row(text, "the same since its start").split("/")) == 3
+    assert len(row(text, "the same since the start").split("/")) == 3
     assert "nobody at" not in text
 
 
@@ -99,9 +99,9 @@ def test_two_slaves_of_one_name_are_reported(slave: int, tmp_path: Path) -> None
 
 def test_lines_below_the_window_are_counted_and_remarks_stay() -> None:
     lines = [*map(str, range(10)), "remark"]
-    assert fitting(lines, 11, 1) == lines
-    assert fitting(lines, 8, 1) == ["0", "1", "2", "3", "4", "5", "... 4 more lines in a higher window", "remark"]
-    assert len(fitting(lines, 1, 1)) == 1
+    assert fit_lines(lines, 11, 1) == lines
+    assert fit_lines(lines, 8, 1) == ["0", "1", "2", "3", "4", "5", "... 4 more lines in a higher window", "remark"]
+    assert len(fit_lines(lines, 1, 1)) == 1
 
 
 @pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
@@ -197,7 +197,7 @@ def test_recent_lateness_is_shown_beside_that_since_the_start() -> None:
     recent = {"lateness_recent_p50_us": 20, "lateness_recent_p99_us": 90, "lateness_recent_max_us": 150}
     slave = printed(lateness_p50_us=30, lateness_p99_us=29000, lateness_max_us=71000, **recent)
     assert row(table([slave], []), "late p50 / p99 / max (us)") == "20 / 90 / 150"
-    assert row(table([slave], []), "the same since its start") == "30 / 29000 / 71000"
+    assert row(table([slave], []), "the same since the start") == "30 / 29000 / 71000"
     assert "late p50" not in table([printed()], [])
     text = exposition([slave])
     assert 'uuv_hil_loop_lateness_recent_max_seconds{node="uuv1",board=""} 0.00015\n' in text
@@ -205,8 +205,8 @@ def test_recent_lateness_is_shown_beside_that_since_the_start() -> None:
 
 
 def test_figures_of_an_emulated_machine_are_labelled() -> None:
-    assert row(table([printed(labels=("emulated: a test",))], []), "its figures are of") == "emulated: a test"
-    assert "its figures are of" not in table([printed()], [])
+    assert row(table([printed(labels=("emulated: a test",))], []), "conditions") == "emulated: a test"
+    assert "conditions" not in table([printed()], [])
 
 
 def test_an_unknown_throttling_state_is_not_shown_as_no() -> None:

@@ -87,7 +87,7 @@ def test_toml_is_read() -> None:
     ("text", "words"),
     [("{a: 1", "expected , or }"), ("{a 1}", "expected :"), ("{a: }}", "nothing more"), ("{a: 'b}", "no closing '"),
      ('{a: "\\q"}', "escape at '\"\\\\q"), ("{a: " + "[" * 5000, "too deep"),
-     ("{a: [1 2]}", ""), ("{: 1}", "expected a value"), ("hello", "is no message"), ("{a: {b: 1}", "expected , or }")],
+     ("{a: [1 2]}", ""), ("{: 1}", "expected a value"), ("hello", "not a message"), ("{a: {b: 1}", "expected , or }")],
 )  # fmt: skip
 def test_syntax_errors_are_reported(text: str, words: str) -> None:
     if words:
@@ -287,7 +287,7 @@ def test_call_prints_the_reply_of_a_service(user: User) -> None:
     ("arguments", "code", "words"),
     [
         (("echo", "/uuv1/imo", "--wait", "0.3"), 4, "nobody publishes /uuv1/imo; there are: /clock, "),
-        (("call", "/uuv1/rest"), 4, "nobody answers /uuv1/rest; there are: .*did you mean '/uuv1/reset'"),
+        (("call", "/uuv1/rest"), 4, "no server for /uuv1/rest; there are: .*did you mean '/uuv1/reset'"),
         (("call", "/uuv1/arm", "{date: 1}"), 2, "no field 'date'; did you mean 'data'"),
         (
             ("pub", "/uuv1/cmd_vel", "std_msgs/msg/Bool"),

@@ -14,10 +14,10 @@ def test_gateway_and_foxglove_report_that_they_wait_for_a_vehicle(tmp_path: Path
     with Program(tmp_path, *waiting[0]) as gateway, Program(tmp_path, *waiting[1]) as foxglove:
         gateway.expect(f"no vehicle at tcp/{where} yet; waiting for one")
         foxglove.expect(f"waiting for a vehicle at tcp/{where}")
-        assert "here: uuv1" not in gateway.output + foxglove.output
+        assert "connected: uuv1" not in gateway.output + foxglove.output
         with Program(tmp_path, "slave", path):
-            gateway.expect("here: uuv1")
-            foxglove.expect("here: uuv1")
+            gateway.expect("connected: uuv1")
+            foxglove.expect("connected: uuv1")
             with Program(
                 tmp_path, "topic", "pub", "/uuv1/cmd_vell", "geometry_msgs/msg/Twist", "--connect", where
             ) as pub:
@@ -34,9 +34,9 @@ def test_mavlink_and_view_report_that_they_wait_for_a_vehicle(tmp_path: Path, co
     where = f"127.0.0.1:{port}"
     with Program(tmp_path, *command, "--connect", where) as program:
         program.expect(f"no vehicle at tcp/{where} yet; waiting for one")
-        assert "here: uuv1" not in program.output
+        assert "connected: uuv1" not in program.output
         with Program(tmp_path, "slave", path):
-            program.expect("here: uuv1")
+            program.expect("connected: uuv1")
 
 
 def test_an_invalid_port_is_refused_at_once(tmp_path: Path) -> None:

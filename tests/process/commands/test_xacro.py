@@ -115,7 +115,7 @@ def test_an_endless_expression_is_stopped(expression: str, tmp_path: Path, monke
     monkeypatch.setattr(xacro_expand, "module_command", lambda *words: with_short_cpu_limit(words))
     path = tmp_path / "m.xacro"
     path.write_text(f'<robot {NAMESPACE}><a b="${{{expression}}}"/></robot>')
-    with pytest.raises(ConfigError, match=r"cannot be expanded: (an expression of it takes too long|MemoryError)"):
+    with pytest.raises(ConfigError, match=r"cannot be expanded: (one of its expressions takes too long|MemoryError)"):
         expand(str(path))
 
 

@@ -251,7 +251,7 @@ def test_a_recording_folder_of_another_user_is_a_problem(tmp_path: Path) -> None
     [
         (["--root", "/no/such/folder"], "--root: /no/such/folder: no such folder"),
         (["--user", "no-such-user"], "no user 'no-such-user'"),
-        (["--listen", "tcp/0.0.0.0:7447"], "go with a scenario"),
+        (["--listen", "tcp/0.0.0.0:7447"], "need a scenario"),
         (["--board", "raspberry_pi_4c"], "did you mean 'raspberry_pi_4b'"),
     ],
 )

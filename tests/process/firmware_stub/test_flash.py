@@ -279,4 +279,4 @@ def test_flashing_without_pyocd_names_the_extra(
 def test_options_before_the_subcommand_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """They are those of the emulated STM32, and would be lost."""
     assert main(["stm32", *words]) == 2
-    assert "stand behind it: stm32 " in capsys.readouterr().err
+    assert "come after it: stm32 " in capsys.readouterr().err

@@ -81,7 +81,7 @@ def vehicle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str
     ):
         slave.expect("ready")
         address = gateway.expect(r"(ws://\S+) shows").group(1)
-        gateway.expect("here: uuv1")
+        gateway.expect("connected: uuv1")
         yield address, f"tcp/127.0.0.1:{port}"
 
 

@@ -213,7 +213,7 @@ def test_a_restarted_ros_master_receives_all_registrations(tmp_path: Any) -> Non
             assert wait_for(lambda: "/uuv1/gains/surge/p" in second.parameters)
             served.node.shutdown("/test", "[/test] Reason: new node registered with same name")
             assert served.gateway.wait() == 0
-            assert "ends: [/test] Reason: new node" in served.gateway.output
+            assert "ended: [/test] Reason: new node" in served.gateway.output
             assert not second.names("Publisher"), "it has withdrawn them"
 
 

@@ -14,7 +14,7 @@ def check_dive(tmp_path: Path, chart: str) -> None:
     with Program(tmp_path, *arguments) as program:
         assert program.wait() == 0, program.output
     assert "goal reached" in program.output
-    assert f"what it saw: {folder}/report.html" in program.output
+    assert f"report of the sensors: {folder}/report.html" in program.output
     report = (folder / "report.md").read_text()
     for name in ("map", "altitude", "camera", "sonar", "laser"):
         assert (folder / f"{name}.png").stat().st_size > 10_000

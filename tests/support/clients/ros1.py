@@ -201,7 +201,7 @@ def served_to_ros1(folder: Path, *options: str) -> Iterator[Served]:
         slave.expect("ready")
         words = ("ros1", "--connect", f"tcp/127.0.0.1:{port}", *options)
         with Program(folder, *words, environment={"ROS_MASTER_URI": master.uri}) as gateway:
-            gateway.expect("here: uuv1")
+            gateway.expect("connected: uuv1")
             served = Served(master, gateway, port)
             with served.node:
                 yield served

@@ -14,5 +14,5 @@ def served_vehicle(folder: Path) -> Iterator[str]:
     with Program(folder, "slave", path) as slave:
         slave.expect("ready")
         with Program(folder, "rosbridge", "--connect", f"tcp/127.0.0.1:{port}", "--listen", free_port()) as gateway:
-            gateway.expect("here: uuv1")
+            gateway.expect("connected: uuv1")
             yield gateway.expect(r"ws://\S+").group()

@@ -150,7 +150,7 @@ def test_a_topic_with_one_expected_message_is_not_reported_as_silent(
     monkeypatch.setattr(bench_stream, "_listen", lambda *_: (received, ()))
     for repeat, dead in (("1", "imu"), ("3", "diagnostics, imu")):
         assert main(["bench", "stream", "--seconds", "1", "--repeat", repeat]) == 0
-        assert f"nothing came on {dead}, though a slave of this scenario should" in capsys.readouterr().out
+        assert f"nothing was received on {dead}, though a slave of this scenario should" in capsys.readouterr().out
 
 
 def test_the_missing_share_follows_from_the_nominal_rate() -> None:
@@ -182,8 +182,8 @@ def test_a_leak_is_found_in_private_memory_after_enough_time(capsys: pytest.Capt
 def test_silences_and_late_reconnections_are_found() -> None:
     found = judge(Soak(looks_of(0.1), [0.01, 1.2, None], [Outage(36.0, 4.0, "uuv1 did not answer")]), 0.5)
     assert found == [
-        "a master that came back was not answered (1 of 3 times)",
-        "a return took 1.2 s",
+        "a master that reconnected got no sample (1 of 3 times)",
+        "a reconnection took 1.2 s",
         "silence from 0.010 h on, for 4.0 s: uuv1 did not answer",
     ]
 

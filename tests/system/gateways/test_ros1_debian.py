@@ -96,7 +96,7 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ros]:
         slave.expect("ready")
         words = ("ros1", "--connect", f"tcp/127.0.0.1:{slave_port}", "--command")
         with Program(folder, *words, environment={"ROS_MASTER_URI": ros.environment["ROS_MASTER_URI"]}) as gateway:
-            gateway.expect("here: uuv1")
+            gateway.expect("connected: uuv1")
             gateway.expect("the ROS master at .* is there")
             yield ros
         assert not [name for name in ros.run("rostopic", "list", "-p").split() if name.startswith("/uuv1")]

@@ -4,7 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from hil.commands.listening import Reach, add_connect, add_fleet, add_settings, reach_of, scenario_and_endpoints
+from hil.commands.listening import (
+    ConnectArguments,
+    add_connect,
+    add_fleet,
+    add_settings,
+    connect_arguments,
+    scenario_and_endpoints,
+)
 from hil.common.errors import ConfigError
 from hil.common.options import LOCAL_SLAVE, new_parser
 from tests.support.processes import write_scenario
@@ -46,19 +53,19 @@ def test_a_fleet_without_a_router_gives_its_vehicles_endpoints() -> None:
         endpoints_of("--scenario", "target_hunting")
 
 
-def reach(*words: str) -> Reach:
+def reach(*words: str) -> ConnectArguments:
     parser = new_parser("x", "", "")
     add_fleet(parser)
-    return reach_of(parser.parse_args(words))[1]
+    return connect_arguments(parser.parse_args(words))[1]
 
 
 def test_a_fleets_endpoint_is_the_option_or_else_the_scenarios(tmp_path: Path) -> None:
     path, port = scenario(tmp_path, '[security]\nslave = "keys/rov"\nmaster = "keys/base"\nmay_command = ["base"]\n')
-    assert reach() == Reach([LOCAL_SLAVE], routed=False, keys="")
-    assert reach("--routed", "--keys", "mine") == Reach([LOCAL_SLAVE], routed=True, keys="mine")
+    assert reach() == ConnectArguments([LOCAL_SLAVE], routed=False, keys="")
+    assert reach("--routed", "--keys", "mine") == ConnectArguments([LOCAL_SLAVE], routed=True, keys="mine")
     own = reach("--scenario", path)
     assert (own.endpoints, own.routed) == ([f"tcp/127.0.0.1:{port}"], False)
     assert own.keys == str(tmp_path / "keys" / "base")
     assert reach("--scenario", path, "--keys", "mine").keys == "mine"
     routed, _ = scenario(tmp_path, ROUTER)
-    assert reach("--scenario", routed) == Reach(["tcp/127.0.0.1:7448"], routed=True, keys="")
+    assert reach("--scenario", routed) == ConnectArguments(["tcp/127.0.0.1:7448"], routed=True, keys="")

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from hil.commands.slave import _parse, _quick
+from hil.commands.slave import _parse, _parse_plain
 
 VALUES = {
     "--listen": ("tcp/a:1", "tcp/b:2"),
@@ -18,7 +18,7 @@ VALUES = {
 @pytest.mark.parametrize("second", VALUES)
 def test_the_last_of_repeated_options_applies_as_with_argparse(first: str, second: str) -> None:
     words = ["paper_field", first, VALUES[first][0], second, VALUES[second][1]]
-    found = _quick(words)
+    found = _parse_plain(words)
     assert found is not None
     assert found == _parse(words)
     assert vars_of(found)[second[2:]] == VALUES[second][1]
@@ -27,12 +27,12 @@ def test_the_last_of_repeated_options_applies_as_with_argparse(first: str, secon
 @pytest.mark.parametrize("given", list(itertools.permutations(VALUES, 3)))
 def test_options_may_have_any_order(given: tuple[str, ...]) -> None:
     words = ["paper_field", *[word for name in given for word in (name, VALUES[name][0])]]
-    assert _quick(words) == _parse(words)
+    assert _parse_plain(words) == _parse(words)
 
 
 @pytest.mark.parametrize("words", [["--port", "x", "paper_field"], ["paper_field", "--port=x"], ["a", "--port", "-x"]])
 def test_unusual_command_lines_are_left_to_argparse(words: list[str]) -> None:
-    assert _quick(words) is None
+    assert _parse_plain(words) is None
 
 
 def vars_of(options: object) -> dict[str, str]:
