@@ -211,7 +211,7 @@ def collisions(panels: Sequence[Axes]) -> list[Finding]:
     depth.invert_yaxis()
     label(depth, "time (s)", "depth of the middle (m)", legend="upper right")
     label(total, "time (s)", "kinetic and potential energy (J)", legend="")
-    test = "unit/sim/environment/test_contact.py::test_falling_never_gains_energy"
+    test = "unit/sim/environment/test_contact.py::test_a_falling_vehicle_never_gains_energy"
     return [below("largest rise of energy in a step", rise, 1e-5, test, "J")]
 
 

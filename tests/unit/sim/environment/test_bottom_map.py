@@ -1,4 +1,4 @@
-"""Kinds of seabed by place: what is read, what sonars and cameras make of it, and files that do not fit."""
+"""Kinds of seabed by position: how files are read, what sonars and cameras make of them, and invalid files."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ def world_of(folder: Path, codes: list[int], text: str = "") -> World:
     return load_world(str(folder / "w.toml"))
 
 
-def test_the_nearest_node_counts_and_nothing_is_known_beyond(tmp_path: Path) -> None:
+def test_the_nearest_node_gives_the_kind_and_none_is_known_off_the_map(tmp_path: Path) -> None:
     kinds = world_of(tmp_path, [1, 2, 3, 4, 0, 6, 7, 8, 9]).bottom_map
     assert kinds is not None
     north, east = np.array([-50.0, -26.0, -24.0, 0.0, 74.0, 76.0]), np.array([-50.0, -26.0, 26.0, 0.0, 74.0, 0.0])
@@ -42,7 +42,7 @@ def test_the_nearest_node_counts_and_nothing_is_known_beyond(tmp_path: Path) -> 
     assert {name: NATURES[name].echo for name in PROPERTIES} == {n: p.echo for n, p in PROPERTIES.items()}
 
 
-def test_a_sonar_hears_rock_above_mud(tmp_path: Path) -> None:
+def test_a_sonar_receives_more_from_rock_than_from_mud(tmp_path: Path) -> None:
     """The bed ahead to port is mud, to starboard rock; the true picture has means alone."""
     world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
     sonar = ForwardSonar(
@@ -57,7 +57,7 @@ def test_a_sonar_hears_rock_above_mud(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("width", [0.0, 0.02])
-def test_a_profiler_hears_what_lies_below_each_beam(tmp_path: Path, width: float) -> None:
+def test_a_profiler_measures_the_seabed_kind_below_each_beam(tmp_path: Path, width: float) -> None:
     """The bed to port is mud, to starboard rock; its strengths are without the cosine of the other side."""
     world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 2.0))
@@ -68,7 +68,7 @@ def test_a_profiler_hears_what_lies_below_each_beam(tmp_path: Path, width: float
         assert strengths[40 - beam] - strengths[beam] == pytest.approx(apart, abs=0.01)
 
 
-def test_a_camera_sees_its_colours(tmp_path: Path) -> None:
+def test_a_camera_shows_the_colours_of_the_kinds(tmp_path: Path) -> None:
     model = CameraModel(ground_truth=True, width=41, height=31, exposure=1.0)
     down = Mounting(orientation=(0.0, -0.5 * np.pi, 0.0))
 
@@ -88,7 +88,7 @@ def test_a_camera_sees_its_colours(tmp_path: Path) -> None:
         ([1] * 9, "bottom_map = 3\n", "not valid TOML"),
     ],
 )
-def test_files_that_do_not_fit(tmp_path: Path, codes: list[int], text: str, output: str) -> None:
+def test_invalid_files_are_refused(tmp_path: Path, codes: list[int], text: str, output: str) -> None:
     with pytest.raises(ConfigError, match=output):
         world_of(tmp_path, codes, text)
     (tmp_path / "x.toml").write_text(HEAD + "bottom_map = 3\n")

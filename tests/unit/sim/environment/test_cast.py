@@ -1,4 +1,4 @@
-"""Profiles of the water from casts in CSV files."""
+"""Profiles of the water column from casts in CSV files."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -58,7 +58,7 @@ def test_temperature_and_salinity_make_density_and_speed_of_sound(tmp_path: Path
     assert found.density[3] == pytest.approx(1027.38 + 3.7, abs=0.15)
 
 
-def test_pressure_goes_for_depth_and_long_casts_are_averaged(tmp_path: Path) -> None:
+def test_pressure_is_converted_to_depth_and_long_casts_are_averaged(tmp_path: Path) -> None:
     rows = [f"{0.5 * k:.1f},{15.0 - 0.005 * k:.3f},34.0" for k in (*range(1600), *range(1599, 0, -1))]
     found = profile(tmp_path, "\n".join(["pressure,temperature,salinity", *rows]))
     assert len(found.depth) == MOST_ROWS
@@ -66,7 +66,7 @@ def test_pressure_goes_for_depth_and_long_casts_are_averaged(tmp_path: Path) -> 
     assert found.depth[-1] == pytest.approx(786.0, abs=3.0), "799.5 dbar less half a bin are 786 m"
 
 
-def test_what_is_measured_is_taken_as_it_is_and_read_again_when_it_changes(tmp_path: Path) -> None:
+def test_measured_columns_are_used_unchanged_and_changed_files_read_again(tmp_path: Path) -> None:
     text = "depth,density,sound_speed\n0,1025,1500\n40,1026,1490\n"
     assert profile(tmp_path, text) == Profile((0.0, 40.0), (1025.0, 1026.0), (1500.0, 1490.0))
     assert profile(tmp_path, text.replace("40,", "45.5,")).depth == (0.0, 45.5)
@@ -87,7 +87,7 @@ def test_errors_name_the_column_and_the_row(tmp_path: Path, text: str, words: st
 
 
 @pytest.mark.parametrize("rows", ["depth = [0.0]\ndensity = [1025.0]\n", "sound_speed = [1500.0]\n"])
-def test_rows_and_a_file_exclude_each_other(tmp_path: Path, rows: str) -> None:
+def test_rows_and_a_file_cannot_both_be_given(tmp_path: Path, rows: str) -> None:
     (tmp_path / "bay.toml").write_text(WORLD.format(origin="") + rows)
     with pytest.raises(ConfigError, match="leave depth, density and sound_speed out"):
         load_world(str(tmp_path / "bay.toml"))

@@ -1,3 +1,5 @@
+"""Collisions of a vehicle with walls, obstacles and the seabed."""
+
 from collections.abc import Sequence
 from math import pi
 from random import Random
@@ -44,22 +46,22 @@ def test_a_collision_never_adds_energy() -> None:
     assert contacts > 200
 
 
-def closing(touch: Touch, nu: Sequence[float]) -> float:
-    """Return how fast (m/s) a place of the hull moves into what it touches."""
+def closing_speed(touch: Touch, nu: Sequence[float]) -> float:
+    """Return how fast (m/s) a point of the hull moves into what it touches."""
     (x, y, z), (u, v, w, p, q, r) = touch.lever, nu
     velocity = u + q * z - r * y, v + r * x - p * z, w + p * y - q * x
     return -sum(a * b for a, b in zip(touch.normal, velocity, strict=True))
 
 
-def test_after_a_collision_nothing_closes() -> None:
+def test_after_a_collision_no_contact_point_closes() -> None:
     dynamics = Dynamics(VEHICLE, 1025.0, 9.8)
     contact = Contact(VEHICLE, SEA, dynamics.inverse_mass)
     state = State((1.75, 0.0, 5.0), normalise((1.0, 0.2, 0.1, 0.4)), (1.0, -0.8, 0.2, 0.1, 0.0, 0.3))
     assert rotate(state.quaternion, state.nu[:3])[0] > 0.5  # northwards, into the cylinder at 3 m
     touches = contact.find(state)
-    assert max(closing(touch, state.nu) for touch in touches) > 0.5
+    assert max(closing_speed(touch, state.nu) for touch in touches) > 0.5
     assert contact.resolve(state)
-    assert max(closing(touch, state.nu) for touch in touches) < 1e-4
+    assert max(closing_speed(touch, state.nu) for touch in touches) < 1e-4
     assert all(touch.depth < 1e-5 for touch in contact.find(state))
     state.nu = nu = [state.nu[0] - 3.0, *state.nu[1:]]  # on its way out again: nothing holds it
     contact.resolve(state)
@@ -67,8 +69,9 @@ def test_after_a_collision_nothing_closes() -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.5, 2.6, 4.0])
-def test_nothing_gets_through(heading: float) -> None:
-    """A vehicle that goes ahead at 1 m/s on one heading for 20 s within walls slides along things, never into them."""
+def test_a_vehicle_does_not_pass_through_walls_and_obstacles(heading: float) -> None:
+    """A vehicle that moves ahead at 1 m/s on one heading for 20 s within walls slides along obstacles, never into them.
+    """
     world = SEA._replace(walls=True)
     simulation = Simulation(VEHICLE, world, QUIET, dt_ns=STEP_NS, position=(0.0, 0.0, 5.0), heading=heading)
     for step in range(4000):
@@ -92,7 +95,7 @@ def sinking(**changes: object) -> Vehicle:
 
 
 @pytest.mark.parametrize("place", [(-8.0, -8.0, 2.0), (-5.0, 0.1, 2.0), (-5.0, 1.6, 2.0), (0.0, 4.9, 2.0)])
-def test_falling_never_gains_energy(place: tuple[float, float, float]) -> None:
+def test_a_falling_vehicle_never_gains_energy(place: tuple[float, float, float]) -> None:
     """Total energy falls step by step on the seabed, on top of a stump, on its edge and down along a box."""
     vehicle = sinking()
     dynamics = make_dynamics(vehicle, SEA.density, SEA.gravity, "rk4")
@@ -114,7 +117,7 @@ def test_falling_never_gains_energy(place: tuple[float, float, float]) -> None:
     assert contact.count >= 1
 
 
-def test_it_lies_on_top_of_a_stump() -> None:
+def test_a_vehicle_rests_on_top_of_a_stump() -> None:
     simulation = Simulation(sinking(linear_damping=(5.0,) * 6), SEA, QUIET, position=(-5.0, 0.0, 2.0))
     for _ in range(4000):
         simulation.step((1500,) * 6)
@@ -124,14 +127,14 @@ def test_it_lies_on_top_of_a_stump() -> None:
     assert max(map(abs, simulation.state.nu)) < 1e-4
 
 
-def test_over_a_stump_there_is_a_way() -> None:
+def test_a_start_is_inside_a_stump_only_at_its_depth() -> None:
     assert starts_inside(VEHICLE, SEA, (-5.0, 0.0, 7.0))
     assert starts_inside(VEHICLE, SEA, (9.0, 9.0, 9.95))
     assert not starts_inside(VEHICLE, SEA, (-5.0, 0.0, 5.0))
     assert not starts_inside(VEHICLE, SEA, (0.0, 0.0, 5.0))
 
 
-def test_it_passes_below_what_hangs_and_stops_at_its_underside() -> None:
+def test_a_vehicle_passes_below_a_pontoon_and_stops_at_its_underside() -> None:
     """A vehicle is clear below a pontoon 2 m deep, pushed down when it rises, and out of its side from beside."""
     pontoon = Box(0.0, 0.0, 6.0, 6.0, top=-1.0, bottom=2.0)
     world = World("harbour", "test", (-20.0, 20.0, -20.0, 20.0), 10.0, box=(pontoon,))
@@ -153,8 +156,8 @@ def test_it_passes_below_what_hangs_and_stops_at_its_underside() -> None:
     assert world.foot(pontoon._replace(bottom=50.0), 0.0, 0.0) == 10.0
 
 
-def test_what_is_met_on_a_long_way_does_not_depend_on_what_was_near_before() -> None:
-    """A way across 300 piles in 400 m has the same contacts as with a Contact that has never been elsewhere."""
+def test_contacts_do_not_depend_on_earlier_positions() -> None:
+    """A path across 300 piles in 400 m has the same contacts as with a new Contact at each step."""
     random = Random(3)
     piles = tuple(Cylinder(random.uniform(-200, 200), random.uniform(-200, 200), 1.0) for _ in range(300))
     world = World("piles", "test", (-200.0, 200.0, -200.0, 200.0), 30.0, cylinder=piles)

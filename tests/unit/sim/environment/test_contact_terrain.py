@@ -1,4 +1,4 @@
-"""A vehicle on relief: it is kept out of slopes and steps, slides, and makes no energy."""
+"""A vehicle on relief: it does not enter slopes and steps, slides, and gains no energy."""
 
 from array import array
 from collections.abc import Sequence
@@ -67,7 +67,7 @@ def test_a_collision_never_adds_kinetic_energy() -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, -2.2])
-def test_on_a_slope_it_is_put_back_along_the_normal(heading: float) -> None:
+def test_a_vehicle_in_a_slope_is_moved_out_along_the_normal(heading: float) -> None:
     slope = Slope(8.0, 0.5, heading)
     world, dynamics = world_of(slope), Dynamics(VEHICLE, 1025.0, 9.8)
     contact = Contact(VEHICLE, world, dynamics.inverse_mass)
@@ -86,7 +86,7 @@ def test_on_a_slope_it_is_put_back_along_the_normal(heading: float) -> None:
     assert sum(v * n for v, n in zip(velocity, out, strict=True)) >= 0.0
 
 
-def test_it_slides_down_a_slope() -> None:
+def test_a_vehicle_slides_down_a_slope() -> None:
     """The vehicle, without friction, gains speed along the slope as a body on an incline does, added mass included."""
     vehicle = sinking()
     simulation = Simulation(vehicle, world_of(Slope(6.0, 0.3)), {}, position=(-10.0, 0.0, 2.0))
@@ -112,7 +112,7 @@ RULES = [
 
 
 @pytest.mark.parametrize(("rule", "holes"), RULES, ids=lambda value: type(value).__name__)
-def test_a_ride_over_relief_makes_no_energy(rule: Slope, holes: int) -> None:
+def test_a_run_over_relief_gains_no_energy(rule: Slope, holes: int) -> None:
     """It falls on relief, slides and meets walls. Where a slope gets steeper a step may add what its own way is worth.
 
     Over the whole ride energy is lost, and nothing is in the seabed, which is checked at every fourth step.
@@ -144,8 +144,8 @@ def test_a_ride_over_relief_makes_no_energy(rule: Slope, holes: int) -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.2, 4.0])
-def test_nothing_gets_through_steps(heading: float) -> None:
-    """A vehicle goes ahead in a basin with an edge and pillars without data, on one heading: along them, never in."""
+def test_a_vehicle_does_not_pass_through_steps(heading: float) -> None:
+    """A vehicle moves ahead in a basin with an edge and pillars without data, on one heading: along them, never in."""
     grid = Grid(-6.0, -6.0, 1.0, 13, 13)
     depths = array("f", [9.0] * 169)
     depths[6 * 13 + 9] = depths[9 * 13 + 5] = nan
@@ -161,8 +161,8 @@ def test_nothing_gets_through_steps(heading: float) -> None:
     assert simulation.contacts > 0
 
 
-def test_it_lies_where_it_fell() -> None:
-    """It comes to rest in a hollow, with the water's drag, and that is one touch."""
+def test_a_vehicle_comes_to_rest_in_a_hollow() -> None:
+    """The water's drag stops it, and the whole is one contact."""
     vehicle = sinking()._replace(linear_damping=(20.0,) * 6)
     simulation = Simulation(vehicle, world_of(Sinusoid(8.0, 1.0, 10.0)), {}, dt_ns=STEP_NS, position=(-2.0, 0.0, 5.0))
     for _ in range(3000):
@@ -173,7 +173,7 @@ def test_it_lies_where_it_fell() -> None:
     assert max(map(abs, simulation.state.nu)) < 0.01
 
 
-def test_where_it_cannot_start() -> None:
+def test_a_start_inside_a_slope_is_detected() -> None:
     world = world_of(Slope(8.0, 0.5))
     assert not starts_inside(VEHICLE, world, (0.0, 0.0, 7.0))
     assert starts_inside(VEHICLE, world, (-4.0, 0.0, 7.0))

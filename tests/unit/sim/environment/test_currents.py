@@ -1,3 +1,5 @@
+"""Currents: layers, series, wandering currents and tides, against formulas and other simulators."""
+
 from itertools import pairwise
 from math import cos, exp, hypot, pi, radians, sin, sqrt
 from pathlib import Path
@@ -16,7 +18,7 @@ HOUR = 3600 * SECOND
 STILL = (0.0, 0.0, 0.0)
 
 
-def test_layers() -> None:
+def test_currents_by_layer_are_interpolated_in_depth() -> None:
     current = layered(Layers((5.0, 15.0, 35.0), north=(0.4, 0.2, 0.0), down=(0.0, 0.0, 0.1)))
     assert current(0, 5.0) == (0.4, 0.0, 0.0)
     assert current(9 * HOUR, 10.0) == pytest.approx((0.3, 0.0, 0.0))
@@ -25,7 +27,7 @@ def test_layers() -> None:
     assert current(0, 99.0) == (0.0, 0.0, 0.1)
 
 
-def test_series() -> None:
+def test_recorded_currents_are_interpolated_in_time() -> None:
     current = recorded(Series((10.0, 20.0, 60.0), north=(0.1, 0.3, -0.1), east=(0.0, 1.0, 1.0)))
     assert current(15 * SECOND, 3.0) == pytest.approx((0.2, 0.5, 0.0))
     assert current(40 * SECOND, 3.0) == pytest.approx((0.1, 1.0, 0.0))
@@ -65,7 +67,7 @@ def sampled(current: Current, dt_ns: int, seconds: float) -> list[float]:
     return [current(i * dt_ns, 0.0)[0] for i in range(round(seconds * SECOND / dt_ns))]
 
 
-def test_the_formula_of_others_depends_on_the_step_and_forgets_its_mean() -> None:
+def test_the_formula_of_other_simulators_depends_on_the_step() -> None:
     """The same current has an sd of 2.04, 0.646 and 0.205 m/s at steps of 1, 10 and 100 ms by the formula of others."""
     sizes = [gazebo_spread(0.1, 0.1, dt) for dt in (0.001, 0.01, 0.1)]
     assert sizes == pytest.approx([2.04, 0.646, 0.205], rel=0.005)
@@ -73,8 +75,8 @@ def test_the_formula_of_others_depends_on_the_step_and_forgets_its_mean() -> Non
     assert abs(fmean(gazebo_path(0.1, 0.1, 0.1, 1.0, 20_000.0))) < 0.05  # and it was to have mean 1
 
 
-def test_a_wandering_current_keeps_its_mean_and_size_at_every_step() -> None:
-    """The same seed is the same current, whatever the step, and its mean and size are those asked for."""
+def test_a_wandering_current_has_its_mean_and_size_at_every_step() -> None:
+    """The same seed gives the same current, whatever the step, and its mean and size are the requested ones."""
     paths = {rate: sampled(Wandering(MODEL, 3), step, 1500.0) for rate, step in RATE_STEPS.items() if rate != 1000}
     paths[1000] = sampled(Wandering(MODEL, 3), RATE_STEPS[1000], 100.0)
     assert paths[100][::10] == paths[10]
@@ -84,7 +86,7 @@ def test_a_wandering_current_keeps_its_mean_and_size_at_every_step() -> None:
         assert pstdev(paths[rate]) == pytest.approx(SD, rel=0.07)
 
 
-def test_a_wandering_current_has_the_memory_asked_for() -> None:
+def test_a_wandering_current_has_the_requested_correlation_time() -> None:
     values = sampled(Wandering(MODEL, 4), RATE_STEPS[10], 3000.0)
     for lag in (1, 5, 10):
         changes = [b - a for a, b in zip(values, values[lag:], strict=False)]
@@ -100,7 +102,7 @@ def test_a_wandering_current_has_its_size_from_the_start() -> None:
     assert abs(fmean([(n - MEAN) * e for n, e in zip(north, east, strict=True)])) < 0.1 * SD * 0.1  # independent
 
 
-def test_seeds_of_a_wandering_current() -> None:
+def test_the_seed_determines_a_wandering_current() -> None:
     assert Wandering(MODEL, 3)(7 * SECOND, 0.0) == Wandering(MODEL, 3)(7 * SECOND, 30.0)
     assert Wandering(MODEL, 3)(7 * SECOND, 0.0) != Wandering(MODEL, 4)(7 * SECOND, 0.0)
     assert Wandering(MODEL, 42)(0, 0.0)[0] == pytest.approx(0.5 + SD * Random("42/ocean.gauss_markov").gauss(0.0, 1.0))
@@ -115,8 +117,8 @@ def dave_tide(level: float, flood: float, ebb: float) -> tuple[float, float]:
     return -cos(radians(heading)) * level, -sin(radians(heading)) * level
 
 
-def test_the_tide_turns() -> None:
-    """The flood and ebb of dave, with its headings of 255 and 69 deg, flow the same way; ours turn about."""
+def test_the_tidal_current_reverses_its_direction() -> None:
+    """Flood and ebb of dave, with its headings of 255 and 69 deg, flow the same way; ours reverse."""
     (flood_n, flood_e), (ebb_n, ebb_e) = dave_tide(1.0, 255.0, 69.0), dave_tide(-1.0, 255.0, 69.0)
     assert flood_n * ebb_n + flood_e * ebb_e > 0.99
     current = tidal([Tide("M2", 0.6, radians(75.0))])
@@ -141,7 +143,7 @@ SUN, MOON, PERIGEE = 0.0410686, 0.5490165, 0.0046418  # mean motion in degrees a
         ("O1", 15.0 + SUN - 2.0 * MOON, 25.8193),
     ],
 )
-def test_periods_of_the_constituents(name: Constituent, speed: float, hours: float) -> None:
+def test_tidal_constituents_have_their_periods(name: Constituent, speed: float, hours: float) -> None:
     """Periods follow from the motions of sun, moon and the moon's perigee; in hours they are those of every almanac."""
     assert TIDAL_SPEEDS[name] == pytest.approx(speed, abs=1.5e-7)
     assert 360.0 / TIDAL_SPEEDS[name] == pytest.approx(hours, abs=6e-5)
@@ -157,7 +159,7 @@ def test_phase_is_the_lag_of_the_flood() -> None:
     assert current(3 * HOUR, 0.0)[0] == pytest.approx(0.5)
 
 
-def test_spring_and_neap() -> None:
+def test_m2_and_s2_give_spring_and_neap_tides() -> None:
     """M2 and S2 beat: spring tides every 14.77 days, neap in between."""
     current = tidal([Tide("M2", 0.6, 0.0), Tide("S2", 0.2, 0.0)])
 
@@ -169,7 +171,7 @@ def test_spring_and_neap() -> None:
     assert strongest(14.765) == pytest.approx(0.8, abs=0.01)
 
 
-def test_two_lines_make_an_ellipse() -> None:
+def test_two_constituents_across_make_a_tidal_ellipse() -> None:
     current = tidal([Tide("M2", 0.5, 0.0), Tide("M2", 0.3, pi / 2, phase=pi / 2)])
     speeds = [hypot(*current(i * HOUR // 20, 0.0)[:2]) for i in range(500)]
     assert max(speeds) == pytest.approx(0.5, abs=1e-3)
@@ -217,7 +219,7 @@ down = [0, 0.1]
 """
 
 
-def test_a_world_with_currents(tmp_path: Path) -> None:
+def test_a_world_file_can_have_currents(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(GOOD)
     for _ in range(2):  # the second time from the cache
@@ -246,7 +248,7 @@ def test_a_world_with_currents(tmp_path: Path) -> None:
         ('[[ocean.tide]]\nconstituent = "M2"\namplitude = 1\nheading = "75"', "heading: has no unit"),
     ],
 )
-def test_wrong_oceans_are_named(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_ocean_tables_are_reported(text: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n{text}\n')
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:

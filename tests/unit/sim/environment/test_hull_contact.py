@@ -1,4 +1,4 @@
-"""The shape of a hull that touches, how it turns, bounces, slides and comes to rest."""
+"""The collision shape of a hull: how it turns, bounces, slides and comes to rest."""
 
 from collections.abc import Sequence
 from math import pi, radians, sqrt
@@ -37,7 +37,7 @@ def ball(collision: Collision, **changes: object) -> Vehicle:
     return FRAME._replace(**{**plain, **changes})  # type: ignore[arg-type]
 
 
-def test_a_torpedo_is_a_capsule_and_a_frame_a_box() -> None:
+def test_torpedoes_are_capsules_and_frames_are_boxes() -> None:
     capsule, box = (make_shape(Collision(), vehicle.dimensions) for vehicle in (TORPEDO, FRAME))
     length, width, _ = TORPEDO.dimensions
     assert capsule.points == (
@@ -54,7 +54,7 @@ def test_a_torpedo_is_a_capsule_and_a_frame_a_box() -> None:
 
 
 @pytest.mark.parametrize("vehicle", [TORPEDO, FRAME])
-def test_the_quick_look_bounds_the_hull(vehicle: Vehicle) -> None:
+def test_the_bounding_extent_contains_the_hull(vehicle: Vehicle) -> None:
     shape, chance = make_shape(Collision(), vehicle.dimensions), Random(1)
     for _ in range(200):
         n = [chance.gauss(0.0, 1.0) for _ in range(3)]
@@ -67,7 +67,7 @@ def test_the_quick_look_bounds_the_hull(vehicle: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("keys", [{"shape": "spheres"}, {"spheres": [[0, 0, 0, 1]]}, {"friction": -1}, {"bounce": 1}])
-def test_keys_that_cannot_be(keys: dict[str, object]) -> None:
+def test_invalid_collision_keys_are_refused(keys: dict[str, object]) -> None:
     with pytest.raises(ConfigError, match="collision: "):
         parse(keys, Collision, "collision")
 
@@ -93,8 +93,8 @@ def test_a_nose_or_stern_that_touches_turns_the_vehicle_level(pitch: float) -> N
     assert contact.impulse[4] * pitch < 0.0
 
 
-def test_it_turns_from_a_pile_that_its_flank_hits() -> None:
-    """A vehicle that goes sideways meets a thin pile ahead of its middle: the bow is held, the stern goes on."""
+def test_a_pile_that_hits_the_flank_turns_the_vehicle() -> None:
+    """A vehicle moving sideways hits a thin pile ahead of its middle: the bow is stopped, the stern goes on."""
     world = SEA._replace(cylinder=(Cylinder(0.4, 1.0, 0.05),))
     contact = Contact(TORPEDO, world, Dynamics(TORPEDO, 1025.0, 9.8).inverse_mass, DT)
     state = State((0.0, 1.0 - 0.05 - 0.094, 5.0), nu=(0.0, 0.5, 0.0, 0.0, 0.0, 0.0))
@@ -105,7 +105,7 @@ def test_it_turns_from_a_pile_that_its_flank_hits() -> None:
 
 
 @pytest.mark.parametrize("restitution", [0.3, 0.5, 0.8])
-def test_it_bounces_as_high_as_restitution_says(restitution: float) -> None:
+def test_a_bounce_has_the_height_of_its_restitution(restitution: float) -> None:
     simulation = Simulation(ball(Collision(restitution=restitution)), SEA, {}, position=(0.0, 0.0, 17.8))
     highest, speeds = 20.0, []
     for _ in range(4000):
@@ -119,7 +119,7 @@ def test_it_bounces_as_high_as_restitution_says(restitution: float) -> None:
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.2, 0.5])
-def test_sliding_along_a_wall_costs_speed(friction: float) -> None:
+def test_sliding_along_a_wall_reduces_speed(friction: float) -> None:
     """A ball that meets a wall at an angle loses friction (1 + e) times its closing speed, and takes a spin."""
     vehicle = ball(Collision(friction=friction, restitution=0.4), neutrally_buoyant=True)
     contact = Contact(vehicle, WALLED, Dynamics(vehicle, 1025.0, 9.8).inverse_mass, DT)
@@ -171,7 +171,7 @@ TUMBLES = [
 
 
 @pytest.mark.parametrize(("restitution", "friction", "attitude"), TUMBLES)
-def test_tumbling_on_the_seabed_makes_no_energy(restitution: float, friction: float, attitude: Sequence[float]) -> None:
+def test_tumbling_on_the_seabed_gains_no_energy(restitution: float, friction: float, attitude: Sequence[float]) -> None:
     """A box falls on a corner, tumbles and bounces without any drag; 48 J are to be lost.
 
     A single step may add a little, as much as the way of that step; over the whole fall no energy is added.
@@ -194,7 +194,7 @@ def test_tumbling_on_the_seabed_makes_no_energy(restitution: float, friction: fl
     assert most < (2e-3 if restitution < 1.0 else 0.4)
 
 
-def test_what_lies_on_the_seabed_is_quiet() -> None:
+def test_a_vehicle_that_lies_on_the_seabed_stays_at_rest() -> None:
     vehicle = FRAME._replace(neutrally_buoyant=False, mass=FRAME.mass + 3.0)
     simulation = Simulation(vehicle, SEA, {}, position=(0.0, 0.0, 19.0))
     simulation.state.quaternion = from_euler(0.3, 0.2, 0.5)
@@ -210,7 +210,7 @@ def test_what_lies_on_the_seabed_is_quiet() -> None:
     assert max(abs(x) for x in to_euler(simulation.state.quaternion)[:2]) < 0.01 * pi
 
 
-def test_of_many_obstacles_those_far_away_are_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_distant_obstacles_are_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Obstacles within 500 m, of thousands on a chart, are found wherever the vehicle comes from."""
     piles = tuple(Cylinder(20.0 * k, 40.0, 1.0) for k in range(1000))
     measured: list[float] = []

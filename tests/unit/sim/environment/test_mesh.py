@@ -1,4 +1,4 @@
-"""Meshes of a world: axes and scale of a file, what rays, contact and sensors make of them, and files that are none."""
+"""Meshes of a world: axes and scale of a file, rays, contact and sensors on them, and invalid files."""
 
 from math import cos, inf, pi, sin
 from pathlib import Path
@@ -44,7 +44,7 @@ def world_with(folder: Path, file: str = "block.stl", **keys: object) -> World:
 
 
 @pytest.mark.parametrize("name", ["block.stl", "block.obj", "block.glb"])
-def test_every_format_stands_the_same_way(tmp_path: Path, name: str) -> None:
+def test_every_file_format_gives_the_same_orientation(tmp_path: Path, name: str) -> None:
     """The mast is at the front, to the left and up: north-west and above of a block that is not turned."""
     block(tmp_path, name, 1000.0)
     mesh = world_with(tmp_path, name, scale=0.001).mesh[0]
@@ -56,7 +56,7 @@ def test_every_format_stands_the_same_way(tmp_path: Path, name: str) -> None:
     assert (mesh.top, mesh.bottom) == pytest.approx((6.5, 8.5))
 
 
-def test_yaw_turns_it_clockwise_and_pitch_raises_its_front(tmp_path: Path) -> None:
+def test_yaw_turns_a_mesh_clockwise_and_pitch_raises_its_front(tmp_path: Path) -> None:
     block(tmp_path)
     corners = np.array(world_with(tmp_path, orientation=(0.0, 0.0, 0.5 * pi)).mesh[0].placed).reshape(-1, 3)
     np.testing.assert_allclose(corners[corners[:, 2] < 6.6].mean(axis=0), (10.9, 1.9, 6.5), atol=0.05)
@@ -65,8 +65,8 @@ def test_yaw_turns_it_clockwise_and_pitch_raises_its_front(tmp_path: Path) -> No
     assert front[:, 2].mean() < pitched[pitched[:, 0] < 10.0][:, 2].mean() - 0.5
 
 
-def test_rays_meet_it_as_they_meet_a_block(tmp_path: Path) -> None:
-    """Rays meet it as a block of the same outline, from all around; object numbers follow piles and blocks."""
+def test_rays_hit_a_mesh_like_a_block(tmp_path: Path) -> None:
+    """Rays hit it as a block of the same outline, from all around; object numbers follow piles and blocks."""
     trimesh.creation.box(SIZES).export(str(tmp_path / "plain.stl"))
     meshed = world_with(tmp_path, "plain.stl", orientation=(0.0, 0.0, 0.4))
     boxed = EMPTY._replace(box=(Box(10.0, 0.0, 4.0, 2.0, 0.4, 7.5, bottom=8.5),))
@@ -82,7 +82,7 @@ def test_rays_meet_it_as_they_meet_a_block(tmp_path: Path) -> None:
     assert RayScene(both).hits((4.0, 0.0, 8.0), np.array([1.0, 0.0, 0.0]), 20.0).objects[0] == 2
 
 
-def test_a_vehicle_stops_at_it_slides_below_it_and_may_not_start_in_it(tmp_path: Path) -> None:
+def test_a_vehicle_stops_at_a_mesh_slides_below_it_and_cannot_start_in_it(tmp_path: Path) -> None:
     world = world_with(tmp_path, block(tmp_path), name="the wreck")
     inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
     contact, ahead, below = Contact(VEHICLE, world, inverse), 0.5 * VEHICLE.dimensions[0], 0.5 * VEHICLE.dimensions[2]
@@ -106,7 +106,7 @@ def test_a_vehicle_stops_at_it_slides_below_it_and_may_not_start_in_it(tmp_path:
     assert 30.0 - 3.0 < far.room()[2] < 30.0
 
 
-def test_planners_see_it_at_the_depths_that_it_has(tmp_path: Path) -> None:
+def test_a_mesh_is_on_the_map_at_its_depths(tmp_path: Path) -> None:
     world = world_with(tmp_path, block(tmp_path))
     level = map_at(world, 8.0, 0.3, 0.25)
     assert not level.is_free((8.1, 0.9))
@@ -121,7 +121,7 @@ def test_planners_see_it_at_the_depths_that_it_has(tmp_path: Path) -> None:
     assert world.clearance(10.0, 0.0, 5.0, height=0.3) == inf
 
 
-def test_its_colour_is_what_a_camera_sees(tmp_path: Path) -> None:
+def test_a_camera_shows_the_colour_of_a_mesh(tmp_path: Path) -> None:
     world = world_with(tmp_path, block(tmp_path), colour=(0.9, 0.1, 0.2))
     assert Scenery(world, 2).colours[1] == pytest.approx((0.9, 0.1, 0.2))
     assert Scenery(world_with(tmp_path), 2).colours[1] != pytest.approx((0.9, 0.1, 0.2))
@@ -130,7 +130,7 @@ def test_its_colour_is_what_a_camera_sees(tmp_path: Path) -> None:
 HEAD = 'name = "w"\nsource = ""\nextent = [-50, 50, -50, 50]\ndepth = 30\n'
 
 
-def test_a_world_file_has_meshes_beside_it(tmp_path: Path) -> None:
+def test_a_world_file_names_mesh_files_relative_to_itself(tmp_path: Path) -> None:
     block(tmp_path)
     (tmp_path / "w.toml").write_text(
         HEAD + '[[mesh]]\nfile = "block.stl"\nnorth = 10\neast = 0\ndepth = "8 m"\norientation = [0, 0, "90 deg"]\n'
@@ -159,7 +159,7 @@ def test_a_world_file_has_meshes_beside_it(tmp_path: Path) -> None:
         ('mesh = "block.stl"\n', r"mesh: expected tables, each under \[\[mesh\]\]"),
     ],
 )
-def test_meshes_that_cannot_be_meant(tmp_path: Path, text: str, output: str) -> None:
+def test_invalid_meshes_are_refused(tmp_path: Path, text: str, output: str) -> None:
     block(tmp_path)
     (tmp_path / "broken.stl").write_bytes(b"solid nothing\n" + bytes(range(256)))
     (tmp_path / "text.glb").write_text("no mesh")

@@ -1,4 +1,4 @@
-"""The model of what water does to a picture, against numbers worked out by hand."""
+"""The model of the optical effects of water on a picture, against numbers worked out by hand."""
 
 from math import exp, sqrt
 from typing import get_args
@@ -17,7 +17,7 @@ WATER = Water((0.5, 0.2, 0.1), (0.4, 0.3, 0.05), (0.02, 0.1, 0.2))
 TYPES = [name for name in get_args(WaterType) if name != "clear"]
 
 
-def test_a_picture_by_hand() -> None:
+def test_a_picture_has_the_values_worked_out_by_hand() -> None:
     """Each term of the equation counts on its own, for two pixels at 2 m and at 10 m."""
     picture, ways = np.array([[[0.8, 0.6, 0.4], [1.0, 0.5, 0.0]]]), np.array([[2.0, 10.0]])
     wet = underwater(picture, ways, WATER)
@@ -29,7 +29,7 @@ def test_a_picture_by_hand() -> None:
     assert wet[0, 0, 0] == pytest.approx(0.8 * 0.36787944 + 0.02 * (1.0 - 0.44932896), rel=1e-6)
 
 
-def test_jaffe_mcglamery_is_the_case_of_one_coefficient() -> None:
+def test_jaffe_mcglamery_is_the_case_of_equal_coefficients() -> None:
     """The equation I = J e^-cz + B (1 - e^-cz) leaves a picture of the veil's own colour as it is."""
     water = jaffe_mcglamery((0.3, 0.2, 0.1), (0.1, 0.2, 0.3))
     assert water.attenuation == water.backscatter
@@ -42,13 +42,13 @@ def test_jaffe_mcglamery_is_the_case_of_one_coefficient() -> None:
 
 @pytest.mark.parametrize("water", [WATER, CLEAR])
 @pytest.mark.parametrize("nothing", [np.inf, np.nan])
-def test_where_there_is_nothing_there_is_the_veil(water: Water, nothing: float) -> None:
+def test_infinite_or_undefined_ranges_give_the_veiling_light(water: Water, nothing: float) -> None:
     wet = underwater([[0.9, 0.9, 0.9], [0.9, 0.9, 0.9]], [nothing, 0.0], water)
     assert wet[0] == pytest.approx(water.veil)
     assert wet[1] == pytest.approx([0.9, 0.9, 0.9])
 
 
-def test_bytes_are_srgb() -> None:
+def test_bytes_are_srgb_encoded() -> None:
     """Each of the 256 levels comes back as it was; between, the light counts and not the level."""
     levels = np.arange(256, dtype=np.uint8)
     grey = np.stack([levels] * 3, axis=-1)
@@ -59,12 +59,12 @@ def test_bytes_are_srgb() -> None:
     assert optics.encode(np.array([-1.0, 0.0, 2.0])).tolist() == [0, 0, 255]
 
 
-def test_ray_lengths() -> None:
+def test_ray_lengths_follow_from_the_depths() -> None:
     lengths = ray_lengths(3, 1, 2.0, 2.0, 1.0, 0.0)
     assert lengths[0] == pytest.approx([sqrt(1.25), 1.0, sqrt(1.25)])
 
 
-def test_jerlovs_types_are_those_a_camera_may_name() -> None:
+def test_every_jerlov_type_can_be_named_by_a_camera() -> None:
     table = read_table(f"{preset_folder('sim/data')}/jerlov.toml")
     assert sorted(TYPES) == sorted(table["types"])
     for rows in table["types"].values():
@@ -74,7 +74,7 @@ def test_jerlovs_types_are_those_a_camera_may_name() -> None:
         jerlov("IC")
 
 
-def test_of_one_wavelength_the_coefficients_are_those_of_the_water(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_coefficients_of_one_wavelength_are_those_of_the_water(monkeypatch: pytest.MonkeyPatch) -> None:
     """A camera of 650, 550 and 450 nm alone has a + b for both coefficients there, and the veil 0.3125 b E / c."""
     lines = {"red": (650.0, 0.1), "green": (550.0, 0.1), "blue": (450.0, 0.1)}
     monkeypatch.setattr(optics, "_SENSITIVITY", lines)
@@ -90,7 +90,7 @@ def test_of_one_wavelength_the_coefficients_are_those_of_the_water(monkeypatch: 
     assert forward.attenuation[1] == pytest.approx(0.0595 + 0.499)
 
 
-def test_of_broad_colours_scene_and_veil_go_different_ways() -> None:
+def test_broad_colours_have_different_coefficients_for_scene_and_veil() -> None:
     """Akkaynak & Treibitz found that the two coefficients differ, and the scene's falls with range."""
     near, far = jerlov("I", distance=1.0), jerlov("I", distance=20.0)
     assert near.attenuation[0] > 1.2 * near.backscatter[0]
@@ -99,8 +99,8 @@ def test_of_broad_colours_scene_and_veil_go_different_ways() -> None:
 
 
 @pytest.mark.parametrize("name", TYPES)
-def test_natural_waters(name: str) -> None:
-    """Turbid types weaken more; deeper it is darker, and red goes before what the type lets through best."""
+def test_natural_waters_darken_with_depth_and_lose_red_first(name: str) -> None:
+    """Deeper water is darker, and red is absorbed before the colour that the type transmits best."""
     shallow, deep = jerlov(name, 1.0), jerlov(name, 20.0)
     assert all(a > b for a, b in zip(shallow.light, deep.light, strict=True))
     assert all(0.0 < x < 1.0 for x in (*shallow.light, *shallow.veil, *deep.veil))
@@ -108,7 +108,7 @@ def test_natural_waters(name: str) -> None:
     assert (deep.light[2] > deep.light[1]) == (name in ("I", "IA", "IB", "II"))
 
 
-def test_turbid_waters_weaken_more() -> None:
+def test_turbid_waters_attenuate_more() -> None:
     ocean = [jerlov(name).attenuation[1] for name in ("I", "IA", "IB", "II", "III")]
     coast = [jerlov(name).attenuation[1] for name in ("1C", "3C", "7C", "9C")]
     assert ocean == sorted(ocean)

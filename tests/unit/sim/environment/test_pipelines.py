@@ -1,4 +1,4 @@
-"""Pipelines and cables: what rays, contact and planners meet of them, on flat beds and on relief."""
+"""Pipelines and cables: rays, contact and planners on flat beds and on relief."""
 
 from math import inf
 from pathlib import Path
@@ -27,7 +27,7 @@ FLAT = World("flat", "test", EXTENT, 20.0, pipeline=(Pipeline(((-100.0, 0.0), (0
 DOWN = np.array([0.0, 0.0, 1.0])
 
 
-def test_it_lies_on_the_bed_and_is_round() -> None:
+def test_a_pipeline_lies_on_the_bed_and_is_round() -> None:
     scene = RayScene(FLAT)
     for east in (0.0, 0.2, -0.4):
         assert scene.ranges((-50.0, east, 10.0), DOWN, 50.0)[0] == pytest.approx(9.5 - (0.25 - east**2) ** 0.5)
@@ -39,7 +39,7 @@ def test_it_lies_on_the_bed_and_is_round() -> None:
     assert scene.ranges((60.0, 60.0, 10.0), DOWN, 50.0)[0] == 10.0, "beyond its end"
 
 
-def test_it_is_one_object_wherever_a_sensor_goes_and_what_is_added_keeps_its_number() -> None:
+def test_a_pipeline_is_one_object_and_added_objects_keep_their_numbers() -> None:
     from sim.rays.solids import sphere
 
     scene = RayScene(FLAT)
@@ -52,7 +52,7 @@ def test_it_is_one_object_wherever_a_sensor_goes_and_what_is_added_keeps_its_num
 
 
 @pytest.mark.parametrize("height", [0.0, -0.3, 2.0])
-def test_it_follows_relief_and_may_be_buried_or_stand_off(height: float) -> None:
+def test_a_pipeline_follows_relief_buried_or_raised(height: float) -> None:
     terrain = Terrain(covering(EXTENT, 2.0), Sinusoid(15.0, 2.0, 60.0).depths(covering(EXTENT, 2.0)), 15.0)
     pipe = Pipeline(((-150.0, 3.0), (150.0, 3.0)), 0.6, height)
     scene = RayScene(FLAT._replace(terrain=terrain, pipeline=(pipe,)))
@@ -61,7 +61,7 @@ def test_it_follows_relief_and_may_be_buried_or_stand_off(height: float) -> None
         assert found == pytest.approx(terrain.depth(north, 3.0) - height - 0.6, abs=0.06)
 
 
-def test_what_is_all_buried_or_on_land_is_not_met() -> None:
+def test_pipelines_buried_or_on_land_are_not_hit() -> None:
     terrain = Terrain(covering(EXTENT, 5.0), Slope(0.0, 0.2).depths(covering(EXTENT, 5.0)), 15.0)  # land in the south
     pipe = Pipeline(((-150.0, 0.0), (150.0, 0.0)), 1.0)
     assert all(end[2] > -1.0 for piece in pipe.pieces(terrain.depth, 5.0) for end in piece)
@@ -70,7 +70,7 @@ def test_what_is_all_buried_or_on_land_is_not_met() -> None:
     assert RayScene(buried).hits((0.0, 0.0, 10.0), DOWN, 50.0).objects[0] == SEABED
 
 
-def test_a_route_follows_it_at_an_altitude() -> None:
+def test_a_route_follows_a_pipeline_at_an_altitude() -> None:
     route = FLAT.pipeline[0].route(FLAT.seabed, 10.0, altitude=2.0)
     assert route[0] == pytest.approx((-100.0, 0.0, 17.5))
     assert route[-1] == pytest.approx((50.0, 50.0, 17.5))
@@ -78,7 +78,7 @@ def test_a_route_follows_it_at_an_altitude() -> None:
     assert 8.0 < steps.min() <= steps.max() <= 10.0
 
 
-def test_only_what_is_near_of_a_long_one_is_looked_at() -> None:
+def test_only_the_near_part_of_a_long_pipeline_is_computed() -> None:
     requested: list[float] = []
 
     def seabed(north: float, _: float) -> float:
@@ -92,7 +92,7 @@ def test_only_what_is_near_of_a_long_one_is_looked_at() -> None:
     assert max(other[0] for _, other in pieces) >= 1060.0
 
 
-def test_a_vehicle_touches_it_and_planners_go_round_it_only_near_the_bed() -> None:
+def test_a_pipeline_is_an_obstacle_only_near_the_bed() -> None:
     world = FLAT._replace(pipeline=(Pipeline(((-100.0, 0.0), (100.0, 0.0)), 2.0, name="outfall"),))
     contact = Contact(VEHICLE, world, Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass)
     state = State((3.0, -4.0, 19.0), (2.0**-0.5, 0.0, 0.0, 2.0**-0.5))
@@ -110,7 +110,7 @@ def test_a_vehicle_touches_it_and_planners_go_round_it_only_near_the_bed() -> No
     assert world.clearance(0.0, 5.0) == pytest.approx(4.0)
 
 
-def test_above_a_long_one_a_step_looks_only_at_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_above_a_long_pipeline_computes_its_near_part_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """No piece is computed again until the vehicle has moved on, and no ray is cast from 3 m above."""
     line = tuple((-1000.0 + k, 0.01 * (k % 7)) for k in range(2001))
     contact = Contact(
@@ -130,19 +130,19 @@ def test_above_a_long_one_a_step_looks_only_at_what_is_near(monkeypatch: pytest.
     assert 20 <= len(looked) < 20 * 60
 
 
-def test_far_from_one_nothing_is_looked_at_until_it_may_be_near() -> None:
+def test_a_distant_pipeline_gives_the_free_distance_to_it() -> None:
     contact = Contact(VEHICLE, FLAT, Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass)
     assert not contact.resolve(State((0.0, -150.0, 19.0)))
     assert 140.0 < contact.room()[2] < 150.0
 
 
-def test_cameras_and_sonars_know_what_it_is_made_of() -> None:
+def test_cameras_and_sonars_use_colour_and_echo_of_a_pipeline() -> None:
     world = FLAT._replace(pipeline=(FLAT.pipeline[0]._replace(colour=(0.9, 0.1, 0.2), echo=5.0),))
     assert list(world.looks()) == [(1, (0.9, 0.1, 0.2), 5.0)]
     assert Scenery(world, 2).colours[1] == pytest.approx((0.9, 0.1, 0.2))
 
 
-def test_a_world_file_has_pipelines(tmp_path: Path) -> None:
+def test_a_world_file_can_have_pipelines(tmp_path: Path) -> None:
     head = 'name = "w"\nsource = ""\nextent = [-50, 50, -50, 50]\ndepth = 30\n'
     (tmp_path / "w.toml").write_text(head + '[[pipeline]]\npoints = [[0, 0], ["10 m", 5]]\nkind = "cable"\n')
     (pipe,) = load_world(str(tmp_path / "w.toml")).pipeline
@@ -158,7 +158,7 @@ def test_a_world_file_has_pipelines(tmp_path: Path) -> None:
             load_world(str(tmp_path / "w.toml"))
 
 
-def test_on_a_coarse_map_a_cell_is_occupied_where_any_part_of_a_pipeline_may_be() -> None:
+def test_coarse_map_cells_are_occupied_by_any_part_of_a_pipeline() -> None:
     """A thick pipeline reaches 0.2 m into cells of 2 m with its edge, not to their middles."""
     world = FLAT._replace(pipeline=(Pipeline(((-100.0, 0.0), (100.0, 0.0)), 4.4),))
     coarse = map_at(world, 18.5, 0.5, 2.0, is_coarse=True)

@@ -1,4 +1,4 @@
-"""Shapes made by rule: their sizes and places, nets that rays pass and vehicles do not, chains, and wrong keys."""
+"""Parametric shapes: sizes and positions, nets that rays pass and vehicles do not, chains, and wrong keys."""
 
 import itertools
 from math import hypot, inf, radians
@@ -32,7 +32,7 @@ def corners(world: World) -> Any:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_stands_on_the_bed_or_hangs_from_the_surface(tmp_path: Path, kind: str) -> None:
+def test_every_kind_stands_on_the_bed_or_hangs_from_the_surface(tmp_path: Path, kind: str) -> None:
     places = corners(world_of(tmp_path, f'[[shape]]\nkind = "{kind}"\nnorth = 10\neast = -5\n'))
     assert np.isfinite(places).all()
     low, high = places.min(axis=0), places.max(axis=0)
@@ -56,12 +56,12 @@ def test_each_kind_stands_on_the_bed_or_hangs_from_the_surface(tmp_path: Path, k
         ('kind = "rope"\ndrop = 8\nspan = 6\ndiameter = 0.02', (6.0, 0.02, 8.0)),
     ],
 )
-def test_sizes_are_those_of_the_keys(tmp_path: Path, text: str, size: tuple[float, ...]) -> None:
+def test_shapes_have_the_sizes_of_their_keys(tmp_path: Path, text: str, size: tuple[float, ...]) -> None:
     places = corners(world_of(tmp_path, f"[[shape]]\n{text}\nnorth = 0\neast = 0\n"))
     assert np.ptp(places, axis=0) == pytest.approx(size, abs=0.25 if "chain" in text else 0.12)
 
 
-def test_a_chain_hangs_as_a_catenary_of_its_length_and_lies_on_the_level_of_its_end() -> None:
+def test_a_chain_hangs_as_a_catenary_and_lies_at_the_depth_of_its_end() -> None:
     line = hanging(30.0, 5.0, 40.0, 4001)
     assert line[-1] == pytest.approx((30.0, 0.0, 5.0), abs=1e-6)
     free = hanging(20.0, -5.0, 24.0, 4001)  # its end is above its start: nothing lies
@@ -77,7 +77,7 @@ def test_a_chain_hangs_as_a_catenary_of_its_length_and_lies_on_the_level_of_its_
     assert slopes == sorted(slopes, reverse=True), "steepest above"
 
 
-def test_rays_pass_between_the_twines_of_a_net_by_the_share_that_is_open(tmp_path: Path) -> None:
+def test_rays_pass_a_net_in_the_share_of_its_openings(tmp_path: Path) -> None:
     net = 'kind = "net"\nnorth = 5\neast = -10\nwidth = 20\nheight = 10\norientation = [0, 0, "90 deg"]\nmesh = 0.05\n'
     world = world_of(tmp_path, f"[[shape]]\n{net}twine = 0.01\n")
     chance = np.random.default_rng(1)
@@ -99,7 +99,7 @@ def test_a_net_pen_has_a_bottom_with_the_same_lattice(tmp_path: Path) -> None:
     assert met.mean() == pytest.approx(1.0 - 0.9**2, abs=0.01)
 
 
-def test_a_vehicle_does_not_pass_a_net(tmp_path: Path) -> None:
+def test_a_vehicle_does_not_pass_through_a_net(tmp_path: Path) -> None:
     net = 'kind = "net"\nnorth = 5\neast = -10\nwidth = 20\nheight = 10\norientation = [0, 0, "90 deg"]\nmesh = 0.4\n'
     world = world_of(tmp_path, f'[[shape]]\n{net}name = "the net"\n')
     contact = Contact(VEHICLE, world, Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass)
@@ -115,7 +115,7 @@ def test_a_vehicle_does_not_pass_a_net(tmp_path: Path) -> None:
     assert map_at(world, 12.0, 0.3, 0.25).line_is_free((0.0, 0.0), (10.0, 0.0)), "it is 10 m high"
 
 
-def test_a_wreck_lies_as_it_is_turned_and_has_an_open_hold(tmp_path: Path) -> None:
+def test_a_wreck_has_its_attitude_and_an_open_hold(tmp_path: Path) -> None:
     world = world_of(tmp_path, '[[shape]]\nkind = "box_wreck"\nnorth = 0\neast = 0\norientation = [0, 0, 1.5708]\n')
     assert np.ptp(corners(world), axis=0)[1] == pytest.approx(24.0, abs=0.01)
     down = np.array([0.0, 0.0, 1.0])
@@ -134,7 +134,7 @@ def test_a_wreck_lies_as_it_is_turned_and_has_an_open_hold(tmp_path: Path) -> No
         ('kind = "pile"\nheight = -3\n', "height"),
     ],
 )
-def test_shapes_that_cannot_be_meant(tmp_path: Path, text: str, output: str) -> None:
+def test_invalid_shapes_are_refused(tmp_path: Path, text: str, output: str) -> None:
     with pytest.raises(ConfigError, match=output):
         world_of(tmp_path, f"[[shape]]\n{text}north = 0\neast = 0\n")
     with pytest.raises(ConfigError, match=r"shape: expected tables, each under \[\[shape\]\]"):

@@ -1,4 +1,4 @@
-"""Rays of sound in a profile, against what is known in closed form."""
+"""Rays of sound in a profile, against solutions in closed form."""
 
 from math import asin, asinh, hypot, inf, sqrt
 
@@ -43,7 +43,7 @@ def test_a_linear_gradient_bends_rays_to_circles(gradient: float, level: float, 
 
 @examples(100)
 @given(st.floats(1.0, 8000.0), st.floats(0.0, 3000.0), st.floats(0.0, 3000.0))
-def test_snells_law_and_the_way_back(level: float, start: float, end: float) -> None:
+def test_rays_follow_snells_law_and_are_reversible(level: float, start: float, end: float) -> None:
     rays = SoundRays(*CHANNEL, 5000.0)
     ray, back = rays.between(level, start, end), rays.between(level, end, start)
     assert (ray is None) == (back is None)
@@ -62,7 +62,7 @@ def test_snells_law_and_the_way_back(level: float, start: float, end: float) -> 
 @pytest.mark.parametrize(
     ("level", "start", "end"), [(900.0, 100.0, 1200.0), (2500.0, 800.0, 900.0), (400.0, 1290.0, 60.0)]
 )
-def test_a_ray_ends_where_it_is_to(level: float, start: float, end: float) -> None:
+def test_a_ray_ends_at_its_target(level: float, start: float, end: float) -> None:
     """A ray that is followed in small steps by its slope at the start ends at its target."""
     rays = SoundRays(*CHANNEL, 5000.0)
     ray = rays.between(level, start, end)
@@ -83,7 +83,7 @@ def test_a_ray_ends_where_it_is_to(level: float, start: float, end: float) -> No
     assert along == pytest.approx(ray.length, rel=1e-4)
 
 
-def test_there_is_a_shadow_beyond_the_ray_that_grazes_the_surface() -> None:
+def test_the_shadow_begins_beyond_the_ray_that_grazes_the_surface() -> None:
     """The shadow begins at sqrt(2 R z1) + sqrt(2 R z2), R the radius of rays, in water that slows sound below."""
     rays, radius = linear(-0.1), 1500.0 / 0.1
     edge = sum(sqrt(2.0 * radius * z - z * z) for z in (10.0, 40.0))
@@ -94,14 +94,14 @@ def test_there_is_a_shadow_beyond_the_ray_that_grazes_the_surface() -> None:
     assert rays.between(edge + 1.0, 40.0, 10.0) is None
 
 
-def test_the_bed_ends_rays_that_bend_down_to_it_and_come_back() -> None:
+def test_the_bed_blocks_rays_that_bend_down_to_it() -> None:
     radius = 1500.0 / 0.05
     level = 2.0 * sqrt(2.0 * radius * 30.0)  # its vertex is about 30 m below a source near the surface
     assert linear(0.05, bottom=50.0).between(level, 1.0, 1.0) is not None
     assert linear(0.05, bottom=20.0).between(level, 1.0, 1.0) is None
 
 
-def test_rays_are_straight_where_sound_has_one_speed() -> None:
+def test_rays_are_straight_at_a_constant_speed_of_sound() -> None:
     layers = SoundRays([0.0, 50.0, 60.0, 100.0], [1520.0, 1520.0, 1500.0, 1500.0])
     assert layers.between(300.0, 10.0, 50.0) == Ray(
         hypot(300.0, 40.0) / 1520.0, hypot(300.0, 40.0), 40.0 / hypot(300.0, 40.0), 40.0 / hypot(300.0, 40.0)

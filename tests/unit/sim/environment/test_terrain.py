@@ -1,4 +1,4 @@
-"""Seabeds with relief: the surface between the nodes, the rules, the file, and what a world reports of them."""
+"""Seabeds with relief: the surface between the nodes, rules, files, and the depths that a world reports."""
 
 from array import array
 from itertools import pairwise
@@ -28,7 +28,7 @@ def world_file(folder: Path, text: str) -> str:
     return str(path)
 
 
-def test_between_the_nodes_it_is_bilinear() -> None:
+def test_depths_between_the_nodes_are_bilinear() -> None:
     """A bilinear cell has d = 3 + 2 x + y + x y / 2 in rows and columns exactly; nodes are 2 m apart."""
     nodes = array("f", [3.0 + 2.0 * i + j + 0.5 * i * j for i in range(4) for j in range(5)])
     terrain = Terrain(Grid(10.0, -4.0, 2.0, 4, 5), nodes, 99.0)
@@ -55,7 +55,7 @@ def test_a_node_without_data_is_a_wall() -> None:
         Terrain(Grid(0.0, 0.0, 1.0, 2, 2), array("f", [1.0] * 3), 1.0)
 
 
-def test_the_shallowest_around_is_never_deeper_than_it_is() -> None:
+def test_the_shallowest_bound_is_never_deeper_than_the_terrain() -> None:
     grid = covering((-10.0, 10.0, -10.0, 10.0), 0.7)
     terrain = Terrain(grid, Fractal(15.0, 2.0, seed=4).depths(grid), 15.0)
     for north, east in ((0.0, 0.0), (-9.9, 3.0), (9.0, -9.0), (-30.0, 0.0), (4.4, 11.0)):
@@ -72,7 +72,7 @@ def test_the_shallowest_around_is_never_deeper_than_it_is() -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, -2.0])
-def test_rules_are_what_they_say(heading: float) -> None:
+def test_rules_give_the_depths_of_their_formulas(heading: float) -> None:
     grid = Grid(-20.0, -20.0, 1.0, 41, 41)
     common = {"heading": heading, "north": 3.0, "east": -2.0}
     slope, ridge = Slope(12.0, 0.2, **common), Ridge(12.0, 3.0, 4.0, **common)
@@ -88,7 +88,7 @@ def test_rules_are_what_they_say(heading: float) -> None:
                 assert made[3].depth(north, east) == (7.0 if x > 0.0 else 12.0)
 
 
-def test_rough_ground_has_its_mean_its_size_and_its_seed() -> None:
+def test_fractal_ground_has_its_mean_and_size_and_depends_on_its_seed() -> None:
     grid = covering((0.0, 100.0, 0.0, 60.0), 1.0)
     rule = Fractal(40.0, 2.5, seed=7)
     depths = rule.depths(grid)
@@ -115,7 +115,7 @@ def test_a_higher_hurst_exponent_is_smoother() -> None:
 # --- worlds
 
 
-def test_a_world_with_a_rule(tmp_path: Path) -> None:
+def test_a_world_file_can_have_a_terrain_rule(tmp_path: Path) -> None:
     world = load_world(
         world_file(tmp_path, '[terrain]\nkind = "slope"\ndepth = "20 m"\nslope = 0.25\nresolution = 2\n')
     )
@@ -129,7 +129,7 @@ def test_a_world_with_a_rule(tmp_path: Path) -> None:
 FILE = '[terrain]\nfile = "bay.f32"\nnorth_min = -4\neast_min = 2\nresolution = 0.5\nrows = 3\ncolumns = 4\n'
 
 
-def test_a_world_with_a_file(tmp_path: Path) -> None:
+def test_a_world_file_can_have_a_terrain_file(tmp_path: Path) -> None:
     """Rows go to the north, columns to the east; the file lies beside the world's."""
     (tmp_path / "bay.f32").write_bytes(array("f", [10.0 + i for i in range(12)]).tobytes())
     world = load_world(world_file(tmp_path, FILE))
@@ -160,13 +160,13 @@ def test_a_world_with_a_file(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_wrong_terrain_is_named(tmp_path: Path, text: str, words: str) -> None:
+def test_wrong_terrain_tables_are_reported(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_world(world_file(tmp_path, text))
     assert words in str(caught.value)
 
 
-def test_a_file_of_another_size_is_refused(tmp_path: Path) -> None:
+def test_a_terrain_file_of_another_size_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bay.f32").write_bytes(bytes(44))
     with pytest.raises(ConfigError, match=r"bay\.f32: 44 bytes, but 3 x 4 depths are 48"):
         load_world(world_file(tmp_path, FILE))
@@ -183,7 +183,7 @@ def test_obstacles_stand_on_the_relief(tmp_path: Path) -> None:
         load_world(world_file(tmp_path, pile.format(0) + slope))
 
 
-def test_depths_are_the_same_after_their_pages_were_given_back(tmp_path: Path) -> None:
+def test_depths_stay_equal_after_their_memory_was_released(tmp_path: Path) -> None:
     (tmp_path / "bay.f32").write_bytes(array("f", [10.0 + i for i in range(12)]).tobytes())
     world = load_world(world_file(tmp_path, FILE))
     assert world.terrain is not None

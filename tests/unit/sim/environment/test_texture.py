@@ -1,4 +1,4 @@
-"""Texture of a seabed below its grid: by place alone, of the size its keys say, none finer than what sees it."""
+"""Texture of a seabed below its grid: by position alone, of the keyed size, and none finer than the footprint."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from sim.environment.world import load_world
 NORTH, EAST = np.random.default_rng(1).uniform(-200.0, 200.0, (2, 20_000)).astype(np.float32)
 
 
-def test_a_place_looks_the_same_from_wherever_it_is_seen() -> None:
+def test_the_texture_of_a_point_does_not_depend_on_the_viewpoint() -> None:
     one, other = Texture(Bottom()), Texture(Bottom())
     whole, part = one.slopes(NORTH, EAST, 0.1), other.slopes(NORTH[5:9], EAST[5:9], 0.1)
     assert (whole[0][5:9] == part[0]).all()
@@ -21,7 +21,7 @@ def test_a_place_looks_the_same_from_wherever_it_is_seen() -> None:
     assert (Texture(Bottom(seed=2)).slopes(NORTH, EAST, 0.1)[0] != whole[0]).mean() > 0.9
 
 
-def test_slopes_are_the_derivative_of_a_relief_of_its_roughness() -> None:
+def test_slopes_are_the_derivative_of_a_relief_of_the_keyed_roughness() -> None:
     """The integral of the slope along a line is the relief: its deviation is that of the keys."""
     north = np.arange(0.0, 20.48, 0.04) + 0.02
     heights = []
@@ -32,13 +32,13 @@ def test_slopes_are_the_derivative_of_a_relief_of_its_roughness() -> None:
     assert np.std(heights) == pytest.approx(0.05, rel=0.25)
 
 
-def test_what_is_smaller_than_the_footprint_is_not_seen() -> None:
+def test_texture_finer_than_the_footprint_is_omitted() -> None:
     texture = Texture(Bottom(ripple_height=0.05, ripple_length=0.4))
     fine, coarse = (texture.slopes(NORTH, EAST, footprint)[0].std() for footprint in (0.04, 1.5))
     assert coarse < 0.3 * fine
 
 
-def test_ripples_go_along_their_heading() -> None:
+def test_ripples_follow_their_heading() -> None:
     texture = Texture(Bottom(roughness=0.0, ripple_height=0.06, ripple_length=0.5))
     to_north, to_east = texture.slopes(NORTH, EAST, 0.01)
     assert to_north.max() == pytest.approx(0.03 * 2.0 * np.pi / 0.5, rel=0.01)
@@ -48,13 +48,13 @@ def test_ripples_go_along_their_heading() -> None:
 
 
 @pytest.mark.parametrize("kind", list(PROPERTIES))
-def test_kinds_are_as_rough_and_as_patchy_as_they_say(kind: str) -> None:
+def test_kinds_have_their_stated_roughness_and_patchiness(kind: str) -> None:
     texture = Texture(Bottom(kind=kind))  # type: ignore[arg-type]
     assert texture.strength(NORTH, EAST, 0.01).std() == pytest.approx(PROPERTIES[kind].patches, rel=0.1)  # type: ignore[index]
     assert texture.echo == PROPERTIES[kind].echo  # type: ignore[index]
 
 
-def test_smooth_slopes_have_no_edges_between_cells() -> None:
+def test_slopes_are_continuous_between_cells() -> None:
     grid = covering((0.0, 40.0, 0.0, 40.0), 2.0)
     terrain = Terrain(grid, Fractal(20.0, 2.0, resolution=2.0).depths(grid), 20.0)
     line = np.arange(2.0, 38.0, 0.01)
@@ -65,7 +65,7 @@ def test_smooth_slopes_have_no_edges_between_cells() -> None:
     assert not any(slope.any() for slope in smooth_slopes(terrain, np.array([-5.0, 80.0]), np.array([3.0, 3.0])))
 
 
-def test_a_world_says_its_bottom() -> None:
+def test_a_world_file_names_its_bottom() -> None:
     assert load_world("fractal").bottom == Bottom("rock")
     assert load_world("pool").bottom is None
 

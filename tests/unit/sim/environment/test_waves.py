@@ -1,3 +1,5 @@
+"""Waves: spectra, dispersion and the flow of linear theory."""
+
 from itertools import pairwise
 from math import cos, cosh, exp, pi, sin, sqrt, tanh
 from pathlib import Path
@@ -16,7 +18,7 @@ DEPTHS = [3.0, 20.0, 4000.0]  # shallow, in between, deep
 
 
 def single(depth: float, period: float = 7.0) -> WaveField:
-    """Return a sea of one wave."""
+    """Return a wave field of one wave."""
     return WaveField(Waves(0.5, period, components=1), depth, G, 1)
 
 
@@ -32,7 +34,7 @@ def single(depth: float, period: float = 7.0) -> WaveField:
         (Waves(2.0, 8.0, gamma=6.0), 0.03),
     ],
 )
-def test_energy_and_peak_of_the_spectrum(waves: Waves, tolerance: float) -> None:
+def test_the_spectrum_has_its_energy_and_peak(waves: Waves, tolerance: float) -> None:
     """The spectrum's area is Hs²/16; its greatest value is at the peak period."""
     omegas = [0.002 * i for i in range(100, 5000)]
     values = [spectral_density(waves, omega) for omega in omegas]
@@ -48,7 +50,7 @@ def test_jonswap_with_gamma_one_is_pierson_moskowitz() -> None:
     assert ratio == pytest.approx(3.3 * (1.0 - 0.287 * 1.19392), rel=1e-5)
 
 
-def test_pierson_moskowitz_against_its_first_form() -> None:
+def test_pierson_moskowitz_agrees_with_its_original_form() -> None:
     """The spectrum is 0.0081 g² / omega⁵ exp(-0.74 (g / (U omega))⁴) (Pierson and Moskowitz 1964), for its Hs, Tp."""
     wind = 12.0
     peak = (4.0 * 0.74 / 5.0) ** 0.25 * G / wind
@@ -60,7 +62,7 @@ def test_pierson_moskowitz_against_its_first_form() -> None:
 
 
 @pytest.mark.parametrize(("count", "gamma"), [(5, 3.3), (50, 3.3), (50, 1.0), (200, 10.0)])
-def test_components_carry_the_energy(count: int, gamma: float) -> None:
+def test_the_components_have_the_energy_of_the_spectrum(count: int, gamma: float) -> None:
     """The elevation's sum of a²/2 is Hs²/16; its rate's sum of (a omega)²/2 is the second moment of the spectrum."""
     waves = Waves(1.5, 7.0, gamma=gamma, components=count)
     made = components(waves, 50.0, G, 3)
@@ -75,13 +77,13 @@ def test_components_carry_the_energy(count: int, gamma: float) -> None:
     assert all(b.omega > a.omega * (1.0 + 1e-5) for a, b in pairwise(made))  # no two swing alike
 
 
-def test_a_flat_sea_is_still() -> None:
+def test_waves_of_zero_height_give_no_motion() -> None:
     wave_field = WaveField(Waves(0.0, 7.0), 20.0, G, 1)
     assert wave_field.elevation(5.0, 1.0, 2.0) == 0.0
     assert wave_field.motion(5.0, 1.0, 2.0, 0.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=0.0)
 
 
-def test_variance_of_the_elevation() -> None:
+def test_the_elevation_has_its_variance_and_zero_mean() -> None:
     """The elevation at one place has a deviation of Hs/4 and a mean of zero over two hours, and over many seeds."""
     wave_field = WaveField(SEA, 30.0, G, 5)
     heights = [wave_field.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
@@ -91,7 +93,7 @@ def test_variance_of_the_elevation() -> None:
     assert 4.0 * pstdev(seeds) == pytest.approx(1.5, rel=0.1)
 
 
-def test_seeds_and_directions() -> None:
+def test_waves_depend_on_seed_and_direction() -> None:
     assert components(SEA, 30.0, G, 5) == components(SEA, 30.0, G, 5)
     assert components(SEA, 30.0, G, 5) != components(SEA, 30.0, G, 6)
     headings = [wave.heading for wave in components(SEA._replace(components=500), 30.0, G, 5)]
@@ -103,7 +105,7 @@ def test_seeds_and_directions() -> None:
 # -- dispersion ---------------------------------------------------------------------------------------------------
 
 
-def test_dispersion() -> None:
+def test_every_component_follows_the_dispersion_relation() -> None:
     """Every wave has omega² = g k tanh(k h), from ripples over the deep sea to swell over a puddle."""
     for depth in (0.1, 1.0, 5.0, 30.0, 300.0, 11_000.0):
         for omega in (0.05, 0.2, 0.5, 1.0, 2.0, 6.0, 40.0):
@@ -112,7 +114,7 @@ def test_dispersion() -> None:
             assert abs(G * k * tanh(k * depth) / omega**2 - 1.0) < 1e-12
 
 
-def test_limits_of_the_dispersion() -> None:
+def test_the_dispersion_relation_has_its_deep_and_shallow_limits() -> None:
     assert wave_number(1.0, 4000.0, G) == pytest.approx(1.0 / G, rel=1e-14)  # deep: omega² / g
     assert wave_number(0.01, 2.0, G) == pytest.approx(0.01 / sqrt(G * 2.0), rel=1e-4)  # shallow: omega / sqrt(g h)
 
@@ -146,7 +148,7 @@ def test_velocity_is_the_gradient_of_the_potential(depth: float) -> None:
 
 
 @pytest.mark.parametrize("depth", DEPTHS)
-def test_no_water_is_made_or_turned(depth: float) -> None:
+def test_the_flow_is_free_of_divergence_and_rotation(depth: float) -> None:
     """Divergence and curl of the velocity are zero, by central differences; single gradients are not."""
     wave_field, step = WaveField(SEA, depth, G, 3), 1e-3
     place = (2.0, -3.0, 1.2)
@@ -167,8 +169,8 @@ def test_no_water_is_made_or_turned(depth: float) -> None:
 
 
 @pytest.mark.parametrize("depth", DEPTHS)
-def test_acceleration_is_that_of_a_bit_of_water(depth: float) -> None:
-    """The acceleration is that of a bit of water that moves along; at a fixed place it is another."""
+def test_the_acceleration_is_that_of_a_fluid_particle(depth: float) -> None:
+    """The acceleration is that of a particle that moves along; at a fixed point it differs."""
     wave_field, step = WaveField(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4
     place = (5.0, 6.0, 1.0)
     for time in (0.0, 12.0, 100.0):
@@ -185,8 +187,8 @@ def test_acceleration_is_that_of_a_bit_of_water(depth: float) -> None:
         assert abs(fixed / (2.0 * step) - acceleration[0]) > 1e-4
 
 
-def test_the_surface_goes_with_the_water() -> None:
-    """The elevation grows as fast as the water there rises."""
+def test_the_surface_moves_with_the_water() -> None:
+    """The elevation grows as fast as the water rises at that point."""
     wave_field, step = WaveField(SEA, 12.0, G, 6), 1e-4
     for time in (1.0, 20.0, 33.0):
         rate = (wave_field.elevation(time + step, 3.0, 4.0) - wave_field.elevation(time - step, 3.0, 4.0)) / (
@@ -196,13 +198,13 @@ def test_the_surface_goes_with_the_water() -> None:
 
 
 def orbit(wave_field: WaveField, z: float) -> tuple[float, float]:
-    """Return the greatest horizontal and vertical speed of a sea of one wave at `z`."""
+    """Return the greatest horizontal and vertical speed at `z` of a wave field of one wave."""
     wave = wave_field.components[0]
     motions = [wave_field.motion(i * pi / wave.omega / 200.0, 0.0, 0.0, z).velocity for i in range(400)]
     return max(abs(v[0]) for v in motions), max(abs(v[2]) for v in motions)
 
 
-def test_decay_in_deep_water() -> None:
+def test_orbits_decay_exponentially_in_deep_water() -> None:
     """Orbits are circles of a omega exp(-k z): half a wave's length down 4 % are left."""
     wave_field = single(4000.0)
     wave = wave_field.components[0]
@@ -212,7 +214,7 @@ def test_decay_in_deep_water() -> None:
     assert orbit(wave_field, pi / wave.wave_number)[0] < 0.044 * orbit(wave_field, 0.0)[0]
 
 
-def test_decay_over_a_near_seabed() -> None:
+def test_orbits_are_flat_at_a_near_seabed() -> None:
     """Orbits are ellipses that are flat at the seabed: cosh and sinh of k (h - z)."""
     wave_field = single(5.0)
     wave = wave_field.components[0]
@@ -226,15 +228,15 @@ def test_decay_over_a_near_seabed() -> None:
     assert wave_field.motion(3.0, 0.0, 0.0, -1.0) == wave_field.motion(3.0, 0.0, 0.0, 0.0)
 
 
-def test_far_below_short_waves() -> None:
-    """Nothing overflows where exp(k z) would be beyond all numbers."""
+def test_nothing_overflows_far_below_short_waves() -> None:
+    """The motion is finite where exp(k z) would overflow."""
     wave_field = WaveField(Waves(0.1, 1.0), 11_000.0, G, 1)
     assert wave_field.motion(1.0, 0.0, 0.0, 10_999.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-300)
     assert any(wave_field.motion(1.0, 0.0, 0.0, 0.0).velocity)
 
 
-def test_waves_travel_in_their_direction() -> None:
-    """A crest seen at one place is seen k / omega later further on, towards east."""
+def test_a_crest_travels_in_the_waves_direction() -> None:
+    """A crest passes a point farther east k / omega later."""
     wave_field = WaveField(Waves(0.5, 7.0, direction=pi / 2.0, components=1), 50.0, G, 1)
     wave = wave_field.components[0]
     later = 10.0 * wave.wave_number / wave.omega
@@ -253,7 +255,7 @@ def test_waves_travel_in_their_direction() -> None:
         ("significant_height = 1\npeak_period = 6\ncomponents = 0", "components: 0 is outside 1 to 500"),
     ],
 )
-def test_wrong_waves_are_named(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_wave_tables_are_reported(text: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n[ocean.waves]\n{text}\n')
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:

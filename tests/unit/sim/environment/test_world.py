@@ -1,3 +1,5 @@
+"""Worlds: presets, clearance, walls, and the delivered path planning field."""
+
 import os
 from array import array
 from itertools import pairwise
@@ -23,7 +25,7 @@ def test_every_preset_loads(name: str) -> None:
     assert world.source
 
 
-def test_clearance_of_a_cylinder() -> None:
+def test_clearance_of_a_cylinder_is_the_distance_to_its_side() -> None:
     world = EMPTY._replace(cylinder=(Cylinder(3.0, 4.0, 2.0),))
     assert world.clearance(0.0, 0.0) == pytest.approx(3.0)
     assert world.clearance(3.0, 4.0) == -2.0
@@ -31,7 +33,7 @@ def test_clearance_of_a_cylinder() -> None:
     assert EMPTY.clearance(0.0, 0.0) == inf
 
 
-def test_clearance_of_a_turned_box_against_its_outline() -> None:
+def test_clearance_of_a_turned_box_agrees_with_its_outline() -> None:
     """The clearance is that to the nearest of many points of its outline; the sign is by the box's own axes."""
     box = Box(1.0, -2.0, 4.0, 1.0, pi / 6)
     c, s = cos(box.heading), sin(box.heading)
@@ -51,14 +53,14 @@ def test_clearance_of_a_turned_box_against_its_outline() -> None:
             assert box.separation(north + 0.01 * out_north, east + 0.01 * out_east)[0] == pytest.approx(distance + 0.01)
 
 
-def test_only_what_reaches_up_counts() -> None:
+def test_only_obstacles_at_the_depth_count_for_clearance() -> None:
     world = EMPTY._replace(cylinder=(Cylinder(0.0, 0.0, 1.0, top=20.0), Cylinder(5.0, 0.0, 1.0)))
     assert world.clearance(0.0, 0.0) == -1.0
     assert world.clearance(0.0, 0.0, depth=19.0) == pytest.approx(4.0)
     assert world.clearance(0.0, 0.0, depth=21.0) == -1.0
 
 
-def test_walls() -> None:
+def test_walls_bound_the_clearance() -> None:
     pool = EMPTY._replace(walls=True)
     assert pool.clearance(9.0, 0.0) == pytest.approx(1.0)
     assert pool.clearance(0.0, -18.0) == pytest.approx(2.0)
@@ -75,7 +77,7 @@ def test_walls() -> None:
         ("extent = [0, 9, 0, 9]\ndepth = 5\ncurrent = [0.1, 0.2]", "expected 3 values"),
     ],
 )
-def test_wrong_worlds_are_named(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_worlds_are_reported(text: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'name = "mine"\nsource = "test"\n{text}\n')
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
@@ -83,7 +85,7 @@ def test_wrong_worlds_are_named(text: str, words: str, tmp_path: Path) -> None:
     assert words in str(caught.value)
 
 
-def reachable(world: World, margin: float, step: float = 0.5) -> bool:
+def is_reachable(world: World, margin: float, step: float = 0.5) -> bool:
     """Return whether there is a way from (0, 0) to (50, 50) that keeps `margin` m of clearance."""
     count = round(50 / step)
     free = {
@@ -99,7 +101,7 @@ def reachable(world: World, margin: float, step: float = 0.5) -> bool:
     return (count, count) in reached
 
 
-def test_the_field_is_a_problem_with_a_solution() -> None:
+def test_the_field_blocks_the_straight_line_and_has_a_path() -> None:
     field = load_world("paper_field")
     obstacles = (*field.cylinder, *field.box)
     assert 10 <= len(obstacles) <= 14
@@ -108,11 +110,11 @@ def test_the_field_is_a_problem_with_a_solution() -> None:
     straight = [field.clearance(0.1 * i, 0.1 * i) for i in range(501)]
     assert min(straight) < -1.0
     assert sum(b < 0.0 <= a for a, b in pairwise(straight)) >= 4  # runs into four of them
-    assert reachable(field, margin=1.0)
-    assert not reachable(field, margin=4.0)
+    assert is_reachable(field, margin=1.0)
+    assert not is_reachable(field, margin=4.0)
 
 
-def test_gaps_of_the_field() -> None:
+def test_obstacles_of_the_field_have_gaps_of_1_5_m() -> None:
     """Any two obstacles have 1.5 m or more between them."""
     field = load_world("paper_field")
     obstacles = field.obstacles()
@@ -128,7 +130,7 @@ def test_gaps_of_the_field() -> None:
                 assert all(other.separation(*at)[0] >= 1.5 for other in obstacles if other is not box)
 
 
-def test_a_thing_ends_below_its_top(tmp_path: Path) -> None:
+def test_an_obstacle_with_its_bottom_above_its_top_is_refused(tmp_path: Path) -> None:
     (tmp_path / "w.toml").write_text(
         'name = "w"\nsource = ""\nextent = [-5, 5, -5, 5]\ndepth = 9\n'
         "[[cylinder]]\nnorth = 1\neast = 2\nradius = 1\ntop = 3\nbottom = 2.5\n"
@@ -154,7 +156,7 @@ def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_many_obstacles_are_checked_once(crowded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_obstacles_are_validated_once(crowded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = load_world(str(crowded))
     monkeypatch.setattr(World, "buried", lambda self: pytest.fail("checked again"))
     second = load_world(str(crowded))
@@ -166,7 +168,7 @@ def test_many_obstacles_are_checked_once(crowded: Path, monkeypatch: pytest.Monk
     assert bytes(second.terrain.depths) == bytes(first.terrain.depths)
 
 
-def test_many_obstacles_are_checked_again_when_a_file_changes(crowded: Path) -> None:
+def test_many_obstacles_are_validated_again_when_a_file_changes(crowded: Path) -> None:
     load_world(str(crowded))
     bed = crowded.with_name("bed.f32")
     bed.write_bytes(array("f", [6.0] * 4).tobytes())
@@ -179,7 +181,7 @@ def test_many_obstacles_are_checked_again_when_a_file_changes(crowded: Path) -> 
         load_world(str(crowded))
 
 
-def test_sensors_share_the_numbers_of_a_worlds_obstacles(crowded: Path) -> None:
+def test_objects_added_to_one_scene_are_not_in_another(crowded: Path) -> None:
     world = load_world(str(crowded))
     scene, other = RayScene(world), RayScene(world)
     ball = other.add(sphere((0.0, 40.0, 5.0), 1.0))

@@ -1,4 +1,4 @@
-"""The rays in C give the very numbers of those in plain Python."""
+"""Rays in C have exactly the results of those in plain Python."""
 
 import random
 import sys
@@ -88,8 +88,8 @@ def random_rays(chance: random.Random) -> "array[float]":
 
 @pytest.mark.parametrize("seed", range(15))
 @pytest.mark.usefixtures("native")
-def test_hits_are_equal(seed: int) -> None:
-    """Distances, points, normals and objects are equal from places in water, in things, on nodes, off the grid."""
+def test_hits_in_c_and_python_are_equal(seed: int) -> None:
+    """Distances, points, normals and objects are equal from points in water, in obstacles, on nodes, off the grid."""
     chance = random.Random(f"{seed}/rays")
     engines: tuple[Engine, ...] = ("C", "python")
     scenes, seen = [random_scene(seed, engine) for engine in engines], set[int]()
@@ -119,7 +119,7 @@ def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
 
 @pytest.mark.parametrize("seed", range(15))
 @pytest.mark.usefixtures("native")
-def test_what_is_proved_for_neighbours_changes_nothing(seed: int) -> None:
+def test_skipping_free_space_for_bundles_of_rays_changes_nothing(seed: int) -> None:
     """The C begins narrow bundles of rays where none of them can have met anything, wide ones not."""
     chance = random.Random(f"{seed}/pixels")
     native, plain = random_scene(seed, "C"), random_scene(seed, "python")
@@ -134,8 +134,8 @@ def test_what_is_proved_for_neighbours_changes_nothing(seed: int) -> None:
 
 @pytest.mark.parametrize("depth", [6.0, 18.0])
 @pytest.mark.usefixtures("native")
-def test_rays_at_the_end_of_what_there_is(depth: float) -> None:
-    """The rays start from an edge of the grid out of it, in and below the water, and with a reach of nothing."""
+def test_rays_from_the_edge_of_the_world_are_equal(depth: float) -> None:
+    """The rays start from an edge of the grid outwards, in and below the water, also with a reach of zero."""
     grid = covering((0.0, 40.0, 0.0, 40.0), 1.0)
     terrain = Terrain(grid, Fractal(12.0, 1.0, 0.5, seed=2).depths(grid), 12.0)
     world = World("edge", "test", (0.0, 40.0, 0.0, 40.0), 12.0, terrain=terrain)
@@ -150,8 +150,8 @@ def test_rays_at_the_end_of_what_there_is(depth: float) -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_rays_from_places_of_their_own() -> None:
-    """They give what each gives alone, with either engine."""
+def test_rays_with_their_own_origins_equal_single_rays() -> None:
+    """They have the results of each ray alone, with either engine."""
     chance = random.Random(9)
     rays, scene, plain = random_rays(chance), random_scene(3, "C"), random_scene(3, "python")
     origins = array("d", [chance.uniform(-15.0, 12.0) for _ in rays])
@@ -165,8 +165,8 @@ def test_rays_from_places_of_their_own() -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_blocks_change_nothing_on_a_large_grid() -> None:
-    """The C strides over blocks of 16 x 16 and 4 x 4 cells, also where those end at an edge, at a hole or at land."""
+def test_skipping_blocks_of_a_large_grid_changes_nothing() -> None:
+    """The C skips blocks of 16 x 16 and 4 x 4 cells, also where those end at an edge, at a hole or at land."""
     grid = covering((0.0, 333.0, 0.0, 275.0), 1.0)
     deep = Fractal(20.0, 3.0, 0.6, seed=5).depths(grid)
     land = array("f", [max(0.0, depth - 16.0) for depth in deep])  # 0 m is what a block without a number has
@@ -182,7 +182,7 @@ def test_blocks_change_nothing_on_a_large_grid() -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_things_out_of_reach_change_nothing() -> None:
+def test_obstacles_out_of_reach_change_nothing() -> None:
     """A sensor with a reach of 15 m meets only the near ones of 400 piles, with the numbers that they have."""
     chance = random.Random(7)
     piles = tuple(Cylinder(chance.uniform(-200.0, 200.0), chance.uniform(-200.0, 200.0), 3.0) for _ in range(400))
@@ -198,7 +198,7 @@ def test_things_out_of_reach_change_nothing() -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_casting_leaks_nothing() -> None:
+def test_casting_rays_leaks_no_memory() -> None:
     scene, rays = random_scene(1, "C"), random_rays(random.Random(1))
     counts = []
     for _ in range(3):
@@ -214,7 +214,7 @@ def test_casting_leaks_nothing() -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_the_binary_checks_its_buffers() -> None:
+def test_the_c_module_checks_its_buffers() -> None:
     caster = sys.modules["sim.native._rays"].Caster
     flat, empty = (0, 0, 0.0, 0.0, 1.0, 10.0), array("d")
     with pytest.raises(ValueError, match="depths: 8 bytes are not 2 x 2 of 4"):
@@ -239,7 +239,7 @@ def test_the_binary_checks_its_buffers() -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_numpys_arrays_go_in_as_they_are() -> None:
+def test_numpy_arrays_are_accepted() -> None:
     rays = np.array([[0.0, 0.0, 1.0], [0.0, 0.6, 0.8]])
     engines: tuple[Engine, ...] = ("C", "python")
     for engine in engines:
@@ -249,8 +249,8 @@ def test_numpys_arrays_go_in_as_they_are() -> None:
             scene.ranges((0.0, 0.0, 2.0), rays.astype(np.float32), 50.0)
 
 
-def test_without_c_there_are_still_rays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rays are computed in Python, and the engine is not reported as C."""
+def test_without_c_rays_are_computed_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine is then not reported as C."""
     monkeypatch.setenv("UUV_HIL_NATIVE", "0")
     world, rays = random_world(1), random_rays(random.Random(2))
     origin = (0.0, 0.0, 3.0)
@@ -265,8 +265,8 @@ def test_without_c_there_are_still_rays(monkeypatch: pytest.MonkeyPatch) -> None
     ("rows", "columns"),
     [(1 << 32, 1 << 32), (1 << 62, 4), (4, 1 << 62), (1 << 31, 2), ((1 << 63) - 1, 2), (-1, -1), (2, 0), (3, 2)],
 )
-def test_a_grid_that_its_buffer_does_not_have_is_refused(rows: int, columns: int) -> None:
-    """A grid is refused also where rows times columns is beyond 64 bits, and comes out as the size of the buffer."""
+def test_a_grid_larger_than_its_buffer_is_refused(rows: int, columns: int) -> None:
+    """It is refused also where rows times columns overflows 64 bits to the size of the buffer."""
     caster = pytest.importorskip("sim.native._rays").Caster
     for depths in (b"", bytes(16)):
         with pytest.raises(ValueError, match=f"are not {rows} x {columns} of 4"):

@@ -1,4 +1,4 @@
-"""Gazebo's SDF in, vehicle out: frames resolved, plugins' numbers in our signs and axes, the rest reported by name."""
+"""Import of Gazebo's SDF: frames resolved, plugin values in our signs and axes, the rest reported by name."""
 
 from math import sqrt
 from pathlib import Path
@@ -24,7 +24,7 @@ def imported(path: Path = MODEL, text: str | None = None, model: str | None = No
     return found._replace(notes=notes + found.notes)
 
 
-def test_the_origin_is_the_link_that_the_water_acts_on() -> None:
+def test_the_origin_is_the_link_with_hydrodynamics() -> None:
     """The hull stands 0.1 m ahead of the model's frame; the tail is 0.6 m behind the hull, the propeller 0.05 more."""
     vehicle = imported().vehicle
     assert vehicle.mass == 20.5
@@ -35,7 +35,7 @@ def test_the_origin_is_the_link_that_the_water_acts_on() -> None:
     assert propeller.direction == pytest.approx((1.0, 0.0, 0.0))
 
 
-def test_limits_of_a_thruster_that_takes_speeds() -> None:
+def test_limits_of_a_speed_controlled_thruster_become_thrusts() -> None:
     """Thrust is coefficient rho D^4 omega^2."""
     (propeller,) = imported().vehicle.thrusters
     assert propeller.max_forward == pytest.approx(0.004 * 1000.0 * 0.2**4 * 100.0**2)
@@ -43,7 +43,7 @@ def test_limits_of_a_thruster_that_takes_speeds() -> None:
     assert propeller.diameter == 0.2
 
 
-def test_derivatives_have_our_signs() -> None:
+def test_hydrodynamic_derivatives_have_our_signs() -> None:
     """Negative values brake there, positive here; y and r change their direction both, y alone does against x."""
     found = imported()
     added = square(found.vehicle.added_mass, 6)
@@ -56,14 +56,14 @@ def test_derivatives_have_our_signs() -> None:
     assert any("xUU" in note for note in found.notes)
 
 
-def test_buoyancy_is_that_of_the_collisions_and_size_that_of_what_is_seen() -> None:
+def test_buoyancy_is_from_collisions_and_size_from_visuals() -> None:
     vehicle = imported().vehicle
     assert vehicle.volume == pytest.approx(3.14159265 * 0.08**2)
     assert vehicle.center_of_buoyancy == pytest.approx((0.0, 0.0, -0.01))
     assert vehicle.dimensions == pytest.approx((1.2, 0.2, 0.2))
 
 
-def test_a_fin_turns_about_its_joint() -> None:
+def test_a_fin_turns_about_its_joint_axis() -> None:
     """The link is rolled by 90 degrees, so its y is up: ours is down. The keel has no joint that turns it."""
     found = imported()
     (rudder,) = found.vehicle.fins
@@ -77,7 +77,7 @@ def test_a_fin_turns_about_its_joint() -> None:
 
 
 @pytest.mark.parametrize("version", ["1.5", "1.10", "1.12"])
-def test_an_axis_is_in_the_joints_frame_since_version_five(version: str) -> None:
+def test_an_axis_is_in_the_joint_frame_since_version_1_5(version: str) -> None:
     text = MODEL.read_text().replace('version="1.7"', f'version="{version}"')
     assert f'version="{version}"' in text
     assert imported(text=text).vehicle.fins == imported().vehicle.fins
@@ -85,7 +85,7 @@ def test_an_axis_is_in_the_joints_frame_since_version_five(version: str) -> None
     assert imported(text=older).vehicle.fins != imported().vehicle.fins
 
 
-def test_sensors_are_those_of_a_scenario() -> None:
+def test_sensors_become_scenario_sections() -> None:
     found = imported()
     assert set(found.sensors) == {"imu", "laser", "dvl"}
     imu, laser, dvl = (found.sensors[name] for name in ("imu", "laser", "dvl"))
@@ -112,7 +112,7 @@ def test_further_sensors_of_a_kind_have_their_own_names() -> None:
     assert read_sensors(found.sensors, "flight.toml")["laser_2"].sensor.topic == "laser"
 
 
-def test_a_world_has_its_vehicle_by_include() -> None:
+def test_the_vehicle_of_a_world_may_be_included() -> None:
     """The only model with thrusters is the vehicle; what cannot be found is reported."""
     found = imported(OTTER / "bay.sdf")
     assert found.vehicle.name == "swimmer"
@@ -124,7 +124,7 @@ def test_a_world_has_its_vehicle_by_include() -> None:
         imported(OTTER / "bay.sdf", model="nobody")
 
 
-def test_a_merged_model_has_its_names_outside_and_a_nested_one_has_not() -> None:
+def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:
     """The plugins of an included model follow, as in PX4's models."""
     for merge, link in (("true", "hull"), ("false", "otter::hull")):
         text = (
@@ -159,14 +159,14 @@ def test_a_merged_model_has_its_names_outside_and_a_nested_one_has_not() -> None
         ),
     ],
 )
-def test_wrong_files_are_named(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_files_are_reported(text: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "m.sdf"
     with pytest.raises(ConfigError, match=r"m\.sdf") as caught:
         imported(path, text)
     assert words in str(caught.value)
 
 
-def test_a_model_that_includes_itself_ends(tmp_path: Path) -> None:
+def test_a_model_that_includes_itself_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "worm"
     folder.mkdir()
     (folder / "model.config").write_text("<model><sdf>model.sdf</sdf></model>")
@@ -178,7 +178,7 @@ def test_a_model_that_includes_itself_ends(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", ["/tip", "/3", ""])
-def test_files_of_a_model_of_fuel_are_found_where_it_was_downloaded(
+def test_files_of_a_fuel_model_are_found_in_its_download_folder(
     version: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))

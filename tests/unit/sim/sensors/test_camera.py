@@ -1,4 +1,4 @@
-"""The camera against what planes, steps, spheres and cylinders must look like."""
+"""The camera against planes, steps, spheres and cylinders worked out by hand."""
 
 from math import cos, hypot, inf, radians, sin, sqrt, tan
 from typing import Any
@@ -62,7 +62,7 @@ def tangents(sample: CameraSample) -> tuple[Any, Any]:
 # --- geometry
 
 
-def test_a_plane_across_the_axis_is_equally_deep_all_over() -> None:
+def test_a_plane_across_the_axis_has_constant_depth() -> None:
     sample = camera(FLAT, mounting=DOWN).sample(5, HERE)
     assert (sample.time_ns, sample.width, sample.height) == (5, 81, 61)
     assert depths(sample) == pytest.approx(np.full((61, 81), 4.0), abs=1e-6)
@@ -126,13 +126,13 @@ def test_right_is_starboard_and_below_is_down() -> None:
     assert rows.max() < 30
 
 
-def test_field_of_view() -> None:
+def test_the_field_of_view_is_that_of_the_key() -> None:
     sample = camera(DEEP, TRUE._replace(field_of_view=radians(90.0), width=100)).sample(0, HERE)
     assert sample.intrinsics == pytest.approx((50.0, 50.0, 49.5, 30.0))
     assert sample.distortion == (0.0,) * 5
 
 
-def test_a_lens_that_distorts() -> None:
+def test_a_distorting_lens_maps_pixels_to_its_rays() -> None:
     """A pixel looks where the lens maps it; a plane is then still a plane."""
     lens = (-0.2, 0.03, 0.001, -0.0005, -0.001)
     x, y = np.meshgrid(np.linspace(-0.8, 0.8, 33), np.linspace(-0.6, 0.6, 25))
@@ -148,7 +148,7 @@ def test_a_lens_that_distorts() -> None:
     assert sample.distortion == lens
 
 
-def test_without_numpy_the_way_out_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_numpy_the_error_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"camera needs numpy: pip install 'uuv-hil\[imaging\]'"):
         camera(FLAT)
@@ -159,13 +159,13 @@ def test_a_lens_that_folds_the_picture_is_refused() -> None:
         camera(FLAT, TRUE._replace(distortion=(-0.9, 0.0, 0.0, 0.0, 0.0)))
 
 
-def test_k1_by_hand() -> None:
+def test_k1_distorts_as_worked_out_by_hand() -> None:
     assert distorted(np.array(0.3), np.array(-0.4), (0.2, 0.0, 0.0, 0.0, 0.0)) == pytest.approx((0.315, -0.42))
     found = distorted(np.array(0.3), np.array(-0.4), (0.0, 0.0, 0.1, 0.01, 0.0))  # OpenCV's tangential terms
     assert found == pytest.approx((0.3 - 0.024 + 0.01 * (0.25 + 0.18), -0.4 + 0.1 * (0.25 + 0.32) - 0.0024))
 
 
-def test_beyond_reach_and_in_the_air() -> None:
+def test_depths_are_infinite_beyond_reach_and_in_air() -> None:
     assert np.isinf(depths(camera(FLAT, TRUE._replace(max_range=3.0), DOWN).sample(0, HERE))).all()
     sample = camera(FLAT).sample(0, State((0.0, 0.0, -0.5)))
     assert np.isinf(depths(sample)).all()
@@ -195,7 +195,7 @@ def test_the_picture_is_the_scene_through_the_water() -> None:
 
 
 @pytest.mark.parametrize("water", ["IB", "II", "1C"])
-def test_far_things_fade_into_the_veil(water: Any) -> None:
+def test_distant_objects_fade_into_the_veiling_light(water: Any) -> None:
     world = DEEP._replace(walls=True, extent=(-50.0, 25.0, -500.0, 500.0))
     near, far = (
         camera(world._replace(extent=(-50.0, d, -500.0, 500.0)), RAW._replace(water=water))._eye.render(0, HERE)[0]
@@ -206,7 +206,7 @@ def test_far_things_fade_into_the_veil(water: Any) -> None:
     assert np.abs(far[middle] - veil).max() < 0.3 * np.abs(near[middle] - veil).max()
 
 
-def test_lamps_fall_with_the_square_of_the_distance() -> None:
+def test_lamp_light_falls_with_the_square_of_the_distance() -> None:
     """A wall at 1 m and at 3 m, in the dark in clear water, gets the lamp's light by its cosine."""
     for distance in (1.0, 3.0):
         world = DEEP._replace(walls=True, extent=(-50.0, distance, -500.0, 500.0))
@@ -222,7 +222,7 @@ def test_lamps_fall_with_the_square_of_the_distance() -> None:
         assert share == pytest.approx(np.repeat(expected[on_wall, None], 3, axis=1), rel=1e-4)
 
 
-def test_exposure() -> None:
+def test_fixed_exposure_scales_and_automatic_exposure_adapts() -> None:
     """A fixed exposure scales the light; automatic exposure makes bright parts nearly white in any light."""
     wall = DEEP._replace(walls=True, extent=(-50.0, 2.0, -500.0, 500.0))
     linear = [decode(colours(camera(wall, RAW._replace(exposure=e)).sample(0, HERE))) for e in (0.5, 1.0)]
@@ -238,7 +238,7 @@ def test_exposure() -> None:
         assert np.percentile(picture.max(axis=2), 98.0) == pytest.approx(243, abs=4)
 
 
-def test_noise_is_that_of_electrons() -> None:
+def test_noise_follows_the_electron_count() -> None:
     """The variance is signal / full well + (read noise / full well)², in shares of white."""
     model = RAW._replace(full_well=1000.0, read_noise=20.0)
     eye = camera(FLAT, model)
@@ -253,7 +253,7 @@ def test_noise_is_that_of_electrons() -> None:
             assert 0.3 < (found > 0.0).mean() < 0.55  # half of the noise is below black
 
 
-def test_vignetting() -> None:
+def test_vignetting_darkens_the_corners() -> None:
     eye = camera(FLAT, RAW._replace(vignetting=1.0, field_of_view=radians(80.0)))
     rgb, _ = eye._development.develop(np.full((61 * 81, 3), 0.5, np.float32), np.ones(61 * 81))
     picture = decode(np.frombuffer(rgb, np.uint8).reshape(61, 81, 3))
@@ -262,7 +262,7 @@ def test_vignetting() -> None:
     assert picture[30, 40, 0] == pytest.approx(0.5, rel=0.02)
 
 
-def test_depth_noise_grows_with_the_square() -> None:
+def test_depth_noise_grows_with_the_square_of_depth() -> None:
     for height, expected in ((2.0, 0.008), (4.0, 0.032)):
         model = RAW._replace(depth_noise=0.002)
         found = depths(camera(FLAT, model, DOWN).sample(0, State((0.0, 0.0, 12.0 - height))))
@@ -270,7 +270,7 @@ def test_depth_noise_grows_with_the_square() -> None:
         assert found.mean() == pytest.approx(height, abs=0.003)
 
 
-def test_same_seed_same_picture_and_a_camera_without_depth() -> None:
+def test_the_same_seed_gives_the_same_picture_also_without_depth() -> None:
     model = TRUE._replace(ground_truth=False, depth=False)
     one, other, third = (camera(FLAT, model, seed=seed).sample(0, HERE) for seed in (3, 3, 4))
     assert one == other
@@ -280,8 +280,8 @@ def test_same_seed_same_picture_and_a_camera_without_depth() -> None:
     assert len(one.rgb) == 81 * 61 * 3
 
 
-def test_things_look_the_same_from_elsewhere() -> None:
-    """Grain and paint stay where they are: a place seen from two sides has one colour."""
+def test_surface_texture_does_not_depend_on_the_viewpoint() -> None:
+    """Grain and paint are fixed to the surface: a point seen from two sides has one colour."""
     world = FLAT._replace(box=(Box(5.0, 0.0, 0.5, 8.0),))
     eye = camera(world, TRUE._replace(width=801, height=3, exposure=1.0))
     pictures = [eye.sample(0, State((0.0, east, 8.0))) for east in (0.0, 0.5)]
@@ -292,7 +292,7 @@ def test_things_look_the_same_from_elsewhere() -> None:
     assert colours(pictures[0])[1, :, 0].std() > 5.0
 
 
-def test_shade(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shading_follows_the_direction_of_a_face(monkeypatch: pytest.MonkeyPatch) -> None:
     """A face that looks up is 1 / 0.6 times as bright as a wall; from below the surface is bright."""
     monkeypatch.setattr(scenery, "SCALES", ((0.01, 0.0), (0.089, 0.0)))
     world = FLAT._replace(box=(Box(5.0, 0.0, 2.0, 2.0, top=9.0),))
@@ -305,7 +305,7 @@ def test_shade(monkeypatch: pytest.MonkeyPatch) -> None:
     assert depths(up) == pytest.approx(np.full((61, 81), 8.0), abs=1e-6)
 
 
-def test_the_sky_is_seen_through_a_window_and_the_surface_beyond_it_is_a_mirror_of_the_dark() -> None:
+def test_the_sky_is_visible_within_snells_window_only() -> None:
     """The sky within 45 deg of the vertical is as bright as overhead; beyond 52 deg there is the water, here none."""
     wide = TRUE._replace(exposure=0.5, field_of_view=radians(130.0))
     up = camera(FLAT, wide, Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, HERE)
@@ -318,7 +318,7 @@ def test_the_sky_is_seen_through_a_window_and_the_surface_beyond_it_is_a_mirror_
     assert level[20] == pytest.approx(level[30], abs=0.03), "the surface far ahead is as dark as the water there"
 
 
-def test_rays_meet_a_tilted_plane() -> None:
+def test_a_tilted_plane_has_exact_depths() -> None:
     """A camera pitched down by 30 deg over a flat seabed has depth = 4 / (sin 30 + t cos 30)."""
     sample = camera(FLAT, mounting=Mounting(orientation=(0.0, radians(-30.0), 0.0))).sample(0, HERE)
     _, down = tangents(sample)
@@ -333,7 +333,7 @@ def test_rays_meet_a_tilted_plane() -> None:
 
 
 @pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.2, 0.05, 0.002, -0.003, 0.01)])
-def test_points_are_what_the_lens_puts_on_their_pixels(distortion: Any) -> None:
+def test_each_point_projects_to_its_pixel(distortion: Any) -> None:
     """Each is as deep as its pixel, and comes back to it through the lens; what is not seen is no number."""
     model = TRUE._replace(points=True, distortion=distortion, max_range=20.0)
     sample = camera(FLAT._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),)), model).sample(0, HERE)
@@ -353,7 +353,7 @@ def test_points_are_what_the_lens_puts_on_their_pixels(distortion: Any) -> None:
     assert down[on_seabed] == pytest.approx(np.full(on_seabed.sum(), 4.0), abs=1e-5)
 
 
-def test_points_are_of_the_depths_that_were_measured() -> None:
+def test_points_have_the_measured_depths() -> None:
     model = CameraModel(width=81, height=61, points=True, depth_noise=0.01)
     sample = camera(FLAT, model, DOWN).sample(0, HERE)
     assert sample.points is not None
@@ -366,6 +366,6 @@ def test_points_are_of_the_depths_that_were_measured() -> None:
     ("keys", "words"),
     [({"depth": False}, "needs depth = true"), ({"width": 4096, "height": 1000}, "more than 4000000")],
 )
-def test_points_that_cannot_be(keys: dict[str, Any], words: str) -> None:
+def test_invalid_point_cloud_keys_are_refused(keys: dict[str, Any], words: str) -> None:
     assert words in str(CameraModel(points=True, **keys).validate())
     assert CameraModel(**keys).validate() is None

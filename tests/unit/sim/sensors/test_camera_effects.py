@@ -55,7 +55,7 @@ def colours(sample: CameraSample) -> Any:
 LAMPS: dict[str, Any] = {"lamps": 1.0, "lamp_offset": 0.4}
 
 
-def test_lamps_beside_the_camera_throw_shadows() -> None:
+def test_lamps_beside_the_camera_cast_shadows() -> None:
     """Each lamp has a shadow of a pile on the wall 3 m behind it, and none is straight behind."""
     keys = LAMPS | {"lamps": 300.0, "water": "clear", "exposure": 0.1}
     free, shaded = (colours(shot(lamp_shadows=on, **keys)).sum(axis=2) for on in (False, True))
@@ -99,7 +99,7 @@ def test_backscatter_brightens_and_grows_with_its_key() -> None:
     assert means[0] < means[1] < means[2]
 
 
-def test_snow_is_fixed_in_the_water_and_seeded() -> None:
+def test_marine_snow_is_fixed_in_the_water_and_seeded() -> None:
     snow = Snow(400.0, (80, 60), 40.0, 5)
     here, _ = snow._particles(np.array([0.0, 0.0, 10.0]))
     there, _ = snow._particles(np.array([0.4, -0.3, 10.2]))
@@ -113,7 +113,7 @@ def test_snow_is_fixed_in_the_water_and_seeded() -> None:
     assert pictures[0] != shot(lamps=1.0).rgb
 
 
-def test_snow_behind_things_is_hidden() -> None:
+def test_marine_snow_behind_objects_is_hidden() -> None:
     snow = Snow(2000.0, (80, 60), 40.0, 5)
     dark = np.zeros((4800, 3), np.float32)
     kind = jerlov("II", 5.0)
@@ -123,7 +123,7 @@ def test_snow_behind_things_is_hidden() -> None:
     assert 0.0 < near < 0.8 * far
 
 
-def test_caustics_keep_the_light_and_fade_with_depth() -> None:
+def test_caustics_preserve_the_mean_light_and_fade_with_depth() -> None:
     caustics = Caustics(1.0, 7)
     side = 200
     north, east = np.meshgrid(np.linspace(0.0, 4.0, side, endpoint=False), np.linspace(0.0, 4.0, side, endpoint=False))
@@ -146,7 +146,7 @@ def test_caustics_keep_the_light_and_fade_with_depth() -> None:
     assert not np.array_equal(later, caustics.dapple(seen, 0)), "they move"
 
 
-def test_caustics_are_on_the_seabed_of_shallow_water() -> None:
+def test_caustics_appear_on_a_shallow_seabed() -> None:
     above = State((0.0, 0.0, 1.5))
     plain, bright = (colours(shot(SHALLOW, above, DOWN, water="IB", caustics=c)) for c in (0.0, 1.0))
     assert np.abs(bright - plain).mean() > 8.0
@@ -178,8 +178,8 @@ def test_blur_is_along_the_motion() -> None:
     assert blurred.mean() == pytest.approx(sharp.mean(), rel=0.05)
 
 
-def test_a_rolling_shutter_shows_each_row_as_it_was_seen_then() -> None:
-    """A row of a turning camera is that of a camera at the row's instant with all rows at once."""
+def test_a_rolling_shutter_captures_each_row_at_its_own_time() -> None:
+    """A row of a turning camera equals that of a camera that captures all rows at the row's time."""
     rate, readout = 0.8, 0.1
     state = State(HERE.position, from_euler(0.0, 0.0, 0.0))
     state.nu = [0.0, 0.0, 0.0, 0.0, 0.0, rate]
@@ -195,7 +195,7 @@ def test_a_rolling_shutter_shows_each_row_as_it_was_seen_then() -> None:
         assert error < 0.7 * np.abs(still[row, inner] - true[row, inner]).mean()
 
 
-def test_the_bottom_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bottom_ripples_are_visible_across_their_heading(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ripples of the world's [bottom] are stripes across their heading."""
     rippled = SHALLOW._replace(bottom=Bottom("sand", roughness=0.0, patches=0.0, ripple_height=0.06, ripple_length=0.5))
     monkeypatch.setattr("sim.sensors.imaging.scenery.SCALES", ((0.01, 0.0), (0.089, 0.0)))
@@ -205,7 +205,7 @@ def test_the_bottom_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     assert flat.std() < 0.2 * picture.std()
 
 
-def test_the_ground_truth_has_no_effect() -> None:
+def test_ground_truth_pictures_have_no_effects() -> None:
     everything: dict[str, Any] = {
         "snow": 500.0,
         "caustics": 1.0,
@@ -252,7 +252,7 @@ def test_the_compiled_pass_gives_the_same_light(
         assert expected.std() > 0.01
 
 
-def test_the_compiled_pass_is_made_only_where_it_serves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_compiled_pass_is_made_only_with_caustics(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[float] = []
     monkeypatch.setattr(picture, "load_picture", lambda: print)
     monkeypatch.setattr(picture, "Shading", lambda *_: made.append(1.0))
@@ -262,7 +262,7 @@ def test_the_compiled_pass_is_made_only_where_it_serves(monkeypatch: pytest.Monk
     assert len(made) == 1
 
 
-def test_the_compiled_pass_refuses_what_does_not_fit() -> None:
+def test_the_compiled_pass_refuses_mismatched_buffers() -> None:
     compiled = load_picture()
     if compiled is None:
         pytest.skip("no C compiler here")
@@ -289,7 +289,7 @@ def test_the_compiled_pass_refuses_what_does_not_fit() -> None:
         compiled.develop(1, (1.0,) * 5, none, one, *[none] * 6)
 
 
-def test_the_compiled_sensor_records_the_same() -> None:
+def test_the_compiled_sensor_gives_the_same_picture() -> None:
     """The sensors agree with noise, falloff and exposure to a level of 256, where numbers lie between two; so do
     depths.
     """
@@ -312,7 +312,7 @@ def test_the_compiled_sensor_records_the_same() -> None:
     np.testing.assert_allclose(depths[0], depths[1], rtol=1e-6)
 
 
-def test_noise_is_normal_and_without_a_pattern() -> None:
+def test_noise_is_normal_and_uncorrelated() -> None:
     """Four rows have normal moments and tails, and are correlated neither with neighbours nor with other pictures."""
     noise = normal_noise(12, 300_000)
     for row in noise:

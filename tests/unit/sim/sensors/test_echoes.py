@@ -34,24 +34,24 @@ def ainslie_mccolm(f: float, t: float, s: float, z: float) -> float:
 
 @pytest.mark.parametrize("frequency", [10.0, 30.0, 100.0, 450.0, 750.0, 1200.0])
 @pytest.mark.parametrize("temperature", [2.0, 10.0, 19.0, 21.0])
-def test_absorption_as_another_formula_has_it(frequency: float, temperature: float) -> None:
+def test_absorption_agrees_with_ainslie_and_mccolm(frequency: float, temperature: float) -> None:
     found = francois_garrison(frequency * 1e3, temperature, 35.0, 50.0)
     assert found == pytest.approx(ainslie_mccolm(frequency, temperature, 35.0, 0.05) * 1e-3, rel=0.12)
 
 
-def test_absorption_in_fresh_water_is_that_of_water() -> None:
+def test_absorption_in_fresh_water_is_that_of_pure_water() -> None:
     """The absorption is 25e-15 f² Np/m at 20 deg C (Pinkerton 1949), f in Hz."""
     assert francois_garrison(1e6, 20.0, 0.0, 0.0) == pytest.approx(25e-15 * 1e12 * 20.0 / np.log(10.0), rel=0.03)
 
 
-def test_pattern() -> None:
+def test_the_beam_pattern_has_its_half_power_width_and_nulls() -> None:
     width = radians(20.0)
     found = pattern(np.array([0.0, 0.5 * width, -0.5 * width, main_lobe(width) + 1e-9, 0.5 * pi]), width)
     assert found == pytest.approx([1.0, 0.5, 0.5, 0.0, 0.0], abs=1e-6)
     assert main_lobe(radians(140.0)) == pytest.approx(0.5 * pi)
 
 
-def test_side_lobes_are_as_far_down_as_the_key_says_and_fall() -> None:
+def test_side_lobes_have_the_keyed_level_and_decrease() -> None:
     angles = np.linspace(0.0, 0.5 * pi, 200_001)
     found = array_pattern(angles, radians(1.0), 25.0)
     main = angles < main_lobe(radians(1.0))
@@ -62,7 +62,7 @@ def test_side_lobes_are_as_far_down_as_the_key_says_and_fall() -> None:
     assert 10.0 * np.log10(found[far].max()) < -45.0
 
 
-def test_bins_share_an_echo_as_one_from_a_plane() -> None:
+def test_an_echo_is_shared_between_bins_like_that_of_a_plane() -> None:
     """The shares follow the fifth power of the range, and absorption; what is before or beyond all bins is lost."""
     near, far = np.array([[10.3, 40.5, 19.0, 5.0]]), np.array([[30.7, 40.5, 80.0, 11.0]])
     energy = np.array([[9.0, 0.5, 3.0, 2.0]])
@@ -91,7 +91,7 @@ def test_an_echo_without_length_is_in_one_bin() -> None:
     assert [int(row.argmax()) for row in found] == [0, 9, 0]
 
 
-def test_speckle_is_rayleighs() -> None:
+def test_speckle_is_rayleigh_distributed() -> None:
     """Intensity is exponential: as much deviation as mean; amplitude has sqrt(pi / (4 - pi)) times its deviation."""
     found = speckled(np.full(400_000, 3.0, np.float32), 1.0, np.random.default_rng(1))
     assert found.mean() == pytest.approx(3.0, rel=0.01)
@@ -105,7 +105,7 @@ def test_speckle_is_rayleighs() -> None:
 
 
 @pytest.mark.parametrize("looks", [1.0, 3.0])
-def test_beams_that_overlap_have_their_speckle_in_common(looks: float) -> None:
+def test_overlapping_beams_have_correlated_speckle(looks: float) -> None:
     """The correlation is the overlap of the patterns, sinc² of their distance in nulls; each beam is as ever."""
     spacing, width = radians(0.25), radians(1.0)
     cells = independent_cells(200, spacing, width)

@@ -1,4 +1,4 @@
-"""Forward-looking sonar against what planes, steps, spheres and cylinders must give."""
+"""Forward-looking sonar against planes, steps, spheres and cylinders worked out by hand."""
 
 from math import asin, atan2, cos, inf, log10, radians, sin
 from random import Random
@@ -108,7 +108,7 @@ def test_a_sphere_and_a_cylinder_give_exact_ranges() -> None:
     assert ranges[seen] == pytest.approx(expected[seen], abs=1e-6)
 
 
-def test_the_bin_of_a_thing_is_that_of_its_range() -> None:
+def test_an_object_appears_in_the_bin_of_its_range() -> None:
     """The first bin that echoes a pile 17.03 m ahead begins at 17.0 m; the others lie behind it."""
     world = DEEP._replace(cylinder=(Cylinder(18.03, 0.0, 1.0),))
     column = image(forward(world).sample(0, AHEAD))[:, 32]
@@ -116,7 +116,7 @@ def test_the_bin_of_a_thing_is_that_of_its_range() -> None:
     assert column[170:173].sum() > 0.5 * column.sum()
 
 
-def test_a_step_echoes_where_it_is() -> None:
+def test_a_step_echoes_at_its_position() -> None:
     """A cliff 6 m high from north 24 to 25: its face is far brighter than the seabed before it, behind is shadow."""
     grid = covering(EXTENT, 1.0)
     world = FLAT._replace(terrain=Terrain(grid, Step(20.0, 6.0, north=25.0).depths(grid), 20.0))
@@ -131,7 +131,7 @@ def test_a_step_echoes_where_it_is() -> None:
 
 
 @pytest.mark.parametrize("distance", [5.0, 10.0, 40.0])
-def test_a_wall_fades_as_the_equation_says(distance: float) -> None:
+def test_a_walls_echo_falls_with_range_as_the_sonar_equation(distance: float) -> None:
     """A thin beam fades by mu dO / r² 10^(-2 alpha r / 10)."""
     model = TRUE._replace(beams=1, sector=radians(1.0), beam_height=radians(0.5), rays=9)
     sonar = forward(facing_wall(distance), model)
@@ -141,7 +141,7 @@ def test_a_wall_fades_as_the_equation_says(distance: float) -> None:
     assert total == pytest.approx(0.01 * spread / distance**2 * 10.0 ** (-0.2 * alpha * distance), rel=1e-3)
 
 
-def test_a_flat_seabed_as_the_integral_over_it() -> None:
+def test_a_flat_seabeds_echo_equals_its_integral() -> None:
     """Every bin of one beam equals quadrature of mu sin(e) b² cos(e) de da / r² with r = h / sin(e)."""
     model = TRUE._replace(beams=1, sector=radians(1.0), rays=200, range_step=0.5)
     column = image(forward(FLAT, model).sample(0, AHEAD))[:, 0]
@@ -159,15 +159,15 @@ def test_a_flat_seabed_as_the_integral_over_it() -> None:
 
 
 @pytest.mark.parametrize("rays", [8, 20])
-def test_few_rays_leave_no_gap(rays: int) -> None:
+def test_few_rays_leave_no_gaps_between_bins(rays: int) -> None:
     column = image(forward(FLAT, TRUE._replace(rays=rays)).sample(0, AHEAD))[:, 32]
     found = np.nonzero(column)[0]
     assert found[-1] == 499
     assert (np.diff(found) == 1).all()
 
 
-def test_lambert() -> None:
-    """A wall that is turned by 50 deg echoes less by the cosine of it, for a beam that is all on it."""
+def test_echoes_follow_lamberts_law() -> None:
+    """A wall that is turned by 50 deg echoes less by the cosine of it, for a beam that lies on it completely."""
     model = TRUE._replace(beams=1, sector=radians(0.5), beam_height=radians(0.5), rays=9, object_strength=-27.0)
     turned = DEEP._replace(box=(Box(20.0, 0.0, 0.02, 40.0, radians(50.0)),))
     straight = DEEP._replace(box=(Box(20.0, 0.0, 0.02, 40.0),))
@@ -175,7 +175,7 @@ def test_lambert() -> None:
     assert one / other == pytest.approx(cos(radians(50.0)), rel=0.01)
 
 
-def test_shadow_behind_a_pile() -> None:
+def test_there_is_a_shadow_behind_a_pile() -> None:
     """The beams that the pile fills are dark behind all of its height to the end; those beside it are not."""
     world = FLAT._replace(cylinder=(Cylinder(25.0, 0.0, 1.0),))
     picture = image(forward(world).sample(0, State((0.0, 0.0, 14.0))))
@@ -184,7 +184,7 @@ def test_shadow_behind_a_pile() -> None:
     assert picture[260:, 20].min() > 0.0
 
 
-def test_port_is_left_and_starboard_right() -> None:
+def test_port_is_on_the_left_and_starboard_on_the_right() -> None:
     world = DEEP._replace(cylinder=(Cylinder(20.0, 6.0, 0.5),))
     sample = forward(world).sample(0, AHEAD)
     assert list(sample.beams) == sorted(sample.beams)
@@ -194,7 +194,7 @@ def test_port_is_left_and_starboard_right() -> None:
     assert sample.beams[0] == pytest.approx(radians(-32.0))
 
 
-def test_a_wide_beam_smears_by_its_pattern() -> None:
+def test_a_wide_beam_spreads_an_echo_by_its_pattern() -> None:
     """A thin pile in the middle beam echoes in the others as the pattern says."""
     world = DEEP._replace(cylinder=(Cylinder(20.0, 0.0, 0.1),))
     model = TRUE._replace(beams=101, sector=radians(25.25), beam_width=radians(2.0))
@@ -205,7 +205,7 @@ def test_a_wide_beam_smears_by_its_pattern() -> None:
     assert across / across.max() == pytest.approx(np.array(expected) / max(expected), abs=0.02)
 
 
-def test_noise_stays_dark_at_full_range_and_a_wall_is_seen_there() -> None:
+def test_noise_stays_dark_and_a_wall_visible_at_full_range() -> None:
     """The water is open to 120 m: gain that made good all losses whitened 95 % of the last 20 m."""
     model = ForwardSonarModel(max_range=120.0, range_step=0.2, beams=128)
     empty, walled = (image(forward(w, model).sample(0, AHEAD)) / 255.0 for w in (DEEP, facing_wall(70.0)))
@@ -215,7 +215,7 @@ def test_noise_stays_dark_at_full_range_and_a_wall_is_seen_there() -> None:
     assert walled[345:352, 60:68].mean() > 2.0 * noise[0]
 
 
-def test_side_lobes_ring() -> None:
+def test_side_lobes_show_a_pile_in_all_beams() -> None:
     """A pile echoes in all beams at its range, farther off the weaker, and in no other beam without side lobes."""
     world = DEEP._replace(cylinder=(Cylinder(20.0, 0.0, 0.5),))
     picture = image(forward(world, TRUE._replace(side_lobes=25.0)).sample(0, AHEAD))
@@ -241,7 +241,7 @@ def seen_ball(radius: float, seed: int, model: ForwardSonarModel, floor: World =
 
 
 @pytest.mark.parametrize("radius", [0.15, 0.075])
-def test_no_ball_is_lost_between_rays(radius: float) -> None:
+def test_a_ball_between_rays_is_always_detected(radius: float) -> None:
     """Every ping of the usual fan of 32 rays a beam shows it, about as bright, and nothing comes before it."""
     model = TRUE._replace(rays=32, beams=256)
     found = [seen_ball(radius, seed, model) for seed in range(25)]
@@ -264,7 +264,7 @@ def test_a_split_cell_is_counted_once() -> None:
     assert 0.0 < hidden < 0.2 * alone[wall, 32].sum()
 
 
-def test_a_thin_rope_is_seen_in_every_beam_that_crosses_it() -> None:
+def test_a_thin_rope_is_detected_in_every_beam_that_crosses_it() -> None:
     """The rope is 5 cm thick, level, 1.5 m below the sonar and 15 m ahead."""
     sonar = forward(DEEP, TRUE._replace(rays=24, beams=128, beam_width=radians(0.5)))
     across = from_euler(radians(90.0), 0.0, 0.0)
@@ -279,8 +279,10 @@ def test_a_thin_rope_is_seen_in_every_beam_that_crosses_it() -> None:
 # --- multipath
 
 
-def test_the_surface_mirrors_a_pile_at_the_range_of_the_bent_way() -> None:
-    """One way by the surface is (d + sqrt(d² + 4 h z)) / 2 for a thing at the sonar's depth h = z; both may be bent."""
+def test_the_surface_reflects_a_pile_at_the_range_of_the_reflected_path() -> None:
+    """A path by the surface is (d + sqrt(d² + 4 h z)) / 2 for an object at the sonar's depth h = z; both paths may be
+    reflected.
+    """
     model = TRUE._replace(beams=31, sector=radians(31.0), beam_height=radians(60.0), rays=256, multipath=True)
     deep = State((0.0, 0.0, 4.0))
 
@@ -305,7 +307,7 @@ def test_the_surface_mirrors_a_pile_at_the_range_of_the_bent_way() -> None:
 # --- the seabed below its grid
 
 
-def test_the_bottoms_texture_is_of_its_places() -> None:
+def test_the_bottom_texture_is_fixed_to_positions() -> None:
     """The texture is the same from one place with other noise, stays in the mean, and varies more if rougher."""
 
     def picture(kind: str | None, state: State = AHEAD, seed: int = 1) -> Any:
@@ -330,7 +332,7 @@ def test_the_bottoms_texture_is_of_its_places() -> None:
 # --- pictures
 
 
-def test_gain_over_time_makes_a_wall_as_bright_near_as_far() -> None:
+def test_time_varied_gain_makes_a_wall_equally_bright_near_and_far() -> None:
     quiet = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=NEVER, gain=-10.0, range_step=1.0)
     near, far = (int(image(forward(facing_wall(d), quiet).sample(0, AHEAD))[:, 32].max()) for d in (10.5, 40.5))
     assert near == pytest.approx(far, abs=20)
@@ -339,7 +341,7 @@ def test_gain_over_time_makes_a_wall_as_bright_near_as_far() -> None:
     assert near > 2 * far
 
 
-def test_noise_grows_where_nothing_comes_back() -> None:
+def test_time_varied_gain_raises_noise_at_far_ranges() -> None:
     """The far end of open water is brighter with gain over time; its level is that of the model."""
     model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=90.0, contrast=1.0, noise_grey=1.0)
     picture = image(forward(DEEP, model).sample(0, AHEAD))
@@ -348,7 +350,7 @@ def test_noise_grows_where_nothing_comes_back() -> None:
     assert louder[300].mean() == pytest.approx(2.0 * picture[300].mean(), abs=2.0)
 
 
-def test_the_devices_clock_and_its_speed_of_sound() -> None:
+def test_ranges_scale_with_the_assumed_speed_of_sound() -> None:
     """The device assumes 1500 m/s; in water of 1450 m/s ranges are 1500 / 1450 times as long."""
     ocean = Ocean(profile=Profile((0.0, 100.0), (1025.0, 1025.0), (1450.0, 1450.0)))
     world = DEEP._replace(cylinder=(Cylinder(30.0, 0.0, 1.0),), ocean=ocean)
@@ -361,7 +363,7 @@ def test_the_devices_clock_and_its_speed_of_sound() -> None:
     assert np.nonzero(image(scaled)[:, 32])[0][0] == int((29.0 * 1500.0 / 1450.0 + 2.0) / 0.1)
 
 
-def test_same_seed_same_picture() -> None:
+def test_the_same_seed_gives_the_same_picture() -> None:
     model = TRUE._replace(ground_truth=False)
     samples = [forward(FLAT, model, seed=seed).sample(0, AHEAD) for seed in (3, 3, 4)]
     assert samples[0] == samples[1]
@@ -369,11 +371,11 @@ def test_same_seed_same_picture() -> None:
     assert samples[0].encoding == "uint8"
 
 
-def test_out_of_the_water_there_is_nothing() -> None:
+def test_there_are_no_echoes_out_of_the_water() -> None:
     assert not image(forward(FLAT).sample(0, State((0.0, 0.0, -0.5)))).any()
 
 
-def test_what_stands_out_of_the_water_is_not_received() -> None:
+def test_parts_above_the_water_do_not_echo() -> None:
     """A tall wall echoes up to the surface only: its upper patches would come earlier from deeper down."""
     model = TRUE._replace(beams=1, sector=radians(1.0), rays=200)
     shallow = forward(facing_wall(20.0), model).sample(0, State((0.0, 0.0, 1.0)))
@@ -381,7 +383,7 @@ def test_what_stands_out_of_the_water_is_not_received() -> None:
     assert 0.5 < image(shallow).sum() / image(deep).sum() < 0.75
 
 
-def test_water_echoes_all_along_a_beam_but_not_behind_things() -> None:
+def test_volume_reverberation_fills_a_beam_up_to_an_obstacle() -> None:
     """Open water echoes s_v b² dO dr / r² less absorption; behind a wall across the whole beam there is no echo."""
     model = TRUE._replace(volume_strength=-60.0)
     sonar = forward(DEEP, model)

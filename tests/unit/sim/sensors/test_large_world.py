@@ -1,4 +1,4 @@
-"""A camera over a world of 50 km x 50 km looks only at what is near."""
+"""A camera over a world of 50 km x 50 km reads the surroundings only."""
 
 import os
 import tracemalloc
@@ -17,7 +17,7 @@ from sim.sensors.imaging.scenery import Scenery
 SIDE = 10_001
 
 
-def test_brightness_by_curvature_is_that_of_the_whole_grid() -> None:
+def test_shading_by_curvature_equals_that_of_the_whole_grid() -> None:
     """Each hit gets what a grid of all nodes would give it, also at the grid's rim."""
     grid = covering((0.0, 60.0, 0.0, 40.0), 1.0)
     terrain = Terrain(grid, Fractal(depth=9.0, deviation=1.0).depths(grid), 9.0)
@@ -54,7 +54,7 @@ def large(tmp_path: Path) -> World:
     return load_world(str(tmp_path / "large.toml"))
 
 
-def test_rays_take_memory_only_where_they_come_to(tmp_path: Path) -> None:
+def test_rays_use_memory_only_for_the_area_they_cross(tmp_path: Path) -> None:
     """A table with one number for each block of 4 x 4 cells would take 25 MB."""
     world = large(tmp_path)
     directions = array("d", [0.6, 0.0, 0.8, 0.0, -1.0, 0.0, 0.0, 0.999, 0.0447])
@@ -69,7 +69,7 @@ def test_rays_take_memory_only_where_they_come_to(tmp_path: Path) -> None:
     np.testing.assert_allclose(distances, [1.25, np.inf, 1.0 / 0.0447], rtol=1e-12)
 
 
-def test_a_world_of_100_million_nodes_is_not_read(tmp_path: Path) -> None:
+def test_a_world_of_100_million_nodes_is_not_loaded_completely(tmp_path: Path) -> None:
     world = large(tmp_path)
     tracemalloc.start()
     scenery = Scenery(world, 2)

@@ -1,4 +1,4 @@
-"""Effects on the pings of all sonars that make pictures: ringing, own motion, and a scanning sonar's side lobes."""
+"""Effects on the pings of all imaging sonars: ringing, own motion, and a scanning sonar's side lobes."""
 
 from math import atan2, cos, exp, hypot, radians, sin, sqrt, tan
 from typing import Any
@@ -59,7 +59,7 @@ def sweep(model: ScanningSonarModel) -> tuple[Any, Any]:
 # --- ringing
 
 
-def test_ringing_hides_what_is_near_and_nothing_beyond() -> None:
+def test_ringing_hides_near_echoes_only() -> None:
     quiet, ringing = (
         picture(fitted(ForwardSonar, ForwardSonarModel(min_range=0.0, ringing=r)).sample(0, at_depth(10.0)))
         for r in (0.0, 2.0)
@@ -73,7 +73,7 @@ def test_ringing_hides_what_is_near_and_nothing_beyond() -> None:
     assert not picture(truth)[:20].any(), "the ground truth has none"
 
 
-def test_a_ping360_has_samples_from_the_transducer_on_and_no_distance_within_its_ringing() -> None:
+def test_a_ping360_samples_from_zero_and_measures_no_distance_in_its_ringing() -> None:
     model = read_sensors({"scanning_sonar": {"device": "ping360"}}, "test")["scanning_sonar"].model
     assert (model.min_range, model.ringing) == (0.0, 0.75)
     near = FLAT._replace(box=(Box(1.5, 0.0, 2.0, 20.0),))  # 0.5 m ahead
@@ -88,7 +88,7 @@ def test_a_ping360_has_samples_from_the_transducer_on_and_no_distance_within_its
     assert model._replace(ringing=10.0, max_range=5.0).validate()
 
 
-def test_a_side_scans_lines_begin_bright() -> None:
+def test_side_scan_lines_begin_with_bright_ringing() -> None:
     sample = fitted(SideScan, SideScanModel(), FLAT).sample(0, at_depth(8.0))
     for side in (sample.port, sample.starboard):
         grey = np.frombuffer(side, np.uint8)
@@ -99,7 +99,7 @@ def test_a_side_scans_lines_begin_bright() -> None:
 # --- side lobes of a scanning sonar
 
 
-def test_side_lobes_of_a_scanning_sonar_count_twice() -> None:
+def test_side_lobes_of_a_scanning_sonar_act_on_both_paths() -> None:
     """A ball is received by the pattern squared, to 1.5 dB, in pings that look past it."""
     angles, echoes = sweep(HEAD._replace(side_lobes=13.26))
     received = echoes.sum(axis=1)
@@ -119,7 +119,7 @@ def test_side_lobes_of_a_scanning_sonar_count_twice() -> None:
     assert echoes.sum(axis=1).max() == pytest.approx(received.max(), rel=0.02)
 
 
-def test_the_surface_mirrors_what_a_scanning_sonar_hears() -> None:
+def test_the_surface_reflects_echoes_of_a_scanning_sonar() -> None:
     """The bent way of a ball at the sonar's 1.5 m, 10 m ahead, is sqrt(10² + 3²) m; one way bent is between."""
     model = HEAD._replace(
         angle_min=-0.01, angle_max=0.01, step=0.01, multipath=True, beam_height=radians(50.0), rays=400
@@ -134,7 +134,7 @@ def test_the_surface_mirrors_what_a_scanning_sonar_hears() -> None:
     assert bent - 0.3 < found.max() < bent + 0.3
 
 
-def test_intensities_need_a_beam() -> None:
+def test_scanning_sonar_intensities_need_a_beam_width() -> None:
     assert HEAD.validate() is None
     assert "beam_width" in str(HEAD._replace(beam_width=0.0).validate())
 
@@ -143,7 +143,7 @@ def test_intensities_need_a_beam() -> None:
 
 
 @pytest.mark.parametrize("glint", [10.0, 25.0])
-def test_a_smooth_wall_flashes_at_a_right_angle(glint: float) -> None:
+def test_a_smooth_wall_has_a_glint_at_a_right_angle(glint: float) -> None:
     """The gain is `glint` dB straight on, exp(-tan² / 0.02) of it at 6 deg, 0 at 40 deg, and 0 for the seabed."""
     model = FORWARD._replace(beams=1, sector=radians(0.2), beam_height=radians(0.2), rays=9)
 
@@ -164,8 +164,8 @@ def test_a_smooth_wall_flashes_at_a_right_angle(glint: float) -> None:
 # --- motion within a ping
 
 
-def test_ranges_of_a_sonar_that_closes_in_are_shorter() -> None:
-    """The sound comes back to where the sonar is by then: 1 - v / c of the range, ahead; the same across."""
+def test_an_approaching_sonar_measures_shorter_ranges() -> None:
+    """The sound arrives where the sonar is by then: 1 - v / c of the range, ahead; unchanged across."""
     sonar = fitted(ForwardSonar, FORWARD._replace(max_range=60.0))
     sonar._pinger.add(solids.half_space((-1.0, 0.0, 0.0), -50.0), State())
     still, moving = (sonar._pinger.ping(0, at_depth(10.0, v, 0.0, 0.0, 0.0, 0.0, 0.0)) for v in (0.0, 15.0))
@@ -176,8 +176,8 @@ def test_ranges_of_a_sonar_that_closes_in_are_shorter() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.5, -0.8])
-def test_a_forward_sonar_that_turns_hears_things_where_they_stand_by_then(rate: float) -> None:
-    """A sonar that turns to starboard finds a ball at 45 m, 60 ms away, farther to port."""
+def test_a_turning_forward_sonar_measures_bearings_at_reception(rate: float) -> None:
+    """A sonar that turns to starboard detects a ball at 45 m, 60 ms away, farther to port."""
     model = FORWARD._replace(beam_width=radians(0.6))
     sonar = fitted(ForwardSonar, model)
     angle, distance = radians(5.0), 45.0
@@ -190,7 +190,7 @@ def test_a_forward_sonar_that_turns_hears_things_where_they_stand_by_then(rate: 
     assert across.sum() == pytest.approx(still.sum(), rel=0.02)
 
 
-def test_a_side_scan_loses_what_is_far_while_it_turns() -> None:
+def test_a_turning_side_scan_receives_less_from_far_ranges() -> None:
     """A turn of 8 deg/s moves the beam of 0.8 deg by 0.64 deg until 60 m, 80 ms away: it receives less of it."""
     rate, width = radians(8.0), SCAN.beam_width
     scan = fitted(SideScan, SCAN, FLAT)
@@ -210,8 +210,8 @@ def test_a_side_scan_loses_what_is_far_while_it_turns() -> None:
     assert turning[590] < 0.5 * still[590]
 
 
-def test_a_head_that_looks_aside_moves_along_its_own_axes() -> None:
-    """A wall to starboard is nearer to a sonar that looks and goes there."""
+def test_a_scanning_head_applies_motion_along_its_own_axes() -> None:
+    """A wall to starboard is nearer to a sonar that points and moves there."""
     model = HEAD._replace(angle_min=radians(89.0), angle_max=radians(91.0), step=radians(1.0))
     sonar = fitted(ScanningSonar, model)
     pinger = sonar._echoes._pingers[0]
