@@ -49,13 +49,13 @@ def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
         yield from _check_speed(scenario, vehicle, top_speed)
     yield from _check_current(world, vehicle, top_speed)
     yield from _check_periods(scenario)
-    yield from _check_late(scenario)
+    yield from _check_event_times(scenario)
     yield from _check_mavlink(scenario)
     yield from check_sections(scenario, vehicle)
     if scenario.controller == "builtin":
-        yield from _check_line(scenario, vehicle)
+        yield from _check_link(scenario, vehicle)
     elif scenario.controller == "px4":
-        yield from _check_autopilot_line(scenario)
+        yield from _check_autopilot_link(scenario)
     if scenario.member:
         from hil.doctor.scenario_fleet import check_fleet
 
@@ -65,8 +65,8 @@ def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
         return
     yield from _check_start(scenario, vehicle, world, "start")
     if scenario.modem:
-        yield ScenarioFinding("warning", "modem: only the vehicles of a fleet have modems, and there is no [[member]]")
-    if scenario.controller in AUTOPILOTS:  # it flies its own mission
+        yield ScenarioFinding("warning", "modem: has no effect: only a fleet has modems, and there is no [[member]]")
+    if scenario.controller in AUTOPILOTS:  # the autopilot flies its own mission
         return
     try:
         plan = prepare(scenario, world)
@@ -85,8 +85,8 @@ def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iter
     if top_speed and speed > top_speed:
         yield ScenarioFinding(
             "warning",
-            f"{key}: {speed:g} m/s, but {vehicle.name} reaches {top_speed:.2f} m/s: ask for less, or take another "
-            "vehicle",
+            f"{key}: {speed:g} m/s, but {vehicle.name} reaches {top_speed:.2f} m/s: request a lower speed, or "
+            "use another vehicle",
         )
 
 
@@ -96,8 +96,8 @@ def _check_current(world: World, vehicle: Vehicle, top_speed: float) -> Iterator
     if top_speed and current >= top_speed:
         yield ScenarioFinding(
             "warning",
-            f"world: {world.name}: current: {current:.2f} m/s carry {vehicle.name} away, which reaches "
-            f"{top_speed:.2f} m/s: lessen current in the world's file",
+            f"world: {world.name}: current: {current:.2f} m/s is faster than {vehicle.name}, which reaches "
+            f"{top_speed:.2f} m/s: reduce current in the world's file",
         )
 
 
@@ -105,36 +105,38 @@ def _check_periods(scenario: Scenario) -> Iterator[ScenarioFinding]:
     """Compare the period of the commands with the slave's deadman and its limit of the command rate."""
     period, slave = scenario.master.command_period, scenario.slave
     if slave.deadman < 2.0 * period:
-        level, what = ("problem", "go") if slave.deadman <= period else ("warning", "go after one lost command")
+        level, when = (
+            ("problem", "between commands") if slave.deadman <= period else ("warning", "after a lost command")
+        )
         yield ScenarioFinding(
             level,
-            f"slave: deadman: {slave.deadman:g} s, and a command comes every {period:g} s: thrusters {what} to "
-            f"neutral in between: use at least {2.0 * period:g} s, or a shorter command_period in [master]",
+            f"slave: deadman: {slave.deadman:g} s, but commands are {period:g} s apart, so the thrusters go to neutral "
+            f"{when}: use at least {2.0 * period:g} s, or a shorter command_period in [master]",
         )
     if scenario.network.command_rate * period < 1.0 - 1e-9:
         yield ScenarioFinding(
             "warning",
-            f"network: command_rate: the slave takes {scenario.network.command_rate:g} commands a second of the "
-            f"{1.0 / period:g} that [master] command_period sends: use at least {1.0 / period:g} Hz",
+            f"network: command_rate: the slave accepts {scenario.network.command_rate:g} commands a second, but "
+            f"command_period of [master] sends {1.0 / period:g}: use at least {1.0 / period:g} Hz",
         )
     if slave.control_period < slave.step:
         yield ScenarioFinding(
             "warning",
-            f"slave: control_period: {slave.control_period:g} s is shorter than step, {slave.step:g} s, at which the "
-            "vehicle moves: shorten step, or use the same",
+            f"slave: control_period: {slave.control_period:g} s is shorter than step, {slave.step:g} s: use a "
+            "shorter step, or increase control_period to the same",
         )
 
 
-def _check_late(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find failures and releases after the end of the run."""
+def _check_event_times(scenario: Scenario) -> Iterator[ScenarioFinding]:
+    """Find failures and releases whose time is after the end of the run."""
     times = [(f"failure[{number}]", one.time) for number, one in enumerate(scenario.failure)]
     times += [(f"release[{number}]", one.time) for number, one in enumerate(scenario.release)]
     for key, time in times:
         if time > scenario.master.time_limit:
             yield ScenarioFinding(
                 "warning",
-                f"{key}: time: {time:g} s never comes: the run ends at time_limit of [master], "
-                f"{scenario.master.time_limit:g} s",
+                f"{key}: time: {time:g} s is after the end of the run, time_limit of [master], "
+                f"{scenario.master.time_limit:g} s: use an earlier time, or increase time_limit",
             )
 
 
@@ -143,15 +145,15 @@ def _check_mavlink(scenario: Scenario) -> Iterator[ScenarioFinding]:
     mavlink = scenario.mavlink
     if mavlink is None:
         return
-    twice = {one for one in mavlink.endpoints if mavlink.endpoints.count(one) > 1}
-    for endpoint in sorted(twice):
-        yield ScenarioFinding("problem", f"mavlink: endpoints: {endpoint!r} is there twice: take one away")
+    duplicates = {one for one in mavlink.endpoints if mavlink.endpoints.count(one) > 1}
+    for endpoint in sorted(duplicates):
+        yield ScenarioFinding("problem", f"mavlink: endpoints: {endpoint!r} is listed twice: remove one")
     _, _, port = split_endpoint(scenario.slave.listen)
     for endpoint in mavlink.endpoints:
         if endpoint.startswith("tcpin:") and endpoint.rpartition(":")[2] in (str(port), str(port + 1)):
             yield ScenarioFinding(
                 "problem",
-                f"mavlink: endpoints: {endpoint!r}: [slave] listen takes ports {port} and {port + 1}: choose another",
+                f"mavlink: endpoints: {endpoint!r}: [slave] listen uses ports {port} and {port + 1}: use another port",
             )
     key = "video_port" if mavlink.video_port else "rtp" if mavlink.rtp else ""
     if key and mavlink.camera not in scenario.sensors:
@@ -160,17 +162,17 @@ def _check_mavlink(scenario: Scenario) -> Iterator[ScenarioFinding]:
         )
 
 
-def _check_line(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
+def _check_link(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
     """Check whether the thruster link can be opened, and whether its line rate is sufficient for the commands."""
     try:
-        with suppress(MissingExtraError):  # another machine may open the link; the doctor checks it there
+        with suppress(MissingExtraError):  # the slave may run on another machine; `uuv-hil doctor` checks it there
             end_protocol(scenario.link, "host", len(vehicle.channels))
         check_line_rate(scenario.link, len(vehicle.channels), 1.0 / scenario.slave.control_period)
     except ConfigError as error:
         yield ScenarioFinding("problem", str(error))
 
 
-def _check_autopilot_line(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check_autopilot_link(scenario: Scenario) -> Iterator[ScenarioFinding]:
     """Check whether the line rate to PX4 is sufficient for the samples."""
     from hil.autopilots.link_test import line_rate
     from hil.autopilots.opening import settings_of
@@ -180,7 +182,7 @@ def _check_autopilot_line(scenario: Scenario) -> Iterator[ScenarioFinding]:
         least = ceil(settings.baud * settings.rate / carried)
         yield ScenarioFinding(
             "problem",
-            f"autopilot: baud: {settings.baud} bit/s carry {carried:.0f} HIL_SENSOR a second, and rate is "
+            f"autopilot: baud: {settings.baud} bit/s transmits {carried:.0f} HIL_SENSOR messages a second, but rate is "
             f"{settings.rate:g} Hz: use at least {least} bit/s, or a lower rate",
         )
 
@@ -188,12 +190,12 @@ def _check_autopilot_line(scenario: Scenario) -> Iterator[ScenarioFinding]:
 def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -> Iterator[ScenarioFinding]:
     """Check whether the start position is free, and whether the simulation can be built."""
     start, tether = scenario.start, scenario.tether
-    far = dist(tether.anchor, (start.north, start.east, start.depth)) if tether else 0.0
-    if tether and far > tether.length:
+    distance = dist(tether.anchor, (start.north, start.east, start.depth)) if tether else 0.0
+    if tether and distance > tether.length:
         yield ScenarioFinding(
             "problem",
-            f"tether: length: {tether.length:g} m, and the anchor is {far:.1f} m away from {key}: use at least "
-            f"{ceil(far)} m, or move the anchor",
+            f"tether: length: {tether.length:g} m, but the anchor is {distance:.1f} m away from {key}: use at least "
+            f"{ceil(distance)} m, or move the anchor",
         )
         return
     try:
@@ -205,21 +207,21 @@ def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -
 
 
 def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[ScenarioFinding]:
-    """Check a planner with a path: whether there is time to fly it, whether its sensors exist, its other places."""
+    """Check a planner with a path: the time that it takes, the sensors that it needs, and its other places."""
     planner, grid, master = plan.planner, plan.request.map, scenario.master
     length = sum(dist(a, b) for a, b in pairwise(planner.path))
     if length / speed > master.time_limit:
         yield ScenarioFinding(
             "problem",
-            f"master: time_limit: the path of {length:.0f} m takes {length / speed:.0f} s and more at {speed:.2f} m/s, "
-            f"and the run ends after {master.time_limit:g} s: lengthen time_limit",
+            f"master: time_limit: the path of {length:.0f} m takes at least {length / speed:.0f} s at {speed:.2f} m/s, "
+            f"but the run ends after {master.time_limit:g} s: increase time_limit",
         )
     published = {spec.topic for spec in scenario.sensors.values()}
     for topic in planner.subscriptions:
         if topic in SCANS and topic not in published:
             yield ScenarioFinding(
                 "problem",
-                f"planner: {type(planner).__name__} needs the topic {topic!r}, and no sensor publishes it: add "
+                f"planner: {type(planner).__name__} needs the topic {topic!r}, but no sensor publishes it: add "
                 f"[sensors.{topic}] with a rate above 0",
             )
     yield from _check_places(planner, grid, plan.request.clearance, master.time_limit)
@@ -231,15 +233,17 @@ def _check_places(
     """Check whether the planner's places besides the goal are free, and whether there is time for its tasks."""
     from hil.master.tasks import Tasks
 
-    is_ours = isinstance(planner, Tasks)  # a user's planner may reach it differently
-    room = grid.inflate(clearance)
+    is_builtin = isinstance(planner, Tasks)  # a user's planner may reach its places differently
+    inflated = grid.inflate(clearance)
     for north, east in planner.places:
-        if not room.is_free((north, east)):
+        if not inflated.is_free((north, east)):
             where = "inside an obstacle" if grid.contains((north, east)) else "outside the map"
-            near = room.nearest_free((north, east))
-            remedy = f"; the nearest free point is ({near[0]:.2f} m north, {near[1]:.2f} m east)" if near else ""
+            nearest = inflated.nearest_free((north, east))
+            remedy = (
+                f"; the nearest free point is ({nearest[0]:.2f} m north, {nearest[1]:.2f} m east)" if nearest else ""
+            )
             yield ScenarioFinding(
-                "problem" if is_ours else "warning",
+                "problem" if is_builtin else "warning",
                 f"planner: the place ({north:g} m north, {east:g} m east) is {where}{remedy}",
             )
     if isinstance(planner, Tasks):
@@ -247,6 +251,6 @@ def _check_places(
         if least > time_limit:
             yield ScenarioFinding(
                 "problem",
-                f"master: time_limit: the tasks take {least:g} s without the ways between them, and the run ends after "
-                f"{time_limit:g} s: lengthen time_limit",
+                f"master: time_limit: the tasks take {least:g} s, without the travel between them, but the run ends "
+                f"after {time_limit:g} s: increase time_limit",
             )

@@ -17,17 +17,21 @@ from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
 PORTS = 2  # ports that an endpoint uses: its own, and the next one
-PLACES = 50  # checked points of each vehicle's path
+PATH_POINTS = 50  # checked points of each vehicle's path
 
 
 def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[ScenarioFinding]:
-    """Yield problems of the fleet as a whole; those of single vehicles are found elsewhere."""
+    """Yield problems of the fleet as a whole. `hil.doctor.scenario` finds those of single vehicles."""
     yield from _check_distances(scenario, vehicle)
     yield from _check_endpoints(scenario)
     if scenario.security and scenario.modem:
-        yield ScenarioFinding("problem", "modem: the acoustic channel has no [security]: leave out one of the two")
+        yield ScenarioFinding(
+            "problem", "modem: the simulated acoustic channel does not support [security]: remove one of them"
+        )
     if scenario.hunting is None:
-        yield ScenarioFinding("warning", "hunting: is left out, so that `uuv-hil agent` has no task: only slaves fly")
+        yield ScenarioFinding(
+            "warning", "hunting: there is none, so `uuv-hil agent` has no task: add one with a target"
+        )
         return
     if scenario.modem:
         yield from _check_modem(scenario, scenario.hunting)
@@ -37,21 +41,21 @@ def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[
         yield ScenarioFinding("problem", f"hunting: {error}")
         return
     yield from _check_ring(scenario, scenario.hunting)
-    yield from _check_ways(scenario, plan, vehicle, world)
+    yield from _check_paths(scenario, plan, vehicle, world)
 
 
 def _check_distances(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
     """Find vehicles that overlap, or are too near to each other, at the start."""
     size = hypot(*vehicle.dimensions[:2])
     least = max(size, scenario.hunting.min_separation if scenario.hunting else 0.0)
-    why = "min_separation of [hunting]" if least > size else f"two {vehicle.name} may touch"
+    why = "min_separation of [hunting]" if least > size else f"the size of {vehicle.name}"
     for (number, one), (other, two) in combinations(enumerate(scenario.member), 2):
         apart = hypot(one.north - two.north, one.east - two.east)
         if apart < least:
             yield ScenarioFinding(
                 "problem",
                 f"member[{other}]: {two.node} starts {apart:.2f} m from {one.node} (member[{number}]), less than "
-                f"{least:.2f} m ({why}): move its north or east",
+                f"{least:.2f} m ({why}): change its north or east",
             )
 
 
@@ -67,7 +71,7 @@ def _check_endpoints(scenario: Scenario) -> Iterator[ScenarioFinding]:
             if other:
                 yield ScenarioFinding(
                     "problem",
-                    f"{name}: {endpoint} takes ports {port} and {port + 1}, and {other} takes one of them: choose "
+                    f"{name}: {endpoint} uses ports {port} and {port + 1}, and {other} uses one of them: use "
                     "another port",
                 )
             taken |= dict.fromkeys(ports, name)
@@ -82,13 +86,15 @@ def _check_modem(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFindi
         return
     longest = getattr(modem.model, "longest", REPORT_BYTES)
     if longest < REPORT_BYTES:
-        yield ScenarioFinding("problem", f"modem: longest: a report has {REPORT_BYTES} bytes, more than {longest}")
+        yield ScenarioFinding(
+            "problem", f"modem: longest: {longest} bytes is shorter than a report: use {REPORT_BYTES}"
+        )
     busy = modem.model.airtime_ns(REPORT_BYTES) * 1e-9 * len(scenario.member)
     if not modem.slot and hunting.report_period < busy:
         yield ScenarioFinding(
             "warning",
-            f"hunting: report_period: {hunting.report_period:g} s, and the reports of all vehicles take {busy:.3g} s "
-            "on the air: most are lost: lengthen it, raise bit_rate of [modem], or set its slot",
+            f"hunting: report_period: {hunting.report_period:g} s, but the reports of all vehicles take {busy:.3g} s to "
+            "send, so most are lost: increase it, or bit_rate of [modem], or set slot of [modem]",
         )
 
 
@@ -99,24 +105,24 @@ def _check_ring(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFindin
         yield ScenarioFinding(
             "problem",
             f"hunting: ring: neighbours on it are {apart:.2f} m apart, less than min_separation, "
-            f"{hunting.min_separation:g} m: widen the ring",
+            f"{hunting.min_separation:g} m: increase ring",
         )
     if apart > hunting.fields.communication_range:
         yield ScenarioFinding(
             "warning",
-            f"hunting: ring: neighbours on it are {apart:.2f} m apart, farther than communication_range of "
-            f"[hunting.fields], {hunting.fields.communication_range:g} m: they do not receive each other",
+            f"hunting: ring: neighbours on it are {apart:.2f} m apart, more than communication_range of "
+            f"[hunting.fields], {hunting.fields.communication_range:g} m: reduce ring, or they do not receive each other",
         )
 
 
-def _check_ways(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: World) -> Iterator[ScenarioFinding]:
-    """Check whether there is time for the hunt, and whether the paths are free, as the vehicles avoid no obstacles."""
+def _check_paths(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: World) -> Iterator[ScenarioFinding]:
+    """Check whether the hunt ends in time, and whether the paths are free. The vehicles do not avoid obstacles."""
     limit = scenario.master.time_limit
     if plan.duration > limit:
         yield ScenarioFinding(
             "problem",
-            f"master: time_limit: the hunt takes {plan.duration:.0f} s and more, and the run ends after {limit:g} s: "
-            "lengthen it, or raise max_speed of [hunting.fields]",
+            f"master: time_limit: the hunt takes at least {plan.duration:.0f} s, but the run ends after {limit:g} s: "
+            "increase it, or max_speed of [hunting.fields]",
         )
     goal = scenario.hunting.target if scenario.hunting else None
     try:
@@ -124,14 +130,14 @@ def _check_ways(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: Wor
     except ConfigError as error:
         yield ScenarioFinding("problem", str(error))
         return
-    room = grid.inflate(hypot(*vehicle.dimensions[:2]) / 2.0)
+    inflated = grid.inflate(hypot(*vehicle.dimensions[:2]) / 2.0)
     for number, member in enumerate(scenario.member):
-        way = [plan.place(number, plan.duration * step / PLACES) for step in range(PLACES + 1)]
-        at = next((place for place in way if not room.is_free(place)), None)
-        if at:
-            where = "inside an obstacle" if grid.contains(at) else f"outside the map of {world.name}"
+        path = [plan.place(number, plan.duration * step / PATH_POINTS) for step in range(PATH_POINTS + 1)]
+        blocked = next((point for point in path if not inflated.is_free(point)), None)
+        if blocked:
+            where = "inside an obstacle" if grid.contains(blocked) else f"outside the map of {world.name}"
             yield ScenarioFinding(
                 "problem",
-                f"hunting: the way of {member.node} leads to ({at[0]:.1f} m north, {at[1]:.1f} m east), {where}, "
-                f"{dist(at, plan.target):.1f} m from the target: move the target or member[{number}]",
+                f"hunting: the path of {member.node} passes ({blocked[0]:.1f} m north, {blocked[1]:.1f} m east), {where}, "
+                f"{dist(blocked, plan.target):.1f} m from the target: move the target or member[{number}]",
             )

@@ -32,18 +32,18 @@ def _check_depth_margin(scenario: Scenario) -> Iterator[ScenarioFinding]:
     if margin < LEAST_DEPTH_MARGIN_M and "too_deep" not in scenario.master.allow:
         yield ScenarioFinding(
             "warning",
-            f"master: depth_margin: {margin:g} m: control overshoots a depth by some centimetres, and the run fails as "
-            f'too deep: use at least {LEAST_DEPTH_MARGIN_M:g} m, or name "too_deep" in allow',
+            f"master: depth_margin: {margin:g} m is less than the overshoot of the depth control, and the run fails as "
+            f'too deep: use at least {LEAST_DEPTH_MARGIN_M:g} m, or add "too_deep" to allow',
         )
 
 
 def _check_odometry(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find an odometry that is too slow for the slave's controller."""
+    """Find an odometry rate that is too low for the slave's controller."""
     odometry = scenario.sensors.get("odometry")
     if scenario.controller == "builtin" and odometry and odometry.model.rate < LEAST_ODOMETRY_HZ:
         yield ScenarioFinding(
             "warning",
-            f"sensors: odometry: rate: {odometry.model.rate:g} Hz is too slow for the controller, which takes speed "
+            f"sensors: odometry: rate: {odometry.model.rate:g} Hz is too slow for the controller, which reads speed "
             f"and depth from it: use at least {LEAST_ODOMETRY_HZ:g} Hz",
         )
 
@@ -58,38 +58,38 @@ def _check_failures(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFi
     if horizontal and horizontal <= dead:
         yield ScenarioFinding(
             "problem",
-            f"failure: all thrusters that push horizontally have failed at 0 s ({', '.join(sorted(horizontal))}), and "
-            "the vehicle stays where it starts: leave one of them, or let it fail later with time",
+            f"failure: all horizontal thrusters fail at 0 s ({', '.join(sorted(horizontal))}), so the vehicle cannot "
+            "leave its start: remove one failure, or set a later time",
         )
 
 
 def _is_dead_at_start(failure: Failure) -> bool:
-    without = failure.kind == "off" or (failure.kind == "efficiency" and failure.efficiency == 0.0)
-    return failure.time == 0.0 and without
+    has_no_thrust = failure.kind == "off" or (failure.kind == "efficiency" and failure.efficiency == 0.0)
+    return failure.time == 0.0 and has_no_thrust
 
 
 def _check_security(scenario: Scenario) -> Iterator[ScenarioFinding]:
-    """Find folders of certificates that do not exist, or lack a file. A machine needs only its own folder."""
+    """Find folders of certificates that do not exist, or lack a file. Each machine needs only its own folder."""
     if scenario.security is None:
         return
     named = {key: getattr(scenario.security, key) for key in ("slave", "master", "router")}
     folders = {key: folder for key, folder in named.items() if folder}
-    there = [key for key, folder in folders.items() if os.path.isdir(folder)]
+    existing = [key for key, folder in folders.items() if os.path.isdir(folder)]
     for key, folder in folders.items():
-        if key in there:
+        if key in existing:
             try:
                 tls(folder)
             except NetworkError as error:
                 yield ScenarioFinding("problem", f"security: {key}: {error}")
-        elif there:
+        elif existing:
             yield ScenarioFinding(
                 "warning",
-                f"security: {key}: there is no folder {folder}: right only if this is not the machine of the {key}; "
-                "`uuv-hil keys add NAME` makes one",
+                f"security: {key}: there is no folder {folder}: create it with `uuv-hil keys add NAME`, unless the {key} "
+                "runs on another machine",
             )
         else:
             yield ScenarioFinding(
                 "problem",
-                f"security: {key}: there is no folder {folder}, nor one of another machine: make it with "
+                f"security: {key}: there is no folder {folder}, nor another folder of [security]: create it with "
                 "`uuv-hil keys add NAME`",
             )

@@ -90,31 +90,35 @@ SECURITY = "security={slave='no/slave', master='no/master', may_command=['master
     [
         (["master.goal=[99, 0]"], "problem", "master: goal: the goal (99.00 m north, 0.00 m east) is outside the map"),
         (["master.margin=20"], "problem", "start: the start (0.00 m north"),
-        (["master.time_limit=20"], "problem", "master: time_limit: the path of 74 m takes 93 s and more at 0.80 m/s"),
-        (["slave.deadman=0.1", "master.command_period=0.2"], "problem", "slave: deadman: 0.1 s, and a command comes"),
-        (["slave.deadman=0.3", "master.command_period=0.2"], "warning", "go after one lost command to neutral"),
-        (["network.command_rate=10"], "warning", "network: command_rate: the slave takes 10 commands a second"),
+        (["master.time_limit=20"], "problem", "master: time_limit: the path of 74 m takes at least 93 s at 0.80 m/s"),
+        (
+            ["slave.deadman=0.1", "master.command_period=0.2"],
+            "problem",
+            "slave: deadman: 0.1 s, but commands are 0.2 s apart",
+        ),
+        (["slave.deadman=0.3", "master.command_period=0.2"], "warning", "go to neutral after a lost command"),
+        (["network.command_rate=10"], "warning", "network: command_rate: the slave accepts 10 commands a second"),
         (["slave.control_period=0.001"], "warning", "slave: control_period: 0.001 s is shorter than step"),
         (["slave.step=0.02"], "problem", "sensor 'imu': its rate is above 50 Hz"),
         (["failure=[{thruster='t', kind='off'}]"], "problem", "failure: no thruster 't'; there are: front_right"),
         (
             ["failure=[{thruster='rear_left', kind='off', time=400.0}]"],
             "warning",
-            "failure[0]: time: 400 s never comes",
+            "failure[0]: time: 400 s is after the end of the run",
         ),
         (
             ["tether.length=3"],
             "problem",
-            "tether: length: 3 m, and the anchor is 5.0 m away from start: use at least 5",
+            "tether: length: 3 m, but the anchor is 5.0 m away from start: use at least 5",
         ),
         (["planner.class=hil.master.avoid:Avoid"], "problem", "planner: Avoid needs the topic 'laser'"),
-        (["modem.slot=1"], "warning", "modem: only the vehicles of a fleet"),
-        (["mavlink.endpoints=['tcpin:127.0.0.1:7448']"], "problem", "listen takes ports 7447 and 7448"),
-        (["mavlink.endpoints=['udpin:127.0.0.1:9', 'udpin:127.0.0.1:9']"], "problem", "is there twice"),
+        (["modem.slot=1"], "warning", "modem: has no effect: only a fleet"),
+        (["mavlink.endpoints=['tcpin:127.0.0.1:7448']"], "problem", "listen uses ports 7447 and 7448"),
+        (["mavlink.endpoints=['udpin:127.0.0.1:9', 'udpin:127.0.0.1:9']"], "problem", "is listed twice: remove one"),
         (["mavlink.video_port=8000"], "warning", "mavlink: video_port: there is no camera 'camera'"),
-        (["master.depth_margin=0"], "warning", "master: depth_margin: 0 m: control overshoots"),
+        (["master.depth_margin=0"], "warning", "master: depth_margin: 0 m is less than the overshoot"),
         (["sensors.odometry.rate=1"], "warning", "sensors: odometry: rate: 1 Hz is too slow for the controller"),
-        ([f"failure=[{', '.join(map(OFF.format, HORIZONTAL))}]"], "problem", "all thrusters that push horizontally"),
+        ([f"failure=[{', '.join(map(OFF.format, HORIZONTAL))}]"], "problem", "all horizontal thrusters fail at 0 s"),
         ([SECURITY], "problem", "security: slave: there is no folder"),
     ],
 )
@@ -149,7 +153,7 @@ def test_certificate_folders_are_checked(capsys: pytest.CaptureFixture[str], tmp
     code, output, _ = run(capsys, "scenario", "check", str(path))
     assert code == 1
     first, second = output.splitlines()
-    assert first.startswith(f"warning: {path}: security: slave: there is no folder {tmp_path / 'a'}: right only if")
+    assert first.startswith(f"warning: {path}: security: slave: there is no folder {tmp_path / 'a'}: create it with")
     assert f"problem: {path}: security: master: " in second
     assert f"{tmp_path / 'b' / 'key.pem'} is not there; `uuv-hil keys add b`" in second
     (tmp_path / "b" / "key.pem").touch()
@@ -196,16 +200,16 @@ def members(*places: tuple[float, int]) -> str:
             "problem",
             "member[1]: m1 starts 0.30 m from m0 (member[0])",
         ),
-        ([members((0.0, 7000), (2.0, 7001), (4.0, 7004))], "problem", "member[1]: listen: tcp/127.0.0.1:7001 takes"),
+        ([members((0.0, 7000), (2.0, 7001), (4.0, 7004))], "problem", "member[1]: listen: tcp/127.0.0.1:7001 uses"),
         ([members((0.0, 7000), (2.0, 7002))], "problem", "hunting: 2 vehicles cannot surround a target"),
         (["hunting.ring=0.2"], "problem", "hunting: ring: neighbours on it are 0.28 m apart, less than min_separation"),
-        (["hunting.ring=3.7"], "warning", "farther than communication_range"),
+        (["hunting.ring=3.7"], "warning", "more than communication_range"),
         (["master.time_limit=10"], "problem", "master: time_limit: the hunt takes"),
         (["hunting.target=[5.0, 40.0]", "master.time_limit=600"], "problem", "outside the map of paper_hunt"),
-        (["world=paper_field"], "problem", "hunting: the way of uuv3 leads to"),
+        (["world=paper_field"], "problem", "hunting: the path of uuv3 passes"),
         (["modem.slot=0.1"], "problem", "modem: slot: a report of 16 bytes takes 0.23 s, more than a slot"),
-        (["modem.longest=8"], "problem", "modem: longest: a report has 16 bytes, more than 8"),
-        (["modem.slot=0", "hunting.report_timeout=9"], "warning", "hunting: report_period: 0.1 s, and the reports of"),
+        (["modem.longest=8"], "problem", "modem: longest: 8 bytes is shorter than a report: use 16"),
+        (["modem.slot=0", "hunting.report_timeout=9"], "warning", "hunting: report_period: 0.1 s, but the reports of"),
     ],
 )
 def test_problems_of_a_fleet_are_found(
