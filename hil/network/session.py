@@ -153,14 +153,12 @@ class Session:
     def watch_tokens(self, keys: str, deliver: Callable[[str, bool], None]) -> None:
         """Call `deliver(key, alive)` for each token of others on `keys` that exists, appears or is withdrawn.
 
-        The tokens of a session that was lost are withdrawn after its lease. Otherwise like `receive`; none is dropped.
+        The tokens of a session that was lost are withdrawn after its lease, and those that are missing after `reopen`
+        after CONFIRM_WITHIN_S. Otherwise like `receive`; none is dropped.
         """
+        from hil.network.token_watch import TokenWatch  # needs the worker's queues
 
-        def pass_on(sample: zenoh.Sample) -> None:
-            deliver(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
-
-        queue = self._shared_worker().open_queue(pass_on)
-        self._declare(lambda session: session.liveliness().declare_subscriber(keys, queue.callback, history=True))
+        self._declare(TokenWatch(keys, deliver, self._shared_worker()).declare)
 
     def subscribe_keys(self, keys: str, deliver: Deliver, depth: int, latched: bool = False) -> None:
         """Call `deliver(key, payload, attachment)` for every message on `keys`; otherwise like `subscribe`.

@@ -11,9 +11,10 @@ import zenoh
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S
 from hil.common.errors import NetworkError
-from hil.network import stall
+from hil.network import stall, token_watch
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
+from hil.network.session import Session
 from hil.ros.topics import TOPICS
 from tests.support.processes import Program, command_until, free_port, surge_of, wait_for, write_scenario
 from tools.faults.relay import Relay
@@ -102,12 +103,12 @@ def test_all_declarations_work_after_a_session_was_reopened() -> None:
         keys: list[bytes] = []
         commands: list[bytes] = []
         pings: list[bytes] = []
-        tokens: list[tuple[str, bool]] = []
+        present: set[str] = set()
         master.subscribe("uuv1", "odom", lambda _topic, payload, _: samples.append(payload), 8)
         master.subscribe_keys("some/**", lambda _key, payload, _: keys.append(payload), 8)
         master.receive("uuv_hil/x", pings.append, 8)
         slave.subscribe("uuv1", "cmd_vel", lambda _topic, payload, _: commands.append(payload), 8)
-        slave.watch_tokens("t/*", lambda key, alive: tokens.append((key, alive)))
+        slave.watch_tokens("t/*", lambda key, alive: (present.add if alive else present.discard)(key))
         odom, some = slave.publisher("uuv1", TOPICS["odom"]), slave.sender("some/key")
         ping, command = slave.sender("uuv_hil/x"), master.publisher("uuv1", TOPICS["cmd_vel"])
         master.declare_token("t/stays")
@@ -125,12 +126,77 @@ def test_all_declarations_work_after_a_session_was_reopened() -> None:
 
         for number in range(3):
             assert wait_for(exchange)
-            assert wait_for(lambda: ("t/stays", True) in tokens)
-            tokens.clear()
+            assert wait_for(lambda: linked_to(slave) == {opened_zid(master)}), "the links of the old session are closed"
+            assert wait_for(lambda: slave.tokens("t/*") == ["t/stays"] and present == {"t/stays"})
             master.reopen(master.openings)
             assert master.openings == number + 2
         assert wait_for(exchange)
-        assert ("t/withdrawn", True) not in tokens
+
+
+def opened_zid(session: Session) -> str:
+    """Return the zenoh id of the library's present session; `Session.zid` is that of the first."""
+    return str(session._session.info.zid())
+
+
+def linked_to(session: Session) -> set[str]:
+    return {zid for zid, _, _ in session.links()}
+
+
+class OverlappingSession:
+    """A session of the library that stays open, with its declarations, until `end`."""
+
+    def __init__(self, session: zenoh.Session, declared: list[object]) -> None:
+        self._session, self._declared = session, declared
+
+    def close(self) -> None:
+        raise zenoh.ZError("close operation timed out!")
+
+    def end(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+        self._declared.clear()
+
+
+def test_a_token_stays_present_when_the_old_session_ends_after_the_new_one_opened() -> None:
+    """The watcher gets no event then, because there is always a token with this key."""
+    events: list[tuple[str, bool]] = []
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, open_master_session(endpoint) as master:
+        slave.watch_tokens("t/*", lambda key, alive: events.append((key, alive)))
+        master.declare_token("t/x")
+        assert wait_for(lambda: events)
+        old = OverlappingSession(master._session, [declared.current for declared in master._declared])
+        master._session = old  # type: ignore[assignment]
+        master.reopen(master.openings)
+        assert wait_for(lambda: opened_zid(master) in linked_to(slave))
+        assert wait_for(lambda: slave.tokens("t/*") == ["t/x"])
+        old.end()
+        assert wait_for(lambda: linked_to(slave) == {opened_zid(master)})
+        assert wait_for(lambda: slave.tokens("t/*") == ["t/x"])
+        assert events == [("t/x", True)]
+        master.close()
+        assert wait_for(lambda: events == [("t/x", True), ("t/x", False)])
+
+
+def test_a_token_withdrawn_while_the_session_is_reopened_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A vehicle that ended meanwhile used to count as present for ever, and its successor as a second one."""
+    monkeypatch.setattr(token_watch, "CONFIRM_WITHIN_S", 1.0)
+    events: list[tuple[str, bool]] = []
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint) as slave, open_master_session(endpoint) as master:
+        master.watch_tokens("t/*", lambda key, alive: events.append((key, alive)))
+        slave.declare_token("t/stays")
+        withdraw, opened = slave.declare_token("t/ends"), master._open_library
+        assert wait_for(lambda: len(events) == 2)
+        events.clear()
+
+        def open_after_withdrawal() -> zenoh.Session:
+            withdraw()
+            return opened()
+
+        master._open_library = open_after_withdrawal
+        master.reopen(master.openings)
+        assert wait_for(lambda: ("t/ends", False) in events)
+        assert events == [("t/stays", True), ("t/ends", False)]
 
 
 def test_reopening_a_closed_session_does_nothing() -> None:
