@@ -115,7 +115,9 @@ def test_a_start_that_is_interrupted_leaves_nothing(command: Command, number: in
 def test_down_keeps_the_members_of_an_unreachable_host(command: Command, tmp_path: Path) -> None:
     """Its member stays recorded, and the others end."""
     gone, ssh, program = tmp_path / "gone", tmp_path / "ssh", tmp_path / "program"
-    ssh.write_text(f'#!/bin/sh\ntest ! -e {gone} || {{ echo "No route to host" >&2; exit 255; }}\nexec sh -c "$2"\n')
+    ssh.write_text(  # a real ssh starts in the home folder too
+        f'#!/bin/sh\ntest ! -e {gone} || {{ echo "No route to host" >&2; exit 255; }}\ncd && exec sh -c "$2"\n'
+    )
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -m hil "$@"\n')
     for script in (ssh, program):
         script.chmod(0o755)
