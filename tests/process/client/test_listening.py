@@ -122,7 +122,7 @@ def test_planners_name_the_topics_they_use() -> None:
 def test_an_unknown_topic_of_a_planner_is_reported(subscriptions: str | tuple[str, ...], words: str) -> None:
     planner = PlannerWithoutTopics()
     planner.subscriptions = subscriptions
-    with pytest.raises(ConfigError, match=f"Curious: subscriptions.*{words}"):
+    with pytest.raises(ConfigError, match=f"PlannerWithoutTopics: subscriptions.*{words}"):
         topics_of(planner)
 
 

@@ -54,7 +54,7 @@ def test_a_tap_receives_from_the_vehicle_and_its_master() -> None:
         arrived = collect(tap, lambda messages: last <= {message.data for message in messages})
     topics = Counter(message.topic for message in arrived)
     assert topics["/uuv1/imu"] == 100
-    assert topics["/uuv1/cmd_vel"] >= 95, "those before the sessions had met are nobody's"
+    assert topics["/uuv1/cmd_vel"] >= 95, "messages before the tap was connected are lost"
     assert tap.missed == 0
     first = next(message for message in arrived if message.topic == "/uuv1/imu")
     assert first[:4] == ("/uuv1/imu", "sensor_msgs/msg/Imu", 1, began)

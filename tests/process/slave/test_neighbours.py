@@ -90,7 +90,7 @@ class Viewer:
 
 
 @pytest.fixture(scope="module", params=["direct", "routed"])
-def onlooker(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Viewer]:
+def viewer(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Viewer]:
     folder = tmp_path_factory.mktemp(request.param)
     with ExitStack() as stack:
         network, text = Network(), ""
@@ -108,27 +108,27 @@ def onlooker(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
         yield Viewer(stack.enter_context(VehicleClient(seeing, "one", network=network)), hand, slaves[1])
 
 
-def test_the_camera_shows_the_other_vehicle_at_its_position(onlooker: Viewer) -> None:
+def test_the_camera_shows_the_other_vehicle_at_its_position(viewer: Viewer) -> None:
     """The stern is half a length nearer than the centre, and has the width and height of the vehicle."""
-    assert wait_for(lambda: abs(onlooker.middle() - (2.0 - LENGTH / 2.0)) < 0.1), onlooker.middle()
-    assert wait_for(lambda: {"camera/labels", "camera/camera_info"} <= set(onlooker.client.latest))
-    focal = onlooker.client.latest["camera/camera_info"].value.intrinsics.fx
+    assert wait_for(lambda: abs(viewer.middle() - (2.0 - LENGTH / 2.0)) < 0.1), viewer.middle()
+    assert wait_for(lambda: {"camera/labels", "camera/camera_info"} <= set(viewer.client.latest))
+    focal = viewer.client.latest["camera/camera_info"].value.intrinsics.fx
     wanted = [focal * size / (2.0 - LENGTH / 2.0) for size in (BREADTH, TALL)]
 
     def sizes() -> list[int]:
         """Return breadth and height (pixels) in the picture of labels, which may come later than that of depths."""
-        labels = np.frombuffer(onlooker.client.latest["camera/labels"].value.data, "<i4").reshape(HEIGHT, WIDTH)
+        labels = np.frombuffer(viewer.client.latest["camera/labels"].value.data, "<i4").reshape(HEIGHT, WIDTH)
         on_it = labels == labels[HEIGHT // 2, WIDTH // 2]
         return [int(on_it.any(axis).sum()) for axis in (0, 1)]
 
     assert wait_for(lambda: sizes() == pytest.approx(wanted, abs=1.0)), (sizes(), wanted)
 
 
-def test_the_sonar_detects_the_other_vehicle(onlooker: Viewer) -> None:
+def test_the_sonar_detects_the_other_vehicle(viewer: Viewer) -> None:
     """The strongest echo of the middle beam comes from its stern."""
 
     def loudest() -> float:
-        latest = onlooker.client.latest.get("forward_sonar/image")
+        latest = viewer.client.latest.get("forward_sonar/image")
         if latest is None:
             return 0.0
         sonar = latest.value
@@ -138,15 +138,15 @@ def test_the_sonar_detects_the_other_vehicle(onlooker: Viewer) -> None:
     assert wait_for(lambda: abs(loudest() - (2.0 - LENGTH / 2.0)) < 0.3), loudest()
 
 
-def test_the_other_vehicle_moves_and_disappears_with_its_slave(onlooker: Viewer) -> None:
-    onlooker.move(2.5, 0.0, 5.0)
-    assert wait_for(lambda: abs(onlooker.middle() - (2.5 - LENGTH / 2.0)) < 0.1), onlooker.middle()
-    onlooker.move(-3.0, 0.0, 5.0)
-    assert wait_for(lambda: onlooker.middle() > 6.0), onlooker.middle()
-    onlooker.move(3.0, 0.0, 5.0)
-    assert wait_for(lambda: abs(onlooker.middle() - (3.0 - LENGTH / 2.0)) < 0.1), onlooker.middle()
-    assert onlooker.two.stop(2) == 0
-    assert wait_for(lambda: onlooker.middle() > 6.0), "who is silent is not to be seen"
+def test_the_other_vehicle_moves_and_disappears_with_its_slave(viewer: Viewer) -> None:
+    viewer.move(2.5, 0.0, 5.0)
+    assert wait_for(lambda: abs(viewer.middle() - (2.5 - LENGTH / 2.0)) < 0.1), viewer.middle()
+    viewer.move(-3.0, 0.0, 5.0)
+    assert wait_for(lambda: viewer.middle() > 6.0), viewer.middle()
+    viewer.move(3.0, 0.0, 5.0)
+    assert wait_for(lambda: abs(viewer.middle() - (3.0 - LENGTH / 2.0)) < 0.1), viewer.middle()
+    assert viewer.two.stop(2) == 0
+    assert wait_for(lambda: viewer.middle() > 6.0), "a silent vehicle is not shown"
 
 
 # --- by itself
