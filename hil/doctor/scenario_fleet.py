@@ -25,12 +25,10 @@ def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[
     yield from _check_distances(scenario, vehicle)
     yield from _check_endpoints(scenario)
     if scenario.security and scenario.modem:
-        yield ScenarioFinding(
-            "problem", "modem: the simulated acoustic channel does not support [security]: remove one of them"
-        )
+        yield ScenarioFinding("problem", "modem: the acoustic channel does not support [security]: remove one of them")
     if scenario.hunting is None:
         yield ScenarioFinding(
-            "warning", "hunting: there is none, so `uuv-hil agent` has no task: add one with a target"
+            "warning", "hunting: there is none, so `uuv-hil agent` has no task: add it, with a target"
         )
         return
     if scenario.modem:
@@ -93,8 +91,8 @@ def _check_modem(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFindi
     if not modem.slot and hunting.report_period < busy:
         yield ScenarioFinding(
             "warning",
-            f"hunting: report_period: {hunting.report_period:g} s, but the reports of all vehicles take {busy:.3g} s to "
-            "send, so most are lost: increase it, or bit_rate of [modem], or set slot of [modem]",
+            f"hunting: report_period: {hunting.report_period:g} s, but the reports of all vehicles take {busy:.3g} s "
+            "to send, so most are lost: increase it, or bit_rate of [modem], or set slot of [modem]",
         )
 
 
@@ -111,7 +109,8 @@ def _check_ring(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFindin
         yield ScenarioFinding(
             "warning",
             f"hunting: ring: neighbours on it are {apart:.2f} m apart, more than communication_range of "
-            f"[hunting.fields], {hunting.fields.communication_range:g} m: reduce ring, or they do not receive each other",
+            f"[hunting.fields], {hunting.fields.communication_range:g} m, so they do not receive each other: reduce "
+            "ring",
         )
 
 
@@ -138,6 +137,6 @@ def _check_paths(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: Wo
             where = "inside an obstacle" if grid.contains(blocked) else f"outside the map of {world.name}"
             yield ScenarioFinding(
                 "problem",
-                f"hunting: the path of {member.node} passes ({blocked[0]:.1f} m north, {blocked[1]:.1f} m east), {where}, "
-                f"{dist(blocked, plan.target):.1f} m from the target: move the target or member[{number}]",
+                f"hunting: the path of {member.node} passes ({blocked[0]:.1f} m north, {blocked[1]:.1f} m east), "
+                f"{where}, {dist(blocked, plan.target):.1f} m from the target: move the target or member[{number}]",
             )

@@ -84,8 +84,8 @@ def _check_security(scenario: Scenario) -> Iterator[ScenarioFinding]:
         elif existing:
             yield ScenarioFinding(
                 "warning",
-                f"security: {key}: there is no folder {folder}: create it with `uuv-hil keys add NAME`, unless the {key} "
-                "runs on another machine",
+                f"security: {key}: there is no folder {folder}: create it with `uuv-hil keys add NAME`, unless the "
+                f"{key} runs on another machine",
             )
         else:
             yield ScenarioFinding(
