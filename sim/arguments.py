@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from sim.forces import Force
 
 MIN_DT_NS, MAX_DT_NS = 1_000, 100_000_000
-FARTHEST = 1e6  # m from the origin; doubles there are 0.1 nm apart
-MOST_TURNED = 1e6  # rad; beyond it, the sine and cosine of a heading lose too many digits
+MAX_POSITION = 1e6  # m from the origin; doubles there are 0.1 nm apart
+MAX_HEADING = 1e6  # rad; beyond it, the sine and cosine of a heading lose too many digits
 
 
 def require_parts(vehicle: Any, world: Any, sensors: Any) -> None:
-    """Raise ConfigError for a vehicle, a world or sensors (None: the usual ones) that are of another type."""
+    """Raise ConfigError for a vehicle, world or sensors of a wrong type. `sensors` may be None: the default ones."""
     if not isinstance(vehicle, Vehicle):
         raise ConfigError(f"vehicle = {vehicle!s:.40}: give a Vehicle, such as load_vehicle() returns")
     if not isinstance(world, World):
@@ -28,9 +28,9 @@ def require_parts(vehicle: Any, world: Any, sensors: Any) -> None:
         return
     if not hasattr(sensors, "items"):
         raise ConfigError(f"sensors = {sensors!s:.40}: give SensorSpec by name, such as fit() returns, or None")
-    for name, fitted in sensors.items():
-        if not all(hasattr(fitted, part) for part in ("sensor", "model", "mounting")):
-            raise ConfigError(f"sensors: {name!s:.40} is {fitted!s:.40}: give a SensorSpec, such as fit() returns")
+    for name, spec in sensors.items():
+        if not all(hasattr(spec, field) for field in ("sensor", "model", "mounting")):
+            raise ConfigError(f"sensors: {name!s:.40} is {spec!s:.40}: give a SensorSpec, such as fit() returns")
 
 
 def require_numbers(
@@ -43,8 +43,8 @@ def require_numbers(
         )
     if not hasattr(seed, "__index__") or isinstance(seed, bool) or seed < 0:
         raise ConfigError(f"seed = {seed!s:.40}: give a whole number from 0 on")
-    _require_vector("position", position, FARTHEST, 3)
-    _require_vector("heading", (heading,), MOST_TURNED, 1)
+    _require_vector("position", position, MAX_POSITION, 3)
+    _require_vector("heading", (heading,), MAX_HEADING, 1)
     _require_vector(f"current of {world.name}", world.current, FINITE.high, 3)
     _require_vector(f"density of {world.name}", (world.density,), FINITE.high, 1)
     _require_vector(f"gravity of {world.name}", (world.gravity,), FINITE.high, 1)
@@ -63,7 +63,8 @@ def require_events(failures: Any, forces: Any = (), releases: Any = ()) -> None:
         from sim.vehicle.ballast import Release
 
         _require_records("releases", releases, Release)
-    for number, force in enumerate(_listed("forces", forces, "objects with begin() and wrench(), as sim.forces.Force")):
+    expected = "objects with begin() and wrench(), as sim.forces.Force"
+    for number, force in enumerate(_require_list("forces", forces, expected)):
         if isinstance(force, type) or not all(callable(getattr(force, name, None)) for name in ("begin", "wrench")):
             raise ConfigError(
                 f"forces[{number}] is {force!s:.40}: give an object with begin() and wrench(), as sim.forces.Force"
@@ -71,7 +72,7 @@ def require_events(failures: Any, forces: Any = (), releases: Any = ()) -> None:
 
 
 def require_wrenches(forces: "Sequence[Force]", state: "State") -> None:
-    """Raise ConfigError for a force that does not return six numbers in this state."""
+    """Raise ConfigError if a force does not return six numbers in this state."""
     for force in forces:
         wrench: Any = force.wrench(state.position, rotations.matrix(state.quaternion), state.nu)
         if not hasattr(wrench, "__len__") or len(wrench) != 6 or not all(hasattr(x, "__float__") for x in wrench):
@@ -79,25 +80,28 @@ def require_wrenches(forces: "Sequence[Force]", state: "State") -> None:
             raise ConfigError(f"the force {name} returned {wrench!s:.60}: a wrench is six numbers, X Y Z K M N")
 
 
-def _require_records(key: str, given: Any, record: type[Any]) -> None:
-    for number, each in enumerate(_listed(key, given, f"{record.__name__} records")):
-        if not isinstance(each, record):
-            raise ConfigError(f"{key}[{number}] is {each!s:.40}: give a {record.__name__}")
-        parse(each._asdict(), record, f"{key}[{number}]")
+def _require_records(key: str, given: Any, record_type: type[Any]) -> None:
+    for number, record in enumerate(_require_list(key, given, f"{record_type.__name__} records")):
+        if not isinstance(record, record_type):
+            raise ConfigError(f"{key}[{number}] is {record!s:.40}: give a {record_type.__name__}")
+        parse(record._asdict(), record_type, f"{key}[{number}]")
 
 
-def _listed(key: str, given: Any, what: str) -> Sequence[Any]:
-    """Return `given` if it is a list or a tuple. One of our records is a tuple too, but it is not a list of records."""
+def _require_list(key: str, given: Any, expected: str) -> Sequence[Any]:
+    """Return `given` if it is a list or a tuple. A NamedTuple is one record, not a list, and is refused.
+
+    Raises ConfigError, which names the `expected` items.
+    """
     if not isinstance(given, (list, tuple)) or hasattr(given, "_asdict"):
-        raise ConfigError(f"{key} = {given!s:.40}: give a list of {what}")
+        raise ConfigError(f"{key} = {given!s:.40}: give a list of {expected}")
     return given
 
 
-def _require_vector(key: str, numbers: Sequence[float], most: float, count: int) -> None:
+def _require_vector(key: str, numbers: Sequence[float], limit: float, count: int) -> None:
     if not hasattr(numbers, "__len__") or len(numbers) != count:
         given = len(numbers) if hasattr(numbers, "__len__") else f"{numbers!s:.40}"
         raise ConfigError(f"{key}: {given} numbers: give three, north, east and down")
     for number in numbers:
-        if not hasattr(number, "__float__") or not abs(number) <= most:
-            words = "finite ones" if most == FINITE.high else f"finite ones, to {most:,.0f}"
-            raise ConfigError(f"{key}: {number!s:.40} is no number to start from: give {words}")
+        if not hasattr(number, "__float__") or not abs(number) <= limit:
+            allowed = "finite ones" if limit == FINITE.high else f"finite ones, to {limit:,.0f}"
+            raise ConfigError(f"{key}: {number!s:.40} is no number to start from: give {allowed}")

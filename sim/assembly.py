@@ -1,7 +1,7 @@
 """Make the parts of a simulation. This is the only module that imports all of them and selects implementations.
 
-A part with an implementation in C (sim/native) uses it where it was compiled, and the one in Python otherwise: both
-give the same numbers to the last bit. A part that most vehicles and worlds lack is imported only where it is needed.
+Several parts exist in Python and in C (sim/native). The C is used where it was compiled, the Python otherwise. Both
+return the same numbers to the last bit. Parts that few vehicles and worlds need are imported only when they are needed.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sim.native._rays import Caster
     from sim.rays.geometry import Geometry
     from sim.sensors.samples import ImuSample
-    from sim.tether import Carrier, Flow, Tether, TetherKeys
+    from sim.tether import Flow, ReadBody, Tether, TetherKeys
     from sim.vehicle.ballast import Release
     from sim.vehicle.collision_shape import HullShape
     from sim.vehicle.equipment import Equipment
@@ -40,7 +40,7 @@ def make_dynamics(
     integrator: Integrator = "verlet",
     forces: "Sequence[Force]" = (),
 ) -> Dynamics:
-    """Return the equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with the quickest step.
+    """Return the equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², in C if it is compiled.
 
     Raises ConfigError as `choose` does.
     """
@@ -49,9 +49,9 @@ def make_dynamics(
 
 
 def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = (), seed: int = 0) -> ThrusterSet:
-    """Return the thrusters of `vehicle`, stepped every `dt` s, with these failures planned. Raises ConfigError.
+    """Return the thrusters of `vehicle`, stepped every `dt` s, with `failures` planned. Raises ConfigError.
 
-    Models beyond a curve and a first-order lag are loaded only for a vehicle that has one.
+    A vehicle with a battery or with rotor dynamics gets `Propulsion`, any other the simpler thruster set.
     """
     if vehicle.battery or any(t.dynamics for t in vehicle.thrusters):
         from sim.vehicle.thrusters.propulsion import Propulsion
@@ -66,14 +66,17 @@ def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = 
 
 
 def make_thruster_set(vehicle: Vehicle, dt: float, seed: int = 0) -> ThrusterSet:
-    """Return thrusters with first-order lags and no battery: in C where it is compiled, or as `choose` does."""
+    """Return thrusters with first-order lags and no battery, in C if it is compiled.
+
+    Raises ConfigError as `choose` does.
+    """
     return (NativeThrusterSet if has_native() else ThrusterSet)(vehicle, dt, seed)
 
 
 def make_state(position: Sequence[float], quaternion: Sequence[float]) -> State:
-    """Return the state of a vehicle at rest (NED in m; w x y z, body to world), in C where `choose` has it.
+    """Return the state of a vehicle at rest at `position` (NED, m) and `quaternion` (w x y z, body to world).
 
-    That of C gives tuples, which are copies.
+    The state in C returns tuples, which are copies: assign a whole tuple to change it.
     """
     if not has_native():
         return State(position, quaternion)
@@ -93,22 +96,22 @@ def make_fused_step(
     shape: "HullShape",
     ventilation: Sequence[float],
 ) -> "FusedStep | None":
-    """Return a step of `dt_ns` of all of these at once in C; None if one of them is not in C, or a thruster may fail.
+    """Return one C object that computes a whole step of `dt_ns`, or None if a part is not in C or a thruster may fail.
 
-    `command` takes new pulses for thrusters and equipment (None: for thrusters alone), `current` is the velocity of
-    the water NED in m/s where `water` does not change it, the vehicle touches things with `shape`, and
-    `ventilation` are the numbers of its Ventilation. Of no use any more once failures are planned.
+    `command` is called with new pulses for thrusters and equipment (None: for thrusters alone). `current` is the
+    velocity of the water (NED, m/s) where `water` does not change it. `shape` is the hull for contacts, `ventilation`
+    the numbers of the vehicle's Ventilation. Do not use the object any more after failures have been planned.
     """
     if not (isinstance(dynamics, NativeDynamics) and isinstance(thrusters, NativeThrusterSet)):
         return None
-    if not (dynamics.is_whole and thrusters.works):
+    if not (dynamics.has_native_forces and thrusters.is_native):
         return None
     from sim.native._native import FusedStep
 
     changing, wave_field, mass = None, None, None
     if water is not None:
         changing = None if water.is_steady else water.current
-        wave_field, mass = getattr(water.wave_field, "twin", None), water.pushed_mass
+        wave_field, mass = getattr(water.wave_field, "twin", None), water.wave_inertia
     return FusedStep(
         state, dynamics.kernel, thrusters.bank, command or thrusters.command, dt_ns, (shape.reach, *shape.extent),
         current, changing, wave_field, mass, ventilation,
@@ -118,9 +121,10 @@ def make_fused_step(
 def make_imu(
     errors: ErrorBank, sample: "type[ImuSample]", position: Sequence[float], gravity: float
 ) -> "Callable[[int, State], ImuSample] | None":
-    """Return an IMU in C, which samples as sim.sensors.imu.Imu along the vehicle's axes; None if `errors` are not.
+    """Return the `sample` function of an IMU in C, or None if `errors` are not in C.
 
-    The unit is at `position` (m, body axes), under `gravity` m/s².
+    It returns what sim.sensors.imu.Imu returns for a unit at `position` (m, body axes) that is aligned with the
+    vehicle's axes, under `gravity` m/s².
     """
     if not isinstance(errors, NativeErrorBank):
         return None
@@ -130,14 +134,17 @@ def make_imu(
 
 
 def make_error_bank(models: Iterable[ErrorModel], period: float, random: Random) -> ErrorBank:
-    """Return the errors of one sensor, sampled every `period` s, the quickest there are; else as `choose`."""
+    """Return the errors of one sensor that is sampled every `period` s, in C if it is compiled.
+
+    Raises ConfigError as `choose` does.
+    """
     return (NativeErrorBank if has_native() else ErrorBank)(models, period, random)
 
 
 def make_impulses() -> "tuple[ApplyImpulses, Separate]":
-    """Return the functions that solve the impulses and the position correction of a collision; in C or as `choose`.
+    """Return the functions that solve the impulses and the position correction of a collision, in C if compiled.
 
-    They are imported at the first contact.
+    They are imported at the first contact. Raises ConfigError as `choose` does.
     """
     if has_native():
         from sim.native import impulses as native
@@ -149,7 +156,7 @@ def make_impulses() -> "tuple[ApplyImpulses, Separate]":
 
 
 def make_caster(geometry: "Geometry") -> "Caster | None":
-    """Return a caster in C: its `cast` is sim.rays.single.cast without the first argument; None without C.
+    """Return a ray caster in C, or None without C. Its `cast` is sim.rays.single.cast without the first argument.
 
     Raises ConfigError as `choose` does.
     """
@@ -167,7 +174,7 @@ def make_caster(geometry: "Geometry") -> "Caster | None":
 
 
 def load_picture() -> "ModuleType | None":
-    """Return sim.native._picture, a camera's light and its sensor in C; None without C.
+    """Return the C module sim.native._picture, which computes the light and the sensor of cameras; None without C.
 
     Raises ConfigError as `choose` does.
     """
@@ -178,8 +185,8 @@ def load_picture() -> "ModuleType | None":
     return _picture
 
 
-def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion | None":
-    """Return the motion of the water besides the steady current; None without any, and then nothing is loaded."""
+def make_fluid_motion(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion | None":
+    """Return the motion of the water (waves, currents that change), or None if there is only a steady current."""
     if not (world.ocean and world.ocean.moves):
         return None
     from sim.environment.water import FluidMotion
@@ -192,7 +199,7 @@ def make_moving_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion
 
 
 def make_surface_forces(vehicle: Vehicle, world: World, wave_field: "WaveField | None") -> "Sequence[Force]":
-    """Return the forces of density layers and waves on the hull of `vehicle`; none in calm water of one density."""
+    """Return the forces of density layers and waves on the hull of `vehicle`: empty in calm, homogeneous water."""
     if not (world.ocean and (world.ocean.profile or world.ocean.waves)):
         return ()
     from sim.environment.stratification import surface_and_layers
@@ -200,19 +207,22 @@ def make_surface_forces(vehicle: Vehicle, world: World, wave_field: "WaveField |
     return surface_and_layers(vehicle, world, wave_field)
 
 
-def make_tether(keys: "TetherKeys", world: World, dt: float, carrier: "Carrier", flow: "Flow") -> "Tether":
+def make_tether(keys: "TetherKeys", world: World, dt: float, read_body: "ReadBody", flow: "Flow") -> "Tether":
     """Return the tether that `keys` describe, stepped every `dt` s.
 
-    `carrier` gives state and inverse mass of the vehicle, `flow` the water's velocity at a place.
+    `read_body` returns the state and the inverse mass matrix of the vehicle, `flow` the water's velocity at a point.
     """
     from sim.tether import Tether
 
-    return Tether(keys, world, dt, carrier, flow)
+    return Tether(keys, world, dt, read_body, flow)
 
 
 def make_equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":
-    """Return the equipment of `vehicle`, stepped every `dt` s; None without. Raises ConfigError as Equipment does."""
-    if not (vehicle.equipped or releases):
+    """Return the equipment of `vehicle`, stepped every `dt` s, or None if it has none.
+
+    Raises ConfigError as Equipment does.
+    """
+    if not (vehicle.has_equipment or releases):
         return None
     from sim.vehicle.equipment import Equipment
 

@@ -4,28 +4,29 @@ Seen from the water, which moves steadily with the current, the vehicle follows 
 
     M nu_r' + C(nu_r) nu_r + D nu_r + Q |nu_r| nu_r = wrench - g(depth, attitude)
 
-with nu_r = nu - R' current, and M the whole 6x6 of rigid body plus added mass: it is solved, so added mass
-may be many times the mass. Seen from the ground nu' = nu_r' - omega x (R' current). The Coriolis term comes
-from the momentum (l, h) = M nu_r, whatever M couples (Kirchhoff's equations):
+with nu_r = nu - R' current, and M the full 6x6 matrix of rigid body plus added mass. The system is solved with M, so
+added mass may be many times the mass. Seen from the ground nu' = nu_r' - omega x (R' current). The Coriolis term comes
+from the momentum (l, h) = M nu_r, for any coupling in M (Kirchhoff's equations):
 
     C(nu_r) nu_r = (omega x l,  v_r x l + omega x h)
 
-Of it, `munk_share` of a vehicle may take away a part. With l_A = A11 v_r, the momentum of the water that goes along
-(A11: added mass of moving), v_r x l_A is the Munk moment, which turns a body broadside to the flow. In a real fluid
-the flow separates and less of it is left. For shares s = (s_p, s_q, s_r), and * for the product of each pair,
+`munk_share` of a vehicle may reduce this term. With l_A = A11 v_r, the linear momentum of the added mass (A11: the
+upper left 3x3 block of added mass), v_r x l_A is the Munk moment, which turns a body broadside to the flow. In a real
+fluid the flow separates, and the moment is smaller. For shares s = (s_p, s_q, s_r), with * for the product element by
+element, these forces and moments are added:
 
     relief = ((1 - s) * omega x l_A,  (1 - s) * (v_r x l_A))
 
-is added to the forces. Moments alone would make energy; the forces beside them take up what the moments give, so
-that nu_r . relief = 0 for any shares, and the energy of the vehicle and its water changes by the others alone.
+Smaller moments alone would not conserve energy. With the forces beside them nu_r . relief = 0 for any shares: the
+relief does no work.
 
-Integrators. `verlet`, the default: half of the step's way, the acceleration there, the new velocity, the other half
-(Verlet 1967, Phys. Rev. 159). What goes with velocity is taken at a predicted one, nu + nu_dot dt / 2 (Groot & Warren
-1997, J. Chem. Phys. 107), less where a step is long for the damping, so that it is stable as long as Euler's step is:
-to a rate of 2 / dt. It is of second order with one look at the forces, and springs (lift at the surface, righting
-moments) neither gain nor lose energy. `rk4`: the classical Runge-Kutta step, four looks, for reference runs. Greatest
-errors in 10 s of bluerov2_heavy_vonbenzon2022, beside semi-implicit Euler, the default until then
-(tests/unit/sim/test_integrators.py):
+Integrators. `verlet`, the default, moves half a step, computes the acceleration there and the new velocity, and moves
+the other half (Verlet 1967, Phys. Rev. 159). Terms that depend on velocity use a predicted one, nu + nu_dot dt / 2
+(Groot & Warren 1997, J. Chem. Phys. 107). The prediction is reduced where a step is long for the damping, so that the
+method is stable up to a damping rate of 2 / dt, as Euler's is. It is of second order with one evaluation of the forces
+a step, and springs (lift at the surface, righting moments) neither gain nor lose energy. `rk4` is the classical
+Runge-Kutta method with four evaluations a step, for reference runs. Greatest errors in 10 s of
+bluerov2_heavy_vonbenzon2022, compared with semi-implicit Euler (tests/unit/sim/test_integrators.py):
 
                                        semi-implicit   verlet    rk4
     from rest, 40 N: position (m)
@@ -35,11 +36,12 @@ errors in 10 s of bluerov2_heavy_vonbenzon2022, beside semi-implicit Euler, the 
       steps of 2.5 ms: position (m)    1.2e-3          2.6e-6    2.2e-11
                        quaternion      1.5e-3          1.2e-6    1.5e-11
       steps of 10 ms: position (m)     4.7e-3          3.7e-5    5.5e-9
-    time of a step in C, of semi-implicit Euler's (tools/costs/step_cost.py)
+    time of a step in C, relative to semi-implicit Euler (tools/costs/step_cost.py)
                                        1.0             1.1       1.9
 
-Only + - * / and sqrt, in an order that the C twin (sim/native/kernel.h) repeats to the bit. Of the forces in sim.forces
-some need sines and the like: those are the C library's, in Python and in the twin (sim/native/forces.h) alike.
+The step uses only + - * / and sqrt, in an order that the C twin (sim/native/kernel.h) repeats, so that both give the
+same bits. Some forces (sim/forces.py) need sines and powers: Python and the twin (sim/native/forces.h) both call the
+C library for them.
 """
 
 from collections.abc import Callable, Sequence
@@ -61,11 +63,12 @@ Integrator = Literal["verlet", "rk4"]
 
 
 class State:
-    """Place, attitude and velocity of the vehicle.
+    """Position, attitude and velocity of the vehicle.
 
-    `position` NED in m; `quaternion` (w, x, y, z) body to world; `nu` = u v w (m/s) and p q r (rad/s) over
-    ground along the body axes; `nu_dot` its rate over the last step, which is what an accelerometer feels and what the
-    next step predicts from. To change one, give it whole: `sim.assembly.make_state` makes states that hand out copies.
+    `position` is NED in m, `quaternion` (w, x, y, z) body to world. `nu` = u v w (m/s) and p q r (rad/s) is the
+    velocity over ground along the body axes. `nu_dot` is its rate of change over the last step: accelerometers measure
+    it, and the next step uses it for its prediction. Assign a whole sequence to change one, never an element:
+    states of `sim.assembly.make_state` return copies.
     """
 
     __slots__ = ("nu", "nu_dot", "position", "quaternion")
@@ -85,10 +88,9 @@ class State:
 class Forces(NamedTuple):
     """Forces on a vehicle, term by term: force (N) and moment (N m) about the origin along the body axes.
 
-    `coriolis` is that of rigid body and added mass, less what `munk_share` takes away; `others` that of everything in
-    `sim.forces`, `contact` that of obstacles and seabed (sim/environment/collision.py); `total`, the sum of the
-    others, is M nu_r'.
-    The sign is that of the force: damping is against the motion.
+    `coriolis` is that of rigid body and added mass, reduced by `munk_share`. `others` is the sum of the additional
+    forces (sim/forces.py), `contact` the force of obstacles and seabed (sim/environment/collision.py). `total` is the
+    sum of all terms, which equals M nu_r'. Signs are those of forces on the vehicle: damping opposes the motion.
     """
 
     coriolis: list[float]
@@ -102,7 +104,7 @@ class Forces(NamedTuple):
 
 
 class Dynamics:
-    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², pushed by `forces` too.
+    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with additional `forces`.
 
     Raises ConfigError for an unknown integrator.
     """
@@ -118,9 +120,9 @@ class Dynamics:
         self.others = forces
         self.mass = mass_matrix(vehicle)
         self.inverse_mass = inverse(self.mass)
-        self._moved_water = [row[:3] for row in square(vehicle.added_mass, 6)[:3]]
-        self._munk_lost = [1.0 - share for share in vehicle.munk_share]
-        self._relieved = any(self._munk_lost)
+        self._added_mass_linear = [row[:3] for row in square(vehicle.added_mass, 6)[:3]]
+        self._munk_reduction = [1.0 - share for share in vehicle.munk_share]
+        self._reduces_munk = any(self._munk_reduction)
         self.hull = Hull(vehicle, density, gravity)
         self.weight = vehicle.mass * gravity
         self._weight_moment = [self.weight * x for x in vehicle.center_of_gravity]
@@ -130,7 +132,7 @@ class Dynamics:
         self._damping = self._diagonal_damping if self._diagonal else self._full_damping
         self._linear_diagonal = [self._linear[i][i] for i in range(6)]
         self._quadratic_diagonal = [self._quadratic[i][i] for i in range(6)]
-        # How fast damping acts (1/s), and how much faster with the speed.
+        # Rate at which damping reduces each velocity (1/s), and its slope over the speed.
         self._rates = [self._linear[i][i] * self.inverse_mass[i][i] for i in range(6)]
         self._slopes = [2.0 * self._quadratic[i][i] * self.inverse_mass[i][i] for i in range(6)]
         steps: dict[Integrator, Callable[..., None]] = {"verlet": self._verlet, "rk4": self._rk4}
@@ -140,18 +142,21 @@ class Dynamics:
         self._advance = steps[integrator]
 
     def step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
-        """Move `state` on by `dt` s.
+        """Advance `state` by `dt` s.
 
         `wrench` is the force (N) and moment (N m) of the thrusters about the origin along the body axes,
-        `current` the velocity of the water NED in m/s; both hold during the step. Raises FloatingPointError, and leaves
-        `state` as it was, if the state would not be finite any more.
+        `current` the velocity of the water (NED, m/s); both are constant during the step. Raises FloatingPointError,
+        with `state` unchanged, if the new state would not be finite.
         """
         self._advance(state, wrench, current, dt)
 
     def acceleration(
         self, depth: float, rotation: Rotation, nu: Sequence[float], wrench: Sequence[float], current: Sequence[float]
     ) -> list[float]:
-        """Return nu' (m/s², rad/s², body axes) at `depth` m of the origin and attitude `rotation`, body to world."""
+        """Return nu' (m/s², rad/s², body axes) for the origin at `depth` m and attitude `rotation` (body to world).
+
+        The other arguments are those of `step`.
+        """
         xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
         north, east, down = current
         water_u = xx * north + yx * east + zx * down
@@ -173,8 +178,8 @@ class Dynamics:
             tm + gm - dm - (w * lx - u * lz + r * hx - p * hz),
             tn + gn - dn - (u * ly - v * lx + p * hy - q * hx),
         ]
-        if self._relieved:
-            force = [a + b for a, b in zip(force, self._relief(u, v, w, p, q, r), strict=True)]
+        if self._reduces_munk:
+            force = [a + b for a, b in zip(force, self._munk_relief(u, v, w, p, q, r), strict=True)]
         nu_dot = times(self.inverse_mass, *force)
         nu_dot[0] += r * water_v - q * water_w
         nu_dot[1] += p * water_w - r * water_u
@@ -184,7 +189,7 @@ class Dynamics:
     def forces(self, state: State, wrench: Sequence[float], current: Sequence[float]) -> Forces:
         """Return the forces that act in a step, term by term, for inspection. The arguments are those of `step`."""
         rotation = rotations.matrix(state.quaternion)
-        nu_r = through_water(rotation, state.nu, current)
+        nu_r = velocity_through_water(rotation, state.nu, current)
         u, v, w, p, q, r = nu_r
         lx, ly, lz, hx, hy, hz = times(self.mass, u, v, w, p, q, r)
         coriolis = [
@@ -195,15 +200,15 @@ class Dynamics:
             u * lz - w * lx + p * hz - r * hx,
             v * lx - u * ly + q * hx - p * hy,
         ]
-        coriolis = [a + b for a, b in zip(coriolis, self._relief(u, v, w, p, q, r), strict=True)]
+        coriolis = [a + b for a, b in zip(coriolis, self._munk_relief(u, v, w, p, q, r), strict=True)]
         linear = [-x for x in times(self._linear, u, v, w, p, q, r)]
         quadratic = [-x for x in times(self._quadratic, *(abs(x) * x for x in (u, v, w, p, q, r)))]
         restoring = list(self._restoring(state.position[2], rotation))
-        others = self.push(state.position, rotation, state.nu, (0.0,) * 6, current)
+        others = self.add_forces(state.position, rotation, state.nu, (0.0,) * 6, current)
         terms = (coriolis, linear, quadratic, restoring, list(wrench), list(others), [0.0] * 6)
         return Forces(*terms, total=[sum(row) for row in zip(*terms, strict=True)])
 
-    def push(
+    def add_forces(
         self,
         position: Sequence[float],
         rotation: Rotation,
@@ -211,41 +216,41 @@ class Dynamics:
         wrench: Sequence[float],
         current: Sequence[float],
     ) -> Sequence[float]:
-        """Return `wrench` plus that of all other forces."""
-        nu_r = through_water(rotation, nu, current)
+        """Return `wrench` plus the wrenches of all additional forces."""
+        nu_r = velocity_through_water(rotation, nu, current)
         for force in self.others:
             added = force.wrench(position, rotation, nu_r)
             wrench = [a + b for a, b in zip(wrench, added, strict=True)]
         return wrench
 
     def numbers(self) -> list[float]:
-        """Return all numbers that `step` uses, in a row, to make the C twin of them."""
+        """Return all numbers that `step` uses as one flat list, from which the C twin is made."""
         matrices = (self.mass, self.inverse_mass, self._linear, self._quadratic)
         flat = [x for matrix in matrices for row in matrix for x in row]
-        moved = [x for row in self._moved_water for x in row]
-        kind = [float(self._diagonal), float(self._integrator == "rk4"), float(self._relieved)]
-        return [*flat, self.weight, *self._weight_moment, *self.hull.numbers(), *moved, *self._munk_lost, *kind]
+        moved = [x for row in self._added_mass_linear for x in row]
+        kind = [float(self._diagonal), float(self._integrator == "rk4"), float(self._reduces_munk)]
+        return [*flat, self.weight, *self._weight_moment, *self.hull.numbers(), *moved, *self._munk_reduction, *kind]
 
-    def _relief(self, u: float, v: float, w: float, p: float, q: float, r: float) -> Sequence[float]:
-        """Return what `munk_share` takes away of the Coriolis terms (N, N m): no power, whatever the shares."""
-        lx, ly, lz = [a * u + b * v + c * w for a, b, c in self._moved_water]
-        lost_k, lost_m, lost_n = self._munk_lost
-        p *= lost_k
-        q *= lost_m
-        r *= lost_n
+    def _munk_relief(self, u: float, v: float, w: float, p: float, q: float, r: float) -> Sequence[float]:
+        """Return the wrench (N, N m) by which `munk_share` reduces the Coriolis term. It does no work."""
+        lx, ly, lz = [a * u + b * v + c * w for a, b, c in self._added_mass_linear]
+        reduction_k, reduction_m, reduction_n = self._munk_reduction
+        p *= reduction_k
+        q *= reduction_m
+        r *= reduction_n
         return (
             q * lz - r * ly,
             r * lx - p * lz,
             p * ly - q * lx,
-            lost_k * (v * lz - w * ly),
-            lost_m * (w * lx - u * lz),
-            lost_n * (u * ly - v * lx),
+            reduction_k * (v * lz - w * ly),
+            reduction_m * (w * lx - u * lz),
+            reduction_n * (u * ly - v * lx),
         )
 
     def _restoring(self, depth: float, rotation: Rotation) -> tuple[float, float, float, float, float, float]:
-        """Return the wrench of weight, down, and lift, up, each at its own centre."""
-        _, _, _, _, _, _, zx, zy, zz = rotation  # the world's down, along the body axes
-        lift, lift_x, lift_y, lift_z = self.hull.lift(depth, rotation)
+        """Return the wrench of weight at the centre of gravity and of buoyancy at the centre of buoyancy (N, N m)."""
+        _, _, _, _, _, _, zx, zy, zz = rotation  # the world's down axis, in body axes
+        lift, lift_x, lift_y, lift_z = self.hull.buoyancy(depth, rotation)
         excess = self.weight - lift
         moment_x, moment_y, moment_z = self._weight_moment
         moment_x -= lift_x
@@ -277,8 +282,10 @@ class Dynamics:
         linear = times(self._linear, u, v, w, p, q, r)
         return [a + b for a, b in zip(linear, times(self._quadratic, *squares), strict=True)]
 
-    def midway(self, state: State, dt: float) -> tuple[Sequence[float], Rotation, Sequence[float], Quaternion]:
-        """Return position (m, NED), rotation, predicted nu and quaternion half a step of `dt` s on, for Verlet."""
+    def predict_midpoint(
+        self, state: State, dt: float
+    ) -> tuple[Sequence[float], Rotation, Sequence[float], Quaternion]:
+        """Return position (m, NED), rotation, predicted nu and quaternion in the middle of a Verlet step of `dt` s."""
         half = 0.5 * dt
         nu = state.nu
         turned = rotations.integrate(state.quaternion, nu[3:], half)
@@ -290,24 +297,24 @@ class Dynamics:
 
     def _verlet(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         """Move half a step at the old velocities, accelerate there, move the other half at the new velocities."""
-        position, rotation, predicted, turned = self.midway(state, dt)
+        position, rotation, predicted, turned = self.predict_midpoint(state, dt)
         if self.others:
-            wrench = self.push(position, rotation, predicted, wrench, current)
+            wrench = self.add_forces(position, rotation, predicted, wrench, current)
         nu_dot = self.acceleration(position[2], rotation, predicted, wrench, current)
         half = 0.5 * dt
         nu = [x + dt * dx for x, dx in zip(state.nu, nu_dot, strict=True)]
         moved = [x + half * dx for x, dx in zip(position, _over_ground(rotation, nu), strict=True)]
-        _settle(state, moved, list(rotations.integrate(turned, nu[3:], half)), nu, nu_dot)
+        _set_state(state, moved, list(rotations.integrate(turned, nu[3:], half)), nu, nu_dot)
 
     def _rk4(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         """Step by the classical Runge-Kutta method of fourth order."""
         start = [*state.position, *state.quaternion, *state.nu]
 
         def slope(at: Sequence[float]) -> list[float]:
-            """Return the rate of the 13 numbers; `at` may be a quaternion not quite of length 1."""
+            """Return the time derivative of the 13 numbers `at`, whose quaternion need not have length 1."""
             rotation = rotations.matrix(rotations.normalise(at[3:7]))
             nu = at[7:]
-            pushed = self.push(at[:3], rotation, nu, wrench, current) if self.others else wrench
+            pushed = self.add_forces(at[:3], rotation, nu, wrench, current) if self.others else wrench
             return [
                 *_over_ground(rotation, nu),
                 *rotations.multiply(at[3:7], (0.0, 0.5 * nu[3], 0.5 * nu[4], 0.5 * nu[5])),
@@ -321,24 +328,30 @@ class Dynamics:
         slopes = zip(k1, k2, k3, k4, strict=True)
         mean = [(a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in slopes]
         end = [x + dt * k for x, k in zip(start, mean, strict=True)]
-        _settle(state, end[:3], list(rotations.normalise(end[3:7])), end[7:], mean[7:])
+        _set_state(state, end[:3], list(rotations.normalise(end[3:7])), end[7:], mean[7:])
 
 
-def _settle(state: State, position: list[float], quaternion: list[float], nu: list[float], nu_dot: list[float]) -> None:
-    """Set `state` to these numbers. Raises FloatingPointError instead if there is one that is not finite."""
+def _set_state(
+    state: State, position: list[float], quaternion: list[float], nu: list[float], nu_dot: list[float]
+) -> None:
+    """Set `state` to these numbers. Raises FloatingPointError, with `state` unchanged, if one is not finite."""
     if not isfinite(sum(position) + sum(quaternion) + sum(nu)):
         raise FloatingPointError("the state is not finite any more")
     state.position, state.quaternion, state.nu, state.nu_dot = position, quaternion, nu, nu_dot
 
 
 def _over_ground(rotation: Rotation, nu: Sequence[float]) -> tuple[float, float, float]:
+    """Return the velocity over ground (NED, m/s) of a body that moves with `nu`."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
     u, v, w = nu[0], nu[1], nu[2]
     return xx * u + xy * v + xz * w, yx * u + yy * v + yz * w, zx * u + zy * v + zz * w
 
 
-def through_water(rotation: Rotation, nu: Sequence[float], current: Sequence[float]) -> list[float]:
-    """Return nu_r, the velocity through water that flows with `current` (m/s, NED), of a body that moves with `nu`."""
+def velocity_through_water(rotation: Rotation, nu: Sequence[float], current: Sequence[float]) -> list[float]:
+    """Return nu_r (m/s, rad/s, body axes), the velocity through the water of a body that moves with `nu` over ground.
+
+    The water flows with `current` (m/s, NED).
+    """
     xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
     north, east, down = current
     u, v, w, p, q, r = nu

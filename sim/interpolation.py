@@ -6,9 +6,9 @@ from itertools import pairwise
 
 
 class PiecewiseLinear:
-    """Straight lines through the points of a table; before its first and after its last point the ends hold.
+    """Linear interpolation of a table with several columns; constant before its first and after its last point.
 
-    `at` grows strictly; each column has one value for each. A call gives the columns' values in order.
+    `at` is strictly increasing; each column has one value for each. A call returns one value of each column, in order.
     """
 
     def __init__(self, at: Sequence[float], *columns: Sequence[float]) -> None:
@@ -28,14 +28,14 @@ class PiecewiseLinear:
         return tuple([a + share * (b - a) for a, b in zip(self._rows[after - 1], self._rows[after], strict=True)])
 
     def numbers(self) -> list[float]:
-        """Return the table row after row, each with its place first: what the C twin is made of."""
+        """Return the rows of the table as one flat list, each with its `at` first, from which the C twin is made."""
         return [x for at, row in zip(self._at, self._rows, strict=True) for x in (at, *row)]
 
 
 def validate_columns(axis: str, at: Sequence[float], **columns: Sequence[float]) -> str | None:
-    """Return what is wrong with a table whose rows stand at `at`, or None: not growing, or of uneven length.
+    """Return what is wrong with a table, or None: `at` does not increase, or a column has another length than `at`.
 
-    An empty column was left out, which is no fault.
+    An empty column means that it was left out; this is allowed.
     """
     if not at:
         return f"{axis}: give at least one"
@@ -48,7 +48,7 @@ def validate_columns(axis: str, at: Sequence[float], **columns: Sequence[float])
 
 
 def interpolate(at: Sequence[float], values: Sequence[float], x: float) -> float:
-    """Return the value at `x` on straight lines between the points, the ends' outside; `at` grows strictly."""
+    """Return the linear interpolation at `x`, constant outside the table; `at` is strictly increasing."""
     after = bisect_right(at, x)
     if after == 0:
         return values[0]
@@ -59,9 +59,10 @@ def interpolate(at: Sequence[float], values: Sequence[float], x: float) -> float
 
 
 def nearest_pulse(pulses: Sequence[float], thrusts: Sequence[float], thrust: float) -> int:
-    """Return the pulse of a thrust that is not 0; the ends hold outside. `thrusts` never falls.
+    """Return the pulse (us) that makes a thrust other than 0. Thrusts outside the table get its first or last pulse.
 
-    Of a flat stretch it is the pulse nearest neutral: the least power for the same thrust.
+    `thrusts` never decreases. Where several pulses make the same thrust, the one nearest to neutral is returned: it
+    takes the least power.
     """
     after = bisect_left(thrusts, thrust) if thrust > 0.0 else bisect_right(thrusts, thrust)
     if after in (0, len(thrusts)):

@@ -41,7 +41,7 @@ def total(a: Matrix, b: Matrix, scale: float = 1.0) -> Matrix:
 
 
 def transpose(a: Matrix) -> Matrix:
-    """Return rows become columns."""
+    """Return the transposed matrix."""
     return [list(column) for column in zip(*a, strict=True)]
 
 
@@ -52,7 +52,7 @@ def is_symmetric(a: Matrix) -> bool:
 
 
 def is_diagonal(a: Matrix) -> bool:
-    """True if everything off the diagonal is zero."""
+    """True if all entries off the diagonal are zero."""
     return not any(x for i, row in enumerate(a) for j, x in enumerate(row) if i != j)
 
 
@@ -63,15 +63,17 @@ def is_positive_definite(a: Matrix) -> bool:
         lower.append([])
         for j in range(i + 1):
             rest = row[j] - sum(x * y for x, y in zip(lower[i], lower[j], strict=False))
-            if i == j and not rest > 0.0:  # nor what is not a number
+            if i == j and not rest > 0.0:  # written so that it is also true for NaN
                 return False
             lower[i].append(sqrt(rest) if i == j else rest / lower[j][j])
     return True
 
 
 def is_positive_semidefinite(a: Matrix) -> bool:
-    """True if x'a x >= 0 for every x, to a billionth of the largest entry; the part of `a` that is not symmetric
-    counts for nothing, as it adds nothing to x'a x."""
+    """True if x'a x >= 0 for every x, to a billionth of the largest entry.
+
+    The antisymmetric part of `a` is ignored, because it adds nothing to x'a x.
+    """
     symmetric = total(a, transpose(a))
     shift = 1e-9 * max(abs(x) for row in symmetric for x in row) or 1.0
     return is_positive_definite(total(symmetric, square([shift] * len(a), len(a))))

@@ -1,13 +1,13 @@
-"""Detect what went wrong in a run: collisions, a capsize, an unrequested depth, a lost link.
+"""Detect what went wrong in a run: collisions, a capsize, a depth that was not commanded, a lost link.
 
-An event is one uninterrupted stretch of one condition: its kind, when it began, how long it held, where the vehicle was
-when it began, and what it touched. Nothing here reads a clock: each observation comes with its time (ns), by a clock
-that the observer chooses.
+An event is one period in which a condition held without interruption: its kind, when it began, how long it lasted,
+where the vehicle was when it began, and what it touched. No function here reads a clock: the caller gives the time (ns)
+of each observation, by a clock of its choice.
 
 collision   the hull touched an obstacle or the seabed; `what` names it
 capsize     the body's z axis is tilted from the vertical by more than the vehicle's `capsize_tilt`
-surfaced    the origin is nearer to the mean surface than half the hull's height, though no depth so shallow was asked
-too_deep    the origin is deeper than the deepest depth that was asked for, by more than a margin
+surfaced    the origin is less than half the hull's height below the mean surface, and no such depth was commanded
+too_deep    the origin is deeper than the deepest commanded depth, by more than a margin
 link_lost   the thruster link or its STM32 is lost, or the network to the vehicle
 """
 
@@ -18,19 +18,20 @@ from typing import Literal, NamedTuple, get_args
 EventKind = Literal["collision", "capsize", "surfaced", "too_deep", "link_lost"]
 KINDS: tuple[EventKind, ...] = get_args(EventKind)
 
-JOIN_NS = 1_000_000_000  # a condition that returns within this time has not ended: a hull slides in small bounces
+# Two periods of one condition less than this apart are one event: a hull that slides along a wall bounces.
+JOIN_NS = 1_000_000_000
 PERIOD_NS = 50_000_000  # between two checks of attitude and depth; a vehicle needs longer to tip over
-MOST_EVENTS = 32  # that a log holds; the rest is counted
+MAX_EVENTS = 32  # in a log; further events are only counted
 DEPTH_MARGIN_M = 1.0
 
 
 class RunEvent(NamedTuple):
-    """One stretch of one condition. `start_ns` and `duration_ns` by the clock of its log, `place` NED in m."""
+    """One period of one condition. `start_ns` and `duration_ns` by the clock of its log, `position` NED in m."""
 
     kind: EventKind
     start_ns: int
     duration_ns: int
-    place: tuple[float, float, float]
+    position: tuple[float, float, float]
     what: str = ""
 
     @property
@@ -40,7 +41,7 @@ class RunEvent(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The event in a few words."""
+        """Short text for a person, such as "collision with the pile"."""
         name = self.kind.replace("_", " ")
         if not self.what:
             return name
@@ -50,42 +51,42 @@ class RunEvent(NamedTuple):
         """Return what happened, when, for how long and where, in words; times in s of its clock."""
         duration = self.duration_ns * 1e-9
         lasted = f"for {duration:.1f} s" if duration >= 0.1 else "for less than 0.1 s"
-        return f"{self.name} {self.start_ns * 1e-9:.1f} s after the start, {lasted}, at {place_text(self.place)}"
+        return f"{self.name} {self.start_ns * 1e-9:.1f} s after the start, {lasted}, at {position_text(self.position)}"
 
 
-def place_text(place: Sequence[float]) -> str:
-    """Return a place (NED, m) in words."""
-    return "N {:.1f} E {:.1f} depth {:.1f} m".format(*place)
+def position_text(position: Sequence[float]) -> str:
+    """Return a position (NED, m) as text."""
+    return "N {:.1f} E {:.1f} depth {:.1f} m".format(*position)
 
 
 class EventLog:
-    """The events so far. `dropped` counts those beyond MOST_EVENTS."""
+    """The events so far. `dropped` counts those beyond MAX_EVENTS."""
 
     def __init__(self) -> None:
         self._events: list[RunEvent] = []
         self._newest: dict[tuple[EventKind, str], int] = {}
-        self._returned = 0  # how many `fresh` has given
+        self._returned = 0  # number of events that `new_events` has returned
         self.dropped = 0
 
     def __len__(self) -> int:
         return len(self._events)
 
-    def hold(self, kind: EventKind, since_ns: int, until_ns: int, place: Sequence[float], what: str = "") -> None:
-        """Record that a condition held from `since_ns` to `until_ns`, with the vehicle at `place` (NED, m)."""
+    def record(self, kind: EventKind, since_ns: int, until_ns: int, position: Sequence[float], what: str = "") -> None:
+        """Record that a condition held from `since_ns` to `until_ns`, with the vehicle at `position` (NED, m)."""
         newest = self._newest.get((kind, what))
         if newest is not None:
             event = self._events[newest]
             if since_ns - event.end_ns <= JOIN_NS:
                 self._events[newest] = event._replace(duration_ns=max(until_ns, event.end_ns) - event.start_ns)
                 return
-        if len(self._events) >= MOST_EVENTS:
+        if len(self._events) >= MAX_EVENTS:
             self.dropped += 1
             return
         self._newest[kind, what] = len(self._events)
-        north, east, depth = place
+        north, east, depth = position
         self._events.append(RunEvent(kind, since_ns, until_ns - since_ns, (north, east, depth), what))
 
-    def fresh(self) -> list[RunEvent]:
+    def new_events(self) -> list[RunEvent]:
         """Return the events that have been added since the last call."""
         events, self._returned = self._events[self._returned :], len(self._events)
         return events
@@ -98,47 +99,47 @@ class EventLog:
 class RunMonitor:
     """Checks attitude and depth of a vehicle, and records capsizes and wrong depths in `log`.
 
-    `capsize_tilt` is in rad; from pi on a vehicle never counts as capsized. `half_height` is half the height of its
-    hull (m), `margin` how far it may be below the deepest depth that was asked for (m). The depths asked for are that
-    of the first observation and those given with each observation. The vehicle may be anywhere between the shallowest
-    and the deepest of them at any time: how soon it gets from one to another is not checked.
+    `capsize_tilt` is in rad; with pi or more a vehicle never counts as capsized. `half_height` is half the height of
+    its hull (m), `margin` how far it may be below the deepest commanded depth (m). Commanded depths are those given
+    with the observations; the depth of the first observation counts as one. The vehicle may be anywhere between the
+    shallowest and the deepest of them at any time: how fast it changes depth is not checked.
     """
 
     def __init__(self, log: EventLog, capsize_tilt: float, half_height: float, margin: float = DEPTH_MARGIN_M) -> None:
         self.log = log
-        self._shallowest, self._deepest = inf, -inf  # that were asked for
-        self._least_upright = cos(capsize_tilt) if capsize_tilt < pi else -inf  # never
+        self._shallowest, self._deepest = inf, -inf  # of the commanded depths
+        self._least_upright = cos(capsize_tilt) if capsize_tilt < pi else -inf
         self._half_height = half_height
         self._margin = margin
 
     def observe(
         self, time_ns: int, position: Sequence[float], quaternion: Sequence[float], requested_depth: float | None = None
     ) -> None:
-        """Check the vehicle at `position` (NED, m) and attitude (w x y z, body to world), commanded to `requested` m.
+        """Check the vehicle at `position` (NED, m) and attitude `quaternion` (w x y z, body to world).
 
-        `requested` is None where no depth is commanded: then any depth is right.
+        `requested_depth` is the commanded depth in m, or None where no depth is commanded: then any depth is right.
         """
         depth = position[2]
         if requested_depth is None or self._deepest == -inf:
-            self._start_depth(depth)
+            self._allow_depth(depth)
         if requested_depth is not None:
-            self._start_depth(requested_depth)
+            self._allow_depth(requested_depth)
         _, x, y, _ = quaternion
         if 1.0 - 2.0 * (x * x + y * y) < self._least_upright:
-            self.log.hold("capsize", time_ns, time_ns, position)
+            self.log.record("capsize", time_ns, time_ns, position)
         if depth < self._half_height < self._shallowest:
-            self.log.hold("surfaced", time_ns, time_ns, position)
+            self.log.record("surfaced", time_ns, time_ns, position)
         elif depth > self._deepest + self._margin:
-            self.log.hold("too_deep", time_ns, time_ns, position)
+            self.log.record("too_deep", time_ns, time_ns, position)
 
-    def _start_depth(self, depth: float) -> None:
+    def _allow_depth(self, depth: float) -> None:
         self._shallowest, self._deepest = min(self._shallowest, depth), max(self._deepest, depth)
 
 
 def merge_events(*logs: Iterable[RunEvent]) -> tuple[RunEvent, ...]:
     """Return the events of several observers in order of time.
 
-    Of two events of one kind and time, that of the first observer is returned.
+    If two observers report an event of the same kind at the same time, the event of the first one is returned.
     """
     merged: list[RunEvent] = []
     for log in logs:
@@ -153,7 +154,7 @@ def _is_same(event: RunEvent, other: RunEvent) -> bool:
 
 
 def events_since(events: Iterable[RunEvent], began_ns: int) -> tuple[RunEvent, ...]:
-    """Return the events that had not ended at `began_ns`, with times from then on."""
+    """Return the events that had not ended at `began_ns`, with times relative to it and without the time before it."""
     shifted = [event._replace(start_ns=event.start_ns - began_ns) for event in events]
     return tuple(
         [
@@ -165,24 +166,24 @@ def events_since(events: Iterable[RunEvent], began_ns: int) -> tuple[RunEvent, .
 
 
 def encode_events(events: Iterable[RunEvent]) -> str:
-    """Return events as text, a line each: kind, start and duration (ns), place (m), and what."""
+    """Return events as text, a line each: kind, start and duration (ns), position (m), and what."""
     return "\n".join([_encode(event) for event in events])
 
 
 def _encode(event: RunEvent) -> str:
-    north, east, depth = event.place
+    north, east, depth = event.position
     what = " ".join(event.what.split())
     return f"{event.kind} {event.start_ns} {event.duration_ns} {north:.3f} {east:.3f} {depth:.3f} {what}".rstrip()
 
 
 def decode_events(text: str) -> tuple[RunEvent, ...]:
-    """Return what `encode_events` made; lines that are no events are left out."""
+    """Return the events of a text of `encode_events`; lines that are no events are left out."""
     events = []
     for line in text.splitlines():
         words = line.split(" ", 6)
         try:
-            start, duration, *place = int(words[1]), int(words[2]), *map(float, words[3:6])
-            north, east, depth = place
+            start, duration, *position = int(words[1]), int(words[2]), *map(float, words[3:6])
+            north, east, depth = position
         except (ValueError, IndexError):
             continue
         if words[0] in KINDS and duration >= 0 and abs(north) + abs(east) + abs(depth) < inf:

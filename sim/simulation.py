@@ -1,4 +1,4 @@
-"""One vehicle in one world: pulses in, sensor samples out, each call one step of simulated time."""
+"""Simulate one vehicle in one world: each step takes thruster pulses and returns the sensor samples that are due."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -8,8 +8,8 @@ from sim.arguments import require_events, require_numbers, require_parts, requir
 from sim.assembly import (
     make_dynamics,
     make_equipment,
+    make_fluid_motion,
     make_fused_step,
-    make_moving_water,
     make_state,
     make_surface_forces,
     make_tether,
@@ -26,7 +26,7 @@ from sim.sensors.odometry import ground_truth
 from sim.sensors.samples import OdometrySample, Sample
 from sim.sensors.sensor_set import Schedule, SensorSet, fit
 from sim.vehicle.thrusters.model import check_pulses
-from sim.vehicle.vehicle import Vehicle, without
+from sim.vehicle.vehicle import Vehicle, without_weight
 from sim.vehicle.ventilation import Ventilation
 
 if TYPE_CHECKING:
@@ -43,10 +43,10 @@ DT_NS = 2_500_000  # 400 Hz
 
 
 class Simulation:
-    """A vehicle from rest at `position` (NED, m) with its bow at `heading` (rad from north, clockwise).
+    """The simulation of a vehicle that starts at rest at `position` (NED, m) and `heading` (rad from north, clockwise).
 
-    The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is the duration of a step; a
-    sensor cannot be faster. `sensors` are the usual ones if left out. `failures` are the failures of thrusters, each
+    The same arguments and the same pulses give the same numbers to the last bit. `dt_ns` is the duration of a step; no
+    sensor can sample faster. `sensors` are the default ones if left out. `failures` are the failures of thrusters, each
     with its time; `forces` are forces besides hull and thrusters; `releases` are the times at which weights are
     dropped; `tether` is a tether that holds the vehicle (sim/tether.py).
 
@@ -84,11 +84,11 @@ class Simulation:
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
         self._integrator: Integrator = integrator
-        self._water = make_moving_water(vehicle, world, seed)
+        self._water = make_fluid_motion(vehicle, world, seed)
         self.equipment = make_equipment(vehicle, world, self._dt, releases)
-        self.tether = None if tether is None else make_tether(tether, world, self._dt, self._carrier, self.flow_at)
+        self.tether = None if tether is None else make_tether(tether, world, self._dt, self._read_body, self.flow_at)
         self._own_forces = forces if self.tether is None else (*forces, self.tether)
-        self._dynamics = self._build()
+        self._dynamics = self._make_dynamics()
         self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
         self._flow: Sequence[float] = world.current
         self._wrench: Sequence[float] = (0.0,) * 6
@@ -101,12 +101,12 @@ class Simulation:
             )
         self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
         self._ventilation = Ventilation(vehicle, self.wave_field)
-        self._aired = False  # whether thrust was reduced at the surface in the last step
-        self._immerse(0)
-        self._fused = self._in_one()
+        self._is_ventilated = False  # whether thrust was reduced at the surface in the last step
+        self._update_ventilation(0)
+        self._fused = self._make_fused_step()
         # Does one step of the motion. Returns the nu before the step if a contact is possible at its end, else None.
         self._advance: Callable[[Sequence[int]], Sequence[float] | None]
-        self._advance = self._fused.step if self._fused else self._term_by_term
+        self._advance = self._fused.step if self._fused else self._step_terms
 
     @property
     def contacts(self) -> int:
@@ -115,7 +115,7 @@ class Simulation:
 
     @property
     def touching(self) -> bool:
-        """True if it touched something in the last step."""
+        """True if the vehicle touched seabed or an obstacle in the last step."""
         return self._contact.touching
 
     @property
@@ -124,7 +124,10 @@ class Simulation:
         return self._thrusters.thrusts
 
     def motors(self, pwm_us: Sequence[int]) -> list[tuple[float, float]]:
-        """Return speed (rad/s) and current (A) of each thruster at these pulses (us, one a channel): ThrusterSet."""
+        """Return speed (rad/s) and current (A) of each thruster at these pulses (us, one a channel).
+
+        See ThrusterSet.motors.
+        """
         return self._thrusters.motors(pwm_us)
 
     @property
@@ -132,12 +135,12 @@ class Simulation:
         """The waves; None if there are none."""
         return self._water.wave_field if self._water else None
 
-    def flow_at(self, place: Sequence[float]) -> Sequence[float]:
-        """Return the velocity of the water at a place (m, NED) now, NED in m/s."""
-        return self._water.velocity(self.time_ns, place) if self._water else self.world.current
+    def flow_at(self, position: Sequence[float]) -> Sequence[float]:
+        """Return the present velocity of the water (NED, m/s) at `position` (NED, m)."""
+        return self._water.velocity(self.time_ns, position) if self._water else self.world.current
 
-    def _carrier(self) -> tuple[State, Matrix]:
-        """Return what a tether pulls at: the state, and the inverse of the mass matrix."""
+    def _read_body(self) -> tuple[State, Matrix]:
+        """Return the state and the inverse mass matrix, for the tether."""
         return self.state, self._dynamics.inverse_mass
 
     @property
@@ -146,32 +149,32 @@ class Simulation:
         return self._thrusters.battery
 
     def fail(self, *failures: "Failure") -> None:
-        """Let thrusters fail, each at its time; one whose time has passed fails with the next step.
+        """Let thrusters fail, each at its time. A failure whose time has passed begins with the next step.
 
-        Raises ConfigError for an unknown thruster, or what is no Failure.
+        Raises ConfigError for an unknown thruster, or for an object that is no Failure.
         """
         require_events(failures)
-        if self._fused:  # the fused step has no failures: from now on each term is computed by itself
+        if self._fused:  # the fused step has no failures: from now on the terms are computed one by one
             self._wrench, self._flow = self._fused.wrench, self._fused.flow
-            self._fused, self._advance, self._aired = None, self._term_by_term, True
+            self._fused, self._advance, self._is_ventilated = None, self._step_terms, True
         self._thrusters.fail(failures)
 
     def failures(self, name: str) -> "tuple[Failure, ...]":
-        """Return what is wrong with the thruster `name` now."""
+        """Return the present failures of the thruster `name`."""
         return self._thrusters.failures(name)
 
     def release(self, name: str) -> None:
         """Drop the weight `name`. Raises ConfigError if the vehicle has no such weight, or has dropped it already."""
         if self.equipment is None:
             raise ConfigError(f"release: {self.vehicle.name} has no drop weight {name!r}, nor any other")
-        self._drop(self.equipment.remove_weight(name))
+        self._drop_weight(self.equipment.remove_weight(name))
 
     def forces(self) -> Forces:
         """Return the forces on the vehicle now, term by term, with the thrust, water and contact of the last step.
 
         The force of a contact is its impulse divided by the step.
         """
-        forces = self._dynamics.forces(self.state, *self._acting(max(0, self.time_ns - self._dt_ns)))
+        forces = self._dynamics.forces(self.state, *self._last_inputs(max(0, self.time_ns - self._dt_ns)))
         if not self.touching:
             return forces
         contact = [x / self._dt for x in self._contact.impulse]
@@ -179,14 +182,14 @@ class Simulation:
         return forces._replace(contact=contact, total=total)
 
     def truth(self) -> OdometrySample:
-        """Return where the vehicle really is, now."""
+        """Return the present true position, attitude and velocity of the vehicle."""
         return ground_truth(self.time_ns, self.state)
 
     def step(self, pwm_us: Sequence[int]) -> list[tuple[str, Sample]]:
-        """Advance by one step under these pulses (us, one a channel); return the samples that became due, by topic.
+        """Advance by one step under these pulses (us, one a channel); return the samples that are due, with topics.
 
-        Raises DivergenceError when the new state would not be finite; the state is then that before the step. Raises
-        ConfigError for pulses that are no numbers, and for a user's force that returns no wrench.
+        Raises DivergenceError if the new state would not be finite; the state is then unchanged. Raises ConfigError
+        for pulses that are no numbers, and for a user's force that returns no wrench.
         """
         try:
             before = self._advance(pwm_us)
@@ -202,8 +205,8 @@ class Simulation:
         self.time_ns += self._dt_ns
         return self._schedule.pop_due(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
 
-    def _in_one(self) -> "FusedStep | None":
-        """Return a whole step as one call, if all its terms are in C; else None."""
+    def _make_fused_step(self) -> "FusedStep | None":
+        """Return an object that computes a whole step in C, or None if a term is not in C."""
         equipment = self.equipment
         if equipment is not None and equipment.is_timed:
             return None
@@ -213,28 +216,29 @@ class Simulation:
         return make_fused_step(*parts, self.world.current, self._dt_ns, self._contact.shape, numbers)
 
     def _command(self, pwm_us: tuple[int, ...]) -> None:
-        """Pass equipment and thrusters their parts of new pulses."""
+        """Pass new pulses on: the first ones to the thrusters, the others to the equipment."""
         assert self.equipment is not None
         count = self._count_thrusters(pwm_us)
         for weight in self.equipment.command(pwm_us[count:]):
-            self._drop(weight)
+            self._drop_weight(weight)
         self._thrusters.command(pwm_us[:count])
 
-    def _acting(self, time_ns: int) -> tuple[Sequence[float], Sequence[float]]:
-        """Return wrench and velocity of the water in the last step, which began at `time_ns`; forces are set to it."""
+    def _last_inputs(self, time_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+        """Return wrench and water velocity of the last step, which began at `time_ns`; set the forces to that time."""
         if self._fused is None:
             return self._wrench, self._flow
         for force in self._forces:
             force.begin(time_ns)
         return self._fused.wrench, self._fused.flow
 
-    def _term_by_term(self, pwm_us: Sequence[int]) -> Sequence[float]:
-        """Do one step of the motion, for any vehicle in any water; return the nu before it."""
+    def _step_terms(self, pwm_us: Sequence[int]) -> Sequence[float]:
+        """Do one step of the motion, term by term, for any vehicle in any water; return the nu before it."""
         state = self.state
         if self.equipment is not None:
-            pwm_us = self._equip(self.equipment, pwm_us)
+            pwm_us = self._step_equipment(self.equipment, pwm_us)
         thrusters = self._thrusters
-        wrench: Sequence[float] = self._push(pwm_us) if thrusters.feels_water else thrusters.step(pwm_us)
+        step_thrusters = self._step_thrusters_in_flow if thrusters.needs_inflow else thrusters.step
+        wrench: Sequence[float] = step_thrusters(pwm_us)
         current = self.world.current
         if self._water is not None:
             current, wrench = self._water.act(self.time_ns, state, wrench)
@@ -247,69 +251,69 @@ class Simulation:
         return before
 
     def _divergence(self) -> DivergenceError:
-        from sim.divergence import find_cause  # once, at the end
+        from sim.divergence import find_cause  # needed only when a run fails
 
-        cause = find_cause(self._dynamics, self.state, *self._acting(self.time_ns), self._dt)
+        cause = find_cause(self._dynamics, self.state, *self._last_inputs(self.time_ns), self._dt)
         at = self.time_ns * 1e-9
         return DivergenceError(f"{self.vehicle.name}: its state is not finite any more after {at:.4f} s: {cause}")
 
     def _resolve_collision(self, before: Sequence[float]) -> None:
-        """Apply contact impulses, and undo the last step's way into solid things; `before` is the nu before it."""
+        """Apply contact impulses and move the hull out of solid things; `before` is the nu before the last step."""
         state = self.state
         if self._contact.resolve(state):
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
             now = self.time_ns
-            self.events.hold("collision", now, now + self._dt_ns, state.position, self._contact.what)
+            self.events.record("collision", now, now + self._dt_ns, state.position, self._contact.what)
         if self._fused:
-            self._fused.watch(*self._contact.room())
+            self._fused.set_clearance(*self._contact.clearance())
         else:
-            self._immerse(self.time_ns + self._dt_ns)
+            self._update_ventilation(self.time_ns + self._dt_ns)
 
-    def _immerse(self, time_ns: int) -> None:
+    def _update_ventilation(self, time_ns: int) -> None:
         """Reduce the thrust of thrusters near the surface, for the step that begins at `time_ns`."""
         state = self.state
-        aired = state.position[2] < self._ventilation.reach
-        if aired:
-            self._thrusters.immerse(self._ventilation.shares(state.position, state.quaternion, time_ns * 1e-9))
-        elif self._aired:
-            self._thrusters.immerse(None)
-        self._aired = aired
+        is_ventilated = state.position[2] < self._ventilation.reach
+        if is_ventilated:
+            self._thrusters.scale_thrusts(self._ventilation.shares(state.position, state.quaternion, time_ns * 1e-9))
+        elif self._is_ventilated:
+            self._thrusters.scale_thrusts(None)
+        self._is_ventilated = is_ventilated
 
-    def _equip(self, equipment: "Equipment", pwm_us: Sequence[int]) -> Sequence[int]:
+    def _step_equipment(self, equipment: "Equipment", pwm_us: Sequence[int]) -> Sequence[int]:
         """Do one step of the equipment under its part of these pulses; return the thrusters' part."""
         count = self._count_thrusters(pwm_us)
         for weight in equipment.step(self.time_ns, pwm_us[count:]):
-            self._drop(weight)
+            self._drop_weight(weight)
         return pwm_us[:count]
 
     def _count_thrusters(self, pwm_us: Sequence[int]) -> int:
-        """Return how many of these pulses, the first ones, are the thrusters'. Raises ConfigError for a wrong count."""
+        """Return how many of these pulses, the first ones, are for thrusters. Raises ConfigError for a wrong count."""
         channels = len(self.vehicle.channels)
         if len(pwm_us) != channels:
             raise ConfigError(f"{len(pwm_us)} pulses for a vehicle of {channels} channels: give one a channel")
         check_pulses(pwm_us)
         return len(self.vehicle.thrusters)
 
-    def _drop(self, weight: "DropWeight") -> None:
-        """Remove `weight`, which takes its own momentum along: the velocity of the vehicle does not change."""
-        self.vehicle = without(self.vehicle, weight, self.world.density)
-        self._dynamics = self._build()
+    def _drop_weight(self, weight: "DropWeight") -> None:
+        """Remove `weight`. Its momentum leaves with it, so the velocity of the vehicle does not change."""
+        self.vehicle = without_weight(self.vehicle, weight, self.world.density)
+        self._dynamics = self._make_dynamics()
         self._contact.inverse_mass = self._dynamics.inverse_mass
         if self._water is not None:
-            self._water.carry(self.vehicle, self.world.density)
+            self._water.set_vehicle(self.vehicle, self.world.density)
         if self._fused:
             assert isinstance(self._dynamics, NativeDynamics)
-            self._fused.rebuild(self._dynamics.kernel, self._water.pushed_mass if self._water else None)
+            self._fused.rebuild(self._dynamics.kernel, self._water.wave_inertia if self._water else None)
 
-    def _build(self) -> Dynamics:
-        """Return the equations of motion of the vehicle in its present condition, with all forces on it."""
+    def _make_dynamics(self) -> Dynamics:
+        """Return the equations of motion of the vehicle as it is now, with all forces on it."""
         vehicle, world = self.vehicle, self.world
         forces = [*self.equipment.forces, *self._own_forces] if self.equipment else list(self._own_forces)
         self._forces = forces = [*forces, *make_surface_forces(vehicle, world, self.wave_field)]
         return make_dynamics(vehicle, world.density, world.gravity, self._integrator, forces)
 
-    def _push(self, pwm_us: Sequence[int]) -> Sequence[float]:
-        """Step the thrusters, in the flow of the previous step, and return their wrench."""
+    def _step_thrusters_in_flow(self, pwm_us: Sequence[int]) -> Sequence[float]:
+        """Step the thrusters in the water velocity of the previous step; return their wrench (N, N m, body axes)."""
         state = self.state
         water = rotate_inverse(state.quaternion, self._flow)
         return self._thrusters.step(

@@ -3,19 +3,20 @@
 [tether]                       # a section of the scenario
 length = "40 m"
 anchor = [0.0, 0.0, 0.0]       # NED in m: on a ship, a pier, a buoy
-attachment = [-0.2, 0.0, -0.1] # of the vehicle, body axes in m
+attachment = [-0.2, 0.0, -0.1] # at the vehicle, body axes in m
 
-The line is `segments` straight springs with a mass at each joint (Buckham et al. 2004, Ocean Engineering 31). Springs
-pull, never push, and damp. On a joint act the weight in water (in air above the surface), the drag of half of both
-segments (across and along each, by the square of the speed through the water where it is), and the seabed, on which it
-lies. `begin` solves the motion of line and vehicle through the step at once (sim/tether_step.py), the vehicle as the
-inertia that it has at the attachment; the pull that results holds for the step. So a short or stiff line is stable with
-steps of any length, and its vehicle comes to rest at the pull that balances the other forces.
+The line consists of `segments` straight springs with a mass at each node (Buckham et al. 2004, Ocean Engineering 31).
+Springs pull and damp, but never push. Three forces act on a node: its weight in water (in air above the surface), half
+the drag of both segments at it (normal and tangential, proportional to the square of the speed through the local
+water), and the contact force of the seabed. `begin` solves the motion of line and vehicle through the step together
+(sim/tether_step.py); the vehicle is represented by its inertia at the attachment, and the resulting pull is constant
+during the step. So a short or stiff line is stable with steps of any length, and a vehicle at its end comes to rest
+where the pull balances the other forces.
 
-What a step cannot resolve is lost: vibrations along the line of a period of some steps, and the rebound from a jerk.
-The vehicle's end yields by pull / inertia dt^2 more than it would (0.3 mm for 2 m/s^2 at 100 Hz). A spring is no
-stiffer than _STIFFEST times a joint's mass / dt^2: at 100 Hz, and with the default diameter and mass, the stiffness EA
-is at most 9e8 N/m^2 times a segment's length squared.
+Limits: vibrations along the line with periods of a few steps and the rebound after a snatch load are damped out. The
+vehicle's end yields by pull / inertia dt^2 too much (0.3 mm for 2 m/s^2 at 100 Hz). The stiffness of a spring is
+limited to _MAX_STIFFNESS times a node's mass / dt^2: at 100 Hz, with the default diameter and mass, EA is at most
+9e8 N/m^2 times a segment's length squared.
 
 A winch at the anchor pays out and hauls in with `winch_speed`: all segments become longer or shorter. Cost: about 14 us
 a segment on a desktop's core, twice that while the pull changes quickly. Not modelled: bending, torsion, friction on
@@ -39,32 +40,33 @@ if TYPE_CHECKING:
     from sim.environment.world import World
     from sim.forces import Wrench
 
-Place = Annotated[float, Range(-1e5, 1e5, "m")]
+Coordinate = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(-20.0, 20.0, "m/s")]
-MOST_LENGTH = 10_000.0  # m
-LEAST_LENGTH = 0.5  # m
-LEAST_SEGMENT = 0.025  # m
-_STIFFEST = 1e6  # stiffness of a spring times dt^2 over the mass of a joint: beyond it rounding and bends count
-_FINE = 200  # places along the arc in which it begins
-_DAMPING = 0.2  # of the critical one of a joint between two springs
+MAX_LENGTH = 10_000.0  # m
+MIN_LENGTH = 0.5  # m
+MIN_SEGMENT = 0.025  # m
+_MAX_STIFFNESS = 1e6  # of a spring, times dt^2 / mass of a node; above it, rounding and bends make errors
+_ARC_STEPS = 200  # straight pieces of the arc in which the line starts
+_DAMPING_RATIO = 0.2  # of a node between two springs
 
-Flow = Callable[[Sequence[float]], Sequence[float]]
-Carrier = Callable[[], "tuple[State, Matrix]"]
+Flow = Callable[[Sequence[float]], Sequence[float]]  # a position (NED, m) to the velocity of the water (NED, m/s)
+ReadBody = Callable[[], "tuple[State, Matrix]"]  # returns the vehicle's state and inverse mass matrix
 
 
 class TetherKeys(NamedTuple):
     """The keys of [tether]. The defaults are those of a neutrally buoyant ROV tether of 7.6 mm.
 
-    `length` is paid out at the start and without tension; `anchor` where it is held (NED, m), which moves with
-    `anchor_velocity`; `attachment` the place at the vehicle (body axes, m). `diameter` in m, `mass` in kg a metre in
-    air, `stiffness` EA in N: how much pull would double its length. `drag` and `drag_along` are the coefficients across
-    (with the diameter) and along (with the circumference). `winch_speed` is how fast a new length is paid out.
+    `length` is the unstretched length paid out at the start; `anchor` the position of its fixed end (NED, m), which
+    moves with `anchor_velocity`; `attachment` the other end at the vehicle (body axes, m). `diameter` is in m, `mass`
+    in kg a metre in air, `stiffness` is EA in N: the pull that would double the length. `drag` and `drag_along` are
+    the coefficients normal (based on the diameter) and tangential (based on the circumference). `winch_speed` is how
+    fast the paid-out length changes.
     """
 
-    length: Annotated[float, Range(LEAST_LENGTH, MOST_LENGTH, "m")]
-    anchor: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
+    length: Annotated[float, Range(MIN_LENGTH, MAX_LENGTH, "m")]
+    anchor: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     anchor_velocity: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
-    attachment: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
+    attachment: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     diameter: Annotated[float, Range(1e-4, 0.5, "m")] = 0.0076
     mass: Annotated[float, Range(1e-4, 100.0)] = 0.0465
     stiffness: Annotated[float, Range(1.0, 1e9)] = 20_000.0
@@ -74,37 +76,40 @@ class TetherKeys(NamedTuple):
     segments: Annotated[int, Range(2, 100)] = 10
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
-        if self.length < self.segments * LEAST_SEGMENT:
-            most = int(self.length / LEAST_SEGMENT)
-            return f"segments: {self.segments} of {self.length:g} m are too short to compute: use at most {most}"
+        """Return what is wrong with the combination of the keys, or None."""
+        if self.length < self.segments * MIN_SEGMENT:
+            limit = int(self.length / MIN_SEGMENT)
+            return f"segments: {self.segments} of {self.length:g} m are too short to compute: use at most {limit}"
         return None
 
     def require_length(self, length: float) -> None:
         """Raise ConfigError for a length (m) that the winch cannot pay out."""
-        least = max(LEAST_LENGTH, self.segments * LEAST_SEGMENT)
-        if not (isfinite(length) and least <= length <= MOST_LENGTH):
+        least = max(MIN_LENGTH, self.segments * MIN_SEGMENT)
+        if not (isfinite(length) and least <= length <= MAX_LENGTH):
             raise ConfigError(
-                f"tether: length {length:g} m of {self.segments} segments is outside {least:g} to {MOST_LENGTH:g} m"
+                f"tether: length {length:g} m of {self.segments} segments is outside {least:g} to {MAX_LENGTH:g} m"
             )
 
 
 class Tether:
-    """The force of a tether on a vehicle in `world`, as sim.forces.Force. `flow` gives the water's velocity (NED, m/s).
+    """The force of a tether on a vehicle in `world`; implements sim.forces.Force.
 
-    `tension` is the pull at the vehicle in N, `anchor_tension` that at the anchor, `length` what is paid out now, in m,
-    `nodes` the places of the joints from anchor to vehicle (NED, m). `dt` is the time of a step in s. `carrier` gives
-    the state of the vehicle, and the inverse of its mass matrix; of zeros, the end does not yield.
+    `tension` is the pull at the vehicle in N, `anchor_tension` that at the anchor, `length` the length that is paid out
+    now in m, `nodes` the positions of the nodes from anchor to vehicle (NED, m). `dt` is the time of a step in s.
+    `read_body` returns the state of the vehicle and its inverse mass matrix; with a matrix of zeros the vehicle's end
+    does not yield. `flow` returns the velocity of the water (NED, m/s) at a position.
     """
 
-    def __init__(self, keys: TetherKeys, world: "World", dt: float, carrier: Carrier, flow: Flow | None = None) -> None:
+    def __init__(
+        self, keys: TetherKeys, world: "World", dt: float, read_body: ReadBody, flow: Flow | None = None
+    ) -> None:
         self.keys = keys
-        self.length = self._wanted = keys.length
+        self.length = self._target_length = keys.length
         self.tension = self.anchor_tension = 0.0
         self.nodes: list[list[float]] = []
-        self._speeds: list[list[float]] = []
+        self._velocities: list[list[float]] = []
         self._pulls: list[float] = []  # of the springs
-        self._world, self._dt, self._carrier = world, dt, carrier
+        self._world, self._dt, self._read_body = world, dt, read_body
         self._inverse_mass: Matrix | None = None
         self._inertia: Matrix | None = None  # at the attachment, body axes
         self._flow: Flow = flow or (lambda _: world.current)
@@ -113,22 +118,22 @@ class Tether:
         self._time_ns = -1
 
     def set_length(self, length: float) -> None:
-        """Pay out or haul in to `length` m, at the winch's speed. Raises ConfigError for a length that cannot be."""
+        """Pay out or haul in to `length` m at the winch's speed. Raises ConfigError for an impossible length."""
         self.keys.require_length(length)
-        self._wanted = length
+        self._target_length = length
 
     def restart(self) -> None:
-        """Hang the line again in the next step: the vehicle was put elsewhere, and did not move there."""
+        """Put the line into its initial shape in the next step. Call it after the vehicle was set to a new position."""
         self.nodes = []
 
     def begin(self, time_ns: int) -> None:
-        """Move the line on through the step that begins, with the vehicle's end as its inertia lets it move."""
+        """Advance the line, and with it the vehicle's end, through the step that begins at `time_ns`."""
         if time_ns <= self._time_ns:
             return
         self._time_ns = time_ns
-        end = self._end()
+        end = self._vehicle_end()
         if not self.nodes:
-            self._hang(end.place)
+            self._set_initial_shape(end.position)
         self._advance(end)
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> "Wrench":
@@ -141,24 +146,24 @@ class Tether:
         w = xz * north + yz * east + zz * down
         return u, v, w, y * w - z * v, z * u - x * w, x * v - y * u
 
-    def _end(self) -> "_End":
-        state, inverse_mass = self._carrier()
+    def _vehicle_end(self) -> "_VehicleEnd":
+        state, inverse_mass = self._read_body()
         if inverse_mass is not self._inverse_mass:
             self._inverse_mass, self._inertia = inverse_mass, _inertia_at(self.keys.attachment, inverse_mass)
         lever = rotate(state.quaternion, self.keys.attachment)
-        place = [a + b for a, b in zip(state.position, lever, strict=True)]
+        position = [a + b for a, b in zip(state.position, lever, strict=True)]
         u, v, w, p, q, r = state.nu
         x, y, z = self.keys.attachment
         velocity = rotate(state.quaternion, (u + q * z - r * y, v + r * x - p * z, w + p * y - q * x))
         if self._inertia is None:
-            return _End(place, velocity, None)
+            return _VehicleEnd(position, velocity, None)
         xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(state.quaternion)
         turn = [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]
         (a, b, c), (_, d, e), (_, _, f) = product(product(turn, self._inertia), transpose(turn))
-        return _End(place, velocity, (a, b, c, d, e, f))
+        return _VehicleEnd(position, velocity, (a, b, c, d, e, f))
 
-    def _hang(self, end: Sequence[float]) -> None:
-        """Put the line between anchor and vehicle in an arc of its length, or straight where it is too short."""
+    def _set_initial_shape(self, end: Sequence[float]) -> None:
+        """Lay the line from the anchor to `end` along an arc of its length, or straight if it is too short."""
         start, count = self._anchor(self._time_ns * 1e-9), self.keys.segments
         down = 1.0 if self.keys.mass > self._world.density * self._area else -1.0
         low, high = 0.0, self.length
@@ -167,44 +172,44 @@ class Tether:
             low, high = (middle, high) if _lengths(_arc(start, end, down * middle))[-1] < self.length else (low, middle)
         arc = _arc(start, end, down * low)
         lengths = _lengths(arc)
-        for k in range(count + 1):  # at equal distances along it, or the springs would begin with a jerk
-            way = lengths[-1] * k / count
-            at = min(bisect_right(lengths, way), _FINE) - 1
-            share = (way - lengths[at]) / (lengths[at + 1] - lengths[at] or 1.0)
+        for k in range(count + 1):  # nodes at equal distances along the arc, or the springs would start with a jerk
+            distance = lengths[-1] * k / count
+            at = min(bisect_right(lengths, distance), _ARC_STEPS) - 1
+            share = (distance - lengths[at]) / (lengths[at + 1] - lengths[at] or 1.0)
             self.nodes.append([a + share * (b - a) for a, b in zip(arc[at], arc[at + 1], strict=True)])
-        self._speeds = [[0.0, 0.0, 0.0] for _ in range(count + 1)]
+        self._velocities = [[0.0, 0.0, 0.0] for _ in range(count + 1)]
         self._pulls = [0.0] * count
 
     def _anchor(self, time: float) -> list[float]:
         return [a + time * v for a, v in zip(self.keys.anchor, self.keys.anchor_velocity, strict=True)]
 
-    def _advance(self, end: "_End") -> None:
-        """Move the line on by a step, and find its mean pull on the vehicle in it."""
+    def _advance(self, end: "_VehicleEnd") -> None:
+        """Advance the line by a step, and compute its mean pull on the vehicle during the step."""
         keys, dt = self.keys, self._dt
-        change = min(abs(self._wanted - self.length), keys.winch_speed * dt)
-        self.length += change if self._wanted > self.length else -change
+        change = min(abs(self._target_length - self.length), keys.winch_speed * dt)
+        self.length += change if self._target_length > self.length else -change
         rest = self.length / keys.segments
-        mass = (keys.mass + self._world.density * self._area) * rest  # with the water that goes along
-        spring = min(keys.stiffness / rest, _STIFFEST * mass / dt**2)
-        self.nodes[0], self.nodes[-1] = self._anchor(self._time_ns * 1e-9), list(end.place)
-        self._speeds[0], self._speeds[-1] = list(keys.anchor_velocity), list(end.velocity)
+        mass = (keys.mass + self._world.density * self._area) * rest  # with added mass
+        spring = min(keys.stiffness / rest, _MAX_STIFFNESS * mass / dt**2)
+        self.nodes[0], self.nodes[-1] = self._anchor(self._time_ns * 1e-9), list(end.position)
+        self._velocities[0], self._velocities[-1] = list(keys.anchor_velocity), list(end.velocity)
         loads, drags = self._loads(rest)
-        damping = 2.0 * _DAMPING * sqrt(spring * mass)
+        damping = 2.0 * _DAMPING_RATIO * sqrt(spring * mass)
         last = keys.segments
         lying = [0 < i < last and z >= self._world.seabed(x, y) for i, (x, y, z) in enumerate(self.nodes)]
         chain = Chain(
-            self.nodes, self._speeds, loads, drags, mass, end.inertia, rest, spring, damping, self._pulls, lying
+            self.nodes, self._velocities, loads, drags, mass, end.inertia, rest, spring, damping, self._pulls, lying
         )  # fmt: skip
-        self._speeds, self._pulls, force = step_chain(chain, dt)
+        self._velocities, self._pulls, force = step_chain(chain, dt)
         self._force = [a + b for a, b in zip(force, loads[-1], strict=True)]
         self.tension = sqrt(sum([x * x for x in self._force]))
-        way = [b - a for a, b in zip(self.nodes[0], self.nodes[1], strict=True)]
-        share = self._pulls[0] / (sqrt(sum([x * x for x in way])) or 1.0)
-        self.anchor_tension = sqrt(sum([(share * x + load) ** 2 for x, load in zip(way, loads[0], strict=True)]))
+        first = [b - a for a, b in zip(self.nodes[0], self.nodes[1], strict=True)]
+        share = self._pulls[0] / (sqrt(sum([x * x for x in first])) or 1.0)
+        self.anchor_tension = sqrt(sum([(share * x + load) ** 2 for x, load in zip(first, loads[0], strict=True)]))
         self._move(dt)
 
     def _loads(self, rest: float) -> tuple[list[list[float]], list[float]]:
-        """Return weight and drag on each joint (N, NED), and how much drag a speed takes there (N s/m)."""
+        """Return weight plus drag of each node (N, NED), and the slope of its drag over the speed (N s/m)."""
         keys, density = self.keys, self._world.density
         loads, drags = [[0.0, 0.0, 0.0] for _ in self.nodes], [0.0 for _ in self.nodes]
         across, along = 0.5 * density * keys.drag * keys.diameter, 0.5 * density * keys.drag_along * pi * keys.diameter
@@ -212,7 +217,7 @@ class Tether:
         gravity = self._world.gravity
         for i in range(len(self.nodes) - 1):
             (ax, ay, az), (bx, by, bz) = self.nodes[i], self.nodes[i + 1]
-            (au, av, aw), (bu, bv, bw) = self._speeds[i], self._speeds[i + 1]
+            (au, av, aw), (bu, bv, bw) = self._velocities[i], self._velocities[i + 1]
             x, y, z = bx - ax, by - ay, bz - az
             size = sqrt(x * x + y * y + z * z) or 1e-9
             x, y, z = x / size, y / size, z / size
@@ -233,9 +238,9 @@ class Tether:
         return loads, drags
 
     def _move(self, dt: float) -> None:
-        """Move all on by `dt` s; joints between the ends lie on the seabed, and float on the surface."""
+        """Move all nodes by `dt` s. Nodes between the ends stop at the seabed, and at the surface if they float."""
         floats = self.keys.mass < self._world.density * self._area
-        for i, speed in enumerate(self._speeds):
+        for i, speed in enumerate(self._velocities):
             node = [a + dt * v for a, v in zip(self.nodes[i], speed, strict=True)]
             if 0 < i < self.keys.segments:
                 bed = self._world.seabed(node[0], node[1])
@@ -246,24 +251,24 @@ class Tether:
             self.nodes[i] = node
 
 
-class _End(NamedTuple):
-    """The vehicle's end of the line: place (m), velocity (m/s), and the inertia there (kg), NED."""
+class _VehicleEnd(NamedTuple):
+    """The vehicle's end of the line: position (m), velocity (m/s), and the inertia there (kg), all NED."""
 
-    place: Sequence[float]
+    position: Sequence[float]
     velocity: Sequence[float]
     inertia: Symmetric | None
 
 
 def _inertia_at(lever: Sequence[float], inverse_mass: Matrix) -> Matrix | None:
-    """Return what a force at `lever` (m) of the body has to move (kg, 3x3, body axes); None if nothing moves."""
+    """Return the apparent mass for a force at `lever` (m) of the body (kg, 3x3, body axes); None if it cannot move."""
     arms = [[float(i == j) for j in range(3)] + [-x for x in row] for i, row in enumerate(cross_matrix(lever))]
     mobility = product(product(arms, inverse_mass), transpose(arms))
     return inverse(mobility) if any(map(any, mobility)) else None
 
 
 def _arc(start: Sequence[float], end: Sequence[float], sag: float) -> list[list[float]]:
-    """Return places along a parabola between two, `sag` m below their middle."""
-    shares = [k / _FINE for k in range(_FINE + 1)]
+    """Return points of a parabola from `start` to `end` that passes `sag` m below their middle."""
+    shares = [k / _ARC_STEPS for k in range(_ARC_STEPS + 1)]
     bent = [(0.0, 0.0, 4.0 * sag * s * (1.0 - s)) for s in shares]
     return [
         [a + s * (b - a) + c for a, b, c in zip(start, end, off, strict=True)]
@@ -271,9 +276,9 @@ def _arc(start: Sequence[float], end: Sequence[float], sag: float) -> list[list[
     ]
 
 
-def _lengths(places: Sequence[Sequence[float]]) -> list[float]:
-    """Return how far (m) each place is along a line of them."""
+def _lengths(points: Sequence[Sequence[float]]) -> list[float]:
+    """Return the distance (m) of each point from the first, measured along the line through the points."""
     lengths = [0.0]
-    for one, other in pairwise(places):
+    for one, other in pairwise(points):
         lengths.append(lengths[-1] + sqrt(sum([(a - b) ** 2 for a, b in zip(one, other, strict=True)])))
     return lengths

@@ -1,13 +1,13 @@
-"""One implicit step of a chain of masses and springs, the line of sim/tether.py.
+"""One implicit step of a chain of masses and springs: the line of sim/tether.py.
 
-A step of dt s looks for the speeds v at its end (backward Euler; Baraff & Witkin 1998, "Large steps in cloth
-simulation"). A spring from joint a to joint b, along the unit vector t, pulls then with
+The unknowns are the velocities v of the nodes at the end of a step of dt s (backward Euler; Baraff & Witkin 1998,
+"Large steps in cloth simulation"). A spring from node a to node b, along the unit vector t, then pulls with
 
     stiffness (stretch + dt t.w) + damping t.w  along t,  and  pull / size (1 - t t') dt w  across it,  w = v_b - v_a
 
-The first keeps a stiff spring stable, the second a taut string. Both are linear in v, so each joint depends on its two
-neighbours alone: a block-tridiagonal system, solved from the anchor on. Springs do not push: those that would are left
-out, and the rest is solved again. A spring that becomes taut within the step stops what stretches it.
+The first term keeps a stiff spring stable, the second a taut line. Both are linear in v, and each node depends only on
+its two neighbours: a block-tridiagonal system, solved from the anchor on. Springs cannot push: a spring that would push
+is left out, and the system is solved again. A spring that becomes taut within the step takes up the pull at once.
 """
 
 from collections.abc import Sequence
@@ -15,24 +15,25 @@ from typing import NamedTuple
 
 from hil.common.vectors import Vector3
 
-_ROUNDS = 12  # of leaving springs out and taking them in, at most
-_GROUND = 1e8  # masses of a joint that the ground has
-_ENOUGH = 0.1  # of the greatest pull: how much all may change in the last round
+_MAX_ROUNDS = 12  # of solutions, each with another set of taut springs
+_GROUND_MASS = 1e8  # vertical mass of a node that rests on the ground, in masses of a node
+_TOLERANCE = 0.1  # change of a pull in the last round, relative to the greatest pull
 
 # A symmetric 3x3 matrix: xx, xy, xz, yy, yz, zz.
 Symmetric = tuple[float, float, float, float, float, float]
 
 
 class Chain(NamedTuple):
-    """The state a step begins with, in N, kg, m, s and NED. Joint 0 is the anchor, whose speed holds through the step.
+    """The state at the beginning of a step, in N, kg, m, s and NED. Node 0 is the anchor; its velocity is constant.
 
-    `loads` are the forces on the joints besides the springs, and `drags` by how much these fall with the speed (N s/m).
-    `mass` is that of a joint between the ends, `inertia` that of the last one; None if its speed holds, too. `pulls`
-    are those of the last step. The ground bears the joints that are `lying` while they press on it.
+    `loads` are the forces on the nodes besides the springs, and `drags` their decrease with the speed (N s/m). `mass`
+    is that of a node between the ends, `inertia` that of the last node, or None if its velocity is constant, too.
+    `rest` is the unstretched length of a segment, `pulls` are those of the last step. The ground carries the nodes that
+    are `lying` as long as they press on it.
     """
 
-    places: Sequence[Sequence[float]]
-    speeds: Sequence[Sequence[float]]
+    positions: Sequence[Sequence[float]]
+    velocities: Sequence[Sequence[float]]
     loads: Sequence[Sequence[float]]
     drags: Sequence[float]
     mass: float
@@ -45,7 +46,7 @@ class Chain(NamedTuple):
 
 
 class _Spring(NamedTuple):
-    """Pull at the end of the step: `offset` + `slope` times the speed at which it grows; `unit` from a to b."""
+    """A spring from node a to b, along `unit`. Its pull (N) is `offset` + `slope` times the speed of its growth."""
 
     unit: Vector3
     size: float
@@ -55,32 +56,32 @@ class _Spring(NamedTuple):
 
 
 def step_chain(chain: Chain, dt: float) -> tuple[list[list[float]], list[float], list[float]]:
-    """Return the speeds after `dt` s, the pull of each spring, and that of the last one on the last joint (NED)."""
-    springs = [_spring(a, b, chain, dt) for a, b in zip(chain.places, chain.places[1:], strict=False)]
-    speeds = [list(speed) for speed in chain.speeds]
-    pulls = [last or now for last, now in zip(chain.pulls, _pulls(springs, speeds, dt), strict=True)]
+    """Return the node velocities after `dt` s, the pull of each spring, and that of the last one on the last node."""
+    springs = [_make_spring(a, b, chain, dt) for a, b in zip(chain.positions, chain.positions[1:], strict=False)]
+    velocities = [list(velocity) for velocity in chain.velocities]
+    pulls = [last or now for last, now in zip(chain.pulls, _pulls(springs, velocities, dt), strict=True)]
     terms: list[tuple[float, float] | None] = []
-    borne = list(chain.lying)
-    for _ in range(_ROUNDS):
+    grounded = list(chain.lying)
+    for _ in range(_MAX_ROUNDS):
         terms = [(dt * pull / s.size * dt, dt * s.slope) if pull > 0.0 else None
                  for s, pull in zip(springs, pulls, strict=True)]  # fmt: skip
-        speeds = _solve(chain, springs, terms, borne, dt)
-        last, pulls = pulls, _pulls(springs, speeds, dt)
-        pressed = [lies and speed[2] >= 0.0 for lies, speed in zip(borne, speeds, strict=True)]
-        same = pressed == borne and all((a > 0.0) == (b > 0.0) for a, b in zip(last, pulls, strict=True))
-        borne = pressed
-        apart = max(abs(a - b) for a, b in zip(last, pulls, strict=True))
-        if same and apart <= _ENOUGH * max(pulls):
+        velocities = _solve(chain, springs, terms, grounded, dt)
+        last, pulls = pulls, _pulls(springs, velocities, dt)
+        pressed = [lies and velocity[2] >= 0.0 for lies, velocity in zip(grounded, velocities, strict=True)]
+        same = pressed == grounded and all((a > 0.0) == (b > 0.0) for a, b in zip(last, pulls, strict=True))
+        grounded = pressed
+        change = max(abs(a - b) for a, b in zip(last, pulls, strict=True))
+        if same and change <= _TOLERANCE * max(pulls):
             break
     if terms[-1] is None:
-        return speeds, pulls, [0.0, 0.0, 0.0]
+        return velocities, pulls, [0.0, 0.0, 0.0]
     (across, along), last_spring = terms[-1], springs[-1]
-    back = [(a - b) / dt for a, b in zip(speeds[-2], speeds[-1], strict=True)]
+    back = [(a - b) / dt for a, b in zip(velocities[-2], velocities[-1], strict=True)]
     force = [-last_spring.offset * x for x in last_spring.unit]
-    return speeds, pulls, _coupled(force, last_spring.unit, across, along - across, back)
+    return velocities, pulls, _add_coupling(force, last_spring.unit, across, along - across, back)
 
 
-def _spring(a: Sequence[float], b: Sequence[float], chain: Chain, dt: float) -> _Spring:
+def _make_spring(a: Sequence[float], b: Sequence[float], chain: Chain, dt: float) -> _Spring:
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     size = (x * x + y * y + z * z) ** 0.5 or 1e-9
     stretch = size - chain.rest
@@ -88,10 +89,10 @@ def _spring(a: Sequence[float], b: Sequence[float], chain: Chain, dt: float) -> 
     return _Spring((x / size, y / size, z / size), size, stretch, chain.stiffness * stretch, slope)
 
 
-def _pulls(springs: Sequence[_Spring], speeds: Sequence[Sequence[float]], dt: float) -> list[float]:
-    """Return the pull of each spring at these speeds, 0 for one that is slack at the end of the step."""
+def _pulls(springs: Sequence[_Spring], velocities: Sequence[Sequence[float]], dt: float) -> list[float]:
+    """Return the pull (N) of each spring for these node velocities, 0 if it is slack at the end of the step."""
     pulls = []
-    for spring, (au, av, aw), (bu, bv, bw) in zip(springs, speeds, speeds[1:], strict=False):
+    for spring, (au, av, aw), (bu, bv, bw) in zip(springs, velocities, velocities[1:], strict=False):
         x, y, z = spring.unit
         growth = x * (bu - au) + y * (bv - av) + z * (bw - aw)
         taut = spring.stretch + dt * growth > 0.0
@@ -103,12 +104,15 @@ def _solve(
     chain: Chain,
     springs: Sequence[_Spring],
     terms: Sequence[tuple[float, float] | None],
-    borne: Sequence[bool],
+    grounded: Sequence[bool],
     dt: float,
 ) -> list[list[float]]:
-    """Return the speeds at which all is balanced; `terms` are impulses a speed, across and along each taut spring."""
+    """Return the velocities of the nodes that solve the linear system of the step.
+
+    `terms` are the coefficients (kg) across and along each taut spring: impulse over speed; None for slack ones.
+    """
     count = len(springs)
-    speeds = [list(speed) for speed in chain.speeds]
+    velocities = [list(velocity) for velocity in chain.velocities]
     mass, last = chain.mass, chain.inertia
     weights: list[Symmetric] = [(mass, 0.0, 0.0, mass, 0.0, mass)] * count
     if last is not None:
@@ -117,7 +121,7 @@ def _solve(
     sides: list[list[float]] = []
     for i in range(1, len(weights)):
         xx, xy, xz, yy, yz, zz = weights[i]
-        u, v, w = speeds[i]
+        u, v, w = velocities[i]
         drag = dt * chain.drags[i]
         fx, fy, fz = chain.loads[i]
         xx, yy, zz = xx + drag, yy + drag, zz + drag
@@ -136,15 +140,15 @@ def _solve(
             yy, yz, zz = yy + across + more * y * y, yz + more * y * z, zz + across + more * z * z
             pull = side * dt * springs[k].offset
             right = [right[0] + pull * x, right[1] + pull * y, right[2] + pull * z]
-        block: Symmetric = (xx, xy, xz, yy, yz, zz + _GROUND * mass if borne[i] else zz)
-        before: Sequence[float] = speeds[0]
+        block: Symmetric = (xx, xy, xz, yy, yz, zz + _GROUND_MASS * mass if grounded[i] else zz)
+        before: Sequence[float] = velocities[0]
         term = terms[i - 1]
-        if term is not None:  # what the joint before it takes away
+        if term is not None:  # eliminate the node before it
             unit, (across, along) = springs[i - 1].unit, term
             if i > 1:
                 before = _times(inverses[-1], sides[-1])
-                block = _reduced(block, inverses[-1], unit, across, along - across)
-            right = _coupled(right, unit, across, along - across, before)
+                block = _eliminate(block, inverses[-1], unit, across, along - across)
+            right = _add_coupling(right, unit, across, along - across, before)
         inverses.append(_inverse(*block))
         sides.append(right)
     for i in range(len(weights) - 1, 0, -1):
@@ -152,12 +156,12 @@ def _solve(
         term = terms[i] if i < count else None
         if term is not None:
             across, along = term
-            right = _coupled(right, springs[i].unit, across, along - across, speeds[i + 1])
-        speeds[i] = list(_times(inverses[i - 1], right))
-    return speeds
+            right = _add_coupling(right, springs[i].unit, across, along - across, velocities[i + 1])
+        velocities[i] = list(_times(inverses[i - 1], right))
+    return velocities
 
 
-def _reduced(block: Symmetric, p: Symmetric, t: Sequence[float], across: float, more: float) -> Symmetric:
+def _eliminate(block: Symmetric, p: Symmetric, t: Sequence[float], across: float, more: float) -> Symmetric:
     """Return block - e p e, with the coupling e = across + more t t'."""
     q = _times(p, t)
     square, both = across * across, across * more
@@ -170,10 +174,10 @@ def _reduced(block: Symmetric, p: Symmetric, t: Sequence[float], across: float, 
     return xx, xy, xz, yy, yz, zz
 
 
-def _coupled(
+def _add_coupling(
     right: Sequence[float], unit: Sequence[float], across: float, more: float, speed: Sequence[float]
 ) -> list[float]:
-    """Return `right` plus what a spring passes on of its other joint's speed."""
+    """Return `right` plus the spring's coupling to the velocity of the node at its other end."""
     along = more * (unit[0] * speed[0] + unit[1] * speed[1] + unit[2] * speed[2])
     return [a + across * b + along * c for a, b, c in zip(right, speed, unit, strict=True)]
 

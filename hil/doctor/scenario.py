@@ -18,7 +18,7 @@ from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.scenario.fleet import as_member
 from hil.slave.drivers.ends import check_line_rate, end_protocol
 from sim.environment.world import World, load_world
-from sim.vehicle.terminal_speed import reaches
+from sim.vehicle.terminal_speed import axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -40,7 +40,7 @@ def check_scenario(scenario: Scenario) -> Iterator[ScenarioFinding]:
 def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
     vehicle, _ = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
-    surge = reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
+    surge = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
     top_speed = surge.speed[0] if surge.driven else 0.0
     attitude = attitude_warning(scenario, vehicle)
     if attitude:

@@ -21,7 +21,7 @@ from hil.ros.graph import Node
 from hil.ros.topics import TOPICS
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import hunting_of, member_number
-from sim.run_events import EventLog, RunEvent, RunMonitor, merge_events, place_text
+from sim.run_events import EventLog, RunEvent, RunMonitor, merge_events, position_text
 from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
@@ -179,8 +179,8 @@ class _Agent:
         seen = odometry.value
         self._place = seen.position
         self._monitor.observe(seconds_ns(time), seen.position, seen.orientation, command.depth)
-        for event in self._monitor.log.fresh():
-            self._report(f"{time:6.1f} s  {event.name}, at {place_text(event.place)}")
+        for event in self._monitor.log.new_events():
+            self._report(f"{time:6.1f} s  {event.name}, at {position_text(event.position)}")
         self._client.command(held(command, odometry.value))
         if self._progress_due.due(now_ns()):
             self._report(f"{time:6.1f} s  {self._planner.progress:4.0%} of the plan, {self._planner.status}")
@@ -198,5 +198,5 @@ class _Agent:
         if self._is_silent:
             now = now_ns() - self._began
             what = f"no odometry from {self._client.node}"
-            self._monitor.log.hold("link_lost", max(now - seconds_ns(age_s), 0), now, self._place, what)
+            self._monitor.log.record("link_lost", max(now - seconds_ns(age_s), 0), now, self._place, what)
         return self._is_silent

@@ -213,7 +213,7 @@ class Flight:
 
     def lose_link(self, since: float, until: float, what: str) -> None:
         """Add an event: no odometry from `since` to `until` (s after the start)."""
-        self.log.hold("link_lost", seconds_ns(since), seconds_ns(until), self._place, what)
+        self.log.record("link_lost", seconds_ns(since), seconds_ns(until), self._place, what)
 
     def outcome(self, duration: float, cpu_s: float, reason: str = "", events: Sequence[RunEvent] = ()) -> Outcome:
         """Return the result of a flight of `duration` s and `cpu_s` s of processor time.

@@ -110,7 +110,7 @@ def _corners(box: Box) -> list[tuple[float, float]]:
 def draw_events(axes: Any, events: Sequence[RunEvent]) -> None:
     """Draw a numbered cross where each event began, with its text in the legend."""
     for number, event in enumerate(events, 1):
-        north, east, _ = event.place
+        north, east, _ = event.position
         axes.plot(
             east, north, "X", color=EVENT, markersize=10, markeredgecolor="white", zorder=5,
             label=f"{number}: {event.name}, {event.start_ns * 1e-9:.1f} s",

@@ -7,7 +7,7 @@ from hil.common.errors import ConfigError
 from hil.plots.plotting import pyplot
 from hil.plots.stl import read_stl
 from sim.rotations import from_euler, matrix
-from sim.vehicle.terminal_speed import Reach
+from sim.vehicle.terminal_speed import AxisCapability
 from sim.vehicle.vehicle import Point, Vehicle
 
 if TYPE_CHECKING:
@@ -39,14 +39,14 @@ VIEWS = (
 )
 
 
-def draw(vehicle: Vehicle, reaches: tuple[Reach, ...], path: str) -> None:
+def draw(vehicle: Vehicle, capabilities: tuple[AxisCapability, ...], path: str) -> None:
     """Draw `vehicle` and its top speeds into the image file `path`. Raises MissingExtraError, ConfigError."""
     plt = pyplot()
     figure, axes = plt.subplots(2, 2, figsize=(12, 10), layout="constrained")
     try:
         for view, place in zip(VIEWS, axes.flat, strict=False):
             _draw_view(place, vehicle, view)
-        _draw_speeds(axes[1][1], reaches)
+        _draw_speeds(axes[1][1], capabilities)
         figure.suptitle(f"{vehicle.name}: {vehicle.mass:g} kg, {_parts(vehicle)}", fontsize=15)
         _name_thrusters(figure, vehicle)
         figure.savefig(path, dpi=110)
@@ -174,17 +174,17 @@ def _draw_thruster(axes: Any, vehicle: Vehicle, view: View, number: int, reach: 
         )
 
 
-def _draw_speeds(axes: Any, reaches: tuple[Reach, ...]) -> None:
+def _draw_speeds(axes: Any, capabilities: tuple[AxisCapability, ...]) -> None:
     """Draw bars for the four commanded axes, with m/s and rad/s on one scale."""
-    shown = [reach for reach in reaches if reach.axis in ("surge", "sway", "heave", "yaw")]
+    shown = [capability for capability in capabilities if capability.axis in ("surge", "sway", "heave", "yaw")]
     ticks = {"surge": ("ahead", "astern"), "sway": ("starboard", "port"), "heave": ("down", "up"),
              "yaw": ("to starboard", "to port")}  # fmt: skip
     names, speeds, units = [], [], []
-    for reach in shown:
-        for way, speed in zip(ticks[reach.axis], reach.speed, strict=True):
-            names.append(f"{reach.axis} {way}")
-            speeds.append(abs(speed) if reach.driven and abs(speed) < float("inf") else 0.0)
-            units.append(("rad/s" if reach.axis == "yaw" else "m/s") if reach.driven else "")
+    for capability in shown:
+        for way, speed in zip(ticks[capability.axis], capability.speed, strict=True):
+            names.append(f"{capability.axis} {way}")
+            speeds.append(abs(speed) if capability.driven and abs(speed) < float("inf") else 0.0)
+            units.append(("rad/s" if capability.axis == "yaw" else "m/s") if capability.driven else "")
     colours = ["#0f766e" if unit != "rad/s" else "#7c8ba1" for unit in units]
     bars = axes.barh(range(len(names)), speeds, color=colours, height=0.7)
     labels = [f"{speed:.2f} {unit}" if unit else "cannot" for speed, unit in zip(speeds, units, strict=True)]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from hil.slave.pilot import Pilot
-from sim.run_events import PERIOD_NS, RunMonitor, place_text
+from sim.run_events import PERIOD_NS, RunMonitor, position_text
 from sim.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -38,8 +38,8 @@ class RunWatch:
         monitor.observe(now, position, state.quaternion, self._pilot.requested_depth if self._pilot else None)
         if driver.lost or driver.losses != self._losses:  # also if it was lost and came back since the last check
             self._losses = driver.losses
-            monitor.log.hold("link_lost", now, now, position, "the thruster link")
+            monitor.log.record("link_lost", now, now, position, "the thruster link")
         elif driver.is_silent:
-            monitor.log.hold("link_lost", now, now, position, "the STM32 does not answer")
-        for event in monitor.log.fresh():
-            self._report(f"{event.name}, at {place_text(event.place)}")
+            monitor.log.record("link_lost", now, now, position, "the STM32 does not answer")
+        for event in monitor.log.new_events():
+            self._report(f"{event.name}, at {position_text(event.position)}")

@@ -18,7 +18,7 @@ from hil.tuning.identify import Process, push
 from hil.tuning.rig import CONTROL_PERIOD_S
 from hil.tuning.step_response import AXES, Figures, Response, fly_step, step_size
 from sim.sensors.sensor_set import fit
-from sim.vehicle.terminal_speed import reaches
+from sim.vehicle.terminal_speed import axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, mass_matrix
 
@@ -65,7 +65,7 @@ class Tuner:
         self.gains = parse(
             {key: value for key, value in control.items() if key not in OTHERS}, Gains, f"{name}: control"
         )
-        self._reach = reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0])
+        self._reach = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0])
         mass = mass_matrix(vehicle)
         self._inertia = [mass[axis][axis] for axis in range(6)]
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.tuning.rig import CONTROL_PERIOD_S, START_DEPTH, Moment, Rig
-from sim.vehicle.terminal_speed import Reach
+from sim.vehicle.terminal_speed import AxisCapability
 from sim.vehicle.vehicle import Vehicle
 
 HOLD_S = 4.0  # at rest before the step, until the integrators have settled
@@ -75,13 +75,13 @@ class Response(NamedTuple):
         return next((time for time, share in zip(self.times, shares, strict=True) if share >= level), nan)
 
 
-def step_size(axis: str, reach: Reach) -> float:
-    """Return the size of a step along `axis`, in its unit, for a vehicle with the top speeds `reach`."""
+def step_size(axis: str, capability: AxisCapability) -> float:
+    """Return the size of a step along `axis`, in its unit, for a vehicle with the `capability`."""
     fixed = {"depth": _DIVE, "heading": _ROUND, "roll": _TILT, "pitch": _TILT}
     if axis in fixed:
         return fixed[axis]
     most = {"heave": _HEAVE, "yaw": _TURN}.get(axis, _SPEED)
-    return min(most, _SHARE * min(reach.speed[0], -reach.speed[1]))
+    return min(most, _SHARE * min(capability.speed[0], -capability.speed[1]))
 
 
 def fly_step(

@@ -6,7 +6,7 @@ ripple_height = 0.03           # m, from trough to crest
 ripple_length = 0.4
 ripple_heading = "30 deg"      # across the crests
 
-A grid of depths has nothing that is smaller than its cells. sim/environment/texture.py generates such detail from this
+A grid of depths contains no detail smaller than its cells. sim/environment/texture.py generates such detail from this
 record: the same for sonars and cameras, in every run, and from every side.
 """
 
@@ -27,8 +27,8 @@ class Properties(NamedTuple):
     patches: float
 
 
-# In the order and of the size of APL-UW 1994 (High-Frequency Ocean Environmental Acoustic Models Handbook, TR 9407,
-# table 2), whose exponents are 3.25 for sediments; heights are those of wavelengths below `OUTER` m. Our choice.
+# Our choice, with the order and magnitude of APL-UW 1994 (High-Frequency Ocean Environmental Acoustic Models Handbook,
+# TR 9407, table 2), whose exponent is 3.25 for sediments. Heights are those of wavelengths below `OUTER` m.
 PROPERTIES: dict[Kind, Properties] = {
     "mud": Properties(0.004, 3.25, -6.0, 1.0),
     "sand": Properties(0.010, 3.25, 0.0, 1.5),
@@ -41,9 +41,9 @@ OUTER = 2.0  # m
 class Bottom(NamedTuple):
     """The keys of `[bottom]`: see the top of this module.
 
-    `roughness` m is the standard deviation of the relief of wavelengths below 2 m, that of its kind if left out;
-    `patches` dB that of the strength of echoes from place to place. `ripple_height` m of waves of sand
-    `ripple_length` m long, which go along `ripple_heading` rad from north; 0: none.
+    `roughness` (m) is the standard deviation of the relief at wavelengths below 2 m; `patches` (dB) that of the echo
+    strength over the seabed. Both are those of the kind if left out. Sand ripples have the height `ripple_height` (m;
+    0: none) and the wavelength `ripple_length` (m) along `ripple_heading` (rad from north).
     """
 
     kind: Kind = "sand"

@@ -1,16 +1,16 @@
 """Resolve collisions of a vehicle with obstacles and the seabed.
 
-When a step ends with a part of the hull inside something, impulses are applied at the points of contact
-(sim/environment/contact/impulses.py). They stop the motion into it, with friction and restitution, and turn the vehicle
-where a point is off the centre. They act at the time of the impact within the step: the vehicle moves with the new
-velocity from then on. The penetration that remains is removed by the displacement with the least mass-weighted norm.
-So there is no contact stiffness to choose, no step is too long, and a vehicle at rest stays where it is.
+When a step ends with a part of the hull inside an object, impulses are applied at the points of contact
+(sim/environment/contact/impulses.py). They stop the motion into the object, with friction and restitution, and turn the
+vehicle if a point is off its centre. They act at the time of the impact within the step: from then on the vehicle moves
+with the new velocity. The remaining penetration is removed by the displacement with the least mass-weighted norm. So
+there is no contact stiffness to choose, no step is too long, and a vehicle at rest stays at rest.
 
 The hull has the shape of sim/vehicle/collision_shape.py: a capsule, a box or spheres, at the present attitude. Contact
-with upright obstacles and the flat seabed is found anywhere on it; contact with relief at the ends of its rods and at
-places between (contact/seabed.py); contact with meshes at places of its surface (contact/meshes.py). At a step of the
-seabed (the edge of the grid, a cell without data) the vehicle is moved back to where it came from. Not modelled: a
-seabed or a wall that deforms, friction that resists turning on the spot about one point.
+with upright obstacles and the flat seabed is found anywhere on the shape; contact with relief only at the ends of its
+rods and at points between them (contact/seabed.py); contact with meshes only at points of its surface
+(contact/meshes.py). At a step of the seabed (the edge of the grid, a cell without data) the vehicle is moved back to
+where it came from. Not modelled: a seabed or a wall that deforms, friction that resists turning about one point.
 """
 
 from collections.abc import Sequence
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
     from sim.environment.contact.meshes import MeshContact
     from sim.environment.contact.seabed import SeabedContact
 
-_PASSES = 4  # of the position correction in a step: each one neglects that the vehicle turns
+_PASSES = 4  # of the position correction in a step; each one neglects the rotation of the vehicle
 _ROUNDING = 1e-3  # m
-_NEAR = 20.0  # m: obstacles farther away are left out until the vehicle has moved half of it
+_NEAR = 20.0  # m: obstacles farther away are not checked until the vehicle has moved half of this
 _FAR = 500.0  # m: the distance to obstacles farther away is not computed
-_TOUCHING = 2e-5  # m: a gap so small counts as contact, or rounding would interrupt contacts
-_MOST_TOUCHES = 8
-_DEPTH_LEFT = 1e-6  # m
-_MOST_TURN = 0.05  # rad that the position correction may turn a vehicle
+_TOUCHING = 2e-5  # m: a smaller gap counts as contact, because rounding would interrupt contacts otherwise
+_MAX_TOUCHES = 8
+_MAX_DEPTH_LEFT = 1e-6  # m of penetration that is not corrected
+_MAX_TURN = 0.05  # rad by which the position correction may turn a vehicle
 SEABED = "the seabed"
 
 
@@ -49,9 +49,9 @@ class Contact:
     """Contact of one vehicle with one world.
 
     `touching` is whether there was contact in the last step, `count` the number of contacts so far, `what` the name of
-    the thing touched last, and `impulse` (N s and N m s about the origin, body axes) the impulse in the last step with
+    the object touched last, and `impulse` (N s and N m s about the origin, body axes) the impulse in the last step with
     contact. `inverse_mass` is the inverse of M = M_RB + M_A, 6x6; it changes when the vehicle drops a weight. `dt` is
-    the duration of a step in s, `radius` (m) how far the hull reaches from the origin.
+    the duration of a step in s, `radius` (m) the greatest distance of a point of the hull from the origin.
     """
 
     def __init__(self, vehicle: Vehicle, world: World, inverse_mass: Matrix, dt: float = 0.0) -> None:
@@ -73,78 +73,78 @@ class Contact:
             from sim.environment.contact import seabed
 
             self._relief = seabed.SeabedContact(world.terrain, self.shape)
-        # The last place without contact, and how deep (m) a slope can be in the hull at most after the way from there.
+        # The last position and attitude without contact, and how far (m) the hull can have moved into a slope since.
         self._last: tuple[Sequence[float], Sequence[float]] | None = None
-        self._share = inf
+        self._max_depth = inf
         self._world = world
         self._meshes: MeshContact | None = None
         if world.mesh or world.pipeline:
             from sim.environment.contact import meshes
 
             self._meshes = meshes.MeshContact(world, self.shape)
-        # The obstacles within _NEAR m of `_near_place`, and the least distance of all others from there.
+        # The obstacles within _NEAR m of `_near_position`, and the least distance of all others from there.
         self._near: list[Obstacle] = []
-        self._near_place = (inf, inf)
+        self._near_position = (inf, inf)
         self._beyond = 0.0
-        # As long as the vehicle is within `_free` m of this place it cannot touch an obstacle.
+        # While the vehicle is within `_free` m of this position it cannot touch an obstacle.
         self._north = self._east = 0.0
         self._free = 0.0 if world.obstacles() else inf
 
     def resolve(self, state: State) -> bool:
-        """Resolve the contacts of `state`; return True if there were any. A contact counts once, in its first step."""
+        """Resolve the contacts of `state` and return True if there were any. A contact is counted in its first step."""
         before, self.touching = self.touching, False
         relief = self._relief
         is_far = relief is not None and relief.is_far(state.position)
         is_low = not is_far and self._is_low(state)
         if is_low or (self._free < inf and self._is_near(state)):
-            self._settle(state, relief if is_low and self._last is not None else None)
+            self._resolve_contacts(state, relief if is_low and self._last is not None else None)
         if relief is not None:
             self._last = None if is_far else (state.position, state.quaternion)
         if self.touching and not before:
             self.count += 1
         return self.touching
 
-    def room(self) -> tuple[float, float, float, float]:
+    def clearance(self) -> tuple[float, float, float, float]:
         """Return where `resolve` is not needed: north, east and radius of a circle, and a depth (all m).
 
-        It does nothing while the vehicle is in that circle and its lower end is no deeper than that depth. The depth is
-        -inf after a contact, which the next `resolve` has to end, and over relief.
+        While the vehicle's origin is in that circle and its lowest point is above that depth, no contact is possible.
+        The depth is -inf over relief, and after a contact, because the next `resolve` has to end it.
         """
-        apart = self.touching or self._relief is not None
-        return self._north, self._east, self._free, -inf if apart else self._floor
+        needs_resolve = self.touching or self._relief is not None
+        return self._north, self._east, self._free, -inf if needs_resolve else self._floor
 
     def find(self, state: State) -> list[Touch]:
-        """Return the points of contact, the deepest penetration first; none if the hull is only near something."""
+        """Return the points of contact, the deepest penetration first; none if the hull is only close to an object."""
         rotation, position = rotations.matrix(state.quaternion), state.position
         xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
-        places = [
+        points = [
             (xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z, radius)
             for x, y, z, radius in self.shape.points
         ]
         found: list[tuple[float, Vector3, Vector3, str]] = []
         if self._relief is not None:
             if self._is_low(state):
-                on_relief = self._relief.places(rotation)
-                touches = self._relief.touches(position, on_relief, self._share)
+                relief_points = self._relief.points(rotation)
+                touches = self._relief.touches(position, relief_points, self._max_depth)
                 found += [(*touch, SEABED) for touch in touches]
         else:
-            room = self._seabed - position[2]
-            for x, y, z, radius in places:
-                depth = z + radius - room
+            altitude = self._seabed - position[2]
+            for x, y, z, radius in points:
+                depth = z + radius - altitude
                 if depth > -SKIN:
                     found.append((depth, (0.0, 0.0, -1.0), (x, y, z + radius), SEABED))
         if self._is_near(state):
-            found += self._find_solids(state, places, rotation)
+            found += self._find_solids(state, points, rotation)
         if not found or max([touch[0] for touch in found]) <= -_TOUCHING:
             return []
         found.sort(key=lambda touch: -round(touch[0] / SKIN))
         return [
-            Touch(depth, _to_body(rotation, normal), _to_body(rotation, place), what)
-            for depth, normal, place, what in found[:_MOST_TOUCHES]
+            Touch(depth, _to_body(rotation, normal), _to_body(rotation, point), what)
+            for depth, normal, point, what in found[:_MAX_TOUCHES]
         ]
 
     def _is_low(self, state: State) -> bool:
-        """Return False if the hull is surely above the seabed: a quick check, the same as that of the FusedStep."""
+        """Return False if the hull cannot touch the seabed. FusedStep does the same quick check."""
         down = state.position[2]
         if self._relief is None and not down + self.radius > self._floor:
             return False
@@ -156,24 +156,24 @@ class Contact:
         return not self._relief.is_clear(state.position, lowest + _TOUCHING)
 
     def _is_near(self, state: State) -> bool:
-        """Return False if all obstacles are surely out of reach of the hull."""
+        """Return False if the hull cannot touch any obstacle."""
         if self._free == inf:
             return False
         away_north, away_east = state.position[0] - self._north, state.position[1] - self._east
         return away_north * away_north + away_east * away_east >= self._free * self._free
 
     def is_inside(self, state: State) -> bool:
-        """Return True if the hull is in something by more than SKIN: a hull that rests on the seabed is not."""
+        """Return True if the hull is inside an object by more than SKIN. A hull that rests on the seabed is not."""
         if any(touch.depth > SKIN for touch in self.find(state)):
             return True
         if self._relief is None:
             return False
-        places = self._relief.places(rotations.matrix(state.quaternion))
-        return self._relief.sunk(state.position, places) > SKIN
+        points = self._relief.points(rotations.matrix(state.quaternion))
+        return self._relief.max_penetration(state.position, points) > SKIN
 
-    def _settle(self, state: State, relief: "SeabedContact | None") -> None:
+    def _resolve_contacts(self, state: State, relief: "SeabedContact | None") -> None:
         """Apply the impulses of all contacts and correct the position; also at steps of the seabed in `relief`."""
-        self._share = self._motion(state)
+        self._max_depth = self._max_displacement(state)
         if relief is not None:
             self._leave_step(relief, state)
         touches = self.find(state)
@@ -183,15 +183,15 @@ class Contact:
             self._collide(state, touches)
         for _ in range(_PASSES):
             touches = self.find(state)
-            if not touches or touches[0].depth <= _DEPTH_LEFT:
+            if not touches or touches[0].depth <= _MAX_DEPTH_LEFT:
                 break
-            if not self.touching:  # there was no contact at the end of the step, only after a correction
+            if not self.touching:  # there was no contact at the end of the step, but there is one after a correction
                 self._apply_impulses(state, touches)
             self._correct_position(state, touches)
-        if relief is not None and self._leave_step(relief, state):  # a slope has pushed it there
-            places = relief.places(rotations.matrix(state.quaternion))
+        if relief is not None and self._leave_step(relief, state):  # the correction at a slope has moved it there
+            points = relief.points(rotations.matrix(state.quaternion))
             north, east, down = state.position
-            state.position = [north, east, down - max(0.0, relief.sunk(state.position, places))]
+            state.position = [north, east, down - max(0.0, relief.max_penetration(state.position, points))]
 
     def _collide(self, state: State, touches: Sequence[Touch]) -> None:
         """Apply the impulses at the time of the impact, and repeat the rest of the step with the new velocity."""
@@ -212,54 +212,54 @@ class Contact:
         if since:
             self._move(state, [since * (a - b) for a, b in zip(state.nu, before, strict=True)])
 
-    def _apply_impulses(self, state: State, touches: Sequence[Touch], most: float = 1.0) -> None:
-        """Stop the motion into what it touches, with a restitution of at most `most`."""
+    def _apply_impulses(self, state: State, touches: Sequence[Touch], max_restitution: float = 1.0) -> None:
+        """Stop the motion into the touched objects, with a restitution of at most `max_restitution`."""
         if not self.touching:  # the first contact in this step
             self.impulse = (0.0,) * 6
         self.touching, self.what = True, touches[0].what
-        state.nu, given = self._solve_impulses(
-            touches, self.inverse_mass, state.nu, self._friction, min(self._restitution, most)
+        state.nu, impulse = self._solve_impulses(
+            touches, self.inverse_mass, state.nu, self._friction, min(self._restitution, max_restitution)
         )
-        self.impulse = [a + b for a, b in zip(self.impulse, given, strict=True)]
+        self.impulse = [a + b for a, b in zip(self.impulse, impulse, strict=True)]
 
     def _correct_position(self, state: State, touches: Sequence[Touch]) -> None:
-        way = self._separate(touches, self.inverse_mass)
-        if max(map(abs, way[3:])) > _MOST_TURN:  # deeper inside than motion can bring it: it was placed there
+        shift = self._separate(touches, self.inverse_mass)
+        if max(map(abs, shift[3:])) > _MAX_TURN:  # motion cannot bring it so deep: the vehicle was placed there
             depth, normal = touches[0][:2]
-            way = [*(depth * x for x in normal), 0.0, 0.0, 0.0]
-        self._move(state, way)
+            shift = [*(depth * x for x in normal), 0.0, 0.0, 0.0]
+        self._move(state, shift)
 
-    def _move(self, state: State, way: Sequence[float]) -> None:
-        """Move and turn the vehicle by `way` (m, rad, body axes)."""
-        moved = rotations.rotate(state.quaternion, way[:3])
+    def _move(self, state: State, shift: Sequence[float]) -> None:
+        """Move and turn the vehicle by `shift` (3 numbers in m, 3 in rad, body axes)."""
+        moved = rotations.rotate(state.quaternion, shift[:3])
         state.position = [a + b for a, b in zip(state.position, moved, strict=True)]
-        if any(way[3:]):
-            state.quaternion = rotations.integrate(state.quaternion, way[3:], 1.0)
+        if any(shift[3:]):
+            state.quaternion = rotations.integrate(state.quaternion, shift[3:], 1.0)
 
-    def _motion(self, state: State) -> float:
-        """Return how far (m) any point of the hull has moved at most since the last place without contact."""
+    def _max_displacement(self, state: State) -> float:
+        """Return the greatest distance (m) a point of the hull can have moved since it was last without contact."""
         if self._last is None:
             return inf
         position, quaternion = self._last
-        way = sqrt(sum([(a - b) ** 2 for a, b in zip(state.position, position, strict=True)]))
+        shift = sqrt(sum([(a - b) ** 2 for a, b in zip(state.position, position, strict=True)]))
         turn = sqrt(sum([(a - b) ** 2 for a, b in zip(state.quaternion, quaternion, strict=True)]))
-        return _ROUNDING + way + 2.0 * turn * self.radius
+        return _ROUNDING + shift + 2.0 * turn * self.radius
 
     def _leave_step(self, relief: "SeabedContact", state: State) -> bool:
         """Move the hull out of a step of the seabed; return True if it was in one.
 
-        It tries the last north, the last east, and both; then the last place and attitude without contact.
+        It tries the last north, the last east, and both; then the last position and attitude without contact.
         """
         assert self._last is not None
         rotation = rotations.matrix(state.quaternion)
-        places = relief.places(rotation)
-        hit = relief.step_at(state.position, places, self._share)
+        points = relief.points(rotation)
+        hit = relief.step_at(state.position, points, self._max_depth)
         if hit is None:
             return False
         last, attitude = self._last
         north, east, down = state.position
         for position in ((last[0], east, down), (north, last[1], down), (last[0], last[1], down)):
-            if relief.step_at(position, places, self._share) is None:
+            if relief.step_at(position, points, self._max_depth) is None:
                 break
         else:
             position = last[0], last[1], last[2]
@@ -277,40 +277,40 @@ class Contact:
         return True
 
     def _find_solids(
-        self, state: State, places: Sequence[tuple[float, float, float, float]], rotation: Rotation
+        self, state: State, points: Sequence[tuple[float, float, float, float]], rotation: Rotation
     ) -> list[tuple[float, Vector3, Vector3, str]]:
-        """Return the contacts with obstacles; update how far the vehicle may move before the next one is possible."""
+        """Return the contacts with obstacles; update how far the vehicle can move before another one is possible."""
         self._free = self._find_near(state)
         position = self._north, self._east, down = state.position
         found: list[tuple[float, Vector3, Vector3, str]] = []
-        by_rays = False
+        needs_rays = False
         for obstacle in self._near:
             away = obstacle.separation(self._north, self._east)[0] - self.radius
             self._free = min(self._free, max(0.0, away))
             if away < 0.0 and down + self.radius > obstacle.top and down - self.radius < obstacle.bottom:
                 if not isinstance(obstacle, (Cylinder, Box, Wall)):
-                    by_rays = True
+                    needs_rays = True
                     continue
-                touches = solid_touches(obstacle, self.shape, position, places)
+                touches = solid_touches(obstacle, self.shape, position, points)
                 found += [(*touch, obstacle.label) for touch in touches]
-        if by_rays:
+        if needs_rays:
             assert self._meshes
             found += self._meshes.touches(position, rotation)
         return found
 
     def _find_near(self, state: State) -> float:
-        """Update the list of near obstacles where needed; return the least distance (m) of all others."""
+        """Update the list of near obstacles if needed; return a lower bound (m) of the distance to all others."""
         north, east, _ = state.position
-        (from_north, from_east), limit = self._near_place, self.radius + _NEAR
+        (from_north, from_east), limit = self._near_position, self.radius + _NEAR
         away = hypot(north - from_north, east - from_east)
         if not away < 0.5 * _NEAR:
             world = self._world
-            roughly = world.within(north, east, _FAR)
-            apart = [(one.separation(north, east)[0], one) for one in (*roughly, *world.mesh)]
-            self._near = [obstacle for distance, obstacle in apart if distance <= limit]
-            self._near_place, away = (north, east), 0.0
-            self._beyond = min([distance for distance, _ in apart if distance > limit], default=inf)
-            if len(roughly) < len(world.upright()):
+            candidates = world.within(north, east, _FAR)
+            distances = [(one.separation(north, east)[0], one) for one in (*candidates, *world.mesh)]
+            self._near = [obstacle for distance, obstacle in distances if distance <= limit]
+            self._near_position, away = (north, east), 0.0
+            self._beyond = min([distance for distance, _ in distances if distance > limit], default=inf)
+            if len(candidates) < len(world.upright()):
                 self._beyond = min(self._beyond, _FAR)
             for pipeline in world.pipeline:
                 distance = pipeline.separation(north, east)[0]
@@ -321,7 +321,7 @@ class Contact:
 
 
 def _speed(touch: Touch, nu: Sequence[float]) -> float:
-    """Return the speed (m/s) at which a point of contact moves away from what it touches."""
+    """Return the speed (m/s) at which a point of contact moves away from the touched object."""
     (a, b, c), (x, y, z), (u, v, w, p, q, r) = touch.normal, touch.lever, nu
     return a * (u + q * z - r * y) + b * (v + r * x - p * z) + c * (w + p * y - q * x)
 

@@ -1,8 +1,7 @@
-"""Currents: the velocity of the water as a function of time and depth, the same everywhere at one depth.
+"""Currents: the velocity of the water as a function of time and depth, horizontally uniform.
 
-Each is a function (time_ns, depth in m) -> velocity (north, east, down) in m/s. Not modelled: eddies, the
-turning of the layers with the earth (Ekman), a tide's calm near the seabed, modulation of the constituents
-over 18.6 years.
+Each is a function (time_ns, depth in m) -> velocity (north, east, down) in m/s. Not modelled: eddies, Ekman rotation of
+the layers, the boundary layer of a tide at the seabed, modulation of the constituents over 18.6 years.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,16 +20,16 @@ TIDAL_SPEEDS: dict[Constituent, float] = {
     "M2": 28.9841042, "S2": 30.0, "N2": 28.4397295, "K1": 15.0410686, "O1": 13.9430356,
 }  # fmt: skip
 
-KNOT_NS = 10_000_000
+UPDATE_NS = 10_000_000  # between two updates of a Gauss-Markov current
 
 
 def ocean_current(ocean: Ocean, steady: Velocity, seed: int) -> Current:
-    """Return the sum of all currents of an ocean, and of the `steady` one (m/s, NED); `seed` is the scenario's."""
+    """Return the sum of all currents of an ocean and the `steady` one (m/s, NED); `seed` is the scenario's."""
     parts: list[Current] = []
     if ocean.layers:
         parts.append(layered(ocean.layers))
     if ocean.gauss_markov:
-        parts.append(Wandering(ocean.gauss_markov, seed))
+        parts.append(GaussMarkovCurrent(ocean.gauss_markov, seed))
     if ocean.tide:
         parts.append(tidal(ocean.tide))
     if ocean.series:
@@ -60,7 +59,7 @@ def layered(layers: Layers) -> Current:
 
 
 def recorded(series: Series) -> Current:
-    """Return a current from a table in time: linear between its rows, the first and last row hold beyond them."""
+    """Return a current from a table over time: linear between its rows, constant before and after them."""
     table = _table(series.time, series)
 
     def current(time_ns: int, _: float) -> Velocity:
@@ -71,7 +70,7 @@ def recorded(series: Series) -> Current:
 
 
 def tidal(tides: Sequence[Tide]) -> Current:
-    """Return a tidal current: the sum of its constituents, each along a line of its own."""
+    """Return a tidal current: the sum of its constituents, each along its own horizontal line."""
     waves = [
         (
             TIDAL_SPEEDS[tide.constituent] * pi / (180.0 * 3600.0),
@@ -94,41 +93,42 @@ def tidal(tides: Sequence[Tide]) -> Current:
     return current
 
 
-class Wandering:
+class GaussMarkovCurrent:
     """A first-order Gauss-Markov (Ornstein-Uhlenbeck) current about its mean, the same at every depth.
 
-    It moves on every 10 ms by the exact discrete form (Gillespie 1996, Phys. Rev. E 54:2084) and is constant
-    in between, so the same seed gives the same current whatever the step of the simulation. It has wandered
-    for long before the run starts. Time runs forward only: an earlier time gives the present value.
+    It is updated every 10 ms by the exact discrete form (Gillespie 1996, Phys. Rev. E 54:2084) and constant in between,
+    so the same seed gives the same current for any step of the simulation. It starts from its stationary distribution.
+    Time only runs forward: for an earlier time the present value is returned.
     """
 
     def __init__(self, model: GaussMarkov, seed: int) -> None:
         self._gauss = Random(f"{seed}/ocean.gauss_markov").gauss
         self._mean = model.mean
-        self._decay = exp(-1e-9 * KNOT_NS / model.time)
-        self._kicks = [sd * sqrt(1.0 - self._decay * self._decay) for sd in model.sd]
-        self._away = [self._gauss(0.0, sd) for sd in model.sd]
+        self._decay = exp(-1e-9 * UPDATE_NS / model.time)
+        self._increments = [sd * sqrt(1.0 - self._decay * self._decay) for sd in model.sd]
+        self._deviation = [self._gauss(0.0, sd) for sd in model.sd]
         self._value = self._velocity()
-        self._next_ns = KNOT_NS
+        self._next_ns = UPDATE_NS
 
     def __call__(self, time_ns: int, depth: float) -> Velocity:
-        """Return the velocity now."""
+        """Return the velocity at `time_ns`; it does not depend on the depth."""
         if time_ns >= self._next_ns:
-            self._move_on(time_ns)
+            self._update(time_ns)
         return self._value
 
-    def _move_on(self, time_ns: int) -> None:
+    def _update(self, time_ns: int) -> None:
         decay, gauss = self._decay, self._gauss
         while self._next_ns <= time_ns:
-            self._next_ns += KNOT_NS
-            self._away = [decay * away + gauss(0.0, kick) for away, kick in zip(self._away, self._kicks, strict=True)]
+            self._next_ns += UPDATE_NS
+            rows = zip(self._deviation, self._increments, strict=True)
+            self._deviation = [decay * deviation + gauss(0.0, sd) for deviation, sd in rows]
         self._value = self._velocity()
 
     def _velocity(self) -> Velocity:
-        (north, east, down), (a, b, c) = self._mean, self._away
+        (north, east, down), (a, b, c) = self._mean, self._deviation
         return north + a, east + b, down + c
 
 
 def _table(at: Sequence[float], rows: Layers | Series) -> PiecewiseLinear:
-    still = (0.0,) * len(at)
-    return PiecewiseLinear(at, rows.north or still, rows.east or still, rows.down or still)
+    zeros = (0.0,) * len(at)
+    return PiecewiseLinear(at, rows.north or zeros, rows.east or zeros, rows.down or zeros)

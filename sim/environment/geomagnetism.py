@@ -1,8 +1,8 @@
-"""The earth's magnetic field at a world's place, by the World Magnetic Model.
+"""The earth's magnetic field at a world's origin, by the World Magnetic Model.
 
-What `uuv-hil world build` writes into a world's file as `magnetic_field`, so that a board needs no more than the file.
-A world with an `origin` and without that key gets it when a sensor asks, for the middle of the model's five years: not
-for today, so that a run can be repeated. Without an origin it is DEFAULT.
+`uuv-hil world build` writes it into the world's file as `magnetic_field`, so that a board does not need the model. For
+a world with an `origin` and without that key it is computed when a sensor needs it, for the middle of the model's five
+years instead of today, so that a run can be repeated. Without an origin it is DEFAULT.
 """
 
 from math import radians
@@ -19,9 +19,9 @@ DEFAULT: FieldAngles = (49e-6, 1.15, 0.0)  # about that of central Europe
 
 
 class MagneticField(NamedTuple):
-    """`angles`: intensity in T, inclination (down is positive) and declination (east is positive) in rad.
+    """The field of a model: `angles` are intensity (T), inclination (down positive) and declination (east positive).
 
-    `model` is its name, `year` the time it holds for, in years.
+    Inclination and declination are in rad. `model` is the name of the model, `year` the decimal year of the field.
     """
 
     angles: FieldAngles
@@ -43,9 +43,9 @@ def field_of(world: "World") -> FieldAngles:
 
 
 def field_at(latitude: float, longitude: float, altitude: float = 0.0, year: float | None = None) -> MagneticField:
-    """Return the field at a place (degrees, m above the WGS 84 ellipsoid), without what rock and iron add.
+    """Return the field at a position (degrees, m above the WGS 84 ellipsoid), without anomalies by rock and iron.
 
-    A `year` outside the model's five counts as their nearest end; without one it is their middle. Raises
+    A `year` outside the model's five years is set to their nearest end; without one it is their middle. Raises
     MissingExtraError.
     """
     try:

@@ -25,7 +25,7 @@ from hil.common.tables import check_file
 from hil.common.vectors import Vector3, off_line
 from sim.environment.obstacles import Coordinate, Heading, Separation
 from sim.rotations import from_euler, matrix
-from sim.vehicle.mesh_files import MOST_BYTES, load_mesh
+from sim.vehicle.mesh_files import MAX_BYTES, load_mesh
 
 MOST_TRIANGLES = 200_000
 Share = Annotated[float, Range(0.0, 1.0)]
@@ -123,7 +123,7 @@ def read_meshes(section: Any, path: str) -> tuple[MeshObstacle, ...]:
 def place(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
     """Return the mesh of a file in `folder` in its place. Raises ConfigError that begins with `where`."""
     file = os.path.join(folder, keys.file)
-    check_file(file, MOST_BYTES)
+    check_file(file, MAX_BYTES)
     up = keys.up or ("y" if file.lower().endswith((".glb", ".gltf")) else "z")
     return put(keys, _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where))
 

@@ -7,9 +7,9 @@ from hil.common.schema import Range
 
 Coordinate = Annotated[float, Range(-1e5, 1e5, "m")]
 Length = Annotated[float, Range(0.01, 1e4, "m")]
-# The depth of the upper end. The default stands 100 m out of the water: nothing passes over.
+# The depth of the upper end. The default is 100 m above the water, so that nothing passes over it.
 Top = Annotated[float, Range(-100.0, 11_000.0, "m")]
-# The depth of the lower end. The default is below any seabed: it stands on that.
+# The depth of the lower end. The default is below any seabed, so that the obstacle stands on it.
 STANDING = 20_000.0
 Bottom = Annotated[float, Range(-100.0, STANDING, "m")]
 Heading = Annotated[float, Range(-6.2832, 6.2832, "rad")]
@@ -29,20 +29,20 @@ class Obstacle(Protocol):
 
     @property
     def bottom(self) -> float:
-        """The depth of its lower end in m, below the seabed where it stands on that."""
+        """The depth of its lower end in m; below the seabed if it stands on the seabed."""
 
     @property
     def label(self) -> str:
-        """Name for messages: its own, or its kind and place."""
+        """Name for messages: its own, or its kind and position."""
 
     def separation(self, north: float, east: float) -> Separation:
-        """Return how far its side is from the point (m, NED), and the way out."""
+        """Return the distance of its side from a point (m, NED), and the direction away from it."""
 
 
 class Cylinder(NamedTuple):
     """A pile: the centre of its axis and its radius. With a `bottom` it hangs or floats.
 
-    What is `hidden` is on no planner's map; `name` is for reports.
+    If `hidden` it is not on any planner's map; `name` is for reports.
     """
 
     north: Coordinate
@@ -68,10 +68,9 @@ class Cylinder(NamedTuple):
 
 
 class Box(NamedTuple):
-    """A block: its centre and its sizes along its own two axes, the first of which points at `heading`.
+    """A block: its centre and its sizes along its own two horizontal axes, the first of which points at `heading`.
 
-    With a `bottom` it hangs or floats.
-    What is `hidden` is on no planner's map; `name` is for reports.
+    With a `bottom` it hangs or floats. If `hidden` it is not on any planner's map; `name` is for reports.
     """
 
     north: Coordinate
@@ -108,7 +107,7 @@ class Box(NamedTuple):
 
 
 class Wall(NamedTuple):
-    """One side of a pool: water where `inward_north` north + `inward_east` east is above `offset` (m)."""
+    """One side of a pool: there is water where `inward_north` north + `inward_east` east exceeds `offset` (m)."""
 
     inward_north: float
     inward_east: float

@@ -5,32 +5,32 @@
     north = [0.5, 0.2, 0.0]
     east = [0.0, 0.1, 0.0]
 
-    [ocean.gauss_markov]              # one that wanders
+    [ocean.gauss_markov]              # a current that varies at random
     sd = [0.05, 0.05, 0.0]
     time = "5 min"
 
-    [[ocean.tide]]                    # one that turns, a table for each constituent
+    [[ocean.tide]]                    # a tidal current, one table for each constituent
     constituent = "M2"
     amplitude = "0.6 m/s"
     heading = "75 deg"
 
-    [ocean.series]                    # one that was measured
+    [ocean.series]                    # a current over time, such as a measured one
     time = [0, 600, 1200]
     north = [0.1, 0.3, 0.2]
 
-    [ocean.profile]                   # the water itself
+    [ocean.profile]                   # properties of the water
     depth = [0, 20, 100]
     density = [1022.0, 1026.0, 1027.5]
     sound_speed = [1510.0, 1495.0, 1490.0]
-    # or file = "ctd.csv", a cast with temperature and salinity (sim/environment/seawater/cast.py)
+    # or file = "ctd.csv", a CTD cast with temperature and salinity (sim/environment/seawater/cast.py)
 
     [ocean.waves]
     significant_height = "1 m"
     peak_period = "7 s"
     direction = "180 deg"
 
-All currents that are given add up, the world's steady `current` with them. Read only by worlds that have an
-ocean; what evaluates it is imported only then.
+All currents are added to the world's steady `current`. This module, and those that use these records, are imported only
+for a world that has an `[ocean]`.
 """
 
 import os
@@ -49,7 +49,7 @@ Density = Annotated[float, Range(900.0, 1200.0)]
 SoundSpeed = Annotated[float, Range(1300.0, 1800.0, "m/s")]
 
 Constituent = Literal["M2", "S2", "N2", "K1", "O1"]
-STEEPEST = 1.0 / 7.0  # height over length: a wave that is steeper breaks (Michell 1893: 0.142)
+MAX_STEEPNESS = 1.0 / 7.0  # height over length: a steeper wave breaks (Michell 1893: 0.142)
 
 
 class Layers(NamedTuple):
@@ -61,15 +61,12 @@ class Layers(NamedTuple):
     down: tuple[Speed, ...] = ()
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return validate_columns("depth", self.depth, north=self.north, east=self.east, down=self.down)
 
 
 class Series(NamedTuple):
-    """A current (m/s, NED) in time (s from the start of the run): linear between the rows.
-
-    Before the first row the first one holds, after the last row the last one.
-    """
+    """A current (m/s, NED) over time (s from the start of the run): linear between the rows, constant outside them."""
 
     time: tuple[Time, ...]
     north: tuple[Speed, ...] = ()
@@ -77,12 +74,12 @@ class Series(NamedTuple):
     down: tuple[Speed, ...] = ()
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return validate_columns("time", self.time, north=self.north, east=self.east, down=self.down)
 
 
 class GaussMarkov(NamedTuple):
-    """A current that wanders about `mean` (m/s, NED) with standard deviation `sd` (m/s) and memory `time` (s)."""
+    """A random current about `mean` (m/s, NED) with standard deviation `sd` (m/s) and correlation time `time` (s)."""
 
     sd: tuple[Spread, Spread, Spread]
     time: Annotated[float, Range(1.0, 1e6, "s")]
@@ -92,9 +89,9 @@ class GaussMarkov(NamedTuple):
 class Tide(NamedTuple):
     """One constituent of a tidal current: amplitude * cos(speed * t - phase) towards `heading`.
 
-    `heading` (rad from north, clockwise) is where the flood flows to; the ebb flows the opposite way.
-    `phase` is the lag of the strongest flood behind the start of the run. Two tables of the same
-    constituent with headings and phases a quarter turn apart make an ellipse.
+    `heading` (rad from north, clockwise) is the direction to which the flood flows; the ebb flows the opposite way.
+    `phase` is the lag of the strongest flood behind the start of the run. Two tables of the same constituent whose
+    headings and phases differ by a quarter turn make a tidal ellipse.
     """
 
     constituent: Constituent
@@ -106,7 +103,7 @@ class Tide(NamedTuple):
 class Profile(NamedTuple):
     """Density (kg/m³) and speed of sound (m/s) by depth (m): linear between the rows, constant beyond them.
 
-    Instead of these `file` names a cast beside the world's file (sim/environment/seawater/cast.py).
+    Instead of these, `file` may name a CTD cast beside the world's file (sim/environment/seawater/cast.py).
     """
 
     depth: tuple[Depth, ...] = ()
@@ -115,7 +112,7 @@ class Profile(NamedTuple):
     file: str = ""
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if self.file:
             return (
                 "file: it has all rows: leave depth, density and sound_speed out"
@@ -128,13 +125,13 @@ class Profile(NamedTuple):
 
 
 class Waves(NamedTuple):
-    """An irregular sea: its spectrum, where its waves go to, and how finely it is computed.
+    """An irregular sea: its spectrum, its direction, and the resolution of its computation.
 
-    `significant_height` is four standard deviations of the surface, `peak_period` that of the spectrum's
-    peak, `gamma` how much JONSWAP's peak stands out (1: Pierson-Moskowitz). `direction` (rad from north,
-    clockwise) is where the waves travel to, `spread` the standard deviation of the single waves' headings
-    about it. The sea is the sum of `components` waves. The motion of the water is computed every `hold` s
-    and goes on linearly in between.
+    `significant_height` is four standard deviations of the surface, `peak_period` the period of the spectrum's peak,
+    `gamma` the peak enhancement factor of JONSWAP (1: Pierson-Moskowitz). `direction` (rad from north, clockwise) is
+    the direction to which the waves travel, `spread` the standard deviation of the headings of the wave components
+    about it. The sea is the sum of `components` waves. The motion of the water is computed every `hold` s and
+    extrapolated linearly in between.
     """
 
     significant_height: Annotated[float, Range(0.0, 20.0, "m")]
@@ -147,11 +144,11 @@ class Waves(NamedTuple):
     hold: Annotated[float, Range(0.0, 0.1, "s")] = 0.025
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if self.spectrum != "jonswap" and self.gamma != Waves._field_defaults["gamma"]:
             return f"gamma is for jonswap, and the spectrum is {self.spectrum}"
         length = 9.80665 * self.peak_period**2 / (2.0 * pi)  # in deep water
-        if self.significant_height > STEEPEST * length:
+        if self.significant_height > MAX_STEEPNESS * length:
             return (
                 f"significant_height {self.significant_height:g} m is more than 1/7 of the waves' length of "
                 f"{length:.3g} m: they would break; give a longer peak_period"
@@ -160,7 +157,7 @@ class Waves(NamedTuple):
 
 
 class Ocean(NamedTuple):
-    """Water whose properties vary with place and time."""
+    """Water whose properties vary with position and time."""
 
     layers: Layers | None = None
     gauss_markov: GaussMarkov | None = None
@@ -171,7 +168,7 @@ class Ocean(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """True if there is a current or a wave."""
+        """True if there is a varying current or waves."""
         return bool(self.layers or self.gauss_markov or self.tide or self.series or self.waves)
 
 
@@ -180,14 +177,14 @@ class _Section(NamedTuple):
 
 
 def read_ocean(section: object, where: str, origin: tuple[float, float] | None = None) -> Ocean:
-    """Return the `[ocean]` section of the world file `where`, which lies at `origin` (latitude, longitude in degrees).
+    """Return the `[ocean]` section of the world file `where`; `origin` is the world's latitude and longitude (degrees).
 
-    Raises ConfigError, and MissingExtraError for a cast.
+    Raises ConfigError, and MissingExtraError for a cast if a package is missing.
     """
     ocean = parse({"ocean": section}, _Section, where).ocean
     if ocean.profile is None or not ocean.profile.file:
         return ocean
-    from sim.environment.seawater.cast import read_cast  # most worlds have none
+    from sim.environment.seawater.cast import read_cast  # most worlds have no cast
 
     path = os.path.join(os.path.dirname(where), ocean.profile.file)
     return ocean._replace(profile=parse(read_cast(path, origin), Profile, path))

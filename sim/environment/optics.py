@@ -2,11 +2,11 @@
 
     I = J exp(-beta_D z) + B (1 - exp(-beta_B z))          for each of red, green and blue
 
-J is the scene as it would be without water before the camera, z the distance (m) along the line of sight, B the veil:
-the water's own colour far away. Akkaynak & Treibitz 2018 (A Revised Underwater Image Formation Model, CVPR) showed that
-what weakens the scene, beta_D, and what thickens the veil, beta_B, differ, because a camera's colours are broad and the
-spectra of scene and veil are not the same. With beta_D = beta_B it is the model of McGlamery 1980 and Jaffe 1990 (IEEE
-J. Oceanic Eng. 15(2):101) but for its forward-scattered part, a blur.
+J is the radiance of the scene without water in front of the camera, z the distance (m) along the line of sight, B the
+veil: the water's own colour at a great distance. Akkaynak & Treibitz 2018 (A Revised Underwater Image Formation Model,
+CVPR) showed that the attenuation of the scene, beta_D, and the growth of the veil, beta_B, differ, because a camera's
+colour channels are broad and the spectra of scene and veil differ. With beta_D = beta_B it is the model of McGlamery
+1980 and Jaffe 1990 (IEEE J. Oceanic Eng. 15(2):101) without its forward-scattered part, a blur.
 
     from sim.environment.optics import jerlov, underwater
     wet = underwater(rgb, depth, jerlov("1C", depth=5.0))
@@ -26,21 +26,23 @@ from hil.common.tables import read_table
 
 Rgb = tuple[float, float, float]
 
-# What a camera's red, green and blue see: Gaussians of these middles and standard deviations (nm). Our choice, near the
-# mean of the 28 cameras of Jiang et al. 2013 (What is the Space of Spectral Sensitivity Functions, WACV), each channel
-# on its peak: Gaussians fitted to those means of its table, camspec_database.txt, have (608, 31), (534, 40), (465, 34).
+# Spectral sensitivity of a camera's channels: Gaussians with these means and standard deviations (nm). They are our
+# choice, close to the mean of the 28 cameras of Jiang et al. 2013 (What is the Space of Spectral Sensitivity Functions,
+# WACV): Gaussians fitted to the means in its table, camspec_database.txt, have (608, 31), (534, 40), (465, 34).
 _SENSITIVITY = {"red": (600.0, 30.0), "green": (535.0, 35.0), "blue": (460.0, 28.0)}
-# The veil's radiance over that of a white, level, matt surface in the same light: light comes from all sides at once,
-# 1.25 times what falls on the surface (a mean cosine of 0.8), and goes evenly to all sides: 1.25 / 4 pi against 1 / pi.
+# Radiance of the veil over that of a white, level, matt surface in the same light. The water is lit from all sides by
+# 1.25 times the light that falls on the surface (mean cosine 0.8) and scatters evenly to all sides: 1.25 / 4 pi over
+# 1 / pi.
 _VEIL = 1.25 / 4.0
 
 
 class Water(NamedTuple):
-    """Coefficients in 1/m, and radiances as shares of that of a white surface under full daylight; red, green, blue.
+    """Optical properties of water for red, green and blue: coefficients in 1/m, and relative radiances.
 
-    `attenuation` is beta_D, `backscatter` beta_B, `veil` B. `light` is what is left of daylight where the scene is:
-    a scene rendered in full daylight is to be multiplied by it; `underwater` leaves it to the caller. `scattering` is
-    what the water scatters of a white lamp's light, into all directions.
+    Radiances are relative to that of a white surface under full daylight. `attenuation` is beta_D, `backscatter`
+    beta_B, `veil` B. `light` is the share of daylight that remains at the depth of the scene: the caller of
+    `underwater` multiplies a scene rendered in full daylight by it. `scattering` is the coefficient with which the
+    water scatters a white lamp's light into all directions.
     """
 
     attenuation: Rgb
@@ -54,16 +56,16 @@ CLEAR = Water((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def jaffe_mcglamery(attenuation: Rgb, veil: Rgb) -> Water:
-    """Return the special case in which one coefficient (1/m) serves scene and veil."""
+    """Return the special case in which scene and veil have the same coefficient (1/m)."""
     return Water(attenuation, attenuation, veil)
 
 
 def underwater(rgb: ArrayLike, distance: ArrayLike, water: Water) -> NDArray[Any]:
-    """Return the picture `rgb` (... x 3) of things `distance` m away (...) as it is seen through `water`.
+    """Return the picture `rgb` (... x 3) as it appears through `water`; `distance` (...) is that of each pixel in m.
 
-    Floats are taken as linear (radiances, white is 1) and stay so; bytes as sRGB (IEC 61966-2-1), and stay so. Where
-    the distance is not finite there is only the veil. The distance is that along the ray: a depth image along the
-    optical axis is to be multiplied by the length of each pixel's ray first (`ray_lengths`).
+    Floats are linear radiances (white is 1), bytes are sRGB (IEC 61966-2-1); the result has the type of the input.
+    Where the distance is not finite, only the veil is visible. The distance is measured along the ray: multiply a depth
+    image, which is measured along the optical axis, by `ray_lengths` first.
     """
     picture = np.asarray(rgb)
     if picture.dtype == np.uint8:
@@ -81,7 +83,7 @@ def underwater(rgb: ArrayLike, distance: ArrayLike, water: Water) -> NDArray[Any
 
 
 def ray_lengths(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> NDArray[np.float32]:
-    """Return how much longer each pixel's ray is than its depth along the optical axis: height x width."""
+    """Return the ratio of distance along the ray to depth along the optical axis for each pixel: height x width."""
     x, y = np.meshgrid((np.arange(width) - cx) / fx, (np.arange(height) - cy) / fy)
     lengths: NDArray[np.float32] = np.sqrt(1.0 + x * x + y * y).astype(np.float32)
     return lengths
@@ -101,15 +103,14 @@ def encode(radiance: NDArray[Any]) -> NDArray[np.uint8]:
 def jerlov(water: str, depth: float = 5.0, distance: float | None = None, forward: float = 0.5) -> Water:
     """Return the water of a Jerlov type for a scene `depth` m deep in daylight.
 
-    By section 4 of Akkaynak & Treibitz 2018, over the spectrum: with beam attenuation c = a + b, daylight E =
-    exp(-K_d depth) and the veil b E / c, each channel is the mean over what it is sensitive to, of a grey scene; the
-    two coefficients are those at `distance` m, by default where c distance is 1 in the green. `forward` is the share of
-    scattered light that goes on so nearly straight that it still belongs to the scene, and counts as not scattered:
-    half goes on within 5 degrees (0.52, integrated from Petzold's mean particle, Mobley 1994, Light and Water, table
-    3.10); 0 is the paper's. Absorption is that of pure water plus what the type has more of in the three bands, linear
-    between them; scattering goes by a power of the wavelength between the bands. The numbers and their sources are in
-    sim/data/jerlov.toml; "clear" is no water at all.
-    Raises ConfigError for an unknown type.
+    Computed over the spectrum as in section 4 of Akkaynak & Treibitz 2018, with beam attenuation c = a + b, daylight
+    E = exp(-K_d depth) and the veil b E / c. Each channel is the mean over its sensitivity, for a grey scene. The two
+    coefficients are valid at `distance` m, by default where c distance is 1 in the green. `forward` is the share of
+    scattered light whose direction changes so little that it counts as not scattered: half is scattered by less than 5
+    degrees (0.52, integrated from Petzold's mean particle, Mobley 1994, Light and Water, table 3.10); the paper uses 0.
+    Absorption is that of pure water plus the excess of the type over type I, given in three bands and linear between
+    them; scattering follows a power of the wavelength between the bands. The numbers and their sources are in
+    sim/data/jerlov.toml; "clear" means no water at all. Raises ConfigError for an unknown type.
     """
     if water == "clear":
         return CLEAR
@@ -161,8 +162,7 @@ def _linear(grey: NDArray[Any]) -> NDArray[np.float64]:
     return np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
 
 
-# What `encode` looks a level up in, by the share of the last place in it.
-_STEPS = 8191  # fine enough for each of the 256 levels
+_STEPS = 8191  # intervals of the lookup table of `encode`: fine enough for each of the 256 levels
 _LINEAR = _linear(np.arange(256) / 255.0).astype(np.float32)
-# The nearest level, by the middles between them.
+# The lookup table: the nearest level for each of _STEPS + 1 radiances from 0 to 1.
 GREY = np.searchsorted(_linear((np.arange(255) + 0.5) / 255.0), np.arange(_STEPS + 1) / _STEPS).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Compute the horizontal distance to where a seabed with relief becomes too shallow."""
+"""Compute the horizontal distance to the nearest point where a seabed with relief is too shallow."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -8,24 +8,24 @@ from sim.environment.terrain import NO_DATA, Terrain
 from sim.environment.terrain_grid import Grid
 
 Corner = tuple[float, float, float]  # row, column, depth in m
-Place = tuple[float, float]  # row and column of the grid, not rounded
+Coordinates = tuple[float, float]  # row and column of the grid, not rounded
 
 _FIRST_RADIUS = 4.0  # cells
 
 
 def distance_to_shallows(terrain: Terrain, north: float, east: float, depth: float, within: float) -> float:
-    """Return the distance in m from a place to the nearest one where the seabed is at `depth` m or shallower.
+    """Return the distance in m from a position to the nearest one where the seabed is at `depth` m or shallower.
 
-    inf if there is none within `within` m; where it is too shallow already, how deep (m, negative) the depth is in the
-    seabed. Within a cell the contour counts as a straight line between the cell's edges: right on a plane, and
-    elsewhere to the bend of the contour within a cell. A cell without data is all too shallow.
+    inf if there is none within `within` m. If it is too shallow at the position itself, the result is negative: the
+    depth of the seabed there minus `depth`. Within a cell the contour is approximated by a straight line between the
+    cell's edges, which is exact on a plane. A cell without data counts as too shallow.
     """
     here = terrain.depth(north, east)
     if here <= depth:
         return here - depth
     edge = _to_edge(terrain, north, east) if terrain.outside <= depth else inf
     radius = min(_FIRST_RADIUS * terrain.grid.resolution, within)
-    while True:  # a look twice as far costs four times as much
+    while True:  # twice the radius costs four times as much, so it begins with a small one
         least = min(edge, _nearest(terrain, north, east, depth, radius))
         if least <= radius or radius >= within:
             return least if least <= within else inf
@@ -33,21 +33,21 @@ def distance_to_shallows(terrain: Terrain, north: float, east: float, depth: flo
 
 
 def _nearest(terrain: Terrain, north: float, east: float, depth: float, within: float) -> float:
-    """Return the nearest shallow place of the cells within `within` m."""
+    """Return the distance (m) to the nearest shallow point of the cells within `within` m; inf if there is none."""
     if terrain.shallowest(north, east, within) > depth:
         return inf
-    place, least = terrain.coordinates(north, east), inf
-    for corners in _cells(terrain, place, within * terrain.scale):
+    point, least = terrain.coordinates(north, east), inf
+    for corners in _cells(terrain, point, within * terrain.scale):
         if min(corner[2] for corner in corners) <= depth:
-            least = min(least, _to_ring(place, _shallow_part(corners, depth)))
+            least = min(least, _distance_to_ring(point, _shallow_part(corners, depth)))
     return least * terrain.grid.resolution
 
 
-def _cells(terrain: Terrain, place: Place, reach: float) -> Iterator[list[Corner]]:
-    """Yield the corners, in their order around, of every cell within `reach` cells of a place."""
+def _cells(terrain: Terrain, point: Coordinates, reach: float) -> Iterator[list[Corner]]:
+    """Yield the four corners, in cyclic order, of every cell within `reach` cells of a point."""
     grid, depths = terrain.grid, terrain.depths
-    for row in range(max(floor(place[0] - reach), 0), min(ceil(place[0] + reach), grid.rows - 1)):
-        for column in range(max(floor(place[1] - reach), 0), min(ceil(place[1] + reach), grid.columns - 1)):
+    for row in range(max(floor(point[0] - reach), 0), min(ceil(point[0] + reach), grid.rows - 1)):
+        for column in range(max(floor(point[1] - reach), 0), min(ceil(point[1] + reach), grid.columns - 1)):
             around = ((row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column))
             corners = [(float(i), float(j), depths[i * grid.columns + j]) for i, j in around]
             if any(isnan(corner[2]) for corner in corners):
@@ -55,9 +55,9 @@ def _cells(terrain: Terrain, place: Place, reach: float) -> Iterator[list[Corner
             yield corners
 
 
-def _shallow_part(corners: list[Corner], depth: float) -> list[Place]:
-    """Return the corners that are too shallow, and where the contour crosses the edges between."""
-    ring: list[Place] = []
+def _shallow_part(corners: list[Corner], depth: float) -> list[Coordinates]:
+    """Return the polygon of a cell's shallow part: its shallow corners, and where the contour crosses its edges."""
+    ring: list[Coordinates] = []
     for (row, column, here), (to_row, to_column, there) in pairwise([*corners, corners[0]]):
         if here <= depth:
             ring.append((row, column))
@@ -67,14 +67,14 @@ def _shallow_part(corners: list[Corner], depth: float) -> list[Place]:
     return ring
 
 
-def _to_ring(place: Place, ring: list[Place]) -> float:
-    """Return the distance in cells from a place outside of a closed ring."""
-    return min(_to_side(place, start, end) for start, end in pairwise([*ring, ring[0]]))
+def _distance_to_ring(point: Coordinates, ring: list[Coordinates]) -> float:
+    """Return the distance in cells from a point outside of a closed polygon to the polygon."""
+    return min(_distance_to_side(point, start, end) for start, end in pairwise([*ring, ring[0]]))
 
 
-def _to_side(place: Place, start: Place, end: Place) -> float:
+def _distance_to_side(point: Coordinates, start: Coordinates, end: Coordinates) -> float:
     x, y = end[0] - start[0], end[1] - start[1]
-    to_x, to_y = place[0] - start[0], place[1] - start[1]
+    to_x, to_y = point[0] - start[0], point[1] - start[1]
     square = x * x + y * y
     share = min(max((to_x * x + to_y * y) / square, 0.0), 1.0) if square else 0.0
     away_x, away_y = to_x - share * x, to_y - share * y
@@ -82,7 +82,7 @@ def _to_side(place: Place, start: Place, end: Place) -> float:
 
 
 def _to_edge(terrain: Terrain, north: float, east: float) -> float:
-    """Return the distance (m) from a place on the grid to its edge."""
+    """Return the distance (m) from a position on the grid to the grid's edge."""
     grid: Grid = terrain.grid
     x, y = terrain.coordinates(north, east)
     return grid.resolution * min(x, y, grid.rows - 1 - x, grid.columns - 1 - y)

@@ -10,7 +10,7 @@ Count = Annotated[int, Range(2, 100_000)]
 
 
 class Grid(NamedTuple):
-    """Nodes of a grid: the first one (m), their distance (m) to north and east, and how many there are."""
+    """The nodes of a grid: position of the first one (m), distance between nodes (m) to north and east, and counts."""
 
     north_min: Edge
     east_min: Edge

@@ -32,11 +32,11 @@ class FluidMotion:
         self.is_steady = not world.ocean._replace(waves=None).moves  # but for waves
         waves = world.ocean.waves
         self._wave_field = (sampled or SampledWaves)(waves, world, seed) if waves else None
-        self._mass = pushed_mass(vehicle, world.density)
+        self._mass = wave_inertia(vehicle, world.density)
 
-    def carry(self, vehicle: Vehicle, density: float) -> None:
+    def set_vehicle(self, vehicle: Vehicle, density: float) -> None:
         """Use the mass and shape of `vehicle` from now on, after it has dropped a weight."""
-        self._mass = pushed_mass(vehicle, density)
+        self._mass = wave_inertia(vehicle, density)
 
     def act(self, time_ns: int, state: State, wrench: Sequence[float]) -> tuple[Velocity, Sequence[float]]:
         """Return the water's velocity (m/s, NED), and `wrench` (N, N m, body axes) with the push of the waves added."""
@@ -50,8 +50,8 @@ class FluidMotion:
         return (north + orbital[0], east + orbital[1], down + orbital[2]), pushed
 
     @property
-    def pushed_mass(self) -> list[float]:
-        """The vehicle's current `pushed_mass` matrix, row after row."""
+    def wave_inertia(self) -> list[float]:
+        """The vehicle's current `wave_inertia` matrix, row after row."""
         return [x for row in self._mass for x in row]
 
     @property
@@ -99,7 +99,7 @@ class SampledWaves:
         return WaveField(waves, world.depth, world.gravity, seed)
 
 
-def pushed_mass(vehicle: Vehicle, density: float) -> list[list[float]]:
+def wave_inertia(vehicle: Vehicle, density: float) -> list[list[float]]:
     """Return M_A + rho V, 6 rows of 3: from the water's acceleration (body axes) to wrench about the origin."""
     displaced = density * displaced_volume(vehicle, density)
     added = square(vehicle.added_mass, 6)

@@ -76,7 +76,7 @@ class World(NamedTuple):
     zone: "tuple[Zone, ...]" = ()
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         north_min, north_max, east_min, east_max = self.extent
         if north_min >= north_max or east_min >= east_max:
             return "extent: give north_min, north_max, east_min, east_max, each pair growing"

@@ -1,8 +1,8 @@
-"""C versions of what every step computes, equal to Python to the last bit. sim/assembly.py selects.
+"""C versions of what every step computes, equal to Python to the last bit. sim/assembly.py selects between them.
 
 Public: `choose`, `load`, `NativeDynamics`. It must not compute anything that Python does not specify.
 
-`UUV_HIL_NATIVE=0` in the environment takes the Python, `UUV_HIL_NATIVE=1` insists on the C.
+The environment variable `UUV_HIL_NATIVE=0` selects Python. With `UUV_HIL_NATIVE=1` a missing C extension is an error.
 """
 
 import os
@@ -36,13 +36,14 @@ class StaleExtensionError(ConfigError):
 
 
 class NativeDynamics(Dynamics):
-    """`Dynamics` with its step in C. Raises ImportError where there is none.
+    """`Dynamics` with its step in C. Raises ImportError if the extension is not compiled.
 
-    So are the forces of sim/native/forces.py. Where there is another one, all forces stay in Python: Verlet asks them
-    once a step, before the C; Runge-Kutta needs them between its stages and then is that of Python.
+    The forces that sim/native/forces.py lists are in C, too. If there is any other force, all forces are computed in
+    Python: with Verlet once a step, before the C; with Runge-Kutta the whole step is then computed in Python, because
+    the forces are needed in each of its stages.
     """
 
-    is_whole = False  # True if the forces are in C, too
+    has_native_forces = False  # True if all additional forces are in C
 
     def __init__(
         self,
@@ -59,17 +60,19 @@ class NativeDynamics(Dynamics):
         if twins is None and integrator == "rk4":
             return
         numbers = self.numbers()
-        self.is_whole = twins is not None
+        self.has_native_forces = twins is not None
         self.kernel = Kernel(pack(f"{len(numbers)}d", *numbers), twins or ())
-        self._advance = self.kernel.step if self.is_whole else self._pushed_step
+        self._advance = self.kernel.step if self.has_native_forces else self._step_with_python_forces
 
-    def _pushed_step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
-        position, rotation, nu = self.kernel.midway(state, dt)
-        self.kernel.step(state, self.push(position, rotation, nu, wrench, current), current, dt)
+    def _step_with_python_forces(
+        self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float
+    ) -> None:
+        position, rotation, nu = self.kernel.predict_midpoint(state, dt)
+        self.kernel.step(state, self.add_forces(position, rotation, nu, wrench, current), current, dt)
 
 
 def _twins(forces: "Sequence[Force]") -> "tuple[Twin, ...] | None":
-    """Return the forces in C; None if one of them is not."""
+    """Return the C twins of `forces`, or None if one of them has no twin."""
     if not forces:
         return ()
     from sim.native._native import Force as Twin
@@ -89,38 +92,38 @@ class NativeThrusterSet(ThrusterSet):
         self.bank = ThrusterBank(pack(f"{len(numbers)}d", *numbers))
 
     @property
-    def works(self) -> bool:
-        """False once failures are planned, also future ones."""
+    def is_native(self) -> bool:
+        """False as soon as a failure is planned, even if it begins later."""
         return self._failures is None
 
     @property
     def thrusts(self) -> list[float]:
         """The present thrust of each in N."""
-        return self.bank.pushes if self.works else self._thrusts
+        return self.bank.scaled_thrusts if self.is_native else self._thrusts
 
-    def immerse(self, shares: Sequence[float] | None) -> None:
+    def scale_thrusts(self, shares: Sequence[float] | None) -> None:
         """Set the shares of thrust near the surface: see ThrusterSet."""
-        super().immerse(shares)
-        self.bank.immerse([1.0] * len(self._thrusters) if shares is None else shares)
+        super().scale_thrusts(shares)
+        self.bank.scale_thrusts([1.0] * len(self._thrusters) if shares is None else shares)
 
     def fail(self, failures: "Iterable[Failure]") -> None:
         """Plan failures: see ThrusterSet."""
-        if self.works:  # until now
+        if self.is_native:  # the Python continues from the state of the C
             self._steps, self._shares = self.bank.steps, self.bank.shares
-            self._lagged, self._thrusts = self.bank.thrusts, self.bank.pushes
+            self._lagged, self._thrusts = self.bank.thrusts, self.bank.scaled_thrusts
         super().fail(failures)
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
         """Set the commanded pulse widths (us): see ThrusterSet."""
         super().command(pwm_us)
-        self.bank.aim(self._targets)
+        self.bank.set_targets(self._targets)
 
     def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
-        return self.bank.step(nu_r) if self.works else super()._advance(nu_r)
+        return self.bank.step(nu_r) if self.is_native else super()._advance(nu_r)
 
 
 class NativeErrorBank(ErrorBank):
-    """`ErrorBank` in C, with random numbers of its own that go on where `random` stood. Raises ImportError."""
+    """`ErrorBank` in C. It continues the random numbers from the state of `random`. Raises ImportError."""
 
     def __init__(self, models: Iterable[ErrorModel], period: float, random: Random) -> None:
         from sim.native._native import Errors
@@ -131,7 +134,7 @@ class NativeErrorBank(ErrorBank):
         self.errors = Errors(pack(f"{len(numbers)}d", *numbers), pack("625I", *key), second)
 
     def measure(self, true: Sequence[float]) -> list[float]:
-        """Return the measured values of the true ones: see ErrorBank."""
+        """Return the measured values for the `true` values: see ErrorBank."""
         return self.errors.measure(true)
 
 
@@ -150,33 +153,36 @@ def load(name: str) -> ModuleType:
 
 @lru_cache
 def _source_bytes(package: str) -> str:
-    """Return how the text of a package's modules ends, see `c_extensions.source_bytes`; a hash would take longer."""
+    """Return the expected end of the docstring of a package's C modules: the size of their sources.
+
+    `c_extensions.source_bytes` writes it when they are compiled. The size is used because a hash would take longer.
+    """
     files = os.scandir(os.path.join(ROOT, *package.split(".")))
     return f" {sum([file.stat().st_size for file in files if file.name.endswith(('.c', '.h'))])}"
 
 
 def choose() -> tuple[type[Dynamics], str]:
-    """Return the class with the step that the environment asks for, and why it is this one, in words.
+    """Return the class of the dynamics, in C or Python as the environment selects, and the reason as text.
 
-    Raises ConfigError if what it asks for cannot be had, or was compiled from other sources.
+    Raises ConfigError if the environment demands C and it is missing, or if it was compiled from other sources.
     """
-    wish = os.environ.get(SWITCH, "")
-    if wish not in ("", "0", "1"):
-        raise ConfigError(f"{SWITCH}={wish!r}: write 0 for the step in Python, 1 for the one in C, or leave it out")
-    if wish == "0":
+    selected = os.environ.get(SWITCH, "")
+    if selected not in ("", "0", "1"):
+        raise ConfigError(f"{SWITCH}={selected!r}: write 0 for the step in Python, 1 for the one in C, or leave it out")
+    if selected == "0":
         return Dynamics, f"Python, as {SWITCH}=0 says"
     try:
         binary = load("sim.native._native")
     except ImportError as error:
         reason = f"the step in C is not there: {error}"
-        if wish == "1":
+        if selected == "1":
             raise ConfigError(f"{SWITCH}=1, but {reason} ({REMEDY})") from None
         return Dynamics, f"Python; {reason}"
     return NativeDynamics, f"C, {binary.__file__}"
 
 
 def has_native(binary: str = "") -> bool:
-    """Return whether the C is there, the module `binary` of it too, and not unwanted.
+    """Return True if the C extension, and its module `binary` if given, is available and not switched off.
 
     Raises ConfigError as `choose` does.
     """
@@ -185,7 +191,7 @@ def has_native(binary: str = "") -> bool:
     if binary:
         try:
             load(binary)
-        except ImportError as error:  # made before there was one
+        except ImportError as error:  # the extensions were compiled before this module existed
             if os.environ.get(SWITCH) == "1":
                 raise ConfigError(f"{SWITCH}=1, but {binary} is not there: {error} ({REMEDY})") from None
             return False

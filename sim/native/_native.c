@@ -1,14 +1,14 @@
-/* Shows kernel.h, forces.h, waves.h, errors.h and impulses.h to Python: the module sim.native._native. */
+/* The Python module sim.native._native: kernel.h, forces.h, waves.h, errors.h and impulses.h for Python. */
 
-#include "moving.h"
+#include "step_types.h"
 
 #include "fused.h"
-#include "measuring.h"
+#include "sensor_types.h"
 #include "impulses.h"
 
 static int module_exec(PyObject *module)
 {
-    return add_pushing(module) && add_moving(module) && add_fused(module) && add_measuring(module)
+    return add_force_types(module) && add_step_types(module) && add_fused(module) && add_sensor_types(module)
             && add_impulses(module) ? 0 : -1;
 }
 

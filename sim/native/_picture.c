@@ -1,15 +1,15 @@
-/* Shows shading.h and developing.h to Python: sim.native._picture. */
+/* The Python module sim.native._picture: shading.h and exposure.h for Python. */
 
 #include "numbers.h"
 
 #include "buffer.h"
-#include "developing.h"
+#include "exposure.h"
 #include "rays_bundle.h"
 #include "shading.h"
 
-enum { MOST_VIEWS = 10 };
+enum { MAX_VIEWS = 10 };
 
-/* Gets `count` buffers, the last `written` of them to be written; 0 with an exception set. */
+/* Gets `count` buffers, the last `written` of them writable; returns 0 with an exception set on failure. */
 static int get_views(PyObject *const *objects, Py_buffer *views, int count, int written)
 {
     for (int i = 0; i < count; i++)
@@ -18,11 +18,11 @@ static int get_views(PyObject *const *objects, Py_buffer *views, int count, int 
     return 1;
 }
 
-/* Returns None, or NULL where an exception is set, without the buffers. */
+/* Releases the buffers; returns None, or NULL if an exception is set. */
 static PyObject *release(Py_buffer *views, int ok)
 {
-    for (int i = 0; i < MOST_VIEWS; i++)
-        PyBuffer_Release(&views[i]); /* does nothing to one that was never got */
+    for (int i = 0; i < MAX_VIEWS; i++)
+        PyBuffer_Release(&views[i]); /* does nothing for a buffer that was never acquired */
     if (!ok)
         return NULL;
     Py_RETURN_NONE;
@@ -45,7 +45,7 @@ static int set_looks(Looks *looks, Settings *settings, PyObject *numbers, const 
         tiles += (Py_ssize_t)(SIDE >> level) * (SIDE >> level);
     if (views[FADES].len != 4 * FADES_A_STEP * (STEPS + 1) || views[GRAIN].len != 4 * (SIDE + 1) * (SIDE + 1)
         || (texture != 0 && texture != 12 * tiles) || (depths != 0 && (double)depths != 4.0 * settings->rows * settings->columns)) {
-        PyErr_SetString(PyExc_ValueError, "a buffer of looks has not its size");
+        PyErr_SetString(PyExc_ValueError, "a buffer of the surfaces' appearance has a wrong size");
         return 0;
     }
     looks->set = settings, looks->colours = views[COLOURS].buf, looks->grain = views[GRAIN].buf;
@@ -61,7 +61,7 @@ static int sizes_fail(Py_ssize_t n)
     return 0;
 }
 
-/* Hits in 32-bit floats, as of a PictureScene. */
+/* Shades hits given in 32-bit floats, as those of a PictureScene. */
 static void shade_all(const Looks *looks, const Py_buffer *views, Py_ssize_t n)
 {
     const float *distances = views[DISTANCES].buf, *normal = views[NORMALS].buf, *toward = views[TOWARD].buf;
@@ -93,7 +93,7 @@ static int check_hits(const Py_buffer *views, Py_ssize_t n)
 
 static PyObject *shade(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
 {
-    Py_buffer views[MOST_VIEWS] = {{0}};
+    Py_buffer views[MAX_VIEWS] = {{0}};
     Settings settings;
     Looks looks;
     (void)self;
@@ -109,8 +109,8 @@ static PyObject *shade(PyObject *self, PyObject *const *arguments, Py_ssize_t co
     return release(views, ok);
 }
 
-/* What rays that are traced have met. Each loop is short, so that the processor works on several rays at once. */
-static void look(const Geometry *geometry, const double *origin, const Bundle *bundle, const Hit *hits, Pixel *pixels)
+/* Computes the pixels of traced rays. Each loop is short, so that the processor works on several rays at once. */
+static void compute_pixels(const Geometry *geometry, const double *origin, const Bundle *bundle, const Hit *hits, Pixel *pixels)
 {
     double points[BUNDLE][3], across[BUNDLE][3];
     for (int i = 0; i < bundle->count; i++) {
@@ -131,7 +131,7 @@ static void look(const Geometry *geometry, const double *origin, const Bundle *b
     }
 }
 
-/* Rays, and the light along each, while what they met is still in the cache. */
+/* Traces rays in bundles and shades each bundle while its hits are still in the cache. */
 static void picture_all(const Looks *looks, const Geometry *geometry, Near *near, const Py_buffer *views, Py_ssize_t n)
 {
     const Settings *s = looks->set;
@@ -147,7 +147,7 @@ static void picture_all(const Looks *looks, const Geometry *geometry, Near *near
         for (int i = 0; i < bundle.count; i++)
             turn(s->rotation, directions + 3 * (first + i), bundle.along[i]);
         trace_bundle(geometry, near, s->origin, &bundle, s->reach, hits);
-        look(geometry, s->origin, &bundle, hits, pixels);
+        compute_pixels(geometry, s->origin, &bundle, hits, pixels);
         for (int i = 0; i < bundle.count; i++) {
             shade_pixel(looks, &pixels[i], out + 3 * (first + i));
             ranges[first + i] = hits[i].distance, met[first + i] = (int32_t)pixels[i].object;
@@ -165,7 +165,7 @@ static int check_rays(const Geometry *geometry, const Near *near, const Py_buffe
 
 static PyObject *picture(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
 {
-    Py_buffer views[MOST_VIEWS] = {{0}};
+    Py_buffer views[MAX_VIEWS] = {{0}};
     Settings settings;
     Looks looks;
     Near near = {NULL, 0};
@@ -196,7 +196,7 @@ enum { LIGHT, FALLOFF, AXIAL, DISTANCE, NOISE, GREY, PIXELS, DEPTH, DEVELOP_VIEW
 static PyObject *develop(PyObject *self, PyObject *arguments)
 {
     PyObject *objects[DEVELOP_VIEWS];
-    Py_buffer views[MOST_VIEWS] = {{0}};
+    Py_buffer views[MAX_VIEWS] = {{0}};
     unsigned long long key;
     Exposure e = {0};
     (void)self;

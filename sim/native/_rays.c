@@ -1,4 +1,4 @@
-/* Shows rays.h to Python: sim.native._rays.Caster. */
+/* The Python module sim.native._rays: the type Caster, with rays.h. */
 
 #include "numbers.h"
 
@@ -7,7 +7,7 @@
 #include "buffer.h"
 #include "rays_bundle.h"
 
-/* The memory a caster reads belongs to others, who must not resize it meanwhile: Python sees to that. */
+/* A caster reads memory of other objects. The buffer interface prevents their resizing as long as it holds them. */
 enum { DEPTHS, SOLIDS, NODES, TRIANGLES, BUFFERS };
 
 typedef struct {
@@ -16,7 +16,7 @@ typedef struct {
     Geometry geometry;
 } Caster;
 
-/* A buffer of whole records; 0 with an exception set if it is none. */
+/* Gets a buffer that must consist of whole records; returns 0 with an exception set if it does not. */
 static int hold(PyObject *object, Py_buffer *view, size_t record, const char *name)
 {
     if (PyObject_GetBuffer(object, view, PyBUF_SIMPLE) != 0)
@@ -27,7 +27,7 @@ static int hold(PyObject *object, Py_buffer *view, size_t record, const char *na
     return 0;
 }
 
-/* One unknown number a block of cells, of each size. */
+/* Allocates one number for each block of cells of each size; 0 means that it is not known yet. */
 static int make_blocks(Ground *ground)
 {
     if (ground->rows == 0)
@@ -92,21 +92,21 @@ static void caster_dealloc(PyObject *self)
     PyTypeObject *type = Py_TYPE(self);
     Caster *caster = (Caster *)self;
     for (int i = 0; i < BUFFERS; i++)
-        PyBuffer_Release(&caster->held[i]); /* does nothing to one that was never got */
+        PyBuffer_Release(&caster->held[i]); /* does nothing for a buffer that was never acquired */
     for (int level = 0; level < LEVELS; level++)
         free(caster->geometry.ground.least[level]);
     PyObject_Free(self);
     Py_DECREF(type);
 }
 
-/* Where the answers go: what is not asked for is NULL. */
+/* The output arrays of a cast; those that are not requested are NULL. */
 typedef struct {
     double *distances, *points, *normals;
     int32_t *objects;
-} Answers;
+} Results;
 
-static void answer(const Geometry *geometry, const double *origin, const double *along, const Hit *hit, Py_ssize_t ray,
-                   const Answers *to)
+static void store_result(const Geometry *geometry, const double *origin, const double *along, const Hit *hit, Py_ssize_t ray,
+                   const Results *to)
 {
     to->distances[ray] = hit->distance;
     if (to->points == NULL)
@@ -122,44 +122,44 @@ static void answer(const Geometry *geometry, const double *origin, const double 
     normal(geometry, hit, along, point, out);
 }
 
-/* What a cast is of: one origin for all rays, or `origins` with one for each. */
+/* The input of a cast: one origin for all rays, or `origins` with one for each. */
 typedef struct {
     double origin[3], rotation[9], reach;
     const double *origins, *directions;
     Py_ssize_t rays;
-} Order;
+} Request;
 
-static void cast_apart(const Geometry *geometry, const Order *order, Near *near, const Answers *to)
+static void cast_apart(const Geometry *geometry, const Request *request, Near *near, const Results *to)
 {
-    for (Py_ssize_t ray = 0; ray < order->rays; ray++) {
-        const double *origin = order->origins + 3 * ray;
+    for (Py_ssize_t ray = 0; ray < request->rays; ray++) {
+        const double *origin = request->origins + 3 * ray;
         double along[3];
-        find_near(geometry, origin, order->reach, near);
-        turn(order->rotation, order->directions + 3 * ray, along);
-        Hit hit = trace(geometry, near, origin, along, order->reach, 0.0);
-        answer(geometry, origin, along, &hit, ray, to);
+        find_near(geometry, origin, request->reach, near);
+        turn(request->rotation, request->directions + 3 * ray, along);
+        Hit hit = trace(geometry, near, origin, along, request->reach, 0.0);
+        store_result(geometry, origin, along, &hit, ray, to);
     }
 }
 
-static void cast_together(const Geometry *geometry, const Order *order, Near *near, const Answers *to)
+static void cast_together(const Geometry *geometry, const Request *request, Near *near, const Results *to)
 {
-    find_near(geometry, order->origin, order->reach, near);
-    for (Py_ssize_t first = 0; first < order->rays; first += BUNDLE) {
-        Py_ssize_t left = order->rays - first;
+    find_near(geometry, request->origin, request->reach, near);
+    for (Py_ssize_t first = 0; first < request->rays; first += BUNDLE) {
+        Py_ssize_t left = request->rays - first;
         Bundle bundle;
         bundle.count = left < BUNDLE ? (int)left : BUNDLE;
         Hit hits[BUNDLE];
         for (int i = 0; i < bundle.count; i++)
-            turn(order->rotation, order->directions + 3 * (first + i), bundle.along[i]);
-        trace_bundle(geometry, near, order->origin, &bundle, order->reach, hits);
+            turn(request->rotation, request->directions + 3 * (first + i), bundle.along[i]);
+        trace_bundle(geometry, near, request->origin, &bundle, request->reach, hits);
         for (int i = 0; i < bundle.count; i++)
-            answer(geometry, order->origin, bundle.along[i], &hits[i], first + i, to);
+            store_result(geometry, request->origin, bundle.along[i], &hits[i], first + i, to);
     }
 }
 
 enum { DIRECTIONS, DISTANCES, POINTS, NORMALS, OBJECTS, ORIGINS, VIEWS };
 
-/* One origin for all rays, or a buffer with one for each; 0 with an exception set if it is neither. */
+/* Reads one origin for all rays, or gets a buffer with one for each; 0 with an exception set if it is neither. */
 static int get_origins(PyObject *object, double *origin, Py_buffer *views)
 {
     Py_ssize_t wanted = views[DIRECTIONS].len;
@@ -174,14 +174,14 @@ static int get_origins(PyObject *object, double *origin, Py_buffer *views)
     return read_numbers(object, origin, 3);
 }
 
-/* Gets the buffers, casts, and leaves the buffers to who called. */
+/* Gets the buffers and casts; the caller releases the buffers. */
 static int cast_views(const Geometry *geometry, PyObject *const *arguments, int count, Py_buffer *views)
 {
     static const Py_ssize_t sizes[ORIGINS] = {24, 8, 24, 24, 4}; /* bytes a ray */
-    Order order = {.reach = PyFloat_AsDouble(arguments[3])};
+    Request request = {.reach = PyFloat_AsDouble(arguments[3])};
     PyObject *const objects[ORIGINS] = {arguments[2], arguments[4], count > 5 ? arguments[5] : NULL,
                                       count > 5 ? arguments[6] : NULL, count > 5 ? arguments[7] : NULL};
-    if ((order.reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[1], order.rotation, 9))
+    if ((request.reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[1], request.rotation, 9))
         return 0;
     for (int i = 0; i < ORIGINS && objects[i] != NULL; i++) {
         if (PyObject_GetBuffer(objects[i], &views[i], i == DIRECTIONS ? PyBUF_SIMPLE : PyBUF_WRITABLE) != 0)
@@ -191,17 +191,17 @@ static int cast_views(const Geometry *geometry, PyObject *const *arguments, int 
             return 0;
         }
     }
-    if (!get_origins(arguments[0], order.origin, views))
+    if (!get_origins(arguments[0], request.origin, views))
         return 0;
     Near near;
     if (!make_near(geometry, &near)) {
         PyErr_NoMemory();
         return 0;
     }
-    order.directions = views[DIRECTIONS].buf, order.origins = views[ORIGINS].buf;
-    order.rays = views[DIRECTIONS].len / 24;
-    const Answers to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
-    (order.origins == NULL ? cast_together : cast_apart)(geometry, &order, &near, &to);
+    request.directions = views[DIRECTIONS].buf, request.origins = views[ORIGINS].buf;
+    request.rays = views[DIRECTIONS].len / 24;
+    const Results to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
+    (request.origins == NULL ? cast_together : cast_apart)(geometry, &request, &near, &to);
     free(near.places);
     return 1;
 }

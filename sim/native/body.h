@@ -1,22 +1,22 @@
-/* What a vehicle in its water is, its hull's lift and the product of 6x6 matrices: what kernel.h and forces.h share. */
+/* The parameters of a vehicle in its water, the buoyancy of its hull and the 6x6 product, for kernel.h and forces.h. */
 
 #ifndef UUV_HIL_BODY_H
 #define UUV_HIL_BODY_H
 
-#include "floating.h"
+#include "check_doubles.h"
 
-/* What a vehicle in its water is, as Dynamics.numbers() lists it: doubles alone, so there is no padding. */
+/* The parameters of a vehicle in its water, as Dynamics.numbers() lists them. All are doubles, so there is no padding. */
 typedef struct {
     double mass[6][6], inverse_mass[6][6], linear[6][6], quadratic[6][6];
     double weight, weight_moment[3];
     double points[8][3], share, filling, submerged[4], reach; /* the hull */
-    double moved_water[3][3], munk_lost[3];
-    double diagonal, rk4, relieved; /* 1 or 0 */
+    double added_mass_linear[3][3], munk_reduction[3];
+    double diagonal, rk4, reduces_munk; /* 1 or 0 */
 } Body;
 
 /* sim/vehicle/buoyancy.py */
 
-static void hull_lift(const Body *body, double depth, const double *rotation, double *out)
+static void hull_buoyancy(const Body *body, double depth, const double *rotation, double *out)
 {
     double zx = rotation[6], zy = rotation[7], zz = rotation[8];
     double lift = 0.0, lift_x = 0.0, lift_y = 0.0, lift_z = 0.0;

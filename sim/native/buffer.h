@@ -1,5 +1,5 @@
-/* The memory of a Python object. The limited interface has this from 3.11 on; libpython 3.10 has the same functions
- * and the same record, which does not change any more. */
+/* The buffer interface of Python objects. It is in the limited API from 3.11 on; libpython 3.10 has the same functions
+ * and the same structure, which does not change any more. */
 
 typedef struct {
     void *buf;

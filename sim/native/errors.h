@@ -1,21 +1,22 @@
-/* The errors of sim/sensors/error.py and the thrusts of sim/vehicle/thrusters/bank.py and ventilation.py once more, to the last bit.
+/* The errors of sim/sensors/error.py and the thrusts of sim/vehicle/thrusters/bank.py and ventilation.py in C, equal to
+ * the last bit.
  *
  * Random numbers are those of Python's random.Random: the Mersenne Twister MT19937 (Matsumoto and Nishimura
  * 1998) with 53 bits a number, and its gauss(). Logarithm, sine and cosine are those of the C library, which
- * Python uses too. Nothing of Python is in this file.
+ * Python uses, too. This file does not use the Python API.
  */
 
 #include <math.h>
 #include <stdint.h>
 
-/* One quantity: what ErrorProcess keeps, in the order of its numbers(). */
+/* One quantity: the state of an ErrorProcess, in the order of its numbers(). */
 typedef struct {
     double gain, constant, bias, keep, kick, noise, resolution, limit;
 } Channel;
 
 enum { TWISTER_SIZE = 624, TWISTER_SHIFT = 397 };
 
-/* random.Random: its key and place in it, and the second normal number of a pair where there is one. */
+/* The state of random.Random: its key, the index in it, and the second normal number of a pair if there is one. */
 typedef struct {
     uint32_t key[TWISTER_SIZE];
     int place, has_second;
@@ -69,7 +70,7 @@ static double draw(Random *random, double sd)
     return sd != 0.0 ? gauss(random, sd) : 0.0;
 }
 
-/* One measurement of `value`; the bias moves on. */
+/* Returns one measurement of `value`; advances the bias. */
 static double measure(Channel *channel, Random *random, double value)
 {
     channel->bias = channel->keep * channel->bias + draw(random, channel->kick);
@@ -83,13 +84,14 @@ static double measure(Channel *channel, Random *random, double value)
     return value;
 }
 
-/* One thruster, as ThrusterSet.numbers() lists it: its gain of a step, the wrench of 1 N of it, what turns a velocity
- * into the speed along it, and what that costs it (Advance of sim/vehicle/thrusters/curves.py; full_speed 0: nothing). */
+/* One thruster, as ThrusterSet.numbers() lists it: the gain of its lag in a step, its wrench of 1 N, the column that
+ * converts a velocity to the speed along it, and its loss of thrust with that speed (Advance of
+ * sim/vehicle/thrusters/curves.py; full_speed 0: no loss). */
 typedef struct {
     double gain, column[6], way[6], full_speed, forward, reverse, loss, kept;
 } Thruster;
 
-/* What the water that meets a thruster of `thrust` N takes away of it, at `nu` through the water. */
+/* The loss (N) of a thruster that makes `thrust` N at rest, at `nu` through the water. */
 static double lost_thrust(const Thruster *thruster, double thrust, const double *nu)
 {
     const double *way = thruster->way;
@@ -98,7 +100,7 @@ static double lost_thrust(const Thruster *thruster, double thrust, const double 
     return thruster->loss * (thruster->full_speed * sqrt(fabs(thrust) / full)) * thruster->kept * speed;
 }
 
-/* What is left of a thrust at an immersion of h / R: thrust_share of sim/vehicle/ventilation.py. */
+/* thrust_share of sim/vehicle/ventilation.py: the remaining share of a thrust at an immersion of h / R. */
 static double thrust_share(double immersion)
 {
     double under = 1.0 - 0.769 * immersion, left;
@@ -111,20 +113,20 @@ static double thrust_share(double immersion)
     return left < 1.0 ? left : 1.0;
 }
 
-/* Moves the thrusts towards their targets by one step; what their shares push at `nu` through the water, and the
- * wrench of that. */
-static void follow(const Thruster *thrusters, int count, double *thrusts, const double *targets, const double *shares,
-                   const double *nu, double *pushes, double *wrench)
+/* Moves the thrusts towards their targets by one step; writes the thrusts that act at `nu` through the water, and their
+ * wrench. */
+static void step_thrusters(const Thruster *thrusters, int count, double *thrusts, const double *targets, const double *shares,
+                   const double *nu, double *scaled_thrusts, double *wrench)
 {
     for (int axis = 0; axis < 6; axis++)
         wrench[axis] = 0.0;
     for (int i = 0; i < count; i++) {
         thrusts[i] = thrusts[i] + thrusters[i].gain * (targets[i] - thrusts[i]);
-        pushes[i] = thrusts[i];
+        scaled_thrusts[i] = thrusts[i];
         if (thrusters[i].full_speed != 0.0)
-            pushes[i] = pushes[i] - lost_thrust(&thrusters[i], thrusts[i], nu);
-        pushes[i] = pushes[i] * shares[i];
+            scaled_thrusts[i] = scaled_thrusts[i] - lost_thrust(&thrusters[i], thrusts[i], nu);
+        scaled_thrusts[i] = scaled_thrusts[i] * shares[i];
         for (int axis = 0; axis < 6; axis++)
-            wrench[axis] += thrusters[i].column[axis] * pushes[i];
+            wrench[axis] += thrusters[i].column[axis] * scaled_thrusts[i];
     }
 }

@@ -1,7 +1,7 @@
-/* The forces of a vehicle's equipment and of waves at its hull once more, to the last bit: sim/vehicle/body_lift.py,
+/* The forces of a vehicle's equipment and of waves at its hull in C, equal to the last bit to sim/vehicle/body_lift.py,
  * fins.py, ballast.py, servos.py and sim/environment/stratification.py.
  *
- * Functions of the C library as in waves.h. Nothing of Python is in this file but the names of its classes.
+ * It uses the same functions of the C library as Python, see waves.h. This file does not use the Python API.
  */
 
 #include <math.h>
@@ -22,7 +22,7 @@ typedef struct {
     long count, servo_count;
     double *numbers;
     Servo *servos;
-    const Waves *wave_field; /* of a WAVY_SURFACE */
+    const Waves *wave_field; /* only for a WAVY_SURFACE */
     double time;
 } Force;
 
@@ -59,7 +59,7 @@ typedef struct {
     double deep;
 } WavySurface;
 
-/* How many numbers a kind has: `first`, and as many times `each` as it likes, at least once. */
+/* How many numbers a kind has: `first`, plus `each` once or more. */
 static const struct {
     long first, each;
 } force_sizes[FORCE_KINDS] = {
@@ -72,8 +72,8 @@ static const struct {
     [WAVY_SURFACE] = {sizeof(WavySurface) / sizeof(double), 0},
 };
 
-/* Whether the numbers and servos of a force are as many as its kind needs. */
-static int force_is_whole(const Force *force)
+/* Returns 1 if the force has as many numbers and servos as its kind needs. */
+static int force_is_complete(const Force *force)
 {
     if (force->kind < 0 || force->kind >= FORCE_KINDS)
         return 0;
@@ -84,7 +84,7 @@ static int force_is_whole(const Force *force)
     return force->servo_count == servos && (force->kind == WAVY_SURFACE) == (force->wave_field != NULL);
 }
 
-static void follow_servos(Force *force)
+static void step_servos(Force *force)
 {
     for (long i = 0; i < force->servo_count; i++) {
         Servo *servo = &force->servos[i];
@@ -99,7 +99,7 @@ static void follow_servos(Force *force)
     }
 }
 
-/* remainder(alpha, pi), which is exact, but slow in the C library: up to 1.5 pi it is a difference that is exact too. */
+/* remainder(alpha, pi). The C library's is exact but slow; up to 1.5 pi a difference is exact, too. */
 static double remainder_by_pi(double alpha)
 {
     const double pi = 3.141592653589793;
@@ -129,7 +129,7 @@ static inline void polar_at(const Polar *polar, double alpha, double sine, doubl
     *drag = *drag + share * (polar->parasitic_drag + polar->broadside_drag * (sine * sine) - *drag);
 }
 
-/* The force out[0..2] at `position` as a wrench. */
+/* Completes the force out[0..2] at `position` to a wrench. */
 static void add_moment(const double *position, double *out)
 {
     double x = position[0], y = position[1], z = position[2];
@@ -138,7 +138,7 @@ static void add_moment(const double *position, double *out)
     out[5] = x * out[1] - y * out[0];
 }
 
-/* `nu` at `position`, without the turning. */
+/* The linear velocity at `position` of a body that moves with `nu`. */
 static void speed_at(const double *position, const double *nu, double *out)
 {
     double x = position[0], y = position[1], z = position[2], p = nu[3], q = nu[4], r = nu[5];
@@ -168,7 +168,7 @@ static void hull_lift_force(const HullLift *hull, const double *nu, double *out)
 }
 
 /* PiecewiseLinear of sim/interpolation.py, of one column. */
-static double straight_lines(const double (*table)[2], long rows, double x)
+static double interpolate(const double (*table)[2], long rows, double x)
 {
     long after = 0;
     while (after < rows && !(x < table[after][0]))
@@ -185,7 +185,7 @@ static void cross_flow_force(const CrossFlow *flow, long rows, const double *nu,
 {
     double v = nu[1], w = nu[2], q = nu[4], r = nu[5], y = 0.0, z = 0.0, m = 0.0, n = 0.0;
     double asides[STRIPS], downs[STRIPS];
-    for (int i = 0; i < STRIPS; i++) { /* apart from the sums, so that compilers take several strips at once */
+    for (int i = 0; i < STRIPS; i++) { /* apart from the sums, so that compilers vectorise it */
         double x = flow->stations[i], aside = v + x * r, down = w - x * q;
         double size = sqrt(aside * aside + down * down);
         asides[i] = aside * size;
@@ -198,7 +198,7 @@ static void cross_flow_force(const CrossFlow *flow, long rows, const double *nu,
         m -= x * downs[i];
         n += x * asides[i];
     }
-    double coefficient = straight_lines(flow->table, rows, sqrt(v * v + w * w));
+    double coefficient = interpolate(flow->table, rows, sqrt(v * v + w * w));
     double broad = -coefficient * flow->broad, deep = -coefficient * flow->deep;
     out[0] = out[3] = 0.0;
     out[1] = broad * y;
@@ -241,10 +241,10 @@ static void fins_force(const Fin *fins, const Servo *servos, long count, const d
     }
 }
 
-/* sim/forces.py: `lift` is a force up and its lever times it, along the body axes. */
-static void lift_wrench(const double *lift, const double *rotation, double *out)
+/* sim/forces.py: `buoyancy` is a force up, and its centre times it, along the body axes. */
+static void buoyancy_wrench(const double *buoyancy, const double *rotation, double *out)
 {
-    double force = lift[0], x = lift[1], y = lift[2], z = lift[3];
+    double force = buoyancy[0], x = buoyancy[1], y = buoyancy[2], z = buoyancy[3];
     double zx = rotation[6], zy = rotation[7], zz = rotation[8];
     out[0] = -force * zx, out[1] = -force * zy, out[2] = -force * zz;
     out[3] = z * zy - y * zz, out[4] = x * zz - z * zx, out[5] = y * zx - x * zy;
@@ -255,7 +255,7 @@ static void bladder_force(const Bladder *bladder, double volume, const double *r
     double force = bladder->specific_weight * (volume - bladder->neutral_volume);
     const double *place = bladder->position;
     double lift[4] = {force, force * place[0], force * place[1], force * place[2]};
-    lift_wrench(lift, rotation, out);
+    buoyancy_wrench(lift, rotation, out);
 }
 
 static void wavy_surface_force(const Force *force, const Body *body, const double *position, const double *rotation,
@@ -267,11 +267,11 @@ static void wavy_surface_force(const Force *force, const Body *body, const doubl
             out[i] = 0.0;
         return;
     }
-    hull_lift(body, position[2] + surface(force->wave_field, force->time, position[0], position[1]), rotation, lift);
-    hull_lift(body, position[2], rotation, calm);
+    hull_buoyancy(body, position[2] + surface(force->wave_field, force->time, position[0], position[1]), rotation, lift);
+    hull_buoyancy(body, position[2], rotation, calm);
     for (int i = 0; i < 4; i++)
         lift[i] = lift[i] - calm[i];
-    lift_wrench(lift, rotation, out);
+    buoyancy_wrench(lift, rotation, out);
 }
 
 /* The wrench of one force; arguments as in sim/forces.py, `nu` through the water. */

@@ -1,4 +1,4 @@
-"""The C twins of equipment and of waves at a hull (sim/native/forces.h). Loaded only where there is one."""
+"""Make the C twins of the forces of equipment and waves (sim/native/forces.h). Loaded only if a vehicle has one."""
 
 from collections.abc import Sequence
 from struct import pack
@@ -8,7 +8,7 @@ from sim.forces import Force
 
 Twin = TypeVar("Twin")
 
-# In the order of the kinds in forces.h. A class derived from one of these stays in Python.
+# In the order of the kinds in forces.h. A class derived from one of these has no twin.
 KINDS = (
     "sim.vehicle.body_lift:HullLift",
     "sim.vehicle.body_lift:CrossFlowDrag",
@@ -18,15 +18,15 @@ KINDS = (
     "sim.vehicle.ballast:Bladder",
     "sim.environment.stratification:WavySurface",
 )
-MOST = 8
+MAX_FORCES = 8
 
 
 def make_twins(forces: Sequence[Force], kind: type[Twin]) -> tuple[Twin, ...] | None:
-    """Return the twins of all `forces`, which move their servos in C from now on; None if one of them has none.
+    """Return the C twins of all `forces`, or None if one of them has no twin. From then on servos move in C.
 
-    `kind` is the Force of sim.native._native.
+    `kind` is the class Force of sim.native._native.
     """
-    if len(forces) > MOST or not all(_kind(force) in KINDS and _has_native_waves(force) for force in forces):
+    if len(forces) > MAX_FORCES or not all(_kind(force) in KINDS and _has_native_waves(force) for force in forces):
         return None
     return tuple([_make_twin(force, kind) for force in forces])
 
@@ -41,18 +41,18 @@ def _has_native_waves(force: Force) -> bool:
 
 
 def _make_twin(force: Any, kind: type[Twin]) -> Twin:
-    """Return the twin of one force that is in C; one with servos keeps its first, which stores where they are."""
-    parts = vars(force)
-    servos, wave_field = parts.get("servos"), parts.get("wave_field")
+    """Return the twin of one force. One with servos keeps its first twin, which holds the servos' positions."""
+    attributes = vars(force)
+    servos, wave_field = attributes.get("servos"), attributes.get("wave_field")
     if isinstance(servos, kind):
         return servos
     numbers = force.numbers()
-    moved = servos.numbers() if servos is not None else []
-    packed = pack(f"{len(numbers)}d", *numbers), pack(f"{len(moved)}d", *moved)
+    servo_numbers = servos.numbers() if servos is not None else []
+    packed = pack(f"{len(numbers)}d", *numbers), pack(f"{len(servo_numbers)}d", *servo_numbers)
     make: Any = kind
     twin: Twin = make(KINDS.index(_kind(force)), *packed, wave_field and wave_field.twin)
     if servos is not None:
-        parts["servos"] = twin
+        attributes["servos"] = twin
     if wave_field is not None:
-        parts["twin"] = twin
+        attributes["twin"] = twin
     return twin

@@ -1,27 +1,27 @@
-/* FusedStep as a type of Python: a whole step of a simulation in one call. Include moving.h first. */
+/* The Python type FusedStep: a whole step of a simulation in one call. Include step_types.h first. */
 
-/* What its parts are is said at sim.assembly.make_fused_step. */
+/* sim.assembly.make_fused_step describes the arguments. */
 typedef struct {
     PyObject_HEAD
     State *state;
     ThrusterBank *bank;
     Kernel *kernel;
     WaveField *wave_field;          /* NULL in water without waves */
-    PyObject *command; /* takes each new tuple of pulses */
-    PyObject *current; /* what gives the current at a time and depth; NULL where it is steady */
-    PyObject *pulses;  /* the last ones, a tuple; NULL before the first */
-    double steady[3], flow[3], wrench[6], pushed_mass[6][3];
+    PyObject *command; /* called with each new tuple of pulses */
+    PyObject *current; /* returns the current at a time and depth; NULL if it is steady */
+    PyObject *pulses;  /* the last tuple of pulses; NULL before the first */
+    double steady[3], flow[3], wrench[6], wave_inertia[6][3];
     double hull[5]; /* HullShape: reach, extent */
     long long time_ns, dt_ns;
-    double north, east, free, seabed; /* what watch() was told; all 0 at first, so that the first step wants a look */
-    double reach, hubs[MOST_THRUSTERS][4]; /* Ventilation.numbers() */
-    int aired;                             /* whether a thruster may draw air */
+    double north, east, free, seabed; /* arguments of set_clearance(); 0 at first, so that the first step is checked */
+    double reach, hubs[MAX_THRUSTERS][4]; /* Ventilation.numbers() */
+    int is_ventilated; /* 1 if thrust may be reduced near the surface */
 } FusedStep;
 
 static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     PyObject *state, *kernel, *bank, *command, *steady, *current, *wave_field, *mass, *air, *hull;
-    double shape[5], water[3], pushed[18] = {0.0}, ventilation[1 + 4 * MOST_THRUSTERS];
+    double shape[5], water[3], pushed[18] = {0.0}, ventilation[1 + 4 * MAX_THRUSTERS];
     long long dt_ns;
     (void)keywords;
     if (!PyArg_ParseTuple(arguments, "O!O!O!OLOOOOOO", state_type, &state, kernel_type, &kernel, bank_type, &bank,
@@ -42,16 +42,16 @@ static PyObject *fused_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     fused->wave_field = wave_field != Py_None ? (WaveField *)Py_NewRef(wave_field) : NULL;
     memcpy(fused->steady, water, sizeof water);
     memcpy(fused->flow, water, sizeof water);
-    memcpy(fused->pushed_mass, pushed, sizeof pushed);
+    memcpy(fused->wave_inertia, pushed, sizeof pushed);
     fused->dt_ns = dt_ns;
     fused->reach = ventilation[0];
     memcpy(fused->hubs, ventilation + 1, (size_t)(4 * fused->bank->count) * sizeof(double));
-    fused->aired = 1;
+    fused->is_ventilated = 1;
     memcpy(fused->hull, shape, sizeof shape);
     return (PyObject *)fused;
 }
 
-/* Only `command` and `current` can lead back to a FusedStep. */
+/* Only `command` and `current` can be part of a reference cycle. */
 static int fused_traverse(PyObject *self, visitproc visit, void *arg)
 {
     FusedStep *fused = (FusedStep *)self;
@@ -83,7 +83,7 @@ static void fused_deallocate(PyObject *self)
     Py_DECREF(type);
 }
 
-/* Passes pulses on that are others than the last ones. The very same tuple need not be looked into; lists change. */
+/* Calls `command` if the pulses differ from the last ones. An identical tuple needs no comparison; a list may change. */
 static int fused_command(FusedStep *fused, PyObject *pwm_us)
 {
     if (pwm_us == fused->pulses)
@@ -107,14 +107,14 @@ static int fused_command(FusedStep *fused, PyObject *pwm_us)
     return 1;
 }
 
-/* Equipment.step and ThrusterSet.step: servos, then thrusters in the water as it flowed a step ago. */
-static void fused_follow(FusedStep *fused, const double *rotation)
+/* Equipment.step and ThrusterSet.step: servos, then thrusters in the water velocity of the last step. */
+static void fused_step_actuators(FusedStep *fused, const double *rotation)
 {
     const double *flow = fused->flow;
     double nu_r[6];
     const Model *model = &fused->kernel->model;
     for (int i = 0; i < model->count; i++)
-        follow_servos(model->forces[i]);
+        step_servos(model->forces[i]);
     memcpy(nu_r, fused->state->numbers + NU, sizeof nu_r);
     for (int i = 0; i < 3; i++)
         nu_r[i] -= rotation[i] * flow[0] + rotation[3 + i] * flow[1] + rotation[6 + i] * flow[2];
@@ -122,7 +122,7 @@ static void fused_follow(FusedStep *fused, const double *rotation)
     memcpy(fused->wrench, fused->bank->wrench, sizeof fused->wrench);
 }
 
-/* FluidMotion.act: the velocity of the water, and its push in waves. 0 with an exception set if `current` fails. */
+/* FluidMotion.act: the velocity of the water and the force of waves. Returns 0 with an exception if `current` fails. */
 static int fused_flow(FusedStep *fused, const double *rotation)
 {
     const double *position = fused->state->numbers + POSITION;
@@ -139,13 +139,13 @@ static int fused_flow(FusedStep *fused, const double *rotation)
     if (fused->wave_field != NULL) {
         double motion[MOTION], body[3];
         const double *pull = motion + 3;
-        wave_field_held(fused->wave_field, fused->time_ns, position, motion);
+        wave_field_sample(fused->wave_field, fused->time_ns, position, motion);
         for (int i = 0; i < 3; i++) {
             fused->flow[i] = fused->flow[i] + motion[i];
             body[i] = rotation[i] * pull[0] + rotation[3 + i] * pull[1] + rotation[6 + i] * pull[2];
         }
         for (int i = 0; i < 6; i++) {
-            const double *mass = fused->pushed_mass[i];
+            const double *mass = fused->wave_inertia[i];
             fused->wrench[i] = fused->wrench[i] + mass[0] * body[0] + mass[1] * body[1] + mass[2] * body[2];
         }
     }
@@ -154,15 +154,15 @@ static int fused_flow(FusedStep *fused, const double *rotation)
     return 1;
 }
 
-/* Simulation._immerse, for the step that comes next. */
-static void fused_immerse(FusedStep *fused)
+/* Simulation._update_ventilation, for the next step. */
+static void fused_update_ventilation(FusedStep *fused)
 {
     const double *position = fused->state->numbers + POSITION;
     double *shares = fused->bank->shares, depth = position[2], rotation[9];
     if (!(depth < fused->reach)) {
-        for (Py_ssize_t i = 0; fused->aired && i < fused->bank->count; i++)
+        for (Py_ssize_t i = 0; fused->is_ventilated && i < fused->bank->count; i++)
             shares[i] = 1.0;
-        fused->aired = 0;
+        fused->is_ventilated = 0;
         return;
     }
     if (fused->wave_field != NULL)
@@ -173,10 +173,10 @@ static void fused_immerse(FusedStep *fused)
         double immersed = depth + rotation[6] * hub[0] + rotation[7] * hub[1] + rotation[8] * hub[2];
         shares[i] = thrust_share(immersed / hub[3]);
     }
-    fused->aired = 1;
+    fused->is_ventilated = 1;
 }
 
-/* Contact.resolve of sim/environment/collision.py, as far as it finds nothing. */
+/* The quick check of Contact.resolve in sim/environment/collision.py: returns 1 if no contact is possible. */
 static int fused_is_clear(const FusedStep *fused, const double *numbers)
 {
     const double *position = numbers + POSITION, *hull = fused->hull;
@@ -198,7 +198,7 @@ static PyObject *fused_step(PyObject *self, PyObject *pwm_us)
     if (!fused_command(fused, pwm_us))
         return NULL;
     matrix(fused->state->numbers + QUATERNION, rotation);
-    fused_follow(fused, rotation);
+    fused_step_actuators(fused, rotation);
     if (!fused_flow(fused, rotation))
         return NULL;
     memcpy(numbers, fused->state->numbers, sizeof numbers);
@@ -208,18 +208,18 @@ static PyObject *fused_step(PyObject *self, PyObject *pwm_us)
     memcpy(fused->state->numbers, numbers, sizeof numbers);
     fused->time_ns += fused->dt_ns;
     if (fused_is_clear(fused, numbers)) {
-        fused_immerse(fused);
+        fused_update_ventilation(fused);
         Py_RETURN_NONE;
     }
     return new_number_tuple(before, 6);
 }
 
-static PyObject *fused_watch(PyObject *self, PyObject *arguments)
+static PyObject *fused_set_clearance(PyObject *self, PyObject *arguments)
 {
     FusedStep *fused = (FusedStep *)self;
     if (!PyArg_ParseTuple(arguments, "dddd", &fused->north, &fused->east, &fused->free, &fused->seabed))
         return NULL;
-    fused_immerse(fused);
+    fused_update_ventilation(fused);
     Py_RETURN_NONE;
 }
 
@@ -234,7 +234,7 @@ static PyObject *fused_rebuild(PyObject *self, PyObject *arguments)
     PyObject *last = (PyObject *)fused->kernel;
     fused->kernel = (Kernel *)Py_NewRef(kernel);
     Py_XDECREF(last);
-    memcpy(fused->pushed_mass, pushed, sizeof pushed);
+    memcpy(fused->wave_inertia, pushed, sizeof pushed);
     Py_RETURN_NONE;
 }
 
@@ -252,29 +252,29 @@ static PyObject *fused_flow_now(PyObject *self, void *closure)
 
 static PyMethodDef fused_methods[] = {
     {"step", fused_step, METH_O,
-     "step(pwm_us): move the state on by a step under these pulses. None if it has to be looked at for no contact,\n"
-     "else its nu before the step."},
-    {"watch", fused_watch, METH_VARARGS,
-     "watch(north, east, free, seabed): there is no contact within `free` m of this place above `seabed` (m), as\n"
-     "Contact.room. After each step that has to be looked at; the thrusters see the surface then."},
+     "step(pwm_us): advance the state by a step under these pulses. Return None if no contact is possible at its end,\n"
+     "else the nu before the step, for Contact.resolve."},
+    {"set_clearance", fused_set_clearance, METH_VARARGS,
+     "set_clearance(north, east, free, seabed): no contact is possible within `free` m of this place above `seabed` (m),\n"
+     "as Contact.clearance. Call it after each step that returned a nu; it also updates the ventilation."},
     {"rebuild", fused_rebuild, METH_VARARGS,
-     "rebuild(kernel, pushed_mass): go on with the kernel and the pushed mass of a vehicle that has dropped a weight."},
+     "rebuild(kernel, wave_inertia): continue with those of a vehicle that has dropped a weight."},
     {NULL, NULL, 0, NULL},
 };
 
 static PyGetSetDef fused_attributes[] = {
     {"wrench", fused_wrench, NULL,
-     "that of thrusters and waves in the last step: X Y Z (N) K M N (N m), body axes", NULL},
+     "the wrench of thrusters and waves in the last step: X Y Z (N) K M N (N m), body axes", NULL},
     {"flow", fused_flow_now, NULL, "the velocity of the water in the last step, NED in m/s", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
 static PyType_Slot fused_slots[] = {
     {Py_tp_doc, "Whole steps: FusedStep(state, kernel, bank, command, dt_ns, hull, steady, current,\n"
-                "wave_field, pushed_mass, numbers of Ventilation). `command` takes each new tuple of pulses, and aims\n"
+                "wave_field, wave_inertia, numbers of Ventilation). `command` takes each new tuple of pulses, and aims\n"
                 "bank and servos. `hull` is the reach and the extent of its HullShape. `steady` is the velocity of\n"
                 "the water (NED, m/s) where `current` is None, else that is\n"
-                "called with time (ns) and depth (m). `wave_field` may be None, and `pushed_mass` then too; its 18 numbers\n"
+                "called with time (ns) and depth (m). `wave_field` may be None, and `wave_inertia` then too; its 18 numbers\n"
                 "are M_A + rho V, row after row."},
     {Py_tp_new, fused_new},
     {Py_tp_dealloc, fused_deallocate},

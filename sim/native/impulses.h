@@ -1,6 +1,6 @@
-/* Collision impulses of a vehicle: sim/environment/contact/impulses.py says what is computed and why. */
+/* Collision impulses of a vehicle: sim/environment/contact/impulses.py explains what is computed and why. */
 
-#define MOST_TOUCHES 8
+#define MAX_TOUCHES 8
 #define ROUNDS 30
 #define ENOUGH 1e-4
 #define LEAST 1e-12
@@ -32,7 +32,7 @@ static void impulse_set(Impulse *impulse, const double *n, const double *lever, 
     impulse->target = impulse->impulse = 0.0;
 }
 
-/* _sliding: 0 if the point does not slide. */
+/* The function _sliding; returns 0 if the point does not slide. */
 static int impulse_sliding(Impulse *slide, const Impulse *normal, const double *lever, const double *mass,
                            const double *nu)
 {
@@ -89,12 +89,12 @@ static void impulses_solve(Impulse *normals, Impulse *slides, const int *slid, i
     }
 }
 
-/* Out of Python: the touches, 7 numbers each (depth, normal, lever), and the inverse mass. Their number, or -1. */
+/* Reads the touches, 7 numbers each (depth, normal, lever), and the inverse mass. Returns their number, or -1. */
 static int impulses_read(PyObject *touches, PyObject *matrix, double *numbers, double *mass)
 {
     Py_ssize_t size = PySequence_Size(touches);
-    if (size < 7 || size > 7 * MOST_TOUCHES || size % 7) {
-        PyErr_Format(PyExc_ValueError, "1 to %d touches of 7 numbers are needed", MOST_TOUCHES);
+    if (size < 7 || size > 7 * MAX_TOUCHES || size % 7) {
+        PyErr_Format(PyExc_ValueError, "1 to %d touches of 7 numbers are needed", MAX_TOUCHES);
         return -1;
     }
     return read_numbers(touches, numbers, size) && read_numbers(matrix, mass, 36) ? (int)(size / 7) : -1;
@@ -103,15 +103,15 @@ static int impulses_read(PyObject *touches, PyObject *matrix, double *numbers, d
 static PyObject *apply_impulses(PyObject *module, PyObject *arguments)
 {
     PyObject *given, *matrix, *before;
-    double numbers[7 * MOST_TOUCHES], mass[36], start[6], nu[6], friction, restitution, total[6] = {0.0};
+    double numbers[7 * MAX_TOUCHES], mass[36], start[6], nu[6], friction, restitution, total[6] = {0.0};
     (void)module;
     if (!PyArg_ParseTuple(arguments, "OOOdd", &given, &matrix, &before, &friction, &restitution)
         || !read_numbers(before, start, 6))
         return NULL;
-    int count = impulses_read(given, matrix, numbers, mass), slid[MOST_TOUCHES] = {0};
+    int count = impulses_read(given, matrix, numbers, mass), slid[MAX_TOUCHES] = {0};
     if (count < 0)
         return NULL;
-    Impulse normals[MOST_TOUCHES], slides[MOST_TOUCHES];
+    Impulse normals[MAX_TOUCHES], slides[MAX_TOUCHES];
     int closes = 0;
     for (int i = 0; i < count; i++) {
         const double *touch = numbers + 7 * i;
@@ -150,14 +150,14 @@ static PyObject *apply_impulses(PyObject *module, PyObject *arguments)
 static PyObject *impulses_separate(PyObject *module, PyObject *arguments)
 {
     PyObject *given, *matrix;
-    double numbers[7 * MOST_TOUCHES], mass[36], way[6] = {0.0};
+    double numbers[7 * MAX_TOUCHES], mass[36], way[6] = {0.0};
     (void)module;
     if (!PyArg_ParseTuple(arguments, "OO", &given, &matrix))
         return NULL;
-    int count = impulses_read(given, matrix, numbers, mass), slid[MOST_TOUCHES] = {0};
+    int count = impulses_read(given, matrix, numbers, mass), slid[MAX_TOUCHES] = {0};
     if (count < 0)
         return NULL;
-    Impulse normals[MOST_TOUCHES];
+    Impulse normals[MAX_TOUCHES];
     for (int i = 0; i < count; i++) {
         impulse_set(normals + i, numbers + 7 * i + 1, numbers + 7 * i + 4, mass, way);
         normals[i].target = numbers[7 * i];
@@ -170,7 +170,7 @@ static PyMethodDef impulses_functions[] = {
     {"apply_impulses", apply_impulses, METH_VARARGS,
      "apply_impulses(touches, inverse_mass, nu, friction, restitution): nu and impulse after a collision. `touches` are 7 numbers each,\n"
      "depth, normal, lever; `inverse_mass` 36 numbers."},
-    {"separate", impulses_separate, METH_VARARGS, "separate(touches, inverse_mass): the least way that undoes all depths."},
+    {"separate", impulses_separate, METH_VARARGS, "separate(touches, inverse_mass): the least displacement that removes all depths."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -1,4 +1,4 @@
-"""Solve the impulses of a collision in C (sim/native/impulses.h). Raises ImportError where it was not compiled."""
+"""Solve the impulses of a collision in C (sim/native/impulses.h). Importing it raises ImportError without the C."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ def apply_impulses(
 
 
 def separate(touches: Sequence[Touch], inverse_mass: Matrix) -> list[float]:
-    """Return the least way that undoes the depths: see sim.environment.contact.impulses."""
+    """Return the least displacement that removes the penetration: see sim.environment.contact.impulses."""
     return _native.separate(_numbers(touches), [x for row in inverse_mass for x in row])
 
 

@@ -1,8 +1,7 @@
-/* The step of sim/dynamics.py once more, to the last bit: same operations, same order, same names.
+/* The step of sim/dynamics.py in C, equal to the last bit: same operations, same order, same names.
  *
- * sim/dynamics.py is the specification and says what the equations are; here is only what makes it fast.
- * Compile with -ffp-contract=off: a fused multiply-add rounds once where Python rounds twice. Nothing of
- * Python is in this file.
+ * sim/dynamics.py is the specification and explains the equations. Compile with -ffp-contract=off: a fused multiply-add
+ * rounds once where Python rounds twice. This file does not use the Python API.
  */
 
 #include <math.h>
@@ -10,16 +9,16 @@
 #include "body.h"
 #include "forces.h"
 
-/* A body with the forces that push it besides its thrusters. */
-enum { MOST_FORCES = 8 };
+/* A body with the forces on it besides its thrusters. */
+enum { MAX_FORCES = 8 };
 
 typedef struct {
     Body body;
     int count;
-    Force *forces[MOST_FORCES];
+    Force *forces[MAX_FORCES];
 } Model;
 
-/* A state is 13 numbers in a row: position, quaternion, nu. */
+/* A state is an array of 13 numbers: position, quaternion, nu. */
 enum { POSITION = 0, QUATERNION = 3, NU = 7, SIZE = 13 };
 
 /* sim/rotations.py */
@@ -44,7 +43,7 @@ static void multiply(const double *first, double w, double x, double y, double z
     out[3] = a * z + b * y - c * x + d * w;
 }
 
-/* 0 if there is no direction to keep, where Python raises FloatingPointError. */
+/* Returns 0 for a quaternion of length 0, where Python raises FloatingPointError. */
 static int normalise(const double *quaternion, double *out)
 {
     double w = quaternion[0], x = quaternion[1], y = quaternion[2], z = quaternion[3];
@@ -53,7 +52,7 @@ static int normalise(const double *quaternion, double *out)
     return length != 0.0;
 }
 
-/* `out` may be `quaternion`; 0 as normalise. */
+/* `out` may be `quaternion`. Returns 0 as normalise does. */
 static int integrate(const double *quaternion, const double *omega, double dt, double *out)
 {
     double turned[4], half = 0.5 * dt;
@@ -88,9 +87,9 @@ static void damping(const Body *body, const double *nu, double *out)
 static void relief(const Body *body, const double *nu, double *out)
 {
     double u = nu[0], v = nu[1], w = nu[2], momentum[3];
-    const double *lost = body->munk_lost;
+    const double *lost = body->munk_reduction;
     for (int i = 0; i < 3; i++) {
-        const double *row = body->moved_water[i];
+        const double *row = body->added_mass_linear[i];
         momentum[i] = row[0] * u + row[1] * v + row[2] * w;
     }
     double lx = momentum[0], ly = momentum[1], lz = momentum[2];
@@ -107,7 +106,7 @@ static void restoring(const Body *body, double depth, const double *rotation, do
 {
     double zx = rotation[6], zy = rotation[7], zz = rotation[8];
     double lift[4], heavy, moment_x, moment_y, moment_z;
-    hull_lift(body, depth, rotation, lift);
+    hull_buoyancy(body, depth, rotation, lift);
     heavy = body->weight - lift[0];
     moment_x = body->weight_moment[0] - lift[1];
     moment_y = body->weight_moment[1] - lift[2];
@@ -120,7 +119,7 @@ static void restoring(const Body *body, double depth, const double *rotation, do
     out[5] = moment_x * zy - moment_y * zx;
 }
 
-/* Dynamics.push and Dynamics.acceleration in one: both look at the velocity through the water. */
+/* Dynamics.add_forces and Dynamics.acceleration in one, because both need the velocity through the water. */
 static void acceleration(const Model *model, const double *position, const double *rotation, const double *nu,
                          const double *thrust, const double *current, double *nu_dot)
 {
@@ -150,7 +149,7 @@ static void acceleration(const Model *model, const double *position, const doubl
     force[3] = wrench[3] + g[3] - d[3] - (v * lz - w * ly + q * hz - r * hy);
     force[4] = wrench[4] + g[4] - d[4] - (w * lx - u * lz + r * hx - p * hz);
     force[5] = wrench[5] + g[5] - d[5] - (u * ly - v * lx + p * hy - q * hx);
-    if (body->relieved) {
+    if (body->reduces_munk) {
         relief(body, through, d);
         for (int i = 0; i < 6; i++)
             force[i] = force[i] + d[i];
@@ -161,8 +160,8 @@ static void acceleration(const Model *model, const double *position, const doubl
     nu_dot[2] += q * water[0] - p * water[1];
 }
 
-/* Half a step on: `mid` is position, quaternion and predicted nu; 0 as normalise. */
-static int midway(const Body *body, const double *at, const double *nu_dot, double dt, double *mid, double *rotation)
+/* The state half a step later: `mid` is position, quaternion and predicted nu. Returns 0 as normalise does. */
+static int predict_midpoint(const Body *body, const double *at, const double *nu_dot, double dt, double *mid, double *rotation)
 {
     double velocity[3], half = 0.5 * dt;
     int ok = integrate(at + QUATERNION, at + NU + 3, half, mid + QUATERNION);
@@ -182,7 +181,7 @@ static int midway(const Body *body, const double *at, const double *nu_dot, doub
 static int verlet(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
 {
     double mid[SIZE], rotation[9], velocity[3], half = 0.5 * dt;
-    int ok = midway(&model->body, at, nu_dot, dt, mid, rotation);
+    int ok = predict_midpoint(&model->body, at, nu_dot, dt, mid, rotation);
     acceleration(model, mid + POSITION, rotation, mid + NU, wrench, current, nu_dot);
     for (int i = 0; i < 6; i++)
         at[NU + i] = at[NU + i] + dt * nu_dot[i];
@@ -222,7 +221,7 @@ static int rk4(const Model *model, double *at, double *nu_dot, const double *wre
     return normalise(at + QUATERNION, at + QUATERNION) && ok;
 }
 
-/* Moves `at` on by `dt`; `nu_dot` is that of the last step, then of this one. 0 if its quaternion is zero. */
+/* Advances `at` by `dt`; `nu_dot` is that of the last step, then of this one. Returns 0 if its quaternion is zero. */
 static int step(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
 {
     return (model->body.rk4 ? rk4 : verlet)(model, at, nu_dot, wrench, current, dt);

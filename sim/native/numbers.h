@@ -1,4 +1,4 @@
-/* Numbers out of Python and back, and what every type of ours needs. Include it first. */
+/* Convert numbers between Python and C, and helpers for all our Python types. Include it first. */
 
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030A0000
@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <string.h>
 
-/* `size` numbers out of a Python sequence; 0 with an exception set if it holds anything else. */
+/* Reads `size` numbers from a Python sequence; 0 with an exception set if it contains anything else. */
 static inline int read_numbers(PyObject *sequence, double *out, Py_ssize_t size)
 {
     PyObject *items = PySequence_Fast(sequence, "a sequence of numbers is needed");
@@ -65,7 +65,7 @@ static inline PyObject *new_whole_tuple(const long *numbers, Py_ssize_t size)
     return tuple;
 }
 
-/* A record of these items, a reference that it takes: made as tuples are, without the Python of its own __new__. */
+/* A NamedTuple of `items` (a reference that it takes), made as a tuple without calling the class's own __new__. */
 static inline PyObject *new_record(PyTypeObject *type, PyObject *items)
 {
     newfunc new = (newfunc)PyType_GetSlot(&PyTuple_Type, Py_tp_new);
@@ -88,8 +88,8 @@ typedef struct {
     Py_ssize_t size;
 } Bytes;
 
-/* For the format O& of PyArg_ParseTuple. With y# what was compiled for 3.13 would not run before it: there the plain
- * function takes it, until then it had another name. */
+/* A converter for the format O& of PyArg_ParseTuple. The format y# is not used: compiled with the headers of 3.13, it
+ * calls a function that earlier versions have under another name. */
 static inline int read_bytes(PyObject *object, void *bytes)
 {
     char *data;
@@ -99,7 +99,7 @@ static inline int read_bytes(PyObject *object, void *bytes)
     return 1;
 }
 
-/* An object of `type`, zeroed but for a copy of the `size` bytes of parameters that it is made of, at `offset`. */
+/* A new object of `type`, zeroed, with a copy of `size` bytes of parameters at `offset`. */
 static inline PyObject *new_of_parameters(PyTypeObject *type, PyObject *arguments, size_t size, size_t offset)
 {
     Bytes numbers;
@@ -114,14 +114,13 @@ static inline PyObject *new_of_parameters(PyTypeObject *type, PyObject *argument
     return self;
 }
 
-/* What every type begins with that holds records of one kind. */
+/* The beginning of every type that holds records of one kind. */
 typedef struct {
     PyObject_HEAD
     Py_ssize_t count;
 } Records;
 
-/* An object of `type` that has, `offset` bytes from its beginning, a copy of the records of `size` bytes each that
- * `numbers` holds. */
+/* A new object of `type` with a copy of the records in `numbers`, of `size` bytes each, at `offset`. */
 static inline PyObject *new_with_records(PyTypeObject *type, Bytes numbers, size_t size, size_t most,
                                          size_t offset)
 {
@@ -137,7 +136,7 @@ static inline PyObject *new_with_records(PyTypeObject *type, Bytes numbers, size
     return self;
 }
 
-/* The same for a type that is made of the bytes of its records alone. */
+/* The same for a type whose only argument is the bytes of its records. */
 static inline PyObject *new_of_records(PyTypeObject *type, PyObject *arguments, size_t size, size_t most, size_t offset)
 {
     Bytes numbers;
@@ -146,7 +145,7 @@ static inline PyObject *new_of_records(PyTypeObject *type, PyObject *arguments, 
     return new_with_records(type, numbers, size, most, offset);
 }
 
-/* `type` is then ours, to know objects of it by. */
+/* Adds a type to the module and stores it in `type`, for checks of an object's type. */
 static inline int add_known_type(PyObject *module, PyType_Spec *spec, const char *name, PyTypeObject **type)
 {
     *type = (PyTypeObject *)PyType_FromSpec(spec);

@@ -1,6 +1,6 @@
-/* The rays of sim/rays/single.py once more, to the last bit: same operations, same order, same names.
+/* The rays of sim/rays/single.py in C, equal to the last bit: same operations, same order, same names.
  *
- * That file is the specification and says how it works. Nothing of Python is in this file.
+ * That file is the specification and explains the method. This file does not use the Python API.
  */
 
 #include "rays_seabed.h"
@@ -9,7 +9,7 @@ enum { NOTHING = -1, SEABED = 0 };
 enum { SPHERE, CYLINDER, BOX, HALF_SPACE, MESH };
 enum { DEPTH_OF_TREE = 64 };
 
-/* Rows of sim/rays/solids.py, nodes and triangles of sim/rays/tree.py: doubles alone. */
+/* Rows of sim/rays/solids.py, nodes and triangles of sim/rays/tree.py: all are doubles. */
 typedef struct {
     double kind, reach, position[3], rotation[9], sizes[6], root;
 } Solid;
@@ -30,7 +30,7 @@ typedef struct {
     const Triangle *triangles;
 } Geometry;
 
-/* Which solids the rays of one origin may come to. */
+/* The solids that rays from one origin can reach. */
 typedef struct {
     long *places, count;
 } Near;
@@ -62,7 +62,7 @@ static int is_beyond(const Solid *solid, const double *origin, double reach)
     return x * x + y * y > (size + reach) * (size + reach);
 }
 
-/* Of a solid that is not beyond reach. */
+/* Returns 1 if the ray passes by a solid that is within reach. */
 static int passes(const Solid *solid, const double *origin, const double *direction)
 {
     double size = solid->reach, x = solid->position[0] - origin[0], y = solid->position[1] - origin[1];
@@ -115,7 +115,7 @@ static double meet_triangle(const Triangle *triangle, const double *at, const do
     return v >= 0.0 && u + v <= 1.0 && distance >= 0.0 ? distance : INFINITY;
 }
 
-/* Between the twines of a net, which run along the sides at the triangle's corner. */
+/* Returns 1 if the ray passes between the twines of a net, which run along the sides at the triangle's first corner. */
 static int is_open(const Triangle *triangle, const double *net, const double *at, const double *along, double distance)
 {
     double away[3];
@@ -186,7 +186,7 @@ static double meet_solid(const Geometry *geometry, const Solid *solid, const dou
     return near <= far ? near : INFINITY;
 }
 
-/* Of a world full of things most are out of reach of all rays of a sensor. */
+/* Selects the solids within reach: in a world with many objects most are out of reach of all rays of a sensor. */
 static void find_near(const Geometry *geometry, const double *origin, double reach, Near *near)
 {
     near->count = 0;
@@ -195,7 +195,7 @@ static void find_near(const Geometry *geometry, const double *origin, double rea
             near->places[near->count++] = i;
 }
 
-/* A ray that is known to meet no seabed before `start` m. */
+/* The first hit of a ray that is known to meet no seabed before `start` m. */
 static Hit trace(const Geometry *geometry, const Near *near, const double *origin, const double *direction, double reach,
                  double start)
 {
@@ -216,7 +216,7 @@ static Hit trace(const Geometry *geometry, const Near *near, const double *origi
     return best;
 }
 
-/* Which object a solid is: itself, unless it is a piece of another. */
+/* The number of the object to which a solid belongs: its own number, unless it is a part of another object. */
 static long owner(const Geometry *geometry, long object)
 {
     const Solid *solid = geometry->solids + object - 1;
@@ -234,7 +234,7 @@ static void unit(double x, double y, double z, double *out)
         set(out, 0.0, 0.0, -1.0);
 }
 
-/* Away from the nearest place of a solid without triangles; all in its own axes. */
+/* The outward normal at the nearest surface point of a solid without triangles, in the solid's axes. */
 static void solid_normal(const Solid *solid, const double *at, double *out)
 {
     const double *sizes = solid->sizes;

@@ -1,7 +1,7 @@
-/* Rays of one origin that go about the same way, as those of neighbouring pixels: what is proved once for all of them.
+/* Trace bundles: rays of one origin with similar directions, such as those of neighbouring pixels. Objects that none of
+ * them can hit are excluded once for the whole bundle.
  *
- * Each ray still has the hit of `trace`, to the last bit: only what none of them can meet is left out. Nothing of Python
- * is in this file.
+ * Each ray still has the hit of `trace`, to the last bit. This file does not use the Python API.
  */
 
 #include <stdlib.h>
@@ -11,9 +11,9 @@
 enum { BUNDLE = 32, FEW_RAYS = 8, MOST_STRIDES = 24, MOST_CELLS = 96, FEW_CELLS = 3, SOME_CELLS = 12 };
 #define GEOMETRY "sim.native.Geometry" /* name of the capsule that carries a Geometry */
 #define MOST_SLOPES 0.1
-#define CLEARANCE 1e-6 /* m by which rays pass what they do not meet, so that rounding cannot matter */
+#define CLEARANCE 1e-6 /* m of distance from an object that is excluded, so that rounding cannot matter */
 
-/* Directions of `count` rays, all between `low` and `high`. */
+/* The directions of `count` rays, with their componentwise bounds `low` and `high`. */
 typedef struct {
     double along[BUNDLE][3], low[3], high[3];
     int count;
@@ -33,7 +33,7 @@ static void bound(Bundle *bundle)
 
 /* --- solids */
 
-/* Room for the solids near an origin, and for those near a bundle; 0 without memory. */
+/* Allocates the lists of solids near an origin and near a bundle; returns 0 without memory. */
 static int make_near(const Geometry *geometry, Near *near)
 {
     near->count = 0;
@@ -41,7 +41,7 @@ static int make_near(const Geometry *geometry, Near *near)
     return near->places != NULL;
 }
 
-/* Out of reach of all rays of a bundle. */
+/* Returns 1 if a half space is out of reach of all rays of a bundle; `plane` is its normal and offset. */
 static int is_far(const double *plane, const double *origin, const Bundle *bundle, double reach)
 {
     double height = -plane[3], rate = 0.0;
@@ -52,7 +52,7 @@ static int is_far(const double *plane, const double *origin, const Bundle *bundl
     return height > CLEARANCE && height + rate * reach > CLEARANCE;
 }
 
-/* Leaves out those that `passes` would leave out for each of the rays. */
+/* Returns the solids without those that `passes` would exclude for each of the rays. */
 static Near find_closer(const Geometry *geometry, const Near *near, const double *origin, const Bundle *bundle, double reach)
 {
     double middle[2], widest[2], most[2];
@@ -77,7 +77,7 @@ static Near find_closer(const Geometry *geometry, const Near *near, const double
 
 /* --- the seabed */
 
-/* The least depth of cells, -INFINITY for too many, and beyond the grid. `from` and `to` are places in cells. */
+/* The least depth of the cells between `from` and `to` (in cells); -INFINITY for too many cells, and beyond the grid. */
 static double least_between(const Ground *ground, const double *from, const double *to)
 {
     const double edge[2] = {(double)(ground->rows - 1), (double)(ground->columns - 1)};
@@ -104,8 +104,8 @@ static double least_between(const Ground *ground, const double *from, const doub
     return least;
 }
 
-/* A distance (m) before which no ray of a bundle meets the seabed: in strides over boxes that hold all of them. It does
- * not pay for rays of different slopes. */
+/* A distance (m) before which no ray of a bundle meets the seabed, found in steps over boxes that contain all rays. It
+ * is not worthwhile for rays of different slopes. */
 static double clear_way(const Ground *ground, const double *origin, const Bundle *bundle, double reach)
 {
     if (ground->rows == 0 || bundle->high[2] - bundle->low[2] > MOST_SLOPES)

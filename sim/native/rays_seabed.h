@@ -1,14 +1,14 @@
-/* The rays of sim/rays/seabed.py once more, to the last bit: same operations, same order, same names.
+/* The rays of sim/rays/seabed.py in C, equal to the last bit: same operations, same order, same names.
  *
- * That file is the specification and says how it works; here is only what makes it fast. One thing is added: the
- * cells are grouped in blocks, and those in larger blocks, each with the least of its depths, and a ray that stays
- * above a block passes it in one stride. Nothing of Python is in this file.
+ * That file is the specification and explains the method. For speed, cells are grouped in blocks and these in larger
+ * blocks, each with its least depth: a ray that stays above a block passes it in one step. This file does not use the
+ * Python API.
  */
 
 #include <math.h>
 #include <stddef.h>
 
-#include "floating.h"
+#include "check_doubles.h"
 
 #define TINY 1e-12
 #define ON_SURFACE 1e-6
@@ -18,8 +18,8 @@ enum { ABOVE = -1, BELOW = -2 };
 enum { LEVELS = 2 };
 static const int SHIFT[LEVELS] = {4, 2};  /* a block of a level has 2^SHIFT cells along each side */
 
-/* sim/environment/terrain.py: depths of rows x columns nodes; no rows where there is none. `least` has a number a block
- * of each size, 0 until somebody asks: so memory is taken only where rays have come to. */
+/* sim/environment/terrain.py: depths of rows x columns nodes; 0 rows without a terrain. `least` has one number for each
+ * block of each size, 0 until it is first needed: so memory pages are used only where rays have been. */
 typedef struct {
     const float *depths;
     long rows, columns, block_columns[LEVELS];
@@ -65,14 +65,14 @@ static double meet_flat(double z, double dz, double depth, double near, double f
     return distance <= far ? distance : INFINITY;
 }
 
-/* A ray in cells: where it begins, how it goes, and for x and y 1 / rate, the way from cell to cell and the edge of a
- * cell that it comes to (0 or 1). */
+/* A ray in cells: its origin and direction, and for x and y: 1 / rate, the step from cell to cell, and the edge of a
+ * cell (0 or 1) at which it leaves the cell. */
 typedef struct {
     double at[3], rate[3], slow[2];
     long step[2], edge[2];
 } Ray;
 
-/* Where along one axis the ray leaves the `size` cells that begin at `cell`. */
+/* The distance at which the ray leaves, along one axis, the `size` cells that begin at `cell`. */
 static double crossing(const Ray *ray, int axis, long cell, long size)
 {
     if (fabs(ray->rate[axis]) <= TINY)
@@ -122,8 +122,8 @@ static double least_in_block(const Ground *ground, int level, long block_row, lo
     return *known = least;
 }
 
-/* From `*near` in the cell `at` on to where the ray leaves the cells of rows `cells[0]` to `cells[1]` and columns
- * `cells[2]` to `cells[3]`, or to `far`; 1 if it has met something at `*near`. */
+/* Follows the ray from `*near` in the cell `at` until it leaves the cells of rows `cells[0]` to `cells[1]` and columns
+ * `cells[2]` to `cells[3]`, or until `far`. Returns 1 if it hits the seabed, then at `*near`. */
 static int walk_cells(const Ground *ground, const Ray *ray, const long *cells, const long *at, double *near, double far,
                       long *side)
 {
@@ -153,7 +153,7 @@ static int walk_cells(const Ground *ground, const Ray *ray, const long *cells, c
     }
 }
 
-/* The cell, of those, in which the ray is at `near`. */
+/* Finds the cell, among `cells`, in which the ray is at the distance `near`. */
 static void find_cell(const Ray *ray, const long *cells, double near, long *cell)
 {
     cell[0] = limited((long)(ray->at[0] + ray->rate[0] * near), cells[0], cells[1]);
@@ -167,7 +167,7 @@ static void find_block(const Ground *ground, int level, long block_row, long blo
     cells[2] = left, cells[3] = limited(left + size - 1, 0, ground->columns - 2);
 }
 
-/* The same for blocks of a level, and what is in them. */
+/* The same for the blocks of a level, and the blocks and cells in them. */
 static int walk(const Ground *ground, const Ray *ray, int level, const long *cells, double *near, double far, long *side)
 {
     int shift = SHIFT[level];
@@ -198,7 +198,8 @@ static int walk(const Ground *ground, const Ray *ray, int level, const long *cel
     return 0;
 }
 
-/* Begins where the cell at `start` m does, as who comes from farther off would; then in the block of that cell. */
+/* Starts at the edge of the cell in which the ray is at `start` m, as a ray that comes from farther away does, and
+ * continues in the block of that cell. */
 static int walk_from(const Ground *ground, const Ray *ray, double start, double *near, double far, long *side)
 {
     const long all[4] = {0, ground->rows - 2, 0, ground->columns - 2};
@@ -222,7 +223,7 @@ static int walk_from(const Ground *ground, const Ray *ray, double start, double 
     return walk(ground, ray, 0, all, near, far, side);
 }
 
-/* A ray that is known to meet no seabed before `start` m, which is within the grid unless 0. */
+/* The distance at which a ray meets the seabed, known to be at least `start` m; `start` is within the grid unless 0. */
 static double meet_seabed(const Ground *ground, const double *origin, const double *direction, double reach, double start,
                           long *side)
 {

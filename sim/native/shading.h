@@ -1,7 +1,7 @@
-/* The light of a camera's pixels once more: sim/sensors/imaging/scenery.py and sim/environment/optics.py in one pass.
+/* The light of a camera's pixels: sim/sensors/imaging/scenery.py and sim/environment/optics.py in C, in one pass.
  *
- * Those files are the specification and say how it works. Sums are in 32-bit floats as there, but exp comes out of
- * tables, so that colours are the same to a part in a thousand. Nothing of Python is in this file.
+ * Those files are the specification and explain the method. Sums are in 32-bit floats as there, but exp is taken from
+ * tables, so that colours agree to a part in a thousand. This file does not use the Python API.
  */
 
 #include <math.h>
@@ -10,7 +10,7 @@
 
 enum { SIDE = 512, PYRAMID = 6, SIZES = 24, STEPS = 1024, CHANNELS = 3, FADES_A_STEP = 2 * CHANNELS };
 
-/* As the settings of `shade` and `picture` have them, in this order. */
+/* The settings of `shade` and `picture`, in this order. */
 typedef struct {
     double origin[3], rotation[9], reach, pixel, surface, lamps, light[3], veil[3], per_metre, node[2], deviation[2], rock[3];
     double rows, columns, north_min, east_min, scale, height, texture_node, finest, wave[2], ripple, ripple_length;
@@ -18,15 +18,15 @@ typedef struct {
 
 enum { SETTINGS = sizeof(Settings) / sizeof(double) };
 
-/* Of footprints (m) up to `most`: where the level of their tiles begins, how many nodes a side it has, how many a m, and
- * what is left of the ripples as the mean over such a size. */
+/* For footprints (m) up to `most`: the offset of the level of their tiles, its nodes a side and nodes a metre, and the
+ * share of the ripples that remains as the mean over such a size. */
 typedef struct {
     size_t first;
     long side;
     float most, scale, ripple;
 } Size;
 
-/* What pixels look like. `nodes` is how many nodes of its grain a m has; no depths, no texture where there are none. */
+/* The appearance of surfaces. `nodes` is the number of grain nodes a metre; depths and texture are NULL if absent. */
 typedef struct {
     const Settings *set;
     const float *colours, *grain, *fades, *depths, *texture;
@@ -35,7 +35,7 @@ typedef struct {
     Size sizes[SIZES];
 } Looks;
 
-/* What is met, in the world's axes; `facing` is the cosine of incidence. */
+/* What the ray of a pixel hits, in the world's axes; `facing` is the cosine of the angle of incidence. */
 typedef struct {
     float point[3], normal[3], distance, facing;
     long object;
@@ -51,7 +51,7 @@ static long whole(float x)
     return cut - (x < (float)cut);
 }
 
-/* Grain between the nodes of its tile, which has its first row and column once more at the end. */
+/* Interpolates the grain between nodes of its tile, which repeats its first row and column at the end. */
 static float between(const float *tile, float u, float v)
 {
     long row = whole(u), column = whole(v);
@@ -91,7 +91,7 @@ static float bend(const Looks *looks, const Pixel *pixel)
     return at_most(at_least(1.0f + 3.0f * height, 0.7f), 1.3f);
 }
 
-/* Tiles of slopes to the north, to the east and of brightness follow each other, of each all its levels. */
+/* The tiles of slopes to the north, to the east and of brightness follow each other, each with all its levels. */
 static float textured(const Looks *looks, const Pixel *pixel, float footprint)
 {
     const Size *size = looks->sizes;
@@ -112,7 +112,7 @@ static float textured(const Looks *looks, const Pixel *pixel, float footprint)
     return tiles[2 * all + patch] * (0.8f / root + 0.2f + lean);
 }
 
-/* exp(-coefficient distance) out of the table: of the three attenuations, then of the three of backscatter. */
+/* Reads exp(-coefficient distance) from the table: for three attenuations, then for three backscatter coefficients. */
 static void fade(const Looks *looks, float distance, float *left, int count)
 {
     float place = at_most(distance * looks->per_metre, (float)STEPS - 1e-3f);
@@ -123,7 +123,7 @@ static void fade(const Looks *looks, float distance, float *left, int count)
         left[i] = row[i] + (next[i] - row[i]) * place;
 }
 
-/* The radiance at the lens of a pixel; the veil of the water where there is nothing. */
+/* The radiance of a pixel at the lens; the veil of the water if the ray hits nothing. */
 static void shade_pixel(const Looks *looks, const Pixel *pixel, float *out)
 {
     if (pixel->object < 0) {

@@ -1,14 +1,14 @@
-/* The sums over single waves of sim/environment/waves.py once more, to the last bit.
+/* The sums over wave components of sim/environment/waves.py in C, equal to the last bit.
  *
- * Sine, cosine and exponential are those of the C library, which Python uses too: C and Python agree on one machine,
- * whatever its library rounds. Nothing of Python is in this file.
+ * Sine, cosine and exponential are those of the C library, which Python uses, too: so C and Python agree on one machine,
+ * however its library rounds. This file does not use the Python API.
  */
 
 #include <math.h>
 
-#include "floating.h"
+#include "check_doubles.h"
 
-/* One wave, as WaveField.numbers() lists it. */
+/* One wave component, as WaveField.numbers() lists it. */
 typedef struct {
     double kn, ke, k, omega, phase, speed, echo, to_north, to_east, amplitude;
 } Wave;
@@ -59,7 +59,7 @@ static double pressure_depth(const Waves *waves, double time, double north, doub
     return depth + head;
 }
 
-/* Velocity and acceleration of the water, both north, east, down; then the surface as WaterMotion has it: 10 numbers. */
+/* Writes 10 numbers: velocity and acceleration of the water (each north, east, down), then WaterMotion.surface. */
 static void water_motion(const Waves *waves, double time, double north, double east, double depth, double *out)
 {
     double v_north = 0.0, v_east = 0.0, v_down = 0.0, a_north = 0.0, a_east = 0.0, a_down = 0.0;

@@ -10,7 +10,7 @@ from sim.environment.world import World
 
 
 class NativeWaveField(WaveField):
-    """`WaveField` in C. Raises ImportError where there is none. `hold_ns` is for NativeSampledWaves."""
+    """`WaveField` in C. Raises ImportError if it is not compiled. `hold_ns` is for NativeSampledWaves."""
 
     def __init__(self, waves: Waves, depth: float, gravity: float, seed: int, hold_ns: int = 0) -> None:
         from sim.native._native import WaveField as Twin
@@ -24,7 +24,7 @@ class NativeWaveField(WaveField):
         return self.twin.elevation(time, north, east)
 
     def surface(self, time: float, north: float, east: float) -> float:
-        """Return the surface as WaveField.surface does, near the last motion of NativeSampledWaves."""
+        """Return the surface's elevation (m) as WaveField.surface does, from the last sample of NativeSampledWaves."""
         return self.twin.surface(time, north, east)
 
     def pressure_depth(self, time: float, north: float, east: float, depth: float) -> float:
@@ -37,7 +37,7 @@ class NativeWaveField(WaveField):
 
 
 class NativeSampledWaves(SampledWaves):
-    """`SampledWaves` in C. Raises ImportError where there is none."""
+    """`SampledWaves` in C. Raises ImportError if it is not compiled."""
 
     wave_field: NativeWaveField
 
@@ -46,4 +46,4 @@ class NativeSampledWaves(SampledWaves):
 
     def motion(self, time_ns: int, position: Sequence[float]) -> WaterMotion:
         """Return the water's motion as SampledWaves.motion does."""
-        return WaterMotion(*self.wave_field.twin.held_motion(time_ns, position))
+        return WaterMotion(*self.wave_field.twin.sampled_motion(time_ns, position))

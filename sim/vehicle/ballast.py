@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.forces import Wrench, lift_wrench
+from sim.forces import Wrench, buoyancy_wrench
 from sim.rotations import Rotation
 from sim.vehicle.servos import Servos
 from sim.vehicle.thrusters.model import PULSE_MAX_US, Point, Pulse, is_pulse
@@ -15,12 +15,12 @@ Volume = Annotated[float, Range(0.0, 100.0)]
 
 
 class BuoyancyEngine(NamedTuple):
-    """A bladder at `position` that pumps oil or water: volumes in m³, `rate` in m³/s.
+    """A bladder at `position` that a pump fills and empties: volumes in m³, `rate` in m³/s.
 
-    The vehicle's own volume includes `neutral_volume`, at which the engine has no lift; it begins there. A pulse
-    commands a volume: `pwm_neutral_us` the neutral one, the ends of the range the least and the greatest, linear
-    between. Without a valid pulse (800..2200 us) the volume does not change. Not modelled: the mass of the fluid that
-    is pumped within the vehicle, its power, slower pumping at depth, an engine above the water.
+    The vehicle's own volume includes `neutral_volume`: at this volume the engine adds no buoyancy, and it starts there.
+    A pulse commands a volume: `pwm_neutral_us` the neutral one, the ends of the pulse range the least and the greatest,
+    linear in between. Without a valid pulse (800..2200 us) the volume does not change. Not modelled: the mass of the
+    fluid that is pumped within the vehicle, its power, slower pumping at depth, an engine above the water.
     """
 
     position: Point
@@ -33,7 +33,7 @@ class BuoyancyEngine(NamedTuple):
     pwm_max_us: Pulse = 1900
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if not self.min_volume <= self.neutral_volume <= self.max_volume:
             return "volumes must grow from min_volume over neutral_volume to max_volume"
         if not self.pwm_min_us < self.pwm_neutral_us < self.pwm_max_us:
@@ -41,7 +41,7 @@ class BuoyancyEngine(NamedTuple):
         return None
 
     def volume(self, pwm_us: int) -> float:
-        """Return the volume (m³) that a pulse asks for."""
+        """Return the volume (m³) that a pulse commands."""
         offset = pwm_us - self.pwm_neutral_us
         if offset > 0:
             share = min(1.0, offset / (self.pwm_max_us - self.pwm_neutral_us))
@@ -51,7 +51,7 @@ class BuoyancyEngine(NamedTuple):
 
 
 class Bladder:
-    """The lift of a buoyancy engine whose water weighs `specific_weight` N/m³."""
+    """The force of a buoyancy engine in water of `specific_weight` (N/m³), stepped every `dt` s."""
 
     def __init__(self, engine: BuoyancyEngine, specific_weight: float, dt: float) -> None:
         self._engine = engine
@@ -67,32 +67,32 @@ class Bladder:
     def step(self, pwm_us: int) -> None:
         """Pump for one step towards the volume of this pulse (us)."""
         self.command(pwm_us)
-        self.servos.follow()
+        self.servos.step()
 
     def command(self, pwm_us: int) -> None:
         """Set the target to the volume of this pulse (us); without a valid pulse the pump stops."""
         if pwm_us != self._pwm_us:
-            self.servos.aim([self._engine.volume(pwm_us) if is_pulse(pwm_us) else self.volume])
+            self.servos.set_targets([self._engine.volume(pwm_us) if is_pulse(pwm_us) else self.volume])
             self._pwm_us = pwm_us
 
     def begin(self, time_ns: int) -> None:
         """Do nothing: only the volume changes with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
-        """Return its lift (N, N m, body axes about the origin)."""
-        lift = self._specific_weight * (self.volume - self._engine.neutral_volume)
+        """Return the buoyancy beyond that of the neutral volume (N, N m, body axes about the origin)."""
+        force = self._specific_weight * (self.volume - self._engine.neutral_volume)
         x, y, z = self._engine.position
-        return lift_wrench((lift, lift * x, lift * y, lift * z), rotation)
+        return buoyancy_wrench((force, force * x, force * y, force * z), rotation)
 
     def numbers(self) -> list[float]:
-        """Return all that `wrench` uses but the volume, in a row: what the C twin is made of."""
+        """Return all numbers that `wrench` uses, except the volume, as one flat list, for the C twin."""
         return [*self._engine.position, self._specific_weight, self._engine.neutral_volume]
 
 
 class DropWeight(NamedTuple):
-    """A weight that the vehicle can drop: its mass and volume (m³) are part of the vehicle's, at `position`.
+    """A weight at `position` that the vehicle can drop. Its mass and volume (m³) are included in the vehicle's.
 
-    A pulse above 1700 us on its channel releases it, for good.
+    A pulse above 1700 us on its channel releases it permanently.
     """
 
     name: str
@@ -106,7 +106,7 @@ class DropWeight(NamedTuple):
 
 
 class Release(NamedTuple):
-    """The drop weight `name` is dropped at `time` s of simulated time, whatever the pulses."""
+    """The drop weight `name` is dropped at `time` s of simulated time, independently of the pulses."""
 
     name: str
     time: Annotated[float, Range(0.0, 1e7, "s")] = 0.0

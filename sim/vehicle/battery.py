@@ -14,11 +14,11 @@ class Battery(NamedTuple):
     """One battery pack.
 
     `capacity_wh` (Wh) is the energy from full to empty at open-circuit voltage. `open_circuit` (V) are the voltages at
-    the fractions `charge` of the charge, linear between. `resistance` (ohm) is that of pack and wires,
-    `hotel_current` (A) the current of everything but the thrusters, `start` the fraction at the start. The pack
-    switches off for good when it is empty, or when the terminals are below `cut_off` (V) for `cut_off_delay` (s)
-    without a break. A shorter sag, as when all thrusters start, does not switch it off. The default is that of a
-    monitor of such packs (Texas Instruments bq77PL900, data sheet SLUS844B, UVD: 1 s, to be set from 1 to 8 s).
+    the charge fractions `charge`, linear in between. `resistance` (ohm) is that of pack and wires, `hotel_current` (A)
+    the current of everything except the thrusters, `start` the charge fraction at the start. The pack switches off
+    permanently when it is empty, or when its terminal voltage is below `cut_off` (V) for `cut_off_delay` (s) without
+    interruption. A shorter voltage sag, as when all thrusters start, does not switch it off. The default delay is that
+    of a monitor of such packs (Texas Instruments bq77PL900, data sheet SLUS844B, UVD: 1 s, adjustable from 1 to 8 s).
     Not modelled: heat, ageing, relaxation after a load.
     """
 
@@ -32,7 +32,7 @@ class Battery(NamedTuple):
     start: Fraction = 1.0
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if len(self.charge) != len(self.open_circuit) or len(self.charge) < 2:
             return f"{len(self.charge)} charge and {len(self.open_circuit)} open_circuit: as many of each, at least two"
         if self.charge[0] != 0.0 or self.charge[-1] != 1.0:
@@ -71,7 +71,7 @@ class BatteryPack:
         self._current = 0.0
         self._used = 0.0
         self._off = False
-        self._under = 0.0  # s below cut_off so far
+        self._undervoltage_s = 0.0  # time below cut_off without interruption
 
     @property
     def open_circuit(self) -> float:
@@ -84,37 +84,37 @@ class BatteryPack:
         return BatteryState(self._voltage, self._current, self._used, self._fraction, self._off)
 
     def step(self, volts: Sequence[float], amperes: Sequence[float], dt: float) -> tuple[int, float]:
-        """Feed a load that draws `amperes` at `volts` (from 0 up), straight lines between, for `dt` s.
+        """Supply a load for `dt` s; return the operating point on its table: index of the piece and share along it.
 
-        The voltage V with V + resistance I(V) = open circuit lies on one of these lines and is solved there, so
-        nothing iterates. Returns where: the piece of `volts` and the share of the way along it; (0, 0) when off.
+        The load draws `amperes` at `volts` (from 0 up), linear in between. The voltage V with V + resistance I(V) =
+        open circuit lies on one of these pieces and is solved there without iteration. Returns (0, 0) when off.
         """
         if self._off:
             return 0, 0.0
         piece, share = self._solve(volts, amperes)
         self._voltage = volts[piece] + share * (volts[piece + 1] - volts[piece])
         self._current = amperes[piece] + share * (amperes[piece + 1] - amperes[piece]) + self._battery.hotel_current
-        if share == 1.0:  # above the last of `volts` the current holds
+        if share == 1.0:  # above the last of `volts` the current is constant
             self._voltage = self.open_circuit - self._battery.resistance * self._current
-        self._under = self._under + dt if self._voltage < self._battery.cut_off else 0.0
-        if self._under > self._battery.cut_off_delay or self._fraction <= 0.0 or self._voltage <= 0.0:
+        self._undervoltage_s = self._undervoltage_s + dt if self._voltage < self._battery.cut_off else 0.0
+        if self._undervoltage_s > self._battery.cut_off_delay or self._fraction <= 0.0 or self._voltage <= 0.0:
             self._off, self._voltage, self._current = True, self.open_circuit, 0.0
             return 0, 0.0
-        self._use(dt)
+        self._discharge(dt)
         return piece, share
 
     def _solve(self, volts: Sequence[float], amperes: Sequence[float]) -> tuple[int, float]:
         resistance = self._battery.resistance
-        behind = self.open_circuit - resistance * self._battery.hotel_current
+        available = self.open_circuit - resistance * self._battery.hotel_current
         start = volts[0] + resistance * amperes[0]
         for piece in range(len(volts) - 1):
             end = volts[piece + 1] + resistance * amperes[piece + 1]
-            if behind < end:
-                return piece, max(0.0, (behind - start) / (end - start))
+            if available < end:
+                return piece, max(0.0, (available - start) / (end - start))
             start = end
         return len(volts) - 2, 1.0
 
-    def _use(self, dt: float) -> None:
+    def _discharge(self, dt: float) -> None:
         used = self._current * dt / 3600.0
         self._used += used
         self._fraction = max(0.0, self._fraction - used / self._capacity)

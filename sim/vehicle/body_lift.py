@@ -1,4 +1,4 @@
-"""Flow forces on a slender hull beyond coefficients times velocity: lift, cross-flow drag, other damping."""
+"""Forces of the flow on a slender hull: lift, cross-flow drag, and damping that depends on the forward speed."""
 
 from collections.abc import Sequence
 from math import atan2, exp, sqrt
@@ -17,12 +17,12 @@ Damping = Annotated[float, Range(0.0, 1e6)]
 
 
 class Lift(NamedTuple):
-    """The hull as a wing: lift and drag by its angle to the flow (Beard & McLain 2012, section 4.2; Fossen 2021, 8.4).
+    """The hull as a wing: lift and drag over the angle of attack (Beard & McLain 2012, section 4.2; Fossen 2021, 8.4).
 
-    `area` m² is what the coefficients refer to. `aspect_ratio`, `lift_slope` (1/rad), `induced_drag`, `oswald`,
-    `parasitic_drag` and the stall are as in sim/vehicle/fins.py; drag of the separated flow is that of `[cross_flow]`.
-    `plane` is "any" for a body of revolution; "vertical" lets heave make lift and sway none. The force acts at
-    `position`, in the flow that is there.
+    `area` (m²) is the reference area of the coefficients. `aspect_ratio`, `lift_slope` (1/rad), `induced_drag`,
+    `oswald`, `parasitic_drag` and the stall are as in sim/vehicle/fins.py; the drag of the separated flow is that of
+    `[cross_flow]`. `plane` is "any" for a body of revolution; with "vertical", heave makes lift and sway makes none.
+    The force acts at `position` and depends on the flow velocity there.
     """
 
     area: Area
@@ -37,7 +37,7 @@ class Lift(NamedTuple):
     position: Point = (0.0, 0.0, 0.0)
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if self.aspect_ratio is None and (self.lift_slope is None or self.induced_drag is None):
             return "give aspect_ratio, or lift_slope and induced_drag"
         return None
@@ -69,7 +69,7 @@ class HullLift:
         return fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
 
     def numbers(self) -> list[float]:
-        """Return all that `wrench` uses, in a row: what the C twin is made of."""
+        """Return all numbers that `wrench` uses, as one flat list, for the C twin."""
         return [*self._polar, self._scale, float(self._vertical), *self._position]
 
     def _force(self, u: float, v: float, w: float) -> tuple[float, float, float]:
@@ -79,9 +79,9 @@ class HullLift:
         if planar == 0.0:
             return 0.0, 0.0, 0.0
         lift, drag = self._polar.coefficients(atan2(cross, u), cross / planar, u / planar)
-        push = self._scale * (u * u + v * v + w * w) / planar
-        starboard = -push * (drag * cross + lift * u)
-        ahead = -push * (drag * u - lift * cross)
+        factor = self._scale * (u * u + v * v + w * w) / planar
+        starboard = -factor * (drag * cross + lift * u)
+        ahead = -factor * (drag * u - lift * cross)
         if self._vertical or cross == 0.0:
             return ahead, 0.0, starboard
         return ahead, starboard * v / cross, starboard * w / cross
@@ -91,8 +91,8 @@ class CrossFlow(NamedTuple):
     """Drag of the flow across the hull, summed over strips of its length (Faltinsen 1990, chapter 6).
 
     `drag` is the two-dimensional coefficient of a strip: one number, or one for each `speed` (m/s) of the cross flow
-    at the origin, linear between, for a hull near the drag crisis. `length`, `width` and `height` m are those of the
-    vehicle if left out. Only the water's speed across the axis counts, both ways together.
+    at the origin, linear in between, for a hull near the drag crisis. `length`, `width` and `height` (m) are those of
+    the vehicle if left out. Only the velocity across the axis counts: sway and heave together.
     """
 
     drag: tuple[Coefficient, ...]
@@ -102,7 +102,7 @@ class CrossFlow(NamedTuple):
     height: Annotated[float, Range(0.001, 50.0, "m")] | None = None
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if not self.speed:
             return None if len(self.drag) == 1 else "drag: give one value, or one for each speed"
         return validate_columns("speed", self.speed, drag=self.drag) if self.drag else "drag: give one for each speed"
@@ -141,14 +141,14 @@ class CrossFlowDrag:
         return 0.0, broad * y, deep * z, 0.0, deep * m, broad * n
 
     def numbers(self) -> list[float]:
-        """Return all that `wrench` uses, in a row: what the C twin is made of. The table of coefficients comes last."""
+        """Return all numbers that `wrench` uses, as one flat list, for the C twin. The coefficient table comes last."""
         return [self._broad, self._deep, *self._stations, *self._drag.numbers()]
 
 
 class SpeedDamping:
-    """Damping in proportion to the speed ahead: the force is -|u| D nu_r, D of 6 or 36 numbers.
+    """Damping in proportion to the forward speed: the force is -|u| D nu_r, with D of 6 or 36 numbers.
 
-    It holds what sets of derivatives write as Y_uv, N_uv, Y_ur ...: lift of hull and fins at small angles.
+    D holds the derivatives that the literature writes as Y_uv, N_uv, Y_ur ...: lift of hull and fins at small angles.
     """
 
     def __init__(self, values: Sequence[float]) -> None:
@@ -163,15 +163,16 @@ class SpeedDamping:
         return [speed * x for x in times(self._matrix, *nu_r)]
 
     def numbers(self) -> list[float]:
-        """Return all that `wrench` uses, in a row: what the C twin is made of."""
+        """Return all numbers that `wrench` uses, as one flat list, for the C twin."""
         return [x for row in self._matrix for x in row]
 
 
 class FadingDamping(NamedTuple):
-    """Linear damping of slow motion, that of the laminar boundary layer, which goes as the speed grows.
+    """Linear damping of slow motion by the laminar boundary layer; it decreases as the speed grows.
 
-    The force is -exp(-`rate` U^`exponent`) `damping` nu_r, U in m/s being the speed through the water: six numbers
-    (N s/m, N m s) for surge to yaw, and the rate in (s/m)^exponent (Fossen 2021, section 6.4.3: "low-speed" damping).
+    The force is -exp(-`rate` U^`exponent`) `damping` nu_r, where U (m/s) is the speed through the water. `damping` has
+    six numbers (N s/m, N m s) for surge to yaw, `rate` is in (s/m)^exponent (Fossen 2021, section 6.4.3: "low-speed"
+    damping).
     """
 
     damping: tuple[Damping, Damping, Damping, Damping, Damping, Damping]
@@ -195,5 +196,5 @@ class SlowDamping:
         return [share * damping * speed for damping, speed in zip(self._fading.damping, nu_r, strict=True)]
 
     def numbers(self) -> list[float]:
-        """Return all that `wrench` uses, in a row: what the C twin is made of."""
+        """Return all numbers that `wrench` uses, as one flat list, for the C twin."""
         return [*self._fading.damping, self._fading.rate, self._fading.exponent]

@@ -1,4 +1,4 @@
-"""The shape of a hull that touches things: points and rods, each with a radius, in body axes.
+"""The shape of a hull for collisions: points and rods, each with a radius, in body axes.
 
 [collision]                # a table of the vehicle's file; all keys have defaults
 shape = "capsule"          # a cylinder along x with round ends; "box"; or "spheres", with:
@@ -6,9 +6,9 @@ spheres = [[0.6, 0.0, 0.0, 0.1], [-0.6, 0.0, 0.0, 0.1]]    # x, y, z, radius in 
 friction = 0.4
 restitution = 0.2
 
-Without `shape` it follows from the vehicle's `dimensions`: a hull at least three times as long as it is wide and high
-is a capsule, any other one a box. A box touches with its twelve edges, and inside of them with capsules along x, which
-are as high as the box (or as wide, where it is higher than wide). Not modelled: fins, propellers, holes of a frame.
+Without `shape` the shape follows from the vehicle's `dimensions`: a hull at least three times as long as it is wide and
+high is a capsule, any other one a box. A box consists of its twelve edges, and of capsules along x inside of them that
+are as high as the box (or as wide, if it is higher than wide). Not modelled: fins, propellers, openings of a frame.
 """
 
 from math import ceil, sqrt
@@ -18,16 +18,16 @@ from hil.common.schema import Range
 
 Coordinate = Annotated[float, Range(-25.0, 25.0, "m")]
 Radius = Annotated[float, Range(0.0, 25.0, "m")]
-_SLENDER = 3.0  # a hull so many times as long as thick is a capsule
-_MOST_SPHERES = 32
+_CAPSULE_RATIO = 3.0  # length over thickness from which a hull is a capsule
+_MAX_SPHERES = 32
 
 
 class Collision(NamedTuple):
-    """The keys of how a vehicle touches things: see the top of this module.
+    """The keys of the [collision] table of a vehicle's file: see the top of this module.
 
-    `friction` is Coulomb's coefficient, of sliding and of sticking alike, against whatever it touches; `restitution`
-    the share of the closing speed that is left after a collision, in the other direction. Both are our choice: wet
-    plastic or steel on sand or concrete has 0.3 to 0.6, and the restitution under water is less than in air.
+    `friction` is Coulomb's coefficient, for sliding and sticking, against every surface. `restitution` is the share of
+    the closing speed that remains, reversed, after a collision. The defaults are assumptions: wet plastic or steel on
+    sand or concrete has a friction of 0.3 to 0.6, and the restitution under water is less than in air.
     """
 
     shape: Literal["auto", "capsule", "box", "spheres"] = "auto"
@@ -36,20 +36,20 @@ class Collision(NamedTuple):
     restitution: Annotated[float, Range(0.0, 1.0)] = 0.2
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if (self.shape == "spheres") != bool(self.spheres):
             return 'spheres: give them with shape = "spheres", and only then'
-        if len(self.spheres) > _MOST_SPHERES:
-            return f"spheres: {len(self.spheres)} are more than {_MOST_SPHERES}: take fewer and larger ones"
+        if len(self.spheres) > _MAX_SPHERES:
+            return f"spheres: {len(self.spheres)} are more than {_MAX_SPHERES}: take fewer and larger ones"
         return None
 
 
 class HullShape(NamedTuple):
-    """Points x, y, z with a radius (m, body axes), and rods between two points (by number) of one radius.
+    """A collision shape: points x, y, z with a radius (m, body axes), and rods between two points of equal radius.
 
-    `reach` (m) is the radius of a sphere about the origin around all of it. `extent` is three half sizes of a box about
-    the origin, and a radius by which it is rounded (m), around all of it: along a unit vector n it reaches no farther
-    than |n_x| x + |n_y| y + |n_z| z + radius.
+    A rod is two indices of `points`. `reach` (m) is the radius of a sphere about the origin that contains the shape.
+    `extent` is a rounded box about the origin that contains it: three half sizes and the rounding radius (m). Along a
+    unit vector n the shape extends no farther than |n_x| x + |n_y| y + |n_z| z + radius.
     """
 
     points: tuple[tuple[float, float, float, float], ...]
@@ -63,7 +63,7 @@ def make_shape(collision: Collision, dimensions: tuple[float, float, float]) -> 
     length, width, height = dimensions
     kind = collision.shape
     if kind == "auto":
-        kind = "capsule" if length >= _SLENDER * max(width, height) else "box"
+        kind = "capsule" if length >= _CAPSULE_RATIO * max(width, height) else "box"
     if kind == "spheres":
         return _shape(list(collision.spheres), [])
     radius = 0.5 * max(width, height)

@@ -1,8 +1,8 @@
-"""Equipment of a vehicle beside hull and thrusters: fins, hull lift, cross-flow drag, buoyancy engine, drop weights.
+"""Equipment of a vehicle besides hull and thrusters: fins, hull lift, cross-flow drag, buoyancy engine, drop weights.
 
-Loaded only for a vehicle whose file has one of these keys:
+This module is loaded only for a vehicle whose file has one of these keys:
 
-    [[fins]]               sim/vehicle/fins.py; what all fins share may stand once, in [every_fin]
+    [[fins]]               sim/vehicle/fins.py; keys that all fins share may be given once, in [every_fin]
     [lift], [cross_flow]   sim/vehicle/body_lift.py, as are forward_speed_damping = [...] and [fading_damping]
     [buoyancy_engine]      sim/vehicle/ballast.py, as are
     [[drop_weights]]
@@ -21,8 +21,8 @@ from sim.vehicle.vehicle import Vehicle
 class Equipment:
     """The equipment of one vehicle in water of `density` kg/m³ under `gravity` m/s², stepped every `dt` s.
 
-    `forces` are the forces of the equipment; `fins` and `bladder` are None if there are none; `aboard` are the weights
-    not yet dropped. Raises ConfigError for the release of an unknown weight.
+    `forces` are the forces of the equipment; `fins` and `bladder` are None if there are none; `weights_aboard` are the
+    weights not yet dropped, by name. Raises ConfigError for the release of an unknown weight.
     """
 
     def __init__(
@@ -33,22 +33,22 @@ class Equipment:
         engine = vehicle.buoyancy_engine
         self.bladder = Bladder(engine, density * gravity, dt) if engine else None
         self._weights = vehicle.drop_weights
-        self.aboard = {weight.name: weight for weight in self._weights}
+        self.weights_aboard = {weight.name: weight for weight in self._weights}
         for release in releases:
-            self._known(release.name)
+            self._require_weight(release.name)
         self._releases = sorted(releases, key=lambda release: release.time)
         self.forces = self._forces(vehicle, density)
 
     def step(self, time_ns: int, pwm_us: Sequence[int]) -> list[DropWeight]:
         """Do one step under the pulses (us) of fins, engine and weights; return the weights that are dropped now."""
-        going = self.command(tuple(pwm_us))
-        for part in (self.fins, self.bladder):
-            if part:
-                part.servos.follow()
+        dropped = self.command(tuple(pwm_us))
+        for actuator in (self.fins, self.bladder):
+            if actuator:
+                actuator.servos.step()
         while self._releases and self._releases[0].time * 1e9 <= time_ns:
-            weight = self.aboard.pop(self._releases.pop(0).name, None)
-            going += [weight] if weight else []
-        return going
+            weight = self.weights_aboard.pop(self._releases.pop(0).name, None)
+            dropped += [weight] if weight else []
+        return dropped
 
     def command(self, pwm_us: tuple[int, ...]) -> list[DropWeight]:
         """Set the targets of fins and engine to these pulses (us); return the weights that they drop."""
@@ -58,8 +58,8 @@ class Equipment:
         if self.bladder:
             self.bladder.command(pwm_us[count])
             count += 1
-        going = [weight.name for weight, pulse in zip(self._weights, pwm_us[count:], strict=True) if is_release(pulse)]
-        return [self.aboard.pop(name) for name in going if name in self.aboard]
+        names = [weight.name for weight, pulse in zip(self._weights, pwm_us[count:], strict=True) if is_release(pulse)]
+        return [self.weights_aboard.pop(name) for name in names if name in self.weights_aboard]
 
     @property
     def is_timed(self) -> bool:
@@ -68,12 +68,12 @@ class Equipment:
 
     def remove_weight(self, name: str) -> DropWeight:
         """Remove the weight `name` and return it. Raises ConfigError if it is not aboard."""
-        self._known(name)
-        if name not in self.aboard:
+        self._require_weight(name)
+        if name not in self.weights_aboard:
             raise ConfigError(f"release: {name!r} has been dropped already")
-        return self.aboard.pop(name)
+        return self.weights_aboard.pop(name)
 
-    def _known(self, name: str) -> None:
+    def _require_weight(self, name: str) -> None:
         names = [weight.name for weight in self._weights]
         if name not in names:
             raise ConfigError(f"release: no drop weight {name!r}; there are: {', '.join(names) or 'none'}")

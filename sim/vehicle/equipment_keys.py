@@ -1,4 +1,4 @@
-"""The record of a vehicle's equipment in its file: loaded only for a vehicle that has some."""
+"""The keys of a vehicle's file for its equipment. This module is loaded only for a vehicle that has some."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from sim.vehicle.fins import Fin
 
 
 class EquipmentKeys(NamedTuple):
-    """The keys of a vehicle's file that sim/vehicle/equipment.py describes."""
+    """The keys of a vehicle's file for its equipment; sim/vehicle/equipment.py describes them."""
 
     fins: tuple[Fin, ...] = ()
     lift: Lift | None = None

@@ -12,17 +12,18 @@ from hil.common.schema import Range
 NOISE_TIME_CONSTANT = 0.05  # s
 
 Kind = Literal["off", "efficiency", "stuck", "delayed", "noisy", "repaired"]
-# The key with the amount, for those kinds of failure that have one.
+# The key that holds the amount of each kind of failure that has one.
 VALUES = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noisy": "noise"}
 
 
 class Failure(NamedTuple):
     """Failure of the thruster named `thruster` at `time` s of simulated time.
 
-    off: no output. efficiency: thrust times `efficiency`. stuck: runs at `pwm_us`, or if 0 at the pulse it then
-    has. delayed: pulses act `delay` later. noisy: thrust times 1 + noise of standard deviation `noise`, of 50 ms
-    correlation whatever the step. repaired: all failures of this thruster end. Kinds add up; a second one of a
-    kind replaces the first. Where several change the pulse, off comes before stuck, stuck before delayed.
+    off: no output. efficiency: thrust times `efficiency`. stuck: runs at `pwm_us`, or, if that is 0, at its present
+    pulse. delayed: pulses take effect `delay` later. noisy: thrust times 1 + noise of standard deviation `noise`, with
+    a correlation time of 50 ms for any step. repaired: all failures of this thruster end. Failures of different kinds
+    act together; a second one of a kind replaces the first. If several change the pulse, off has priority over stuck,
+    and stuck over delayed.
     """
 
     thruster: str
@@ -34,7 +35,7 @@ class Failure(NamedTuple):
     noise: Annotated[float, Range(0.0, 2.0)] = 0.0
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         for kind, key in VALUES.items():
             given = getattr(self, key) != self._field_defaults[key]
             if kind == self.kind and not given and kind != "stuck":
@@ -47,7 +48,7 @@ class Failure(NamedTuple):
 class _Faults:
     """Present faults of one thruster."""
 
-    __slots__ = ("delayed", "efficiency", "known", "noise", "off", "offset", "random", "stuck_us")
+    __slots__ = ("delayed", "efficiency", "noise", "off", "offset", "present", "random", "stuck_us")
 
     def __init__(self, random: Random) -> None:
         self.random = random
@@ -55,15 +56,15 @@ class _Faults:
 
     def repair(self) -> None:
         """Remove all faults."""
-        self.known: dict[Kind, Failure] = {}
+        self.present: dict[Kind, Failure] = {}
         self.off = False
         self.efficiency = 1.0
         self.stuck_us: int | None = None
-        self.delayed: deque[int] | None = None  # pulses that have not acted yet, the next first
+        self.delayed: deque[int] | None = None  # pulses that have not taken effect yet, the oldest first
         self.noise = self.offset = 0.0
 
     def pulse(self, pwm_us: int) -> int:
-        """Return the pulse that acts when `pwm_us` is commanded."""
+        """Return the pulse that takes effect when `pwm_us` is commanded."""
         if self.delayed is not None:
             self.delayed.append(pwm_us)
             pwm_us = self.delayed.popleft()
@@ -74,15 +75,15 @@ class _Faults:
     def factor(self, decay: float) -> float:
         """Return the factor on the thrust; `decay` is the share of the noise that remains after a step."""
         if self.noise:
-            fresh = self.noise * sqrt(1.0 - decay * decay)
-            self.offset = decay * self.offset + self.random.gauss(0.0, fresh)
+            deviation = self.noise * sqrt(1.0 - decay * decay)
+            self.offset = decay * self.offset + self.random.gauss(0.0, deviation)
         return self.efficiency * (1.0 + self.offset)
 
 
 class Failures:
-    """The failures of a vehicle whose thrusters are called `names`, stepped every `dt` s.
+    """The failures of the thrusters `names` of a vehicle, stepped every `dt` s.
 
-    `step` is how many steps it has made, `pwm_us` the pulses of the last one.
+    `step` is the number of steps already made, `pwm_us` the pulses of the last one.
     """
 
     def __init__(self, names: Sequence[str], dt: float, seed: int, step: int = 0, pwm_us: tuple[int, ...] = ()) -> None:
@@ -90,7 +91,7 @@ class Failures:
         self._dt = dt
         self._decay = exp(-dt / NOISE_TIME_CONSTANT)
         self._faults = [_Faults(Random(f"{seed}:failure:{name}")) for name in names]
-        self._due: list[tuple[int, int, Failure]] = []  # step, order of arrival, failure: the next last
+        self._planned: list[tuple[int, int, Failure]] = []  # step, order of arrival, failure; the next one is last
         self._count = 0
         self._step = step
         self._last = pwm_us or (0,) * len(self._names)
@@ -99,18 +100,18 @@ class Failures:
         """Plan failures; one whose time has passed begins with the next step. Raises ConfigError."""
         for failure in failures:
             self._index(failure.thruster)
-            # The step that ends after `time`; a hair less than a whole step is a whole one.
-            self._due.append((int(failure.time / self._dt + 1e-6), self._count, failure))
+            # The step that ends after `time`; the small addend compensates rounding of the quotient.
+            self._planned.append((int(failure.time / self._dt + 1e-6), self._count, failure))
             self._count += 1
-        self._due.sort(key=lambda due: due[:2], reverse=True)
+        self._planned.sort(key=lambda planned: planned[:2], reverse=True)
         self._begin_due()
 
-    def of(self, name: str) -> tuple[Failure, ...]:
+    def present(self, name: str) -> tuple[Failure, ...]:
         """Return the present failures of the thruster `name`, as they were given. Raises ConfigError."""
-        return tuple(self._faults[self._index(name)].known.values())
+        return tuple(self._faults[self._index(name)].present.values())
 
     def pulses(self, pwm_us: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the pulses that act in this step when these are commanded."""
+        """Return the pulses that take effect in this step when `pwm_us` are commanded."""
         self._begin_due()
         self._step += 1
         if len(pwm_us) != len(self._names):
@@ -124,8 +125,8 @@ class Failures:
 
     def _begin_due(self) -> None:
         """Begin the failures that are due with the next step."""
-        while self._due and self._due[-1][0] <= self._step:
-            self._begin(self._due.pop()[2])
+        while self._planned and self._planned[-1][0] <= self._step:
+            self._begin(self._planned.pop()[2])
 
     def _begin(self, failure: Failure) -> None:
         index = self._index(failure.thruster)
@@ -143,12 +144,12 @@ class Failures:
         else:
             faults.repair()
             return
-        faults.known[failure.kind] = failure
+        faults.present[failure.kind] = failure
 
     def _index(self, name: str) -> int:
         if name in self._names:
             return self._names.index(name)
-        import difflib  # only on the way to an error
+        import difflib  # needed only for the error message
 
         close = difflib.get_close_matches(name, self._names, n=1, cutoff=0.5)
         hint = f"; did you mean {close[0]!r}?" if close else ""

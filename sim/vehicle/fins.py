@@ -1,13 +1,13 @@
-"""Fins: plates that a servo turns in the flow, with lift, drag, stall, and the servo's lag.
+"""Fins: control surfaces that a servo turns in the flow, with lift, drag, stall, and the servo's lag.
 
-The water meets a fin with the velocity of that place of the vehicle, turning included, of which what goes along
-the fin's axis does nothing. In the plane across the axis lift is at right angles to this flow and drag along it:
+The flow at a fin is the velocity of its position through the water, including the vehicle's rotation, without its
+component along the fin's axis. In the plane normal to the axis, lift is perpendicular to this flow and drag along it:
 
     L = 1/2 rho V² A C_L(alpha),  D = 1/2 rho V² A C_D(alpha),  alpha = deflection - angle of the flow
 
-so a fin never makes energy (unless the hull straightens its flow, see `Fin.straightening`), and works going astern
-as well as ahead. Not modelled: the water's inertia, the wake of one fin at another, the jet of the propeller,
-loss of lift at the surface.
+So a fin never adds energy (unless the hull straightens its flow, see `Fin.straightening`), and it works astern as well
+as ahead. Not modelled: the water's inertia, the wake of one fin at another, the jet of the propeller, loss of lift at
+the surface.
 """
 
 from collections.abc import Sequence
@@ -28,11 +28,12 @@ Coefficient = Annotated[float, Range(0.0, 100.0)]
 
 
 class Polar(NamedTuple):
-    """Lift and drag coefficients by angle of attack.
+    """Lift and drag coefficients over the angle of attack.
 
     Up to `stall_angle` (rad) C_L = lift_slope alpha and C_D = parasitic_drag + induced_drag C_L². Beyond it the flow
-    separates, within `stall_width` (rad), until all is that of a flat plate: C_L = broadside_drag sin(2 alpha) / 2,
-    C_D = parasitic_drag + broadside_drag sin²(alpha). From behind the same as from ahead.
+    separates: within `stall_width` (rad) the coefficients change linearly to those of a flat plate, C_L =
+    broadside_drag sin(2 alpha) / 2 and C_D = parasitic_drag + broadside_drag sin²(alpha). Flow from behind gives the
+    same as flow from ahead.
     """
 
     lift_slope: float
@@ -43,16 +44,16 @@ class Polar(NamedTuple):
     broadside_drag: float
 
     def at(self, alpha: float) -> tuple[float, float]:
-        """Return C_L, which has the sign of a positive `alpha` (rad, any), and C_D, never negative."""
+        """Return C_L and C_D at any `alpha` (rad). C_L has the sign of a small `alpha`; C_D is never negative."""
         return self.coefficients(alpha, sin(alpha), cos(alpha))
 
     def coefficients(self, alpha: float, sine: float, cosine: float) -> tuple[float, float]:
-        """Return the coefficients as `at` does, from the angle's sine and cosine."""
+        """Return the coefficients as `at` does, with the sine and cosine of `alpha` given."""
         alpha = remainder(alpha, pi)
-        held = max(-self.stall_angle, min(self.stall_angle, alpha))
-        lift = self.lift_slope * held
+        attached = max(-self.stall_angle, min(self.stall_angle, alpha))
+        lift = self.lift_slope * attached
         drag = self.parasitic_drag + self.induced_drag * lift * lift
-        beyond = abs(alpha - held)
+        beyond = abs(alpha - attached)
         if beyond == 0.0:
             return lift, drag
         share = min(1.0, beyond / self.stall_width)
@@ -69,17 +70,17 @@ def lift_slope(aspect_ratio: float) -> float:
 class Fin(NamedTuple):
     """One fin, or a pair that one servo turns.
 
-    `position` is where its force acts. A positive deflection turns it right-handed about `axis` (any length), from
-    where its chord points along `chord`, as far as that is across the axis. `area` m². `aspect_ratio` is span² over
-    area; it gives the `lift_slope` (1/rad) and the `induced_drag` (1 / (pi oswald aspect_ratio)) that are left out.
+    Its force acts at `position`. A positive deflection turns it right-handed about `axis` (any length). At rest its
+    chord points along `chord`; a component along the axis is ignored. `area` is in m². `aspect_ratio` is span² over
+    area; from it follow `lift_slope` (1/rad) and `induced_drag` (1 / (pi oswald aspect_ratio)) if they are left out.
     The default `broadside_drag` is that of a square plate (Hoerner 1965, Fluid-Dynamic Drag, 3-16).
 
-    `straightening` is the share of the cross flow that reaches it past the hull and propeller: 1 in the open, 0 if
-    the deflection alone is its angle of attack (the flow-straightening coefficient of the MMG model, Yasukawa &
+    `straightening` is the share of the cross flow that reaches the fin past hull and propeller: 1 in undisturbed flow,
+    0 if the angle of attack is the deflection alone (the flow-straightening coefficient of the MMG model, Yasukawa &
     Yoshimura 2015, J. Mar. Sci. Technol. 20).
 
-    The servo goes to `max_deflection` at either end of the pulse range, in proportion, with a first-order lag and
-    no faster than `rate` (0: no limit). Without a valid pulse (800..2200 us) it stays where it is.
+    The deflection is proportional to the pulse, with `max_deflection` at both ends of the pulse range. The servo
+    follows with a first-order lag, no faster than `rate` (0: no limit). Without a valid pulse (800..2200 us) it stops.
     """
 
     name: str
@@ -104,7 +105,7 @@ class Fin(NamedTuple):
     pwm_max_us: Pulse = 1900
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if self.aspect_ratio is None and (self.lift_slope is None or self.induced_drag is None):
             return f"fin {self.name!r}: give aspect_ratio, or lift_slope and induced_drag"
         across = hypot(*cross(self.axis, self.chord))
@@ -124,18 +125,18 @@ class Fin(NamedTuple):
 
     @property
     def frame(self) -> tuple[Direction, Direction]:
-        """Unit vectors along the chord at rest, and to where a positive deflection turns its leading edge."""
+        """Two unit vectors: the chord at rest, and where a positive deflection turns the leading edge."""
         normal = unit(cross(self.axis, self.chord))
         return unit(cross(normal, self.axis)), normal
 
     def deflection(self, pwm_us: float) -> float:
-        """Return the angle (rad) that a pulse asks for."""
+        """Return the deflection (rad) that a pulse commands."""
         offset = pwm_us - self.pwm_neutral_us
         end = self.pwm_max_us - self.pwm_neutral_us if offset > 0 else self.pwm_neutral_us - self.pwm_min_us
         return self.max_deflection * max(-1.0, min(1.0, offset / end))
 
     def pulse(self, angle: float) -> int:
-        """Return the pulse (us) that asks for `angle` rad, or for the nearest that there is."""
+        """Return the pulse (us) that commands `angle` rad, or the nearest possible deflection."""
         share = max(-1.0, min(1.0, angle / self.max_deflection)) if self.max_deflection else 0.0
         end = self.pwm_max_us - self.pwm_neutral_us if share > 0 else self.pwm_neutral_us - self.pwm_min_us
         return round(self.pwm_neutral_us + share * end)
@@ -144,7 +145,7 @@ class Fin(NamedTuple):
 def slope_and_induced(
     slope: float | None, induced: float | None, aspect_ratio: float | None, oswald: float
 ) -> tuple[float, float]:
-    """Return lift slope and induced drag factor: what is None follows from the aspect ratio."""
+    """Return lift slope and induced drag factor; one that is None is computed from the aspect ratio."""
     if aspect_ratio is not None:
         slope = lift_slope(aspect_ratio) if slope is None else slope
         induced = 1.0 / (pi * oswald * aspect_ratio) if induced is None else induced
@@ -154,7 +155,7 @@ def slope_and_induced(
 
 
 class FinSet:
-    """All fins of a vehicle in water of `density` kg/m³; their servos step every `dt` s, from 0 rad on."""
+    """All fins of a vehicle in water of `density` kg/m³; their servos start at 0 rad and step every `dt` s."""
 
     def __init__(self, fins: Sequence[Fin], density: float, dt: float) -> None:
         self._fins = tuple(fins)
@@ -171,15 +172,15 @@ class FinSet:
         return self.servos.values
 
     def step(self, pwm_us: Sequence[int]) -> None:
-        """Let the servos follow these pulses (us, one a fin) for one step."""
+        """Move the servos by one step under these pulses (us, one a fin)."""
         self.command(tuple(pwm_us))
-        self.servos.follow()
+        self.servos.step()
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
-        """Set the servos' targets to what these pulses (us, one a fin) ask for; one without a pulse stays."""
+        """Set the servos' targets by these pulses (us, one a fin); a servo without a valid pulse stops."""
         if pwm_us != self._pwm_us:
             rows = zip(self._fins, pwm_us, self.servos.values, strict=True)
-            self.servos.aim([fin.deflection(us) if is_pulse(us) else angle for fin, us, angle in rows])
+            self.servos.set_targets([fin.deflection(us) if is_pulse(us) else angle for fin, us, angle in rows])
             self._pwm_us = pwm_us
 
     def begin(self, time_ns: int) -> None:
@@ -201,14 +202,14 @@ class FinSet:
             sine_alpha = (sine * along - cosine * across) / speed
             cosine_alpha = (cosine * along + sine * across) / speed
             lift, drag = polar.coefficients(alpha, sine_alpha, cosine_alpha)
-            push = scale * speed
-            ahead, starboard = -push * (drag * along + lift * across), push * (lift * along - drag * across)
-            force = [ahead * i + starboard * j for i, j in zip(chord, normal, strict=True)]
+            factor = scale * speed
+            ahead, sideways = -factor * (drag * along + lift * across), factor * (lift * along - drag * across)
+            force = [ahead * i + sideways * j for i, j in zip(chord, normal, strict=True)]
             total = [a + b for a, b in zip(total, (*force, *cross((x, y, z), force)), strict=True)]
         return total
 
     def numbers(self) -> list[float]:
-        """Return all that `wrench` uses, with sine and cosine of each angle: what the C twin is made of."""
+        """Return all numbers that `wrench` uses, with sine and cosine of each angle, as a flat list, for the C twin."""
         return [
             number
             for angle, (x, y, z, chord, normal, scale, share, polar) in zip(self.angles, self._surfaces, strict=True)
@@ -217,7 +218,10 @@ class FinSet:
 
 
 def fin_matrix(fins: Sequence[Fin], density: float) -> Matrix:
-    """Return as 6 x n the wrench (N, N m) of 1 rad of each fin at 1 m/s, before stall; it grows with speed²."""
+    """Return the 6 x n matrix of the wrench (N, N m) of each fin per rad of deflection at 1 m/s, below stall.
+
+    The wrench grows with the square of the speed.
+    """
     columns = []
     for fin in fins:
         chord, normal = fin.frame

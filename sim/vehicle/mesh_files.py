@@ -1,4 +1,4 @@
-"""Read mesh files of many formats: those of worlds, of vehicles, and of imported models."""
+"""Read mesh files of worlds, vehicles and imported models, in several formats."""
 
 import os
 import re
@@ -7,24 +7,24 @@ from typing import Any
 from hil.common.errors import ConfigError
 from hil.common.tables import check_file
 
-MOST_BYTES = 256 << 20
+MAX_BYTES = 256 << 20
 KINDS = (".stl", ".obj", ".dae", ".glb", ".gltf", ".ply", ".off")
-_HEAD = 1 << 16  # bytes of a COLLADA file, in which its unit is
+_HEAD = 1 << 16  # first bytes of a COLLADA file, which contain its unit
 
 
 def load_mesh(file: str) -> Any:
-    """Return a `trimesh.Trimesh` of all that a file holds, in its own axes; COLLADA in m, others in their own unit.
+    """Return all meshes of a file as one `trimesh.Trimesh`, in the file's axes; COLLADA in m, others in their own unit.
 
-    As Gazebo does, the up axis that a COLLADA file names is not heeded. Raises ConfigError for a file that is missing,
-    too large, of a kind that cannot be read, or declares XML entities, ImportError without trimesh, and what trimesh's
-    readers raise of damaged ones.
+    The up axis of a COLLADA file is ignored, as Gazebo does. Raises ConfigError for a file that is missing, too large,
+    of an unknown format, or that declares XML entities; ImportError without trimesh; and the errors of trimesh's
+    readers for damaged files.
     """
     import trimesh
 
-    check_file(file, MOST_BYTES)
+    check_file(file, MAX_BYTES)
     check_kind(file)
     ending = os.path.splitext(file)[1].lower()
-    if ending == ".gltf":  # its numbers are in a file beside it
+    if ending == ".gltf":  # its vertices are in a file beside it
         return trimesh.load(file, force="mesh")
     with open(file, "rb") as stream:
         factor = 1.0
@@ -36,7 +36,7 @@ def load_mesh(file: str) -> Any:
             match = re.search(rb"<unit\b[^>]*\bmeter=[\"']([0-9.eE+-]+)[\"']", data[:_HEAD])
             factor = float(match[1]) if match else 1.0
             stream.seek(0)
-        # Of a stream nothing beside it is opened: no material, no texture.
+        # From a stream trimesh opens no further files: no materials, no textures.
         loaded: Any = trimesh.load(stream, file_type=ending[1:], force="mesh")
     if factor != 1.0:
         loaded.apply_scale(factor)
@@ -44,6 +44,6 @@ def load_mesh(file: str) -> Any:
 
 
 def check_kind(file: str) -> None:
-    """Raise ConfigError for a file whose ending is that of no mesh."""
+    """Raise ConfigError for a file whose extension is that of no known mesh format."""
     if not file.lower().endswith(KINDS):
         raise ConfigError(f"{file}: its ending is that of no mesh that can be read: save it as {', '.join(KINDS)}")

@@ -1,4 +1,4 @@
-"""Surface meshes of a vehicle, in files of their own, used by pictures only."""
+"""The keys of a vehicle's surface meshes, which are separate files and are used for pictures only."""
 
 from math import pi
 from typing import Annotated, NamedTuple
@@ -14,7 +14,7 @@ class Mesh(NamedTuple):
     """One mesh file. `file` is a path, beside the vehicle's file or absolute.
 
     `position` is that of the mesh's origin from the body origin (m, FRD), `orientation` the roll, pitch and yaw
-    (rad) of the mesh's axes in the body's, `scale` what its numbers are multiplied with, to be metres.
+    (rad) of the mesh's axes in the body's, `scale` the factors that convert its coordinates to metres.
     """
 
     file: str

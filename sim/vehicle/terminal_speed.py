@@ -10,12 +10,12 @@ from sim.vehicle.vehicle import Vehicle, displaced_volume
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _ROLL, _PITCH = 3, 4
-# How much wrench on other axes is allowed, as a share of the wrench asked for, where an axis counts as driven.
-_MOST_ASTRAY = 0.01
+# An axis counts as driven if the wrench on other axes is at most this share of the requested wrench.
+_MAX_COUPLING = 0.01
 
 
-class Reach(NamedTuple):
-    """Capability of the thrusters along one axis: each number in the positive, then in the negative direction.
+class AxisCapability(NamedTuple):
+    """Capability of the thrusters along one axis; each pair is for the positive, then for the negative direction.
 
     `force` is in N (surge, sway, heave) or N m, `speed` in m/s or rad/s, both signed along the FRD body
     axes. Both forces are 0 where the thrusters cannot push along this axis without pushing elsewhere.
@@ -44,23 +44,25 @@ def terminal_speed(force: float, linear: float, quadratic: float) -> float:
     return speed if force > 0.0 else -speed
 
 
-def reaches(vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity: float = 9.80665) -> tuple[Reach, ...]:
-    """Return what `vehicle` can do along each of the six axes, one at a time, all of its thrusters within their limits.
+def axis_capabilities(
+    vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity: float = 9.80665
+) -> tuple[AxisCapability, ...]:
+    """Return the greatest force and speed of `vehicle` along each of the six axes, with thrusters within their limits.
 
-    `inverse` is how thrust is shared: n rows of 6, the thrusts (N) for 1 N or 1 N m along each axis, as
-    `hil.autonomy.control.allocation.pseudo_inverse` gives for the vehicle's wrench matrix. What the vehicle weighs in
-    water of `density` kg/m³ under `gravity` m/s² adds to the force down and reduces the force up; propellers lose
-    thrust with speed where their curve has a loss, and hull and fins have the drag of sim/vehicle/equipment.py. Left
-    out: damping that couples axes or decreases with the speed, lift of fins, and, for roll and pitch, the righting
-    moment of weight and buoyancy, which prevents most vehicles from turning over at all.
+    `inverse` is the thrust allocation: n rows of 6, the thrusts (N) for 1 N or 1 N m along each axis, as
+    `hil.autonomy.control.allocation.pseudo_inverse` returns for the vehicle's wrench matrix. The weight of the vehicle
+    in water of `density` kg/m³ under `gravity` m/s² adds to the force down and reduces the force up. Propellers lose
+    thrust with speed if their curve has a loss; hull and fins have the drag of sim/vehicle/equipment.py. Not
+    considered: damping that couples axes or decreases with the speed, lift of fins, and, for roll and pitch, the
+    righting moment of weight and buoyancy, which prevents most vehicles from turning over at all.
     """
     matrix = wrench_matrix(vehicle)
     linear, quadratic = square(vehicle.linear_damping, 6), square(vehicle.quadratic_damping, 6)
     sinks = (vehicle.mass - density * displaced_volume(vehicle, density)) * gravity
-    reached = []
+    capabilities = []
     for axis, name in enumerate(AXES):
         shares = [row[axis] for row in inverse]
-        ahead, astern = _most(vehicle, matrix, shares, axis)
+        ahead, astern = _max_forces(vehicle, matrix, shares, axis)
         own_weight = sinks if name == "heave" else 0.0
         drag = quadratic[axis][axis] + _equipment_drag(vehicle, density, axis)
         losses = [linear[axis][axis] + _loss(vehicle, matrix, shares, force, axis) for force in (ahead, astern)]
@@ -68,14 +70,14 @@ def reaches(vehicle: Vehicle, inverse: Matrix, density: float = 1000.0, gravity:
             terminal_speed(ahead + own_weight, losses[0], drag),
             terminal_speed(astern + own_weight, losses[1], drag),
         )
-        reached.append(Reach(name, (ahead, astern), speeds if ahead else (0.0, 0.0)))
-    return tuple(reached)
+        capabilities.append(AxisCapability(name, (ahead, astern), speeds if ahead else (0.0, 0.0)))
+    return tuple(capabilities)
 
 
-def _most(vehicle: Vehicle, matrix: Matrix, thrusts: list[float], axis: int) -> tuple[float, float]:
-    """Return the greatest force both ways, when `thrusts` (N) are what a unit force along `axis` takes."""
+def _max_forces(vehicle: Vehicle, matrix: Matrix, thrusts: list[float], axis: int) -> tuple[float, float]:
+    """Return the greatest forces in both directions; `thrusts` (N) are allocated for a unit force along `axis`."""
     made = [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in matrix]
-    if _astray(made, axis) > _MOST_ASTRAY:
+    if _coupling(made, axis) > _MAX_COUPLING:
         return 0.0, 0.0
     ahead = astern = inf
     for thruster, thrust in zip(vehicle.thrusters, thrusts, strict=True):
@@ -88,7 +90,7 @@ def _most(vehicle: Vehicle, matrix: Matrix, thrusts: list[float], axis: int) -> 
 
 
 def _loss(vehicle: Vehicle, matrix: Matrix, shares: list[float], force: float, axis: int) -> float:
-    """Return the force (N) that propellers lose along `axis` for each m/s, while they make `force` N there."""
+    """Return how much force along `axis` the propellers lose per m/s (N s/m) while they produce `force` N."""
     made = sum(a * f for a, f in zip(matrix[axis], shares, strict=True))
     lost = 0.0
     for thruster, share, along in zip(vehicle.thrusters, shares, matrix[axis], strict=True):
@@ -98,7 +100,7 @@ def _loss(vehicle: Vehicle, matrix: Matrix, shares: list[float], force: float, a
 
 
 def _equipment_drag(vehicle: Vehicle, density: float, axis: int) -> float:
-    """Return what equipment adds to the quadratic damping along surge, sway or heave, N s²/m²."""
+    """Return the quadratic damping (N s²/m²) that equipment adds in surge, sway or heave."""
     if axis == 0:
         damping = square(vehicle.forward_speed_damping or (0.0,) * 6, 6)[0][0]
         areas = sum(fin.area * fin.parasitic_drag for fin in vehicle.fins)
@@ -113,10 +115,10 @@ def _equipment_drag(vehicle: Vehicle, density: float, axis: int) -> float:
     return 0.5 * density * flow.drag[-1] * (flow.length or length) * side
 
 
-def _astray(made: list[float], axis: int) -> float:
-    """Return how far the wrench `made` is from a unit one along `axis`.
+def _coupling(made: list[float], axis: int) -> float:
+    """Return the greatest difference of the wrench `made` from a unit wrench along `axis`.
 
-    A roll or pitch moment that comes with another axis does not count: weight and buoyancy hold those.
+    A roll or pitch moment that comes with another axis does not count: weight and buoyancy balance it.
     """
     counts = [i for i in range(6) if i == axis or i not in (_ROLL, _PITCH)]
     return max(abs(made[i] - float(i == axis)) for i in counts)

@@ -35,19 +35,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Point", "Thruster", "Vehicle", "displaced_volume", "load_vehicle", "mass_matrix",
-    "rigid_mass_matrix", "validate_drop_weights", "with_equipment", "without",
+    "rigid_mass_matrix", "validate_drop_weights", "with_equipment", "without_weight",
 ]  # fmt: skip
 
 Size = Annotated[float, Range(0.01, 50.0, "m")]
 Share = Annotated[float, Range(0.0, 1.0)]
 
 MAX_CHANNELS = 16
-# The diagonals of matrices, which may also be given whole.
+# Size of each matrix. A file gives either its diagonal or all of its numbers.
 SIZES = {"inertia": 3, "added_mass": 6, "linear_damping": 6, "quadratic_damping": 6, "forward_speed_damping": 6}
 DAMPING = ("linear_damping", "quadratic_damping", "forward_speed_damping")
 TILT_NEVER = 3.2  # rad: more than a vehicle can tilt
 POINTS = ("dimensions", "center_of_gravity", "center_of_buoyancy", "munk_share")
-# The keys of a vehicle's file that sim/vehicle/equipment.py describes: most vehicles have none of them.
+# The keys of a vehicle's file for equipment (sim/vehicle/equipment.py). Most vehicles have none of them.
 EQUIPMENT = (
     "fins", "lift", "cross_flow", "forward_speed_damping", "fading_damping", "buoyancy_engine", "drop_weights",
 )  # fmt: skip
@@ -56,21 +56,22 @@ EQUIPMENT = (
 class Vehicle(NamedTuple):
     """One vehicle. `source` names where its numbers come from.
 
-    `volume` is the displaced volume in m³. With `neutrally_buoyant` it is adjusted until the vehicle weighs nothing in
-    the water of its world, as a crew does with ballast. `dimensions` are length, width and height.
+    `volume` is the displaced volume in m³. With `neutrally_buoyant` it is adjusted so that the vehicle weighs nothing
+    in the water of its world, as a crew does with ballast. `dimensions` are length, width and height.
     `inertia` is about the centre of gravity, kg m²: three diagonal numbers, or all nine row after row.
     `added_mass` (kg, kg m, kg m²), `linear_damping` (N s/m ...) and `quadratic_damping` (N s²/m² ...):
     six diagonal numbers for surge, sway, heave, roll, pitch, yaw, or all 36 row after row.
-    `munk_share` is the share of the Munk moment that is left about roll, pitch and yaw (sim/dynamics.py): 1 in ideal
-    fluid, 0 for an open frame, on which the flow separates everywhere.
-    `attitude_limit_speed` is the highest surge up to which the model holds its attitude under its own controller;
-    beyond it a scenario is warned of. Left out where it is level up to its top speed.
+    `munk_share` is the share of the Munk moment that remains about roll, pitch and yaw (sim/dynamics.py): 1 in ideal
+    fluid, 0 for an open frame, where the flow separates everywhere.
+    `attitude_limit_speed` is the highest surge at which the vehicle's controller keeps its attitude; a scenario that
+    commands more causes a warning. Leave it out for a vehicle that stays level up to its top speed.
     `battery` supplies those thrusters whose curve has a current (sim/vehicle/battery.py); without a battery the supply
     voltage is constant.
     `meshes` are used in pictures only (sim/vehicle/meshes.py). `collision` is the shape for contacts, with friction and
     restitution (sim/vehicle/collision_shape.py); the shape follows from `dimensions` if left out.
-    Tilted from the vertical by more than `capsize_tilt` (rad, pi: never) it counts as capsized.
-    `fins` and all below are described in sim/vehicle/equipment.py; mass, volume and inertia include the `drop_weights`.
+    The vehicle counts as capsized if it is tilted from the vertical by more than `capsize_tilt` (rad, pi: never).
+    `fins` and the keys of equipment are described in sim/vehicle/equipment.py; mass, volume and inertia include the
+    `drop_weights`.
     """
 
     name: str
@@ -102,27 +103,27 @@ class Vehicle(NamedTuple):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the STM32's outputs in order: thrusters, then fins, buoyancy engine, drop weights."""
+        """Names of the STM32's outputs, in order: thrusters, then fins, buoyancy engine, drop weights."""
         engine = ("buoyancy engine",) if self.buoyancy_engine else ()
         thrusters, fins = [t.name for t in self.thrusters], [fin.name for fin in self.fins]
         return (*thrusters, *fins, *engine, *(weight.name for weight in self.drop_weights))
 
     @property
-    def equipped(self) -> bool:
-        """True if it has anything of sim/vehicle/equipment.py."""
+    def has_equipment(self) -> bool:
+        """True if it has any equipment of sim/vehicle/equipment.py."""
         return any(getattr(self, key) for key in EQUIPMENT)
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return self._validate_numbers() or self._validate_masses() or self._validate_damping() or self._validate_pwm()
 
     def _validate_numbers(self) -> str | None:
         for key in ("mass", "volume", *POINTS, *SIZES):
             value = getattr(self, key)
             numbers = value if isinstance(value, tuple) else (value,)
-            odd = next((x for x in numbers if not isfinite(x)), None)
-            if odd is not None:
-                return f"{key}: {odd:g} is not finite: write a finite number"
+            bad = next((x for x in numbers if not isfinite(x)), None)
+            if bad is not None:
+                return f"{key}: {bad:g} is not finite: write a finite number"
         if min(self.mass, self.volume, *self.dimensions) <= 0.0:
             return "mass, volume and dimensions must be above 0"
         if not all(0.0 <= share <= 1.0 for share in self.munk_share):
@@ -136,7 +137,7 @@ class Vehicle(NamedTuple):
         return None
 
     def _validate_damping(self) -> str | None:
-        """Return which damping adds energy, or None. Quadratic damping is only checked on its diagonal."""
+        """Return an error for damping that adds energy, or None. Of quadratic damping only the diagonal is checked."""
         for key in DAMPING:
             matrix = square(getattr(self, key) or (0.0,) * 6, 6)
             if any(matrix[i][i] < 0.0 for i in range(6)):
@@ -169,16 +170,16 @@ class Vehicle(NamedTuple):
         if len(names) > MAX_CHANNELS:
             return f"an STM32 has {MAX_CHANNELS} outputs, found {len(names)} to drive: {', '.join(names)}"
         if len(set(names)) < len(names):
-            what = "channels" if self.equipped else "thrusters"
-            return f"two {what} have the same name: {', '.join(names)}"
+            outputs = "channels" if self.has_equipment else "thrusters"
+            return f"two {outputs} have the same name: {', '.join(names)}"
         return None
 
 
 def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
-    """Return a preset of `sim/vehicles`, or a file ending in `.toml`: the vehicle, and its `[control]` table.
+    """Return the vehicle of a preset of `sim/vehicles` or of a `.toml` file, and its `[control]` table.
 
-    The table belongs to the controller; it is returned unchanged, {} if absent. Keys that all thrusters share may be
-    given once, in `[every_thruster]`, and those of fins in `[every_fin]`. Raises ConfigError.
+    The table is for the controller; it is returned unchanged, {} if absent. Keys that all thrusters share may be given
+    once, in `[every_thruster]`, and those of fins in `[every_fin]`. Raises ConfigError.
     """
     path = find_preset("sim/vehicles", name_or_path)
     table = read_table(path)
@@ -190,9 +191,8 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     models: list[dict[str, Any]] = [{key: row.pop(key) for key in ("curve", "dynamics") if key in row} for row in rows]
     vehicle = parse(table, Vehicle, path)
     if any(models):
-        from sim.vehicle.thrusters.tables import (
-            with_models,  # imported here, as the imports below: most vehicles have none
-        )
+        # This import and those below are local, because most vehicles do not need them.
+        from sim.vehicle.thrusters.tables import with_models
 
         named = zip(vehicle.thrusters, models, strict=True)
         vehicle = vehicle._replace(thrusters=tuple([with_models(t, m, f"{path}: {t.name}") for t, m in named]))
@@ -233,7 +233,7 @@ def _with_battery(vehicle: Vehicle, table: Any, path: str) -> Vehicle:
 
 
 def _read_meshes(rows: Any, path: str) -> "tuple[Mesh, ...]":
-    """Return the meshes of the file at `path`, their paths complete."""
+    """Return the meshes of the file at `path`; their paths are relative to it and are made complete."""
     import os
 
     from sim.vehicle.meshes import Mesh
@@ -254,7 +254,7 @@ def _read_collision(table: Any, path: str) -> "Collision":
 
 
 def _with_common(table: dict[str, Any], key: str, every: str) -> list[dict[str, Any]]:
-    """Return the tables under `key`, each with what all have in common, under `every`; put back into `table`."""
+    """Return the tables under `key`, each with the keys of the table `every` added; also store them in `table`."""
     common, rows = table.pop(every, {}), table.get(key)
     if not (isinstance(rows, list) and isinstance(common, dict) and all(isinstance(row, dict) for row in rows)):
         return []  # `parse` raises the error
@@ -278,49 +278,50 @@ def mass_matrix(vehicle: Vehicle) -> Matrix:
 
 
 def displaced_volume(vehicle: Vehicle, density: float) -> float:
-    """Return the volume in m³ of the water it displaces; `density` in kg/m³ matters if the vehicle is trimmed."""
+    """Return the displaced volume in m³; `density` (kg/m³) is used only for a neutrally buoyant vehicle."""
     return vehicle.mass / density if vehicle.neutrally_buoyant else vehicle.volume
 
 
-def without(vehicle: Vehicle, weight: "DropWeight", density: float) -> Vehicle:
+def without_weight(vehicle: Vehicle, weight: "DropWeight", density: float) -> Vehicle:
     """Return `vehicle` after it has dropped `weight`, a point mass, in water of `density` kg/m³.
 
     Mass, volume, both centres and the inertia about the new centre of gravity change; the added mass does not. A
-    neutrally buoyant vehicle is neutrally buoyant no longer.
+    vehicle that was neutrally buoyant no longer is.
     """
     volume = displaced_volume(vehicle, density)
-    mass, left = vehicle.mass - weight.mass, volume - weight.volume
-    centre = _lighter(vehicle.center_of_gravity, vehicle.mass, weight.position, weight.mass)
+    mass, new_volume = vehicle.mass - weight.mass, volume - weight.volume
+    centre = _centre_without(vehicle.center_of_gravity, vehicle.mass, weight.position, weight.mass)
     about_origin = total(square(vehicle.inertia, 3), _steiner(vehicle.center_of_gravity, vehicle.mass))
     about_origin = total(about_origin, _steiner(weight.position, weight.mass), -1.0)
     inertia = total(about_origin, _steiner(centre, mass), -1.0)
     return vehicle._replace(
         mass=mass,
-        volume=left,
+        volume=new_volume,
         neutrally_buoyant=False,
         center_of_gravity=centre,
-        center_of_buoyancy=_lighter(vehicle.center_of_buoyancy, volume, weight.position, weight.volume),
+        center_of_buoyancy=_centre_without(vehicle.center_of_buoyancy, volume, weight.position, weight.volume),
         inertia=tuple([x for row in inertia for x in row]),
     )
 
 
 def validate_drop_weights(vehicle: Vehicle) -> str | None:
-    """Return what is wrong with `vehicle` after it dropped its weights, or None."""
+    """Return what would be wrong with `vehicle` after it has dropped its weights, or None."""
     for weight in vehicle.drop_weights:
         if weight.mass >= vehicle.mass or weight.volume >= vehicle.volume:
             return f"drop weight {weight.name!r} is more than the vehicle, which it is a part of"
-        vehicle = without(vehicle, weight, 1000.0)
+        vehicle = without_weight(vehicle, weight, 1000.0)
         if not is_positive_definite(square(vehicle.inertia, 3)):
             return f"drop weight {weight.name!r} leaves an inertia that is not positive definite"
     return None
 
 
-def _lighter(centre: Sequence[float], whole: float, place: Sequence[float], part: float) -> Point:
-    x, y, z = [(whole * a - part * b) / (whole - part) for a, b in zip(centre, place, strict=True)]
+def _centre_without(centre: Sequence[float], whole: float, position: Sequence[float], part: float) -> Point:
+    """Return the centre of a body of size `whole` after a point of size `part` at `position` was removed."""
+    x, y, z = [(whole * a - part * b) / (whole - part) for a, b in zip(centre, position, strict=True)]
     return x, y, z
 
 
-def _steiner(place: Sequence[float], mass: float) -> Matrix:
-    """Return the inertia (kg m²) about the origin of a point mass (kg) at `place` (m)."""
-    lever = cross_matrix(place)
+def _steiner(position: Sequence[float], mass: float) -> Matrix:
+    """Return the inertia (kg m²) about the origin of a point mass (kg) at `position` (m)."""
+    lever = cross_matrix(position)
     return [[-mass * x for x in row] for row in product(lever, lever)]

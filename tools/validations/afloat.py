@@ -85,7 +85,7 @@ def _lift(axes: Axes) -> list[Finding]:
         (floats.LEVEL, "ours, level", SHADES[0]),
         (matrix(from_euler(0.7, -0.4, 0.2)), "ours, heeled 40°", SHADES[2]),
     ):
-        shares = [hull.lift(depth, attitude)[0] / hull.full for depth in depths]
+        shares = [hull.buoyancy(depth, attitude)[0] / hull.full for depth in depths]
         ours(axes, depths, shares, name, color)
         jumps.append(floats.largest_jump(shares))
     axes.set_xlim(-0.25, 0.25)

@@ -32,7 +32,7 @@ def apart(row: Row, like_them: bool) -> float:
     current = pick(row, "vcN vcE vcD")
     dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, forces=[LeftOut(current)] if like_them else [])
     rotation, nu = rotations.matrix(from_euler(*pick(row, "phi theta psi"))), pick(row, "u v w p q r")
-    wrench = dynamics.push((0.0, 0.0, DEEP), rotation, nu, pick(row, "tauX tauY tauZ tauK tauM tauN"), current)
+    wrench = dynamics.add_forces((0.0, 0.0, DEEP), rotation, nu, pick(row, "tauX tauY tauZ tauK tauM tauN"), current)
     return difference(dynamics.acceleration(DEEP, rotation, nu, wrench, current), pick(row, "du dv dw dp dq dr"))
 
 

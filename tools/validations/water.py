@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from sim.dynamics import Dynamics, Integrator, State
-from sim.environment.currents import TIDAL_SPEEDS, Wandering, tidal
+from sim.environment.currents import TIDAL_SPEEDS, GaussMarkovCurrent, tidal
 from sim.environment.ocean import Tide
 from sim.environment.waves import WaveField, components, spectral_density, wave_number
 from sim.rotations import from_euler, rotate, rotate_inverse
@@ -69,7 +69,7 @@ def _sizes(axes: Axes) -> list[Finding]:
 
 
 def _path(dt: float, seconds: float) -> list[float]:
-    return flows.sampled(Wandering(flows.MODEL, 3), round(1e9 * dt), seconds)
+    return flows.sampled(GaussMarkovCurrent(flows.MODEL, 3), round(1e9 * dt), seconds)
 
 
 def _means(axes: Axes) -> list[Finding]:

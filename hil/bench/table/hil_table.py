@@ -248,7 +248,7 @@ def plain_outcome(outcome: Outcome) -> dict[str, Any]:
             "what": e.what,
             "start_s": e.start_ns / 1e9,
             "duration_s": e.duration_ns / 1e9,
-            "place": e.place,
+            "place": e.position,
         }
         for e in outcome.events
     ]

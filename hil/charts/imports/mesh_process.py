@@ -14,7 +14,7 @@ from hil.common.children import limit_self
 from hil.common.lifeline import die_with_parent
 from hil.common.tables import check_file
 from sim.environment.mesh import MOST_TRIANGLES
-from sim.vehicle.mesh_files import MOST_BYTES, load_mesh
+from sim.vehicle.mesh_files import MAX_BYTES, load_mesh
 
 MEMORY_BYTES = 3 << 30  # of address space
 CPU_SECONDS = 120
@@ -74,7 +74,7 @@ def _heightmap(file: str, sizes: list[float], output: str) -> dict[str, Any]:
     import numpy as np
     from PIL import Image
 
-    check_file(file, MOST_BYTES)
+    check_file(file, MAX_BYTES)
     with Image.open(file) as picture:
         if picture.format not in ("PNG", "JPEG"):
             return {"error": f"a heightmap of format {picture.format}: build a world of it by `uuv-hil world build`"}

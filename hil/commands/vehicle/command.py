@@ -10,7 +10,7 @@ from hil.common.options import Number, add_json, add_output, add_plot, new_parse
 from hil.common.schema import preset_names
 from hil.common.text import json_text
 from sim.matrices import Matrix, square
-from sim.vehicle.terminal_speed import AXES, Reach, reaches
+from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, displaced_volume, load_vehicle
 
@@ -85,11 +85,11 @@ def listing() -> str:
     rows: list[tuple[str, ...]] = [("preset", "mass", "thrusters", "surge", "level up to", "cannot drive")]
     for name in preset_names("sim/vehicles"):
         vehicle, _ = load_vehicle(name)
-        reaches = top(vehicle)
+        capabilities = top(vehicle)
         rows.append((
-            name, f"{vehicle.mass:.4g} kg", _drives(vehicle), f"{reaches[0].speed[0]:.2f} m/s",
+            name, f"{vehicle.mass:.4g} kg", _drives(vehicle), f"{capabilities[0].speed[0]:.2f} m/s",
             f"{vehicle.attitude_limit_speed:g} m/s" if vehicle.attitude_limit_speed else "-",
-            ", ".join(reach.axis for reach in reaches if not reach.driven) or "-",
+            ", ".join(capability.axis for capability in capabilities if not capability.driven) or "-",
         ))  # fmt: skip
     return _columns(rows)
 
@@ -103,8 +103,8 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
     """Return a description of `vehicle` in water of `density` kg/m³, as text for a terminal."""
     matrix = wrench_matrix(vehicle)
     _, rank = pseudo_inverse(matrix)
-    reaches = top(vehicle, density)
-    idle = [reach.axis for reach in reaches if not reach.driven]
+    capabilities = top(vehicle, density)
+    idle = [capability.axis for capability in capabilities if not capability.driven]
     names = [thruster.name for thruster in vehicle.thrusters]
     equipment = [f"{title}\n{_columns(rows)}" for title, rows in _equipment(vehicle)]
     parts = [
@@ -120,7 +120,7 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
         + _columns([("", *names), *_number_rows(list("XYZKMN"), matrix)]),
         paragraph("one axis at a time, thrusters within their limits (roll and pitch: against damping alone)")
         + "\n"
-        + _columns(_reach_rows(reaches)),
+        + _columns(_capability_rows(capabilities)),
     ]
     return "\n\n".join(parts)
 
@@ -128,7 +128,7 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
 def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
     """Return the description as plain values: the vehicle's keys, and the figures computed from them."""
     matrix = wrench_matrix(vehicle)
-    reaches = top(vehicle, density)
+    capabilities = top(vehicle, density)
     return {
         **vehicle._asdict(),
         **{key: [row._asdict() for row in getattr(vehicle, key)] for key in ("thrusters", "fins", "drop_weights")},
@@ -137,17 +137,20 @@ def to_json(vehicle: Vehicle, density: float = 1000.0) -> dict[str, Any]:
         "net_weight": net_weight(vehicle, density),
         "wrench_matrix": matrix,
         "rank": pseudo_inverse(matrix)[1],
-        "reach": {reach.axis: {"force": reach.force, "speed": _finite(reach.speed)} for reach in reaches},
-        "not_driven": [reach.axis for reach in reaches if not reach.driven],
+        "reach": {
+            capability.axis: {"force": capability.force, "speed": _finite(capability.speed)}
+            for capability in capabilities
+        },
+        "not_driven": [capability.axis for capability in capabilities if not capability.driven],
     }
 
 
-def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[Reach, ...]:
+def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[AxisCapability, ...]:
     """Return the largest forces and speeds of `vehicle` along each axis in water of `density` kg/m³.
 
     Its thrust is allocated as the slave allocates it.
     """
-    return reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
+    return axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
 
 
 def net_weight(vehicle: Vehicle, density: float) -> float:
@@ -199,7 +202,7 @@ def _drives(vehicle: Vehicle) -> str:
 
 
 def _equipment(vehicle: Vehicle) -> list[tuple[str, list[tuple[str, ...]]]]:
-    if not vehicle.equipped:
+    if not vehicle.has_equipment:
         return []
     from hil.commands.vehicle.equipment import tables
 
@@ -210,15 +213,17 @@ def _plain(record: Any) -> dict[str, Any] | None:
     return record._asdict() if record else None
 
 
-def _reach_rows(reaches: tuple[Reach, ...]) -> list[tuple[str, ...]]:
+def _capability_rows(capabilities: tuple[AxisCapability, ...]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("axis", "force +", "force -", "speed +", "speed -")]
-    for reach in reaches:
-        if not reach.driven:
-            rows.append((reach.axis, "-", "-", "-", "-"))
+    for capability in capabilities:
+        if not capability.driven:
+            rows.append((capability.axis, "-", "-", "-", "-"))
             continue
-        force, speed = ("N m", "rad/s") if reach.axis in AXES[3:] else ("N", "m/s")
+        force, speed = ("N m", "rad/s") if capability.axis in AXES[3:] else ("N", "m/s")
         rows.append((
-            reach.axis, *(f"{x:.1f} {force}" for x in reach.force), *(f"{x:.3f} {speed}" for x in reach.speed)
+            capability.axis,
+            *(f"{x:.1f} {force}" for x in capability.force),
+            *(f"{x:.3f} {speed}" for x in capability.speed),
         ))  # fmt: skip
     return rows
 

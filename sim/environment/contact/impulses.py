@@ -1,12 +1,12 @@
 """Solve the impulses of a collision, with Coulomb friction and restitution.
 
-Each contact is a point of the hull with a normal, and has two impulses: one along the normal that only pushes, and one
-against the sliding, at most `friction` times the other. They are solved one after the other, repeatedly (projected
-Gauss-Seidel; Catto 2005, "Iterative dynamics with temporal coherence"), with the whole 6x6 mass matrix. So a contact at
-the nose turns the vehicle, and the added mass takes part in the collision.
+Each contact is a point of the hull with a normal, and has two impulses: one along the normal that can only push, and
+one against the sliding, at most `friction` times the first. They are solved one after the other, repeatedly (projected
+Gauss-Seidel; Catto 2005, "Iterative dynamics with temporal coherence"), with the full 6x6 mass matrix. So a contact at
+the nose turns the vehicle, and the collision includes the added mass.
 
-Energy. The work of the impulses is sum(impulse * (speed before + speed after) / 2) over their points, without the mass
-matrix. Newton's restitution can add energy where there is friction (Kane & Levinson 1985). A collision that would add
+Energy. The work of the impulses is sum(impulse * (speed before + speed after) / 2) over their points; this needs no
+mass matrix. Newton's restitution can add energy if there is friction (Kane & Levinson 1985). A collision that would add
 energy is solved again without restitution and friction, which leaves the least energy.
 
 This is the specification; sim/native/impulses.h is its C twin, equal to the last bit.
@@ -19,11 +19,11 @@ from typing import NamedTuple
 from hil.common.vectors import Vector3
 from sim.matrices import Matrix
 
-SKIN = 1e-4  # m: in a contact, points so near count as contacts too, or the hull would rock from step to step
-_ROUNDS = 30
-_ENOUGH = 1e-4  # of the greatest closing speed: an iteration that changes less is the last
-_LEAST = 1e-12  # m/s
-_QUIET = 0.03  # m/s: a slower contact has no restitution, so that a vehicle comes to rest
+SKIN = 1e-4  # m: in a collision, points this near count as contacts, too; else the hull would rock from step to step
+_MAX_ROUNDS = 30
+_TOLERANCE = 1e-4  # of the greatest closing speed: an iteration that changes less is the last
+_MIN_SPEED = 1e-12  # m/s: slower sliding has no direction
+_REST_SPEED = 0.03  # m/s: a slower contact has no restitution, so that a vehicle comes to rest
 
 Six = Sequence[float]
 ApplyImpulses = Callable[["Sequence[Touch]", Matrix, Six, float, float], tuple[list[float], list[float]]]
@@ -43,18 +43,22 @@ class Touch(NamedTuple):
 
 
 class _Row:
-    """One impulse, along a unit vector at a point of the hull. `answer` is the change of nu by an impulse of 1 N s."""
+    """One impulse, along a unit vector at a point of the hull. `response` is the change of nu by an impulse of 1 N s.
 
-    __slots__ = ("answer", "before", "impulse", "inertia", "row", "target")
+    `row` converts nu to the speed of the point along the vector, `before` is that speed before the collision, `inertia`
+    the apparent mass (kg), `target` the requested speed after the collision.
+    """
+
+    __slots__ = ("before", "impulse", "inertia", "response", "row", "target")
 
     def __init__(self, direction: Vector3, lever: Vector3, inverse_mass: Matrix, nu: Six) -> None:
         a, b, c = direction
         x, y, z = lever
-        self.row = d = (a, b, c, y * c - z * b, z * a - x * c, x * b - y * a)  # of the 6 numbers of nu
-        self.answer = [
+        self.row = d = (a, b, c, y * c - z * b, z * a - x * c, x * b - y * a)
+        self.response = [
             m[0] * d[0] + m[1] * d[1] + m[2] * d[2] + m[3] * d[3] + m[4] * d[4] + m[5] * d[5] for m in inverse_mass
         ]
-        self.inertia = 1.0 / self.speed(self.answer)
+        self.inertia = 1.0 / self.speed(self.response)
         self.before = self.speed(nu)
         self.target = self.impulse = 0.0
 
@@ -74,7 +78,7 @@ def apply_impulses(
     if friction > 0.0:
         slides = [_sliding(touch, row, inverse_mass, nu) for touch, row in zip(touches, normals, strict=True)]
     for row in normals:
-        row.target = -restitution * row.before if row.before < -_QUIET else 0.0
+        row.target = -restitution * row.before if row.before < -_REST_SPEED else 0.0
     after = _solve(normals, slides, nu, friction)
     rows = normals + [slide for slide in slides if slide is not None]
     energy = 0.0
@@ -109,34 +113,34 @@ def _sliding(touch: Touch, normal: _Row, inverse_mass: Matrix, nu: Six) -> _Row 
     v = v + r * x - p * z - closing * b
     w = w + p * y - q * x - closing * c
     speed = sqrt(u * u + v * v + w * w)
-    return _Row((u / speed, v / speed, w / speed), touch.lever, inverse_mass, nu) if speed > _LEAST else None
+    return _Row((u / speed, v / speed, w / speed), touch.lever, inverse_mass, nu) if speed > _MIN_SPEED else None
 
 
 def _solve(normals: Sequence[_Row], slides: Sequence[_Row | None], nu: Six, friction: float) -> list[float]:
-    """Set the impulses; return the nu after them.
+    """Compute the impulses of all rows; return the nu after them.
 
-    Each point then leaves at its target speed or faster, and does not slide where friction can hold it.
+    Each point then separates at its target speed or faster, and does not slide if friction is sufficient.
     """
     nu = list(nu)
     closing = max([row.target - row.before for row in normals])
-    for _ in range(_ROUNDS):
-        most = 0.0
+    for _ in range(_MAX_ROUNDS):
+        largest = 0.0
         for row, slide in zip(normals, slides, strict=True):
             change = (row.target - row.speed(nu)) * row.inertia
             if change < -row.impulse:
                 change = -row.impulse
             if change:
-                most = max(most, abs(change) / row.inertia)
+                largest = max(largest, abs(change) / row.inertia)
                 row.impulse += change
-                nu = [v + change * a for v, a in zip(nu, row.answer, strict=True)]
+                nu = [v + change * a for v, a in zip(nu, row.response, strict=True)]
             if slide is not None:
                 limit = friction * row.impulse
-                wanted = slide.impulse - slide.speed(nu) * slide.inertia
-                wanted = -limit if wanted < -limit else min(wanted, limit)
-                change = wanted - slide.impulse
+                target = slide.impulse - slide.speed(nu) * slide.inertia
+                target = -limit if target < -limit else min(target, limit)
+                change = target - slide.impulse
                 if change:
-                    slide.impulse = wanted
-                    nu = [v + change * a for v, a in zip(nu, slide.answer, strict=True)]
-        if most <= _ENOUGH * closing or most < _LEAST:
+                    slide.impulse = target
+                    nu = [v + change * a for v, a in zip(nu, slide.response, strict=True)]
+        if largest <= _TOLERANCE * closing or largest < _MIN_SPEED:
             break
     return nu

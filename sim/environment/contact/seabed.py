@@ -1,4 +1,4 @@
-"""Contact of a hull with a seabed that has relief: find the places of the hull in the seabed, and how deep they are."""
+"""Find contacts of a hull with a seabed that has relief: which points are in the seabed, and how deep."""
 
 from collections.abc import Sequence
 from math import ceil, inf
@@ -12,21 +12,21 @@ from sim.vehicle.collision_shape import HullShape
 if TYPE_CHECKING:
     from sim.environment.terrain import Terrain
 
-_ROAM = 2.0  # m: half side of the square of which the shallowest seabed is stored
-_PER_CELL = 2  # places along a rod for each cell of the grid
-_MOST_PLACES = 8  # along a rod
-_ASIDE = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
+_CACHE_RADIUS = 2.0  # m of motion until the shallowest depth around the vehicle is computed again
+_SPHERES_PER_CELL = 2  # along a rod, for each cell of the grid
+_MAX_SPHERES = 8  # along a rod
+_SURFACE_DIRECTIONS = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
 
 
-class Places(NamedTuple):
-    """Places of a hull, from its origin (m, NED): spheres with their radius, and points of its surface."""
+class HullPoints(NamedTuple):
+    """Points of a hull relative to its origin (m, NED): spheres x, y, z, radius, and points of their surfaces."""
 
     spheres: list[tuple[float, float, float, float]]
-    points: list[Vector3]
+    surface: list[Vector3]
 
 
 class SeabedContact:
-    """The hull `shape` over `terrain`. The ends of its rods are checked, and places between them."""
+    """The contact of the hull `shape` with `terrain`. Checked are the ends of its rods, and points between them."""
 
     def __init__(self, terrain: "Terrain", shape: HullShape) -> None:
         self._terrain = terrain
@@ -35,21 +35,21 @@ class SeabedContact:
         for i, j in shape.rods:
             start, end = shape.points[i], shape.points[j]
             length = max(abs(a - b) for a, b in zip(start, end, strict=True))
-            count = min(_MOST_PLACES, ceil(_PER_CELL * length * terrain.scale))
+            count = min(_MAX_SPHERES, ceil(_SPHERES_PER_CELL * length * terrain.scale))
             for k in range(1, count):
                 share = k / count
                 x, y, z, radius = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
                 self._spheres.append((x, y, z, radius))
-        # Within _ROAM m of this place the seabed is nowhere as shallow as this depth.
+        # Within _CACHE_RADIUS m of this position the seabed is deeper than this depth.
         self._north, self._east, self._shallowest = inf, inf, 0.0
 
     def is_far(self, position: Sequence[float]) -> bool:
         """Return True if the seabed around is deeper than the hull can reach at any attitude: the quickest check."""
         north, east, down = position
         away_north, away_east = north - self._north, east - self._east
-        if away_north * away_north + away_east * away_east > _ROAM * _ROAM:
+        if away_north * away_north + away_east * away_east > _CACHE_RADIUS * _CACHE_RADIUS:
             self._north, self._east = north, east
-            self._shallowest = self._terrain.shallowest(north, east, self._reach + _ROAM)
+            self._shallowest = self._terrain.shallowest(north, east, self._reach + _CACHE_RADIUS)
         return down + self._reach < self._shallowest
 
     def is_clear(self, position: Sequence[float], lowest: float) -> bool:
@@ -58,47 +58,52 @@ class SeabedContact:
             return True
         return lowest <= self._terrain.shallowest(position[0], position[1], self._reach)
 
-    def places(self, rotation: Rotation) -> Places:
-        """Return the hull's places at that attitude (body to world)."""
+    def points(self, rotation: Rotation) -> HullPoints:
+        """Return the hull's points at that attitude (body to world)."""
         xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
-        spheres, points = [], []
+        spheres, surface = [], []
         for x, y, z, radius in self._spheres:
             north, east, down = xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z
             spheres.append((north, east, down, radius))
             if radius:
-                points += [(north + a * radius, east + b * radius, down + c * radius) for a, b, c in _ASIDE]
+                surface += [
+                    (north + a * radius, east + b * radius, down + c * radius) for a, b, c in _SURFACE_DIRECTIONS
+                ]
             else:
-                points.append((north, east, down))
-        return Places(spheres, points)
+                surface.append((north, east, down))
+        return HullPoints(spheres, surface)
 
-    def touches(self, position: Sequence[float], places: Places, most: float) -> list[tuple[float, Vector3, Vector3]]:
-        """Return the places in the seabed: the penetration (m, along the normal), the seabed's normal, and the place.
+    def touches(
+        self, position: Sequence[float], points: HullPoints, max_depth: float
+    ) -> list[tuple[float, Vector3, Vector3]]:
+        """Return the contacts: the penetration (m, along the normal), the seabed's normal, and the point (NED, m).
 
-        A place that is deeper than `most` m in it is in a step of the seabed, and is left out.
+        A point that is deeper than `max_depth` m in the seabed is at a step of the seabed, and is left out.
         """
         north, east, down = position
         found: list[tuple[float, Vector3, Vector3]] = []
-        for x, y, z, radius in places.spheres:
-            sunk = down + z - self._terrain.depth(north + x, east + y)
+        for x, y, z, radius in points.spheres:
+            below = down + z - self._terrain.depth(north + x, east + y)
             nx, ny, nz = normal = self._terrain.normal(north + x, east + y)
-            depth = radius - sunk * nz  # the normal points up
-            if -SKIN < depth <= most:
+            depth = radius - below * nz  # the normal points up
+            if -SKIN < depth <= max_depth:
                 found.append((depth, normal, (x - radius * nx, y - radius * ny, z - radius * nz)))
         return found
 
-    def step_at(self, position: Sequence[float], places: Places, most: float) -> Vector3 | None:
-        """Return a place that is in the seabed by more than `most` m; None if there is none."""
-        for place in places.points:
-            sunk = self._sunk(position, place)
-            if sunk > most:
-                north, east = position[0] + place[0], position[1] + place[1]
-                if -sunk * self._terrain.normal(north, east)[2] > most:
-                    return place
+    def step_at(self, position: Sequence[float], points: HullPoints, max_depth: float) -> Vector3 | None:
+        """Return a surface point that is in the seabed by more than `max_depth` m; None if there is none."""
+        for point in points.surface:
+            below = self._depth_below(position, point)
+            if below > max_depth:
+                north, east = position[0] + point[0], position[1] + point[1]
+                if -below * self._terrain.normal(north, east)[2] > max_depth:
+                    return point
         return None
 
-    def sunk(self, position: Sequence[float], places: Places) -> float:
+    def max_penetration(self, position: Sequence[float], points: HullPoints) -> float:
         """Return how far up (m) the hull would have to move to be above the seabed; negative if it is above."""
-        return max(self._sunk(position, place) for place in places.points)
+        return max(self._depth_below(position, point) for point in points.surface)
 
-    def _sunk(self, position: Sequence[float], place: Vector3) -> float:
-        return position[2] + place[2] - self._terrain.depth(position[0] + place[0], position[1] + place[1])
+    def _depth_below(self, position: Sequence[float], point: Vector3) -> float:
+        """Return how far (m) a point is below the seabed, measured vertically."""
+        return position[2] + point[2] - self._terrain.depth(position[0] + point[0], position[1] + point[1])

@@ -42,7 +42,7 @@ class Pipeline(NamedTuple):
     name: str = ""
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return None if len(self.points) > 1 else "points: give two or more"
 
     @property

@@ -126,7 +126,7 @@ class Chain(NamedTuple):
         return [Part(made.links(line, self.bar), RUST, 6.0)]
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         count = max(self.length, hypot(self.span, self.drop)) / (4.0 * self.bar)
         return f"{count:.0f} links are more than {_MOST_LINKS}: take a thicker bar" if count > _MOST_LINKS else None
 
@@ -154,7 +154,7 @@ class NetPanel(NamedTuple):
         ]
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return None if self.twine < self.mesh else "twine is not thinner than mesh"
 
 
@@ -183,7 +183,7 @@ class NetPen(NamedTuple):
         return [Part(net, TWINE, 0.0, (self.mesh, self.twine)), Part(tubes, BLACK)]
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return None if self.twine < self.mesh else "twine is not thinner than mesh"
 
 

@@ -29,7 +29,7 @@ class Zone(NamedTuple):
     rule: str = ""
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return None if len(self.outline) > 2 else "outline: give three corners or more"
 
     @property

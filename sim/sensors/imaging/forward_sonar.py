@@ -80,7 +80,7 @@ class ForwardSonarModel(NamedTuple):
     ground_truth: bool = False
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return "min_range is not below max_range" if self.min_range >= self.max_range else None
 
 

@@ -85,7 +85,7 @@ class ScanningSonarModel(NamedTuple):
         return self.bins > 0
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if max(self.min_range, self.ringing) >= self.max_range:
             return "min_range or ringing is not below max_range"
         if self.bins and not (self.beam_width and self.beam_height):

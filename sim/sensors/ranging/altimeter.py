@@ -28,7 +28,7 @@ class AltimeterModel(NamedTuple):
     error: ErrorModel = ErrorModel(noise=0.005, scale=0.005)
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return "min_range is not below max_range" if self.min_range >= self.max_range else None
 
 

@@ -30,7 +30,7 @@ class DvlWaterModel(NamedTuple):
     velocity: ErrorModel = ErrorModel(noise=0.0035)
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return "near is not below far" if self.near >= self.far else None
 
 

@@ -44,7 +44,7 @@ class ProfilerModel(NamedTuple):
     ground_truth: bool = False
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         return validate_fan(self.min_range, self.max_range, self.angle_min, self.angle_max)
 
 

@@ -1,5 +1,5 @@
-"""From pulse widths to the wrench of all thrusters: `model` is the record of one, `bank` the thrusters of a vehicle.
+"""Thrusters: from pulse widths to the wrench on the vehicle. `model` is one thruster, `bank` those of a vehicle.
 
-`curves`, `lags` and `t200` are models that a vehicle's file selects (`tables` reads them), `propulsion` the thrusters
-that have such models or a battery. None of these is loaded for a vehicle that does without.
+`curves`, `lags` and `t200` are models that a vehicle's file selects (read by `tables`). `propulsion` are thrusters with
+such models or with a battery. These modules are loaded only for a vehicle that needs them.
 """

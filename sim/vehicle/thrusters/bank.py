@@ -1,4 +1,4 @@
-"""From pulse widths to thrust, and from the thrust of all thrusters to one wrench on the vehicle."""
+"""The thrusters of a vehicle: from pulse widths to thrusts, and from thrusts to one wrench on the vehicle."""
 
 from collections.abc import Callable, Iterable, Sequence
 from math import exp, nan, sqrt
@@ -17,11 +17,11 @@ AT_REST = (0.0,) * 6
 
 
 def steady_thrust(thruster: Thruster, pwm_us: int) -> float:
-    """Return the thrust in N that a pulse of `pwm_us` microseconds settles at; negative is reverse.
+    """Return the steady thrust in N at a pulse of `pwm_us` microseconds; negative is reverse.
 
-    Without a curve of its own: beyond the dead band the deflection x runs from 0 to 1 at the end of the pulse
-    range, and thrust is (k x + (1 - k) x²) of the maximum, k = `linear_share`. Pulses beyond the range count as
-    its end; outside 800..2200 us there is no thrust.
+    For a thruster without a `curve`: the deflection x is 0 at the edge of the dead band and 1 at the end of the pulse
+    range, and thrust is (k x + (1 - k) x²) of the maximum, k = `linear_share`. Pulses beyond the range count as its
+    end; outside 800..2200 us there is no thrust.
     """
     if not is_pulse(pwm_us):
         return 0.0
@@ -33,10 +33,10 @@ def steady_thrust(thruster: Thruster, pwm_us: int) -> float:
 
 
 def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
-    """Return a function that gives the pulse (us) whose steady thrust is nearest a thrust (N).
+    """Return a function that returns the pulse (us) whose steady thrust is nearest to a thrust (N).
 
-    Neutral for 0, clamped to the range. Any other thrust gets a pulse at or beyond the edge of the dead band, so that
-    none of the pulse range is spent where nothing moves. What does not change is computed here, once.
+    The pulse is neutral for 0 N and clamped to the range. Any other thrust gets a pulse at or beyond the edge of the
+    dead band, where the thruster turns. Constants are computed here, once.
     """
     neutral, curve = thruster.pwm_neutral_us, thruster.curve
     if curve is not None:
@@ -47,9 +47,9 @@ def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
     astern = -thruster.max_reverse, -thruster.span(-1.0), -thruster.dead_band_us
 
     def find(thrust: float) -> int:
-        most, span, dead_band = ahead if thrust > 0.0 else astern
-        y = thrust / most
-        if y == 0.0:  # as well for a thrust too small to be divided
+        limit, span, dead_band = ahead if thrust > 0.0 else astern
+        y = thrust / limit
+        if y == 0.0:  # also for a thrust so small that the quotient underflows
             return neutral
         if not y < 1.0:
             y = 1.0
@@ -62,8 +62,8 @@ def pulse_finder(thruster: Thruster) -> Callable[[float], int]:
 def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:
     """Return the 6 x n matrix whose column i is the wrench of 1 N of thruster i, with or without propeller torque.
 
-    Rows: X Y Z (N) and K M N (N m) about the body origin along the body axes. Always from the poses. Without torque
-    it also turns velocities of the vehicle into speeds along the thrusters: its columns are what a thruster sees.
+    Rows: X Y Z (N) and K M N (N m) about the body origin along the body axes. Without torque, the transposed matrix
+    converts the velocity of the vehicle to the speed along each thruster.
     """
     columns = []
     for thruster in vehicle.thrusters:
@@ -74,8 +74,8 @@ def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-class _Steady(dict[int, float]):
-    """The steady thrust (N) of one thruster by pulse (us), computed once for each."""
+class _SteadyThrusts(dict[int, float]):
+    """The steady thrust (N) of one thruster by pulse (us), computed once for each pulse."""
 
     def __init__(self, thruster: Thruster) -> None:
         self._thruster = thruster
@@ -88,30 +88,30 @@ class _Steady(dict[int, float]):
 class ThrusterSet:
     """All thrusters of a vehicle: each follows its steady thrust with its time constant, and may fail.
 
-    The lag is first order in thrust and solved exactly for a pulse that holds during the step, so it does
-    not depend on the step's length. `sim.assembly.make_thrusters` gives one with the models of the vehicle.
-    The thrust at a step's end acts during all of it, so it comes half a step early: a vehicle from rest is ahead by
-    its speed times dt / 2, 1.2 mm at 1 m/s with steps of 2.5 ms.
+    The lag is of first order in thrust and solved exactly for a pulse that is constant during the step, so it does not
+    depend on the step's length. `sim.assembly.make_thrusters` returns the thrusters with the models of a vehicle.
+    The thrust at the end of a step acts during the whole step, so it comes half a step early: a vehicle that starts
+    from rest is ahead by its speed times dt / 2, 1.2 mm at 1 m/s with steps of 2.5 ms.
     """
 
     def __init__(self, vehicle: Vehicle, dt: float, seed: int = 0) -> None:
         self._thrusters = vehicle.thrusters
         self._columns = list(zip(*wrench_matrix(vehicle), strict=True))
-        # What turns a velocity of the vehicle into the speed along each thruster.
+        # These columns convert a velocity of the vehicle to the speed along each thruster.
         self._wrench_columns = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
-        # The propellers that lose thrust to the water which meets them (Advance of sim/vehicle/thrusters/curves.py).
+        # Curves of propellers that lose thrust with the speed of their inflow (Advance in thrusters/curves.py).
         self._advances: list[Any] = [t.curve if hasattr(t.curve, "loss") else None for t in vehicle.thrusters]
         # True if `step` needs the speed through the water.
-        self.feels_water = any(self._advances)
+        self.needs_inflow = any(self._advances)
         self._dt = dt
         self._seed = seed
         self._gains = [1.0 - exp(-dt / t.time_constant) if t.time_constant else 1.0 for t in vehicle.thrusters]
-        self._steady = [_Steady(thruster) for thruster in vehicle.thrusters]
+        self._steady = [_SteadyThrusts(thruster) for thruster in vehicle.thrusters]
         self._pwm_us: tuple[int, ...] = ()
         self._targets = [0.0] * len(self._thrusters)
         self._lagged = self._thrusts = [0.0] * len(self._thrusters)
         self._failures: Failures | None = None
-        self._shares: Sequence[float] | None = None  # of thrust, at the surface
+        self._shares: Sequence[float] | None = None  # of the thrust that remain near the surface
         self._steps = 0
 
     @property
@@ -127,8 +127,8 @@ class ThrusterSet:
     def motors(self, pwm_us: Sequence[int]) -> list[tuple[float, float]]:
         """Return speed (rad/s, with the sign of the thrust) and current (A) of each at these pulses (us).
 
-        nan where the thruster's model does not know it. A T200's are those that its pulse settles at, at the voltage of
-        its supply; a failure changes the pulse.
+        Both are nan if the thruster's model does not include them. Those of a T200 are the steady values at its pulse
+        and the voltage of its supply; a failure changes the pulse.
         """
         pulses = self._pwm_us if self._failures is not None and self._pwm_us else pwm_us
         curves: list[Any] = [thruster.curve for thruster in self._thrusters]
@@ -138,7 +138,7 @@ class ThrusterSet:
         ]
 
     def _supply(self, curve: Any) -> float:
-        """Return the voltage at a thruster with a `curve` that depends on it."""
+        """Return the supply voltage (V) of a thruster whose `curve` depends on it."""
         return float(curve.supply)
 
     def fail(self, failures: "Iterable[Failure]") -> None:
@@ -150,21 +150,21 @@ class ThrusterSet:
             self._failures = Failures(names, self._dt, self._seed, self._steps, self._pwm_us)
         self._failures.add(failures)
 
-    def immerse(self, shares: Sequence[float] | None) -> None:
-        """Set the share of its thrust that each gives from now on, as near the surface; None: all of it."""
+    def scale_thrusts(self, shares: Sequence[float] | None) -> None:
+        """Set the share of its thrust that each thruster makes from now on, as near the surface; None: all of it."""
         self._shares = shares
 
     def failures(self, name: str) -> "tuple[Failure, ...]":
         """Return the present faults of the thruster `name`."""
-        return self._failures.of(name) if self._failures else ()
+        return self._failures.present(name) if self._failures else ()
 
     def step(
         self, pwm_us: Sequence[int], nu_r: Sequence[float] = AT_REST
     ) -> tuple[float, float, float, float, float, float]:
-        """Return one step of `dt` with these pulses (us, one a thruster): the wrench X Y Z (N) K M N (N m) at its end.
+        """Advance by one step under these pulses (us, one a thruster); return the wrench X Y Z (N) K M N (N m).
 
-        `nu_r` is the velocity through the water u v w (m/s) p q r (rad/s) along the body axes; only a set that
-        `feels_water` looks at it. Raises ConfigError if there is not one pulse a thruster.
+        `nu_r` is the velocity through the water u v w (m/s) p q r (rad/s) along the body axes; it is used only if
+        `needs_inflow`. Raises ConfigError if there is not one pulse a thruster.
         """
         pulses = tuple(pwm_us)
         self._steps += 1
@@ -176,10 +176,10 @@ class ThrusterSet:
         return self._advance(nu_r)
 
     def _advance(self, nu_r: Sequence[float]) -> tuple[float, float, float, float, float, float]:
-        """Return one step of all thrusts towards their targets; the wrench at its end."""
-        self._lagged = self._thrusts = self._follow()
-        if self.feels_water:
-            self._thrusts = self._lose_to_water(nu_r)
+        """Advance all thrusts by one step towards their targets; return the wrench at its end."""
+        self._lagged = self._thrusts = self._step_lags()
+        if self.needs_inflow:
+            self._thrusts = self._subtract_losses(nu_r)
         if self._failures is not None:
             self._thrusts = self._failures.thrusts(self._lagged)
         if self._shares is not None:
@@ -195,22 +195,22 @@ class ThrusterSet:
         return x, y, z, k, m, n
 
     def numbers(self) -> list[float]:
-        """Return all constants of a step without failures, in a row: the C twin is made of them."""
+        """Return all constants of a step without failures, as one flat list, for the C twin."""
         rows = zip(self._gains, self._columns, self._wrench_columns, self._advances, strict=True)
-        still = [0.0] * 5
+        no_loss = [0.0] * 5
         lists = [
-            (gain, *column, *wrench_column, *(curve.numbers() if curve else still))
+            (gain, *column, *wrench_column, *(curve.numbers() if curve else no_loss))
             for gain, column, wrench_column, curve in rows
         ]
         return [x for numbers in lists for x in numbers]
 
-    def _follow(self) -> list[float]:
+    def _step_lags(self) -> list[float]:
         """Return the thrusts (N) at the end of the step in water at rest, before failures."""
         rows = zip(self._lagged, self._targets, self._gains, strict=True)
         return [thrust + gain * (target - thrust) for thrust, target, gain in rows]
 
-    def _lose_to_water(self, nu_r: Sequence[float]) -> list[float]:
-        """Return the thrusts (N) that are left at `nu_r` (m/s, rad/s) through the water."""
+    def _subtract_losses(self, nu_r: Sequence[float]) -> list[float]:
+        """Return the thrusts (N) that remain at the velocity `nu_r` (m/s, rad/s) through the water."""
         u, v, w, p, q, r = nu_r
         thrusts = list(self._lagged)
         for i, (curve, (a, b, c, d, e, f)) in enumerate(zip(self._advances, self._wrench_columns, strict=True)):
@@ -219,7 +219,7 @@ class ThrusterSet:
         return thrusts
 
     def command(self, pwm_us: tuple[int, ...]) -> None:
-        """Set the targets of the steps from now on by these pulses (us, one a thruster). Raises ConfigError."""
+        """Set the target thrusts of all following steps by these pulses (us, one a thruster). Raises ConfigError."""
         if len(pwm_us) != len(self._thrusters):
             raise ConfigError(
                 f"{len(pwm_us)} pulses for a vehicle of {len(self._thrusters)} thrusters: give one a thruster"

@@ -1,7 +1,7 @@
 """Curves from pulse to steady thrust besides the built-in one, selected by `curve = { kind = ... }`.
 
-Each is a record with `thrust(thruster, pwm_us)` and its inverse `pulse(thruster, thrust)`. The caller has
-dealt with pulses outside 800..2200 us and with the thruster's limits of thrust.
+Each is a record with `thrust(thruster, pwm_us)` and its inverse `pulse(thruster, thrust)`. The caller handles pulses
+outside 800..2200 us and limits the thrust.
 """
 
 from math import copysign, pi, sqrt
@@ -33,7 +33,7 @@ class DeadZone(NamedTuple):
     full_scale: Positive = 1.0
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if max(self.delta_forward, self.delta_reverse) >= self.full_scale**2:
             return "delta_forward and delta_reverse must be below the square of full_scale, or nothing ever turns"
         return None
@@ -53,16 +53,16 @@ class DeadZone(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Measured thrusts, straight lines between; beyond the first and last pulse theirs hold.
+    """A table of measured thrusts with linear interpolation, constant before its first and after its last pulse.
 
-    `pwm_us` grows strictly, `thrust_n` (N) never falls and goes from reverse to forward.
+    `pwm_us` is strictly increasing; `thrust_n` (N) never decreases and goes from reverse to forward.
     """
 
     pwm_us: tuple[Pulse, ...]
     thrust_n: tuple[Annotated[float, Range(-1e5, 1e5, "N")], ...]
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if len(self.pwm_us) != len(self.thrust_n) or len(self.pwm_us) < 2:
             return f"{len(self.pwm_us)} pwm_us and {len(self.thrust_n)} thrust_n: give as many of each, at least two"
         if any(b <= a for a, b in zip(self.pwm_us, self.pwm_us[1:], strict=False)):
@@ -85,10 +85,10 @@ class Table(NamedTuple):
 class Advance(NamedTuple):
     """A propeller whose thrust falls with the speed of the water through it (Fossen 2021, section 9.1).
 
-    T = rho D^4 n|n| KT, KT = kt0 - alpha J, J = (1 - wake_fraction) v / (n D): n in rev/s is in proportion to
-    the deflection and `full_speed` at the end of the pulse range, v is the vehicle's speed through the water at
-    the thruster along its direction (m/s), D `diameter` (m), rho `density` (kg/m³). `kt0_reverse` is KT at
-    J = 0 in reverse, `kt0` if 0. The loss by v is in proportion to |n|, so it acts after the lag.
+    T = rho D^4 n|n| KT, KT = kt0 - alpha J, J = (1 - wake_fraction) v / (n D). n (rev/s) is proportional to the
+    deflection, with `full_speed` at the end of the pulse range. v (m/s) is the vehicle's speed through the water at the
+    thruster, along its direction; D is `diameter` (m), rho `density` (kg/m³). `kt0_reverse` is KT at J = 0 in reverse,
+    `kt0` if it is 0. The loss by v is proportional to |n|, so it is subtracted after the lag.
     """
 
     diameter: Annotated[float, Range(0.01, 5.0, "m")]
@@ -110,26 +110,26 @@ class Advance(NamedTuple):
         return thruster.pulse_at(x if thrust > 0.0 else -x)
 
     def full_thrust(self, reverse: bool) -> float:
-        """Return the size of the thrust in N at `full_speed` in water at rest."""
+        """Return the magnitude of the thrust in N at `full_speed` in water at rest."""
         kt = self.kt0_reverse if reverse and self.kt0_reverse else self.kt0
         return self.density * self.diameter**4 * kt * self.full_speed**2
 
     def loss(self, static_thrust: float, speed: float) -> float:
-        """Return how much of `static_thrust` (N), which stands for the propeller's speed, is lost to `speed` (m/s)."""
+        """Return how much thrust (N) is lost at `speed` (m/s) by a propeller with `static_thrust` (N) at rest."""
         n = self.full_speed * sqrt(abs(static_thrust) / self.full_thrust(reverse=static_thrust < 0.0))
         return self.density * self.diameter**3 * self.alpha * n * (1.0 - self.wake_fraction) * speed
 
     def numbers(self) -> list[float]:
-        """Return all that `loss` uses, in a row: what the C twin is made of."""
-        loss, kept = self.density * self.diameter**3 * self.alpha, 1.0 - self.wake_fraction
-        return [self.full_speed, self.full_thrust(reverse=False), self.full_thrust(reverse=True), loss, kept]
+        """Return all numbers that `loss` uses, as one flat list, for the C twin."""
+        loss, inflow_share = self.density * self.diameter**3 * self.alpha, 1.0 - self.wake_fraction
+        return [self.full_speed, self.full_thrust(reverse=False), self.full_thrust(reverse=True), loss, inflow_share]
 
 
 class T200(NamedTuple):
-    """The Blue Robotics T200 by its maker's table of 10 to 20 V (sim/vehicle/thrusters/t200.py).
+    """The Blue Robotics T200 by its manufacturer's table for 10 to 20 V (sim/vehicle/thrusters/t200.py).
 
-    `supply` is the voltage at the thruster: what holds if the vehicle has no battery, and what the vehicle's
-    own software uses. Pulses are those of the table; `dead_band_us` and its like do not count.
+    `supply` is the voltage at the thruster if the vehicle has no battery; the vehicle's controller always assumes it.
+    Pulses are those of the table; `dead_band_us` and the other pulse keys are ignored.
     """
 
     supply: Annotated[float, Range(6.0, 20.0)] = 16.0

@@ -8,7 +8,7 @@ from hil.common.errors import ConfigError
 from hil.common.schema import Range
 
 if TYPE_CHECKING:
-    from sim.vehicle.thrusters.lags import Lagging
+    from sim.vehicle.thrusters.lags import LagModel
 
 Metres = Annotated[float, Range(-50.0, 50.0, "m")]
 Point = tuple[Metres, Metres, Metres]
@@ -17,19 +17,19 @@ Direction = tuple[Component, Component, Component]  # of any length from SHORTES
 SHORTEST = 1e-6
 Pulse = Annotated[int, Range(800, 2200)]
 
-# A pulse outside is no pulse: the motor controller stops the motor. 0 stands for "output off".
+# A pulse outside of this range is not valid: the motor controller stops the motor. 0 means "output off".
 PULSE_MIN_US, PULSE_MAX_US = 800, 2200
 
 
 def is_pulse(pwm_us: float) -> bool:
-    """True for what a motor controller or servo takes for a pulse."""
+    """True if a motor controller or servo accepts this pulse as valid."""
     return PULSE_MIN_US <= pwm_us <= PULSE_MAX_US
 
 
 def check_pulses(pwm_us: Sequence[float]) -> None:
-    """Raise ConfigError for a pulse that is no number. One that is too short or too long is none, and pushes nothing.
+    """Raise ConfigError for a pulse that is no finite number.
 
-    So are those of an autopilot that is not armed.
+    Too short and too long pulses are allowed, because a disarmed autopilot sends them: they make no thrust.
     """
     for channel, pulse in enumerate(pwm_us):
         if not hasattr(pulse, "__float__") or not abs(pulse) < inf:
@@ -43,25 +43,24 @@ class Curve(Protocol):
         """Return the steady thrust in N at a pulse of `pwm_us` microseconds in water at rest."""
 
     def pulse(self, thruster: "Thruster", thrust: float) -> int:
-        """Return the pulse in microseconds whose steady thrust is nearest `thrust` N (not 0)."""
+        """Return the pulse in microseconds whose steady thrust is nearest to `thrust` N (not 0)."""
 
 
 class Thruster(NamedTuple):
     """One thruster.
 
-    `direction` is that of positive thrust, of any length; `unit_direction` has length 1. Without a `curve`
-    thrust grows from the edge of the dead band (`dead_band_us` each side of neutral) to `max_forward` at
-    `pwm_max_us` and `max_reverse` (both positive) at `pwm_min_us`, a share `linear_share` of it in
-    proportion to the pulse and the rest with its square. Another `curve` is a table with its `kind`
-    (sim/vehicle/thrusters/curves.py); `max_forward` and `max_reverse` limit that one too.
+    `direction` is that of positive thrust, of any length; `unit_direction` has length 1. Without a `curve` thrust grows
+    from the edge of the dead band (`dead_band_us` on each side of neutral) to `max_forward` at `pwm_max_us` and
+    `max_reverse` (both positive) at `pwm_min_us`: the share `linear_share` of it in proportion to the pulse, the rest
+    with its square. Another `curve` is a table with a `kind` (sim/vehicle/thrusters/curves.py); `max_forward` and
+    `max_reverse` limit it, too.
 
-    Thrust follows the curve at once if `time_constant` is 0, else with this first-order lag, or as the table
-    `dynamics` and its `kind` state (sim/vehicle/thrusters/lags.py). The propeller turns the vehicle by `torque` N m for
-    each N
-    of thrust, right-handed about `direction`. Near the surface it loses thrust by the `diameter` of its propeller (m;
-    sim/vehicle/ventilation.py): that of its curve if left out, or what makes as much thrust per area as a Blue
-    Robotics T200,
-    51.5 N of 76 mm at 16 V. Not modelled: torque that is not in proportion.
+    Thrust follows the curve immediately if `time_constant` is 0, else with this first-order lag, or as the table
+    `dynamics` with its `kind` states (sim/vehicle/thrusters/lags.py). The propeller turns the vehicle by `torque` N m
+    for each N of thrust, right-handed about `direction`. How much thrust it loses near the surface depends on the
+    `diameter` of its propeller (m; sim/vehicle/ventilation.py). If left out it is that of the curve, or one with the
+    same thrust per area as a Blue Robotics T200: 51.5 N with 76 mm at 16 V. Not modelled: torque that is not
+    proportional to thrust.
     """
 
     name: str
@@ -76,7 +75,7 @@ class Thruster(NamedTuple):
     pwm_min_us: Pulse = 1100
     pwm_max_us: Pulse = 1900
     curve: "Curve | None" = None
-    dynamics: "Lagging | None" = None
+    dynamics: "LagModel | None" = None
     torque: Annotated[float, Range(-10.0, 10.0, "m")] = 0.0
     diameter: Annotated[float, Range(0.005, 5.0, "m")] | None = None
 
@@ -88,13 +87,13 @@ class Thruster(NamedTuple):
         return x / length, y / length, z / length
 
     @property
-    def disc(self) -> float:
-        """The diameter of its propeller in m, as far as it is known."""
+    def propeller_diameter(self) -> float:
+        """The diameter of its propeller in m: given, that of its curve, or estimated from its thrust."""
         known = self.diameter or getattr(self.curve, "diameter", None)
         return known or 0.076 * (max(self.max_forward, self.max_reverse) / 51.5) ** 0.5
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None."""
+        """Return what is wrong with the combination of the keys, or None."""
         if hypot(*self.direction) < SHORTEST:
             length = "zero" if not any(self.direction) else f"shorter than {SHORTEST:g}: make its length 1"
             return f"thruster {self.name!r}: direction is {length}"
@@ -104,7 +103,7 @@ class Thruster(NamedTuple):
         return None
 
     def deflection(self, pwm_us: float) -> float:
-        """Return the position of a pulse from the dead band's edge to the end of its range: -1 to 1, clamped."""
+        """Return the command of a pulse, clamped to -1 to 1: 0 in the dead band, -1 and 1 at the ends of the range."""
         offset = pwm_us - self.pwm_neutral_us
         beyond = abs(offset) - self.dead_band_us
         if beyond <= 0.0:

@@ -1,4 +1,4 @@
-"""Thrusters with more than lagged quadratic curves: other models, or a battery."""
+"""Thrusters with rotor dynamics or with a battery. Vehicles that have neither use `bank.ThrusterSet`."""
 
 from collections.abc import Sequence
 from math import exp
@@ -14,17 +14,18 @@ from sim.vehicle.vehicle import Vehicle
 
 
 class Propulsion(ThrusterSet):
-    """A ThrusterSet in which each thruster has its own curve and dynamics, T200s fed by the vehicle's battery.
+    """A ThrusterSet in which each thruster has its own dynamics, and the vehicle's battery supplies its T200s.
 
-    The battery sees the current that belongs to the pulse, not that of a rotor on its way to it.
+    The battery is loaded with the steady current at the pulse, not with that of a rotor that still accelerates.
     """
 
     def __init__(self, vehicle: Vehicle, dt: float, seed: int = 0) -> None:
         super().__init__(vehicle, dt, seed)
         self._lags = [_lag(thruster, dt) for thruster in vehicle.thrusters]
         self._pack = BatteryPack(vehicle.battery) if vehicle.battery else None
-        self._fed = [i for i, t in enumerate(vehicle.thrusters) if self._pack and isinstance(t.curve, T200)]
-        self._fed_thrusts: list[list[float]] = [[0.0] * len(VOLTS) for _ in self._fed]
+        # Indices of the thrusters on the battery, their thrusts (N) and the sum of their currents (A) at each of VOLTS.
+        self._powered = [i for i, t in enumerate(vehicle.thrusters) if self._pack and isinstance(t.curve, T200)]
+        self._powered_thrusts: list[list[float]] = [[0.0] * len(VOLTS) for _ in self._powered]
         self._amperes = [0.0] * len(VOLTS)
 
     @property
@@ -33,10 +34,10 @@ class Propulsion(ThrusterSet):
         return self._pack.state if self._pack else None
 
     def motors(self, pwm_us: Sequence[int]) -> list[tuple[float, float]]:
-        """Return speed and current of each: see ThrusterSet. A rotor with dynamics of its own has its present speed."""
-        found = super().motors(pwm_us)
-        speeds = [getattr(lag, "speed", speed) for lag, (speed, _) in zip(self._lags, found, strict=False)]
-        return [(speed, current) for speed, (_, current) in zip(speeds, found, strict=True)]
+        """Return speed and current of each as ThrusterSet.motors; with rotor dynamics, the speed is the present one."""
+        steady = super().motors(pwm_us)
+        speeds = [getattr(lag, "speed", speed) for lag, (speed, _) in zip(self._lags, steady, strict=False)]
+        return [(speed, current) for speed, (_, current) in zip(speeds, steady, strict=True)]
 
     def _supply(self, curve: Any) -> float:
         if self._pack is None:
@@ -44,15 +45,15 @@ class Propulsion(ThrusterSet):
         state = self._pack.state
         return 0.0 if state.cut_off else state.voltage
 
-    def _follow(self) -> list[float]:
+    def _step_lags(self) -> list[float]:
         if self._pack:
-            self._feed(self._pack)
+            self._draw_power(self._pack)
         return [lag.step(target) for lag, target in zip(self._lags, self._targets, strict=True)]
 
-    def _feed(self, pack: BatteryPack) -> None:
-        """Set the targets of the thrusters on the battery, at the voltage under their load."""
+    def _draw_power(self, pack: BatteryPack) -> None:
+        """Step the battery under the thrusters' load, and set their target thrusts for its voltage."""
         piece, share = pack.step(VOLTS, self._amperes, self._dt)
-        for index, thrust in zip(self._fed, self._fed_thrusts, strict=True):
+        for index, thrust in zip(self._powered, self._powered_thrusts, strict=True):
             target = thrust[piece] + share * (thrust[piece + 1] - thrust[piece])
             self._targets[index] = self._thrusters[index].clamp(target)
 
@@ -60,15 +61,15 @@ class Propulsion(ThrusterSet):
         """Set the thrusters' commands: see ThrusterSet.command."""
         super().command(pwm_us)
         self._amperes = [0.0] * len(VOLTS)
-        for place, index in enumerate(self._fed):
+        for number, index in enumerate(self._powered):
             curve = self._thrusters[index].curve
             assert isinstance(curve, T200)
-            self._fed_thrusts[place], amperes, _ = curve.rows(pwm_us[index])
+            self._powered_thrusts[number], amperes, _ = curve.rows(pwm_us[index])
             self._amperes = [a + b for a, b in zip(self._amperes, amperes, strict=True)]
 
 
 class _FirstOrder:
-    """The lag that `time_constant` means, solved exactly for a pulse that holds."""
+    """The first-order lag of `time_constant` (s), solved exactly for a pulse that is constant during the step."""
 
     def __init__(self, time_constant: float, dt: float) -> None:
         self._gain = 1.0 - exp(-dt / time_constant) if time_constant else 1.0

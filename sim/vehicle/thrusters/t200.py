@@ -1,8 +1,8 @@
 """The T200 thruster's public performance data: thrust, current, power and speed over pulse and voltage.
 
-Blue Robotics, "T200 Public Performance Data 10-20 V", September 2019. `sim/data/t200.csv` holds every fifth of
-the published pulses and all of those at the edges of the dead band. Between them straight lines in the pulse
-and in the voltage. Below 10 V nothing is published: everything falls there in proportion to the voltage.
+Blue Robotics, "T200 Public Performance Data 10-20 V", September 2019. `sim/data/t200.csv` contains every fifth of the
+published pulses and all of those at the edges of the dead band, with linear interpolation over pulse and voltage. No
+data are published below 10 V: there all quantities are assumed to be proportional to the voltage.
 """
 
 import os
@@ -39,7 +39,7 @@ VOLTS, _PULSES, _COLUMNS = _read()
 
 
 def rows(pwm_us: int) -> Rows:
-    """Return thrust (N), current (A) and speed (rev/min) of this pulse at each of VOLTS; all 0 outside 800..2200 us."""
+    """Return thrusts (N), currents (A) and speeds (rev/min) of a pulse at each of VOLTS; 0 outside 800..2200 us."""
     if not 800 <= pwm_us <= 2200:
         return [0.0] * len(VOLTS), [0.0] * len(VOLTS), [0.0] * len(VOLTS)
     pulse = min(max(pwm_us, _PULSES[0]), _PULSES[-1])
@@ -53,7 +53,7 @@ def rows(pwm_us: int) -> Rows:
 
 
 def performance(pwm_us: int, volts: float) -> Performance:
-    """Return what a T200 does at a pulse of `pwm_us` microseconds and `volts` V; above 20 V as at 20 V."""
+    """Return the operating point at a pulse of `pwm_us` microseconds and `volts` V; above 20 V that of 20 V."""
     thrust, current, rpm = (interpolate(VOLTS, row, volts) for row in rows(pwm_us))
     return Performance(thrust, current, current * volts, rpm)
 

@@ -1,4 +1,4 @@
-"""Read the models of a thruster, `curve` and `dynamics`, from the tables of a vehicle's file."""
+"""Read the tables `curve` and `dynamics` of a thruster in a vehicle's file."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from sim.vehicle.thrusters.model import Thruster
 def with_models(thruster: Thruster, tables: dict[str, Any], where: str) -> Thruster:
     """Return `thruster` with the `curve` and `dynamics` of its TOML table. Raises ConfigError.
 
-    The models are loaded here, when a vehicle uses one: most do without.
+    The modules of the models are imported here, because most vehicles do not use them.
     """
     if "curve" in tables:
         from sim.vehicle.thrusters.curves import CURVES
@@ -26,7 +26,7 @@ def with_models(thruster: Thruster, tables: dict[str, Any], where: str) -> Thrus
 
 
 def _read_kind(table: Any, kinds: dict[str, Any], where: str) -> Any:
-    """Return the record that the table's key `kind` chooses, from its other keys."""
+    """Return the record that the table's key `kind` selects, made of its other keys."""
     if not isinstance(table, dict):
         raise ConfigError(f'{where}: expected a table like {{ kind = "{next(iter(kinds))}" }}, found {table!r}')
     kind = table.get("kind")

@@ -74,6 +74,6 @@ def test_plot_shows_an_event(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(run_plots, "draw_events", lambda _axes, events: drawn.append(tuple(events)))
     assert main(["plot", str(tmp_path / "bag"), "-o", str(tmp_path / "pictures")]) == 0
     ((event,),) = drawn
-    assert (event.kind, event.what, event.place) == ("collision", "the pile", (2.5, 1.5, 2.0))
+    assert (event.kind, event.what, event.position) == ("collision", "the pile", (2.5, 1.5, 2.0))
     assert event.start_ns / 1e9 == pytest.approx(4.0, abs=0.01)
     assert (tmp_path / "pictures" / "trajectory.png").stat().st_size > 10_000

@@ -219,7 +219,7 @@ def test_forces_are_the_terms_of_the_equation(full: bool, depth: float) -> None:
     wrench, current = [30.0, -12.0, 7.0, 1.0, -2.0, 0.5], (0.3, -0.2, 0.1)
     forces = dynamics.forces(state, wrench, current)
     rotation = rotations.matrix(state.quaternion)
-    pushed = dynamics.push(state.position, rotation, state.nu, wrench, current)
+    pushed = dynamics.add_forces(state.position, rotation, state.nu, wrench, current)
     nu_dot = dynamics.acceleration(depth, rotation, state.nu, pushed, current)
     water = [[x] for x in rotate_inverse(state.quaternion, current)]
     turning = [-row[0] for row in product(cross_matrix(state.nu[3:]), water)] + [0.0] * 3

@@ -119,7 +119,7 @@ class Sample:
     def slope_of(self, dynamics: Dynamics, wrench: Six) -> Six:
         """Return our derivative with their rate of the current: they leave out what roll and pitch do to it."""
         place = (0.0, 0.0, 100.0)
-        pushed = dynamics.push(place, self.rotation, self.nu, wrench, self.current)
+        pushed = dynamics.add_forces(place, self.rotation, self.nu, wrench, self.current)
         found = dynamics.acceleration(100.0, self.rotation, self.nu, pushed, self.current)
         p, q, _ = self.nu[3:]
         x, y, z = self.flow

@@ -8,7 +8,7 @@ import pytest
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 from sim.run_events import (
-    MOST_EVENTS,
+    MAX_EVENTS,
     EventLog,
     RunEvent,
     RunMonitor,
@@ -44,18 +44,18 @@ def dive(judge: RunMonitor, *depths: float, requested: float | None = None) -> l
 def test_a_condition_is_one_event_however_often_it_is_seen() -> None:
     log = EventLog()
     for step in range(100):  # in touch every other step, as a hull that slides along a wall
-        log.hold("collision", step * TICK, step * TICK + TICK // 2, (step, 0.0, 5.0), "the wall")
+        log.record("collision", step * TICK, step * TICK + TICK // 2, (step, 0.0, 5.0), "the wall")
     assert log.events() == (RunEvent("collision", 0, 99 * TICK + TICK // 2, (0, 0.0, 5.0), "the wall"),)
-    log.hold("collision", 100 * TICK, 101 * TICK, (7.0, 0.0, 5.0), "the pile")
-    log.hold("collision", 1000 * TICK, 1001 * TICK, (8.0, 0.0, 5.0), "the wall")
+    log.record("collision", 100 * TICK, 101 * TICK, (7.0, 0.0, 5.0), "the pile")
+    log.record("collision", 1000 * TICK, 1001 * TICK, (8.0, 0.0, 5.0), "the wall")
     assert [event.what for event in log.events()] == ["the wall", "the pile", "the wall"]
 
 
 def test_a_log_has_an_end() -> None:
     log = EventLog()
-    for number in range(MOST_EVENTS + 3):
-        log.hold("capsize", 10 * number * S, 10 * number * S, (0.0, 0.0, 0.0))
-    assert (len(log), log.dropped) == (MOST_EVENTS, 3)
+    for number in range(MAX_EVENTS + 3):
+        log.record("capsize", 10 * number * S, 10 * number * S, (0.0, 0.0, 0.0))
+    assert (len(log), log.dropped) == (MAX_EVENTS, 3)
 
 
 @pytest.mark.parametrize(("degrees", "capsized"), [(0, False), (59, False), (61, True), (-61, True), (180, True)])
@@ -71,7 +71,7 @@ def test_a_vehicle_that_is_tilted_too_far_has_capsized(degrees: float, capsized:
 def test_a_vehicle_at_the_surface_that_was_to_be_deeper_has_surfaced() -> None:
     up = dive(monitor(), 5.0, 3.0, 0.21, 0.19, 0.1, 3.0, requested=5.0)
     assert [(event.kind, event.start_ns, event.duration_ns) for event in up] == [("surfaced", 3 * TICK, TICK)]
-    assert up[0].place == (1.0, 2.0, 0.19)
+    assert up[0].position == (1.0, 2.0, 0.19)
 
 
 def test_depths_that_were_asked_for_are_none_of_its_faults() -> None:
@@ -127,7 +127,7 @@ def sliding(**world: Any) -> Simulation:
 def test_a_collision_says_with_what_and_where() -> None:
     (hit, *_) = sliding(cylinder=(Cylinder(4.0, 0.2, 0.5, name="the north buoy"),)).events.events()
     assert (hit.kind, hit.what) == ("collision", "the north buoy")
-    assert hit.place[0] == pytest.approx(3.5 - hypot(*SIX.dimensions[:2]) / 2, abs=0.1)
+    assert hit.position[0] == pytest.approx(3.5 - hypot(*SIX.dimensions[:2]) / 2, abs=0.1)
     assert hit.start_ns > S
     assert "collision with the north buoy" in hit.describe()
     assert "the pile at (4, 0.2)" in sliding(cylinder=(Cylinder(4.0, 0.2, 0.5),)).events.events()[0].describe()
@@ -154,9 +154,9 @@ def test_each_touch_is_noted_to_the_step() -> None:
 
 def test_what_began_since_it_was_asked_last() -> None:
     log = EventLog()
-    assert log.fresh() == []
-    log.hold("collision", 0, 0, (0.0, 0.0, 1.0), "a pile")
-    log.hold("surfaced", 10, 10, (0.0, 0.0, 0.0))
-    assert [event.kind for event in log.fresh()] == ["collision", "surfaced"]
-    log.hold("surfaced", 20, 20, (0.0, 0.0, 0.0))
-    assert log.fresh() == [], "it goes on"
+    assert log.new_events() == []
+    log.record("collision", 0, 0, (0.0, 0.0, 1.0), "a pile")
+    log.record("surfaced", 10, 10, (0.0, 0.0, 0.0))
+    assert [event.kind for event in log.new_events()] == ["collision", "surfaced"]
+    log.record("surfaced", 20, 20, (0.0, 0.0, 0.0))
+    assert log.new_events() == [], "it goes on"

@@ -56,7 +56,7 @@ def test_it_hangs_as_the_elastic_catenary() -> None:
     assert wrench[0] == pytest.approx(-h, rel=0.03)
     assert wrench[2] == pytest.approx(WEIGHT * KEYS.length - v, rel=0.03)
     assert tether.anchor_tension == pytest.approx(hypot(h, v), rel=0.03)
-    assert max(map(max, tether._speeds)) < 0.1
+    assert max(map(max, tether._velocities)) < 0.1
 
 
 def test_it_bends_in_a_current_as_an_integration_says() -> None:
@@ -92,11 +92,11 @@ def test_it_gains_no_energy(stiffness: float, length: float, step: float) -> Non
     keys = keys._replace(mass=1000.0 * 0.25 * pi * keys.diameter**2, anchor=(0.0, 0.0, 200.0))
     tether = held(keys, end=(0.9 * length, 0.0, 200.0 + 0.3 * length), dt=step)
     tether.begin(0)
-    for k, speed in enumerate(tether._speeds):
+    for k, speed in enumerate(tether._velocities):
         speed[1] = sin(pi * k / keys.segments)
     energies = []
     for number in range(1, 600):
-        energies.append(sum(x * x for speed in tether._speeds[1:-1] for x in speed))
+        energies.append(sum(x * x for speed in tether._velocities[1:-1] for x in speed))
         tether.begin(round(number * step * 1e9))
     assert max(energies) <= 1.001 * energies[0]
     assert energies[-1] <= max(energies[300:450])

@@ -64,7 +64,9 @@ def test_state_derivatives() -> None:
         in_current += any(current)
         q, nu = from_euler(*pick(row, "phi theta psi")), pick(row, "u v w p q r")
         rotation = rotations.matrix(q)
-        wrench = dynamics.push((0.0, 0.0, DEEP), rotation, nu, pick(row, "tauX tauY tauZ tauK tauM tauN"), current)
+        wrench = dynamics.add_forces(
+            (0.0, 0.0, DEEP), rotation, nu, pick(row, "tauX tauY tauZ tauK tauM tauN"), current
+        )
         found = dynamics.acceleration(DEEP, rotation, nu, wrench, current)
         assert found == pytest.approx(pick(row, "du dv dw dp dq dr"), rel=1e-8, abs=1e-8)
         assert rotate(q, nu[:3]) == pytest.approx(pick(row, "dx dy dz"), abs=1e-8)

@@ -16,7 +16,7 @@ from hil.tuning.rig import CONTROL_PERIOD_S, START_DEPTH, Rig
 from hil.tuning.search import Tuner
 from hil.tuning.step_response import AXES, Response, fly_step, order, step_size
 from hil.tuning.tuned_file import control_text, with_gains
-from sim.vehicle.terminal_speed import Reach
+from sim.vehicle.terminal_speed import AxisCapability
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.examples import examples
 
@@ -102,7 +102,10 @@ def test_a_rig_is_deterministic_and_adds_its_nudge_exactly() -> None:
 
 
 def test_the_step_size_follows_the_vehicles_limits() -> None:
-    strong, weak = Reach("surge", (50.0, -40.0), (3.0, -2.5)), Reach("surge", (1.0, -1.0), (0.2, -0.1))
+    strong, weak = (
+        AxisCapability("surge", (50.0, -40.0), (3.0, -2.5)),
+        AxisCapability("surge", (1.0, -1.0), (0.2, -0.1)),
+    )
     assert step_size("surge", strong) == 0.5
     assert step_size("surge", weak) == pytest.approx(0.04)
     assert step_size("depth", weak) == 1.0

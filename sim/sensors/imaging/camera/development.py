@@ -22,7 +22,7 @@ _WEYL, _FIRST, _SECOND = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB13311
 class Development:
     """Conversion of radiances to bytes, and the errors of depth; `axial` is the cosine of each pixel off the axis.
 
-    sim/native/developing.h does the same to a level of 256, where that is compiled.
+    sim/native/exposure.h does the same to a level of 256, where that is compiled.
     """
 
     def __init__(self, model: CameraModel, axial: Floats, seed: int, topic: str) -> None:

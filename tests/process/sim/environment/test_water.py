@@ -10,7 +10,7 @@ from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.ocean import Layers, Ocean, Profile, Series, Waves
 from sim.environment.seawater.water_column import WaterColumn
-from sim.environment.water import FluidMotion, SampledWaves, pushed_mass
+from sim.environment.water import FluidMotion, SampledWaves, wave_inertia
 from sim.environment.waves import WaveField
 from sim.environment.world import World, load_world
 from sim.rotations import from_euler, rotate
@@ -139,7 +139,7 @@ def test_accelerated_mass_of_a_trimmed_vehicle() -> None:
     body = VEHICLE._replace(
         added_mass=(0.0,) * 6, neutrally_buoyant=True, mass=11.0, center_of_buoyancy=(0.1, 0.0, 0.0)
     )
-    rows = pushed_mass(body, 1000.0)
+    rows = wave_inertia(body, 1000.0)
     assert rows[0] == pytest.approx([11.0, 0.0, 0.0])
     assert rows[4] == pytest.approx([0.0, 0.0, -1.1])  # pushed down ahead of the origin: bow down
     assert rows[5] == pytest.approx([0.0, 1.1, 0.0])

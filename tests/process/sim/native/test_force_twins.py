@@ -131,9 +131,9 @@ def test_steps_after_a_dropped_weight_are_equal(monkeypatch: pytest.MonkeyPatch)
     both = twins(monkeypatch, ROUGH, TETHYS)
     ride(both, 100, pulses=(1500, 1600))
     assert both[1].equipment
-    assert both[1].equipment.aboard
+    assert both[1].equipment.weights_aboard
     ride(both, 100, seed=2, pulses=(1900,))
-    assert not both[1].equipment.aboard
+    assert not both[1].equipment.weights_aboard
     assert both[1]._fused
     ride(both, 100, seed=3)
 
@@ -193,7 +193,7 @@ def test_every_force_is_equal_at_any_motion() -> None:
         states[0].quaternion, states[1].quaternion = list(quaternion), list(quaternion)
         python.step(states[0], (1.0, 2.0, 3.0, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), 0.001)
         c = NativeDynamics(vehicle, 1025.0, 9.81, integrator, forces)
-        assert c.is_whole
+        assert c.has_native_forces
         c.step(states[1], (1.0, 2.0, 3.0, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), 0.001)
         numbers = [[*s.position, *s.quaternion, *s.nu, *s.nu_dot] for s in states]
         assert pack("19d", *numbers[0]) == pack("19d", *numbers[1])

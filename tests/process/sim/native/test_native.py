@@ -120,7 +120,7 @@ def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = nowher
     state, chunks, crossing = path.state(), [], 0
     for wrench, current in path.inputs:
         keep(state)
-        lift = dynamics.hull.lift(state.position[2], rotations.matrix(state.quaternion))[0]
+        lift = dynamics.hull.buoyancy(state.position[2], rotations.matrix(state.quaternion))[0]
         crossing += 0.0 < lift < dynamics.hull.full
         dynamics.step(state, wrench, current, DT)
         chunks.append(packed([*state.position, *state.quaternion, *state.nu, *state.nu_dot]))

@@ -9,7 +9,7 @@ from statistics import fmean, pstdev
 import pytest
 
 from hil.common.errors import ConfigError
-from sim.environment.currents import TIDAL_SPEEDS, Current, Wandering, layered, ocean_current, recorded, tidal
+from sim.environment.currents import TIDAL_SPEEDS, Current, GaussMarkovCurrent, layered, ocean_current, recorded, tidal
 from sim.environment.ocean import Constituent, GaussMarkov, Layers, Ocean, Series, Tide
 from sim.environment.world import load_world
 
@@ -77,8 +77,10 @@ def test_the_formula_of_other_simulators_depends_on_the_step() -> None:
 
 def test_a_wandering_current_has_its_mean_and_size_at_every_step() -> None:
     """The same seed gives the same current, whatever the step, and its mean and size are the requested ones."""
-    paths = {rate: sampled(Wandering(MODEL, 3), step, 1500.0) for rate, step in RATE_STEPS.items() if rate != 1000}
-    paths[1000] = sampled(Wandering(MODEL, 3), RATE_STEPS[1000], 100.0)
+    paths = {
+        rate: sampled(GaussMarkovCurrent(MODEL, 3), step, 1500.0) for rate, step in RATE_STEPS.items() if rate != 1000
+    }
+    paths[1000] = sampled(GaussMarkovCurrent(MODEL, 3), RATE_STEPS[1000], 100.0)
     assert paths[100][::10] == paths[10]
     assert paths[1000][::100] == paths[10][:1000]
     for rate in (100, 10):
@@ -87,14 +89,14 @@ def test_a_wandering_current_has_its_mean_and_size_at_every_step() -> None:
 
 
 def test_a_wandering_current_has_the_requested_correlation_time() -> None:
-    values = sampled(Wandering(MODEL, 4), RATE_STEPS[10], 3000.0)
+    values = sampled(GaussMarkovCurrent(MODEL, 4), RATE_STEPS[10], 3000.0)
     for lag in (1, 5, 10):
         changes = [b - a for a, b in zip(values, values[lag:], strict=False)]
         assert pstdev(changes) == pytest.approx(SD * sqrt(2.0 * (1.0 - exp(-0.1 * lag / TAU))), rel=0.06)
 
 
 def test_a_wandering_current_has_its_size_from_the_start() -> None:
-    starts = [Wandering(MODEL, seed)(0, 0.0) for seed in range(2000)]
+    starts = [GaussMarkovCurrent(MODEL, seed)(0, 0.0) for seed in range(2000)]
     north, east, down = zip(*starts, strict=True)
     assert pstdev(north) == pytest.approx(SD, rel=0.06)
     assert pstdev(east) == pytest.approx(0.1, rel=0.06)
@@ -103,9 +105,11 @@ def test_a_wandering_current_has_its_size_from_the_start() -> None:
 
 
 def test_the_seed_determines_a_wandering_current() -> None:
-    assert Wandering(MODEL, 3)(7 * SECOND, 0.0) == Wandering(MODEL, 3)(7 * SECOND, 30.0)
-    assert Wandering(MODEL, 3)(7 * SECOND, 0.0) != Wandering(MODEL, 4)(7 * SECOND, 0.0)
-    assert Wandering(MODEL, 42)(0, 0.0)[0] == pytest.approx(0.5 + SD * Random("42/ocean.gauss_markov").gauss(0.0, 1.0))
+    assert GaussMarkovCurrent(MODEL, 3)(7 * SECOND, 0.0) == GaussMarkovCurrent(MODEL, 3)(7 * SECOND, 30.0)
+    assert GaussMarkovCurrent(MODEL, 3)(7 * SECOND, 0.0) != GaussMarkovCurrent(MODEL, 4)(7 * SECOND, 0.0)
+    assert GaussMarkovCurrent(MODEL, 42)(0, 0.0)[0] == pytest.approx(
+        0.5 + SD * Random("42/ocean.gauss_markov").gauss(0.0, 1.0)
+    )
 
 
 # -- tides --------------------------------------------------------------------------------------------------------
@@ -186,7 +190,13 @@ def test_currents_add_up() -> None:
     series = Series((0.0, HOUR / SECOND), east=(0.0, 0.2))
     both = ocean_current(Ocean(layers, MODEL, (tide,), series), (0.05, -0.05, 0.01), 9)
     for time, depth in pairwise((0, 3 * SECOND, 9 * SECOND)):
-        parts = (layered(layers), Wandering(MODEL, 9), tidal([tide]), recorded(series), lambda *_: (0.05, -0.05, 0.01))
+        parts = (
+            layered(layers),
+            GaussMarkovCurrent(MODEL, 9),
+            tidal([tide]),
+            recorded(series),
+            lambda *_: (0.05, -0.05, 0.01),
+        )
         expected = [sum(axis) for axis in zip(*(part(time, depth * 1e-9) for part in parts), strict=True)]
         assert both(time, depth * 1e-9) == pytest.approx(expected, abs=1e-15)
     assert ocean_current(Ocean(), STILL, 1)(5, 5.0) == STILL

@@ -228,5 +228,5 @@ def test_distant_obstacles_are_not_measured(monkeypatch: pytest.MonkeyPatch) -> 
         measured.clear()
         assert not contact.resolve(State((north, 0.0, 10.0)))
         assert 0 < len(measured) < 70
-        assert contact.room()[2] < 500.0
+        assert contact.clearance()[2] < 500.0
     assert contact.resolve(State((9980.0, 40.0, 10.0)))

@@ -100,10 +100,10 @@ def test_a_vehicle_stops_at_a_mesh_slides_below_it_and_cannot_start_in_it(tmp_pa
     assert not starts_inside(VEHICLE, world, under)
     assert starts_inside(VEHICLE, world, (10.0, 1.1, 8.0))
     assert not starts_inside(VEHICLE, world, (10.0, 2.0, 8.0))
-    assert contact.room()[2] == 0.0
+    assert contact.clearance()[2] == 0.0
     far = Contact(VEHICLE, world, inverse)
     far.resolve(State((-20.0, 0.0, 8.0)))
-    assert 30.0 - 3.0 < far.room()[2] < 30.0
+    assert 30.0 - 3.0 < far.clearance()[2] < 30.0
 
 
 def test_a_mesh_is_on_the_map_at_its_depths(tmp_path: Path) -> None:

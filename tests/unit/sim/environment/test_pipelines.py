@@ -133,7 +133,7 @@ def test_a_step_above_a_long_pipeline_computes_its_near_part_only(monkeypatch: p
 def test_a_distant_pipeline_gives_the_free_distance_to_it() -> None:
     contact = Contact(VEHICLE, FLAT, Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass)
     assert not contact.resolve(State((0.0, -150.0, 19.0)))
-    assert 140.0 < contact.room()[2] < 150.0
+    assert 140.0 < contact.clearance()[2] < 150.0
 
 
 def test_cameras_and_sonars_use_colour_and_echo_of_a_pipeline() -> None:

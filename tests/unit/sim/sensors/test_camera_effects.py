@@ -270,7 +270,7 @@ def test_the_compiled_pass_refuses_mismatched_buffers() -> None:
     grain, fades, settings = np.zeros(513 * 513, np.float32), np.zeros(1025 * 6, np.float32), [1.0] * 42
     with pytest.raises(ValueError, match="numbers are needed"):
         compiled.shade([0.0], *[none] * 10)
-    with pytest.raises(ValueError, match="a buffer of looks has not its size"):
+    with pytest.raises(ValueError, match="a buffer of the surfaces' appearance has a wrong size"):
         compiled.shade(settings, *[none] * 10)
     colours, one, objects = np.zeros(3, np.float32), np.zeros(1, np.float32), np.zeros(1, np.int32)
     looks = colours, grain, fades, none, none

@@ -13,7 +13,7 @@ from sim.rotations import to_euler
 from sim.sensors.sensor_set import fit
 from sim.simulation import Simulation
 from sim.vehicle.ballast import BuoyancyEngine, DropWeight, Release, is_release
-from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix, validate_drop_weights, without
+from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix, validate_drop_weights, without_weight
 
 TETHYS, _ = load_vehicle("tethys")
 BARE = TETHYS._replace(buoyancy_engine=None, drop_weights=(), fins=())
@@ -114,7 +114,7 @@ def test_what_is_left_weighs_what_is_left() -> None:
         mass=4.0, center_of_gravity=(0.0, 0.0, 0.0), volume=5e-3, neutrally_buoyant=False,
         inertia=(1e-3, 4.0 * 0.16 + 1e-3, 4.0 * 0.16 + 1e-3), drop_weights=(one,),
     )  # fmt: skip
-    left = without(pair, one, 1000.0)
+    left = without_weight(pair, one, 1000.0)
     assert (left.mass, left.volume) == pytest.approx((2.0, 4e-3))
     assert left.center_of_gravity == pytest.approx(other)
     assert [left.inertia[i] for i in (0, 4, 8)] == pytest.approx([1e-3] * 3)
@@ -123,8 +123,8 @@ def test_what_is_left_weighs_what_is_left() -> None:
 
 def test_the_order_does_not_matter() -> None:
     other = DropWeight("nose", 1.0, (0.9, 0.0, 0.0), 1e-4)
-    one = without(without(TETHYS, WEIGHT, 1025.0), other, 1025.0)
-    two = without(without(TETHYS, other, 1025.0), WEIGHT, 1025.0)
+    one = without_weight(without_weight(TETHYS, WEIGHT, 1025.0), other, 1025.0)
+    two = without_weight(without_weight(TETHYS, other, 1025.0), WEIGHT, 1025.0)
     for key in ("mass", "volume", "inertia", "center_of_gravity", "center_of_buoyancy"):
         assert getattr(one, key) == pytest.approx(getattr(two, key), abs=1e-12)
 
@@ -164,7 +164,7 @@ def test_after_release_it_rises_as_fast_as_the_mass_left_allows() -> None:
 
 def test_a_contact_is_with_the_mass_that_is_left() -> None:
     offloaded = TETHYS._replace(drop_weights=(DropWeight("half", 70.0, (0.0, 0.0, 0.0), 0.0),))
-    dropped, light = at_sea(offloaded, 5.0), at_sea(without(offloaded, offloaded.drop_weights[0], 1025.0), 5.0)
+    dropped, light = at_sea(offloaded, 5.0), at_sea(without_weight(offloaded, offloaded.drop_weights[0], 1025.0), 5.0)
     dropped.release("half")
     for simulation in (dropped, light):
         simulation.state.position, simulation.state.nu = [0.0, 0.0, SEA.depth - 0.1], [0.2, 0.0, 1.0, 0.0, 0.1, 0.0]

@@ -55,7 +55,7 @@ def test_lift_is_continuous() -> None:
     depths = [-0.3 + 0.0001 * i for i in range(6001)]
     assert largest_jump([others_lift(d, 0.234, hull.full) for d in depths]) > 0.49 * hull.full
     for attitude in (LEVEL, rotations.matrix(from_euler(0.7, -0.4, 0.2)), rotations.matrix(from_euler(3.1, 0.0, 0.0))):
-        lifts = [hull.lift(d, attitude) for d in depths]
+        lifts = [hull.buoyancy(d, attitude) for d in depths]
         assert lifts[0] == (0.0, 0.0, 0.0, 0.0)
         assert lifts[-1] == pytest.approx((hull.full, 0.0, 0.0, 0.0))
         assert largest_jump([lift for lift, *_ in lifts]) < 0.002 * hull.full
@@ -65,15 +65,15 @@ def test_lift_is_continuous() -> None:
 def test_level_lift_is_that_of_a_box() -> None:
     hull = Hull(float_(), RHO, G)
     for depth in (-0.117, -0.05, 0.0, 0.03, 0.117):
-        assert hull.lift(depth, LEVEL)[0] == pytest.approx(hull.full * (depth + 0.117) / 0.234)
+        assert hull.buoyancy(depth, LEVEL)[0] == pytest.approx(hull.full * (depth + 0.117) / 0.234)
 
 
 def test_center_of_buoyancy_moves_to_the_wet_part() -> None:
     """The centre, half in, is a quarter of the height below the middle. Heeled, it moves to the low side."""
     hull = Hull(float_(), RHO, G)
-    lift, x, y, z = hull.lift(0.0, LEVEL)
+    lift, x, y, z = hull.buoyancy(0.0, LEVEL)
     assert (x / lift, y / lift, z / lift) == pytest.approx((0.0, 0.0, 0.234 / 4.0))
-    lift, _, y, _ = hull.lift(0.0, rotations.matrix(from_euler(0.2, 0.0, 0.0)))
+    lift, _, y, _ = hull.buoyancy(0.0, rotations.matrix(from_euler(0.2, 0.0, 0.0)))
     assert y / lift > 0.01
 
 

@@ -8,7 +8,7 @@ import pytest
 from hil.autonomy.control.allocation import Allocator, pseudo_inverse
 from hil.common.schema import preset_names
 from sim.dynamics import Dynamics, State
-from sim.vehicle.terminal_speed import AXES, Reach, reaches, terminal_speed
+from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities, terminal_speed
 from sim.vehicle.thrusters.bank import ThrusterSet, pulse_finder, wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -16,8 +16,8 @@ HEAVY, _ = load_vehicle("bluerov2_heavy")
 NET_WEIGHT = (13.5 - 13.4) * 9.82  # N in fresh water, von Benzon's gravity
 
 
-def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[Reach, ...]:
-    return reaches(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
+def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[AxisCapability, ...]:
+    return axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
 
 
 @pytest.mark.parametrize(

@@ -123,7 +123,7 @@ def test_advance_speed() -> None:
     thruster = curved(**CURVES[2])._replace(max_forward=1e3, max_reverse=1e3)
     vehicle = load_vehicle("paper_six")[0]._replace(thrusters=(thruster._replace(position=(0.0, 1.0, 0.0)),))
     thrusters = make_thrusters(vehicle, 0.01)
-    assert thrusters.feels_water
+    assert thrusters.needs_inflow
     for pulse, n, kt in ((1900, 58.9, 0.43), (1100, -58.9, 0.34)):
         for u, r in ((0.0, 0.0), (1.5, 0.0), (-0.7, 0.0), (1.0, 0.5)):
             thrusters.step((pulse,), (u, 9.0, 9.0, 0.0, 0.0, r))

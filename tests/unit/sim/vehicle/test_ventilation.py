@@ -85,9 +85,9 @@ def test_waves_cover_and_bare_them() -> None:
 
 
 def test_a_propeller_of_known_diameter_uses_it() -> None:
-    assert REMUS.thrusters[0].disc == 0.14  # that of its curve
-    assert HEAVY.thrusters[0]._replace(diameter=0.1).disc == 0.1
-    assert 0.06 < HEAVY.thrusters[0].disc < 0.09  # a T200's 76 mm
+    assert REMUS.thrusters[0].propeller_diameter == 0.14  # that of its curve
+    assert HEAVY.thrusters[0]._replace(diameter=0.1).propeller_diameter == 0.1
+    assert 0.06 < HEAVY.thrusters[0].propeller_diameter < 0.09  # a T200's 76 mm
 
 
 def test_deep_down_nothing_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
-/* What a camera's sensor makes of light: sim/sensors/imaging/camera/development.py once more, to a level of 256.
+/* Convert light to bytes as a camera's sensor does: sim/sensors/imaging/camera/development.py in C, equal to 1 of 256
+ * levels.
  *
- * That file is the specification and says how it works. Nothing of Python is in this file.
+ * That file is the specification and explains the method. This file does not use the Python API.
  */
 
 #include <math.h>
@@ -9,7 +10,7 @@
 
 enum { QUANTILE_BITS = 12, QUANTILES = 1 << QUANTILE_BITS, GREYS = 8192, BLOCK = 64 };
 
-/* Numbers of a picture; `quantiles` are those of noise, `grey` the byte of each level of light. */
+/* The parameters and buffers of a picture; `quantiles` are those of noise, `grey` the byte of each level of light. */
 typedef struct {
     uint64_t key;
     float gain, full_well, dark, depth_noise, reach;

@@ -1,15 +1,15 @@
-/* What measures, as types of Python: Errors, and Imu, which is a sample of an inertial measurement unit at once.
- * Include moving.h first. */
+/* The Python types of sensors: Errors, and Imu, which makes a sample of an inertial measurement unit in one call.
+ * Include step_types.h first. */
 
 /* -- Errors ---------------------------------------------------------------------------------------------------------*/
 
-enum { MOST_CHANNELS = 32 };
+enum { MAX_CHANNELS = 32 };
 
 typedef struct {
     PyObject_HEAD
     Py_ssize_t count;
     Random random;
-    Channel channels[MOST_CHANNELS];
+    Channel channels[MAX_CHANNELS];
 } Errors;
 
 static PyTypeObject *errors_type;
@@ -23,7 +23,7 @@ static PyObject *errors_new(PyTypeObject *type, PyObject *arguments, PyObject *k
         return NULL;
     if (key.size != (TWISTER_SIZE + 1) * (Py_ssize_t)sizeof(uint32_t))
         return PyErr_Format(PyExc_ValueError, "a state of %d numbers is needed", TWISTER_SIZE + 1);
-    PyObject *self = new_with_records(type, numbers, sizeof(Channel), MOST_CHANNELS, offsetof(Errors, channels));
+    PyObject *self = new_with_records(type, numbers, sizeof(Channel), MAX_CHANNELS, offsetof(Errors, channels));
     if (self == NULL)
         return NULL;
     Errors *errors = (Errors *)self;
@@ -47,7 +47,7 @@ static void measure_all(Errors *errors, double *values)
 static PyObject *errors_measure(PyObject *self, PyObject *true_values)
 {
     Errors *errors = (Errors *)self;
-    double values[MOST_CHANNELS];
+    double values[MAX_CHANNELS];
     if (!read_numbers(true_values, values, errors->count))
         return NULL;
     measure_all(errors, values);
@@ -71,7 +71,7 @@ static PyType_Spec errors_spec = {
     "sim.native._native.Errors", sizeof(Errors), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, errors_slots,
 };
 
-/* -- Imu: sim/sensors/imu.py once more, for a unit along the vehicle's axes -----------------------------------------*/
+/* -- Imu: sim/sensors/imu.py in C, for a unit aligned with the vehicle's axes ---------------------------------------*/
 
 enum { IMU_CHANNELS = 9 };
 
@@ -168,7 +168,7 @@ static PyType_Spec imu_spec = {
     "sim.native._native.Imu", sizeof(Imu), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, imu_slots,
 };
 
-static int add_measuring(PyObject *module)
+static int add_sensor_types(PyObject *module)
 {
     return add_known_type(module, &errors_spec, "Errors", &errors_type) && add_type(module, &imu_spec, "Imu");
 }

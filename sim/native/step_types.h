@@ -1,10 +1,10 @@
-/* What moves a vehicle, as types of Python: State, Kernel and ThrusterBank. */
+/* The Python types of a step: State, Kernel and ThrusterBank. */
 
 #include "numbers.h"
 
 #include "errors.h"
 #include "kernel.h"
-#include "pushing.h"
+#include "force_types.h"
 
 /* -- State: 13 numbers as in kernel.h, then nu_dot ------------------------------------------------------------------*/
 
@@ -36,7 +36,7 @@ static int is_native(PyObject *state)
     return Py_TYPE(state) == state_type;
 }
 
-/* The numbers of a state, ours or one of Python's. */
+/* Reads the numbers of a state, either a native one or a sim.dynamics.State. */
 static int load_state(PyObject *state, double *numbers)
 {
     if (is_native(state)) {
@@ -53,7 +53,8 @@ static int load_state(PyObject *state, double *numbers)
     return 1;
 }
 
-/* One of Python's gets new lists, as from Python: who kept the old ones keeps the old numbers. */
+/* Stores numbers in a state. A sim.dynamics.State gets new lists, as in Python, so that references to the old lists
+ * keep their values. */
 static int store_state(PyObject *state, const double *numbers)
 {
     if (is_native(state)) {
@@ -95,7 +96,7 @@ static int state_set(PyObject *self, PyObject *value, void *closure)
     const Part *part = closure;
     double numbers[6];
     if (value == NULL) {
-        PyErr_Format(PyExc_AttributeError, "a state cannot be without its %s", part->name);
+        PyErr_Format(PyExc_AttributeError, "%s of a state cannot be deleted", part->name);
         return -1;
     }
     if (!read_numbers(value, numbers, part->size))
@@ -108,13 +109,13 @@ static PyGetSetDef state_attributes[] = {
     {"position", state_get, state_set, "NED in m", &parts[0]},
     {"quaternion", state_get, state_set, "(w, x, y, z), body to world", &parts[1]},
     {"nu", state_get, state_set, "u v w (m/s), p q r (rad/s) over ground along the body axes", &parts[2]},
-    {"nu_dot", state_get, state_set, "the rate of nu over the last step", &parts[3]},
+    {"nu_dot", state_get, state_set, "rate of change of nu over the last step (m/s2, rad/s2)", &parts[3]},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
 static PyType_Slot state_slots[] = {
     {Py_tp_doc, "State(position, quaternion): a sim.dynamics.State at rest, whose numbers are kept in C.\n\n"
-                "Its attributes take any sequence of numbers and give tuples: copies, which cannot be written to."},
+                "Its attributes accept any sequence of numbers and return tuples, which are copies."},
     {Py_tp_new, state_new},
     {Py_tp_dealloc, deallocate},
     {Py_tp_getset, state_attributes},
@@ -130,12 +131,12 @@ static PyType_Spec state_spec = {
 typedef struct {
     PyObject_HEAD
     Model model;
-    PyObject *forces; /* a tuple of them: keeps alive what `model` points to */
+    PyObject *forces; /* a tuple of the forces: keeps the memory alive to which `model` points */
 } Kernel;
 
 static int kernel_advance(PyObject *self, double *numbers, const double *wrench, const double *current, double dt)
 {
-    double sum = 0.0; /* one that is not finite makes it so */
+    double sum = 0.0; /* not finite if one of the numbers is not */
     if (!step(&((Kernel *)self)->model, numbers, numbers + NU_DOT, wrench, current, dt)) {
         PyErr_SetString(PyExc_FloatingPointError, "a quaternion of length 0");
         return 0;
@@ -165,15 +166,15 @@ static PyObject *kernel_step(PyObject *self, PyObject *const *arguments, Py_ssiz
     Py_RETURN_NONE;
 }
 
-static PyObject *kernel_midway(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
+static PyObject *kernel_predict_midpoint(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
 {
     double numbers[NUMBERS], mid[SIZE], rotation[9], dt;
     if (count != 2)
-        return PyErr_Format(PyExc_TypeError, "midway() takes state and dt");
+        return PyErr_Format(PyExc_TypeError, "predict_midpoint() takes state and dt");
     dt = PyFloat_AsDouble(arguments[1]);
     if ((dt == -1.0 && PyErr_Occurred()) || !load_state(arguments[0], numbers))
         return NULL;
-    if (!midway(&((Kernel *)self)->model.body, numbers, numbers + NU_DOT, dt, mid, rotation))
+    if (!predict_midpoint(&((Kernel *)self)->model.body, numbers, numbers + NU_DOT, dt, mid, rotation))
         return PyErr_Format(PyExc_FloatingPointError, "a quaternion of length 0");
     PyObject *parts[] = {new_number_tuple(mid, 3), new_number_tuple(rotation, 9), new_number_tuple(mid + NU, 6)};
     PyObject *all = parts[0] && parts[1] && parts[2] ? PyTuple_Pack(3, parts[0], parts[1], parts[2]) : NULL;
@@ -190,9 +191,9 @@ static PyObject *kernel_new(PyTypeObject *type, PyObject *arguments, PyObject *k
     if (!PyArg_ParseTuple(arguments, "O&O!", read_bytes, &numbers, &PyTuple_Type, &forces))
         return NULL;
     Py_ssize_t count = PyTuple_Size(forces);
-    if (numbers.size != (Py_ssize_t)sizeof(Body) || count > MOST_FORCES)
+    if (numbers.size != (Py_ssize_t)sizeof(Body) || count > MAX_FORCES)
         return PyErr_Format(PyExc_ValueError, "%zu bytes of parameters and up to %d forces are needed, found %zd and %zd",
-                            sizeof(Body), MOST_FORCES, numbers.size, count);
+                            sizeof(Body), MAX_FORCES, numbers.size, count);
     for (Py_ssize_t i = 0; i < count; i++)
         if (Py_TYPE(PyTuple_GetItem(forces, i)) != force_type)
             return PyErr_Format(PyExc_TypeError, "a tuple of forces is needed");
@@ -215,9 +216,9 @@ static void kernel_deallocate(PyObject *self)
 
 static PyMethodDef kernel_methods[] = {
     {"step", (PyCFunction)(void (*)(void))kernel_step, METH_FASTCALL,
-     "step(state, wrench, current, dt): move the state on by dt s, as Dynamics.step does."},
-    {"midway", (PyCFunction)(void (*)(void))kernel_midway, METH_FASTCALL,
-     "midway(state, dt): position, rotation and nu where the step looks at the forces, as Dynamics.midway."},
+     "step(state, wrench, current, dt): advance the state by dt s, as Dynamics.step does."},
+    {"predict_midpoint", (PyCFunction)(void (*)(void))kernel_predict_midpoint, METH_FASTCALL,
+     "predict_midpoint(state, dt): position, rotation and nu at which a step evaluates the forces, as Dynamics."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -235,36 +236,36 @@ static PyType_Spec kernel_spec = {
 
 /* -- ThrusterBank ----------------------------------------------------------------------------------------------------------*/
 
-enum { MOST_THRUSTERS = 16 };
+enum { MAX_THRUSTERS = 16 };
 
 typedef struct {
     PyObject_HEAD
     Py_ssize_t count;
     long long steps;
-    double wrench[6], thrusts[MOST_THRUSTERS], targets[MOST_THRUSTERS], shares[MOST_THRUSTERS];
-    double pushes[MOST_THRUSTERS];
-    Thruster thrusters[MOST_THRUSTERS];
+    double wrench[6], thrusts[MAX_THRUSTERS], targets[MAX_THRUSTERS], shares[MAX_THRUSTERS];
+    double scaled_thrusts[MAX_THRUSTERS];
+    Thruster thrusters[MAX_THRUSTERS];
 } ThrusterBank;
 
 static void bank_advance(ThrusterBank *bank, const double *nu)
 {
     bank->steps++;
-    follow(bank->thrusters, (int)bank->count, bank->thrusts, bank->targets, bank->shares, nu, bank->pushes,
+    step_thrusters(bank->thrusters, (int)bank->count, bank->thrusts, bank->targets, bank->shares, nu, bank->scaled_thrusts,
            bank->wrench);
 }
 
 static PyObject *bank_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     (void)keywords;
-    PyObject *self = new_of_records(type, arguments, sizeof(Thruster), MOST_THRUSTERS, offsetof(ThrusterBank, thrusters));
-    for (int i = 0; self != NULL && i < MOST_THRUSTERS; i++)
+    PyObject *self = new_of_records(type, arguments, sizeof(Thruster), MAX_THRUSTERS, offsetof(ThrusterBank, thrusters));
+    for (int i = 0; self != NULL && i < MAX_THRUSTERS; i++)
         ((ThrusterBank *)self)->shares[i] = 1.0;
     return self;
 }
 
-static PyObject *bank_aim(PyObject *self, PyObject *targets)
+static PyObject *bank_set_targets(PyObject *self, PyObject *targets)
 {
-    double numbers[MOST_THRUSTERS];
+    double numbers[MAX_THRUSTERS];
     ThrusterBank *bank = (ThrusterBank *)self;
     if (!read_numbers(targets, numbers, bank->count))
         return NULL;
@@ -272,9 +273,9 @@ static PyObject *bank_aim(PyObject *self, PyObject *targets)
     Py_RETURN_NONE;
 }
 
-static PyObject *bank_immerse(PyObject *self, PyObject *shares)
+static PyObject *bank_scale_thrusts(PyObject *self, PyObject *shares)
 {
-    double numbers[MOST_THRUSTERS];
+    double numbers[MAX_THRUSTERS];
     ThrusterBank *bank = (ThrusterBank *)self;
     if (!read_numbers(shares, numbers, bank->count))
         return NULL;
@@ -303,10 +304,10 @@ static PyObject *bank_thrusts(PyObject *self, void *closure)
     return new_list(((ThrusterBank *)self)->thrusts, ((ThrusterBank *)self)->count);
 }
 
-static PyObject *bank_pushes(PyObject *self, void *closure)
+static PyObject *bank_scaled_thrusts(PyObject *self, void *closure)
 {
     (void)closure;
-    return new_list(((ThrusterBank *)self)->pushes, ((ThrusterBank *)self)->count);
+    return new_list(((ThrusterBank *)self)->scaled_thrusts, ((ThrusterBank *)self)->count);
 }
 
 static PyObject *bank_shares(PyObject *self, void *closure)
@@ -322,18 +323,18 @@ static PyObject *bank_steps(PyObject *self, void *closure)
 }
 
 static PyMethodDef bank_methods[] = {
-    {"aim", bank_aim, METH_O, "aim(targets): the thrusts (N) that the steps from now on go towards."},
-    {"immerse", bank_immerse, METH_O, "immerse(shares): of each thrust only this share pushes from now on."},
-    {"step", bank_step, METH_O, "step(nu_r): move the thrusts on by a step, nu_r through the water; their wrench."},
+    {"set_targets", bank_set_targets, METH_O, "set_targets(targets): set the target thrusts (N) of all following steps."},
+    {"scale_thrusts", bank_scale_thrusts, METH_O, "scale_thrusts(shares): set the share of each thrust that acts from now on."},
+    {"step", bank_step, METH_O, "step(nu_r): advance the thrusts by a step at nu_r through the water; return their wrench."},
     {NULL, NULL, 0, NULL},
 };
 
 static PyGetSetDef bank_attributes[] = {
-    {"thrusts", bank_thrusts, NULL, "the present thrust of each in N, were it deep in the water", NULL},
-    {"pushes", bank_pushes, NULL, "what pushes of it", NULL},
+    {"thrusts", bank_thrusts, NULL, "the present thrust of each in N, deep in water at rest", NULL},
+    {"scaled_thrusts", bank_scaled_thrusts, NULL, "the thrust of each that acts, in N: less losses, times its share", NULL},
     {"wrench", bank_wrench, NULL, "their wrench at the end of the last step: X Y Z (N) K M N (N m), body axes", NULL},
-    {"shares", bank_shares, NULL, "the share of each thrust that pushes", NULL},
-    {"steps", bank_steps, NULL, "how many steps there were", NULL},
+    {"shares", bank_shares, NULL, "the share of each thrust that acts", NULL},
+    {"steps", bank_steps, NULL, "number of steps so far", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
@@ -350,7 +351,7 @@ static PyType_Spec bank_spec = {
     "sim.native._native.ThrusterBank", sizeof(ThrusterBank), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, bank_slots,
 };
 
-static int add_moving(PyObject *module)
+static int add_step_types(PyObject *module)
 {
     for (int i = 0; i < PARTS; i++)
         if (parts[i].interned == NULL && (parts[i].interned = PyUnicode_InternFromString(parts[i].name)) == NULL)

@@ -1,4 +1,4 @@
-/* Every C twin rests on doubles being computed as doubles, in the order written. What compiles otherwise is refused.
+/* Refuse to compile where double expressions are not computed as doubles in the order written: the twins need this.
  *
  * FLT_EVAL_METHOD says in which format an expression is computed (C11 5.2.4.2.2; ISO/IEC TS 18661-3 5.3, C23). A double
  * stays a double with 0 (each type as itself), 1 (float as double), and the formats that are no wider than double:
@@ -7,8 +7,8 @@
  * is computed as a double, and the rays work on floats: they only load, compare and store them, which is the same.
  */
 
-#ifndef UUV_HIL_FLOATING_H
-#define UUV_HIL_FLOATING_H
+#ifndef UUV_HIL_CHECK_DOUBLES_H
+#define UUV_HIL_CHECK_DOUBLES_H
 
 #include <float.h>
 

@@ -1,9 +1,9 @@
-/* What pushes a vehicle besides its thrusters, as types of Python: WaveField and Force.
+/* The Python types of waves and of forces besides thrusters: WaveField and Force.
  * Include numbers.h and kernel.h first. */
 
 static PyTypeObject *wave_field_type, *force_type;
 
-/* Memory of its own for the `bytes` bytes at `numbers`; NULL with an exception set if there is none. */
+/* Returns a copy of `bytes` bytes in new memory; NULL with an exception set if there is no memory. */
 static void *new_copy(const char *numbers, Py_ssize_t bytes)
 {
     void *copy = PyMem_Malloc((size_t)bytes);
@@ -26,7 +26,7 @@ typedef struct {
 #define FAR_M2 0.0625
 
 /* SampledWaves.motion */
-static void wave_field_held(WaveField *wave_field, long long time_ns, const double *position, double *motion)
+static void wave_field_sample(WaveField *wave_field, long long time_ns, const double *position, double *motion)
 {
     double north = position[0] - wave_field->place[0], east = position[1] - wave_field->place[1], down = position[2] - wave_field->place[2];
     if (time_ns >= wave_field->due_ns || north * north + east * east + down * down > FAR_M2) {
@@ -116,23 +116,23 @@ static PyObject *wave_field_motion(PyObject *self, PyObject *arguments)
     return new_motion(motion);
 }
 
-static PyObject *wave_field_held_motion(PyObject *self, PyObject *arguments)
+static PyObject *wave_field_sampled_motion(PyObject *self, PyObject *arguments)
 {
     long long time_ns;
     PyObject *position;
     double place[3], motion[MOTION];
     if (!PyArg_ParseTuple(arguments, "LO", &time_ns, &position) || !read_numbers(position, place, 3))
         return NULL;
-    wave_field_held((WaveField *)self, time_ns, place, motion);
+    wave_field_sample((WaveField *)self, time_ns, place, motion);
     return new_motion(motion);
 }
 
 static PyMethodDef wave_field_methods[] = {
     {"elevation", wave_field_elevation, METH_VARARGS, "elevation(time, north, east), as of sim.environment.waves.WaveField."},
-    {"surface", wave_field_surface, METH_VARARGS, "surface(time, north, east), as of that WaveField, near the last held_motion."},
+    {"surface", wave_field_surface, METH_VARARGS, "surface(time, north, east), as of that WaveField, near the last sampled_motion."},
     {"pressure_depth", wave_field_pressure_depth, METH_VARARGS, "pressure_depth(time, north, east, depth), as of that WaveField."},
     {"motion", wave_field_motion, METH_VARARGS, "motion(time, north, east, depth), as of that WaveField: velocity, acceleration, surface."},
-    {"held_motion", wave_field_held_motion, METH_VARARGS, "held_motion(time_ns, position), as SampledWaves.motion."},
+    {"sampled_motion", wave_field_sampled_motion, METH_VARARGS, "sampled_motion(time_ns, position), as SampledWaves.motion."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -170,7 +170,7 @@ static PyObject *force_new(PyTypeObject *type, PyObject *arguments, PyObject *ke
     Force force = {kind, numbers.size / (Py_ssize_t)sizeof(double), servos.size / (Py_ssize_t)sizeof(Servo), NULL, NULL,
                    wave_field != Py_None ? &((WaveField *)wave_field)->waves : NULL, 0.0};
     if (numbers.size % (Py_ssize_t)sizeof(double) != 0 || servos.size % (Py_ssize_t)sizeof(Servo) != 0
-        || !force_is_whole(&force))
+        || !force_is_complete(&force))
         return PyErr_Format(PyExc_ValueError, "a force of kind %d is not made of %zd and %zd bytes", kind,
                             numbers.size, servos.size);
     ForceObject *self = (ForceObject *)PyType_GenericAlloc(type, 0);
@@ -203,7 +203,7 @@ static PyObject *force_begin(PyObject *self, PyObject *time)
     Py_RETURN_NONE;
 }
 
-static PyObject *force_aim(PyObject *self, PyObject *targets)
+static PyObject *force_set_targets(PyObject *self, PyObject *targets)
 {
     Force *force = &((ForceObject *)self)->force;
     double *numbers = PyMem_Malloc(sizeof(double) * (size_t)force->servo_count);
@@ -216,10 +216,10 @@ static PyObject *force_aim(PyObject *self, PyObject *targets)
     return ok ? Py_NewRef(Py_None) : NULL;
 }
 
-static PyObject *force_follow(PyObject *self, PyObject *nothing)
+static PyObject *force_step(PyObject *self, PyObject *nothing)
 {
     (void)nothing;
-    follow_servos(&((ForceObject *)self)->force);
+    step_servos(&((ForceObject *)self)->force);
     Py_RETURN_NONE;
 }
 
@@ -239,20 +239,20 @@ static PyObject *force_values(PyObject *self, void *closure)
 }
 
 static PyMethodDef force_methods[] = {
-    {"begin", force_begin, METH_O, "begin(time): the waves of this instant (s) holds for the step."},
-    {"aim", force_aim, METH_O, "aim(targets): what the servos go towards, as sim.vehicle.servos.Servos.aim."},
-    {"follow", force_follow, METH_NOARGS, "follow(): move the servos on by one step."},
+    {"begin", force_begin, METH_O, "begin(time): set the time (s) of the waves for the next step."},
+    {"set_targets", force_set_targets, METH_O, "set_targets(targets): set the servos' targets, as sim.vehicle.servos.Servos."},
+    {"step", force_step, METH_NOARGS, "step(): move the servos by one step."},
     {NULL, NULL, 0, NULL},
 };
 
 static PyGetSetDef force_attributes[] = {
-    {"values", force_values, NULL, "where the servos are", NULL},
+    {"values", force_values, NULL, "the present values of the servos", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 
 static PyType_Slot force_slots[] = {
     {Py_tp_doc, "Force(kind, bytes of its class's numbers(), bytes of its servos' numbers(), WaveField or None).\n\n"
-                "The kinds stand in sim/native/forces.py."},
+                "The kinds are listed in sim/native/forces.py."},
     {Py_tp_new, force_new},
     {Py_tp_dealloc, force_deallocate},
     {Py_tp_methods, force_methods},
@@ -264,7 +264,7 @@ static PyType_Spec force_spec = {
     "sim.native._native.Force", sizeof(ForceObject), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE, force_slots,
 };
 
-static int add_pushing(PyObject *module)
+static int add_force_types(PyObject *module)
 {
     return add_known_type(module, &wave_field_spec, "WaveField", &wave_field_type)
            && add_known_type(module, &force_spec, "Force", &force_type);
