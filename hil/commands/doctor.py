@@ -30,13 +30,24 @@ examples:
   uuv-hil doctor --root recorded/           a machine whose /proc, /sys, /dev and /etc were copied there
 """
 Check = Callable[[Case], Iterator[Finding]]
-SOFTWARE: tuple[Check, ...] = (doctor_software.software, doctor_software.step)
+SOFTWARE: tuple[Check, ...] = (doctor_software.check_packages, doctor_software.check_step)
 MACHINE: tuple[Check, ...] = (
-    doctor_board.machine, doctor_board.memory_limit, doctor_board.rates, doctor_links.ports, doctor_links.console,
-    doctor_links.holders, doctor_links.line_rate, doctor_links.can_bus, doctor_board.governor, doctor_board.throttled,
-    doctor_board.realtime_limits, doctor_board.clock, doctor_network.network_ports, doctor_network.security,
-    doctor_network.wlan,
-)  # fmt: skip
+    doctor_board.check_machine,
+    doctor_board.check_memory_limit,
+    doctor_board.check_step_period,
+    doctor_links.check_serial_port,
+    doctor_links.check_console,
+    doctor_links.check_port_users,
+    doctor_links.check_speed,
+    doctor_links.check_can_bus,
+    doctor_board.check_governor,
+    doctor_board.check_throttling,
+    doctor_board.check_realtime_limits,
+    doctor_board.check_clock,
+    doctor_network.check_network_ports,
+    doctor_network.check_security,
+    doctor_network.check_wlan,
+)
 INDENT = " " * 22  # of a finding's text, behind level and topic
 
 
@@ -74,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def findings(case: Case) -> Iterator[Finding]:
     """Yield all findings; the permissions of this process are tried only if the tree is this machine's."""
-    checks = (*SOFTWARE, *MACHINE, doctor_software.granted) if case.tree.live else MACHINE
+    checks = (*SOFTWARE, *MACHINE, doctor_software.check_scheduling) if case.tree.live else MACHINE
     for check in checks:
         yield from check(case)
 

@@ -1,4 +1,4 @@
-"""Check the board: clocks, temperature, memory, and the rights that the kernel grants."""
+"""Check the board: clocks, temperature, memory, and what the kernel permits the user."""
 
 import shlex
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from boards.resources import available_memory_mib
 from boards.tree import architecture
 from hil.bench.limits import REMEDIES
 from hil.common.clock import LOOP_PRIORITY
-from hil.doctor.findings import Case, Finding, as_user, grant, hexadecimal, number
+from hil.doctor.findings import Case, Finding, parse_hexadecimal, parse_number, realtime_remedy, user_prefix
 from hil.install.units import UNIT
 
 CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23  # capabilities(7)
@@ -19,42 +19,49 @@ CGROUPS = "/sys/fs/cgroup"
 ACTIVE_DRIVERS = ("intel_pstate", "amd-pstate-epp")  # with these drivers "powersave" does not limit the clock
 
 
-def machine(case: Case) -> Iterator[Finding]:
-    """Yield findings on the machine's model and its free memory."""
+def check_machine(case: Case) -> Iterator[Finding]:
+    """Report the machine's model, and check its available memory."""
     board, model_name = case.board, model(case.tree.root)
     kind = architecture(case.tree) or "unknown architecture"
-    text = f"{board.name}, {board.cpu}" if board else f"none of those known; {model_name or kind}"
+    text = f"{board.name}, {board.cpu}" if board else f"not a known board: {model_name or kind}"
     yield Finding("ok", "board", text + (f' ("{model_name}")' if board and model_name else ""))
     free = available_memory_mib(case.tree)
     if board and free is not None and free < board.recommended.memory:
-        text = f"{free:.0f} MiB free, the slave may need {board.recommended.memory:g}"
+        text = f"{free:.0f} MiB free, but the slave may need {board.recommended.memory:g}"
         yield Finding(case.severity, "memory free", text, "end other programs; see: ps aux --sort -rss | head")
 
 
-def memory_limit(case: Case) -> Iterator[Finding]:
-    """Check whether the kernel can enforce MemoryMax of the service. Otherwise a leak may end other programs too."""
-    tree, there = case.tree, True
+def check_memory_limit(case: Case) -> Iterator[Finding]:
+    """Check whether the kernel can enforce MemoryMax of the service. Otherwise a leak may end other programs."""
+    tree, is_enabled = case.tree, True
     if tree.exists(f"{CGROUPS}/cgroup.controllers"):
-        there = "memory" in tree.text(f"{CGROUPS}/cgroup.controllers").split()
+        is_enabled = "memory" in tree.text(f"{CGROUPS}/cgroup.controllers").split()
     elif not tree.exists(f"{CGROUPS}/memory"):  # cgroups version 1
         words = tree.text("/proc/cmdline").split()
-        there = "cgroup_disable=memory" not in words or "cgroup_enable=memory" in words
-    if not there:
+        is_enabled = "cgroup_disable=memory" not in words or "cgroup_enable=memory" in words
+    if not is_enabled:
         text = "the kernel's memory controller is off: MemoryMax= of the service has no effect"
         yield Finding("note", "memory limit", text, REMEDIES["memory"])
 
 
-def rates(case: Case) -> Iterator[Finding]:
+def check_step_period(case: Case) -> Iterator[Finding]:
     """Check whether the scenario's step is shorter than recommended for the board."""
     if case.scenario and case.board:
-        requested, good = case.scenario.slave.step, case.board.recommended.step
-        if requested < good * 0.999:
-            text = f"a step of {requested * 1e3:g} ms is shorter than the {good * 1e3:g} ms recommended for this board"
-            yield Finding("note", "step", text, f'[slave] step = "{good * 1e3:g} ms", or measure it here')
+        step, recommended = case.scenario.slave.step, case.board.recommended.step
+        if step < recommended * 0.999:
+            text = (
+                f"a step of {step * 1e3:g} ms is shorter than the {recommended * 1e3:g} ms recommended for this board"
+            )
+            yield Finding(
+                "note",
+                "step",
+                text,
+                f'[slave] step = "{recommended * 1e3:g} ms", or see the step cost that doctor measures on the board',
+            )
 
 
-def governor(case: Case) -> Iterator[Finding]:
-    """Check the frequency governor, because a clock that rises slowly makes the loop late."""
+def check_governor(case: Case) -> Iterator[Finding]:
+    """Check the frequency governor, because the loop is late while the clock rises slowly."""
     counts = governors(case.tree)
     if not counts:
         return
@@ -63,55 +70,56 @@ def governor(case: Case) -> Iterator[Finding]:
     if set(counts) == {"performance"} or (active and set(counts) <= {"performance", "powersave"}):
         yield Finding("ok", "governor", text)
         return
-    slow = "powersave" in counts
-    remedy = "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor (it takes more power)"
-    meaning = "the clock stays at its lowest" if slow else "the clock follows the load, late"
-    yield Finding(case.severity if slow else "note", "governor", f"{text}: {meaning}", remedy)
+    is_slowest = "powersave" in counts
+    remedy = "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor (uses more power)"
+    meaning = "the clock stays at its lowest" if is_slowest else "the clock follows the load with a delay"
+    yield Finding(case.severity if is_slowest else "note", "governor", f"{text}: {meaning}", remedy)
 
 
-def throttled(case: Case) -> Iterator[Finding]:
+def check_throttling(case: Case) -> Iterator[Finding]:
     """Check whether the processor is throttled by heat or the power supply."""
-    slow, warmth = throttling(case.tree, case.board), temperature(case.tree, case.board)
-    supply = "a power supply and cable for the board's full current; nothing that draws much on its USB"
-    remedy = {True: supply, False: "a heat sink, a fan, or a lower load"}
-    for text in slow.now:
+    reasons, celsius = throttling(case.tree, case.board), temperature(case.tree, case.board)
+    supply = "use a power supply and cable for the board's full current; connect no USB device that draws much"
+    remedy = {True: supply, False: "add a heat sink or a fan, or reduce the load"}
+    for text in reasons.now:
         yield Finding(case.severity, "throttled", f"now: {text}", remedy["voltage" in text])
-    for text in slow.before:
-        if text not in slow.now:
+    for text in reasons.before:
+        if text not in reasons.now:
             yield Finding("note", "throttled", f"since boot: {text}", remedy["voltage" in text])
-    if not slow.known and case.board and case.board.throttling == "vcgencmd":
-        text = "whether heat slows it down cannot be determined: its firmware does not answer vcgencmd"
+    if not reasons.known and case.board and case.board.throttling == "vcgencmd":
+        text = "throttling cannot be determined: the firmware does not answer vcgencmd"
         yield Finding("note", "throttled", text, f"sudo usermod -aG video {case.user.name}, then log in again")
-    if warmth is None:
+    if celsius is None:
         return
     limit = case.board.throttles_at if case.board else 0.0
-    hot = bool(limit) and warmth > limit - NEARLY_HOT
-    text = f"{warmth:.1f} °C" + (f", slows down from {limit:g} °C" if limit else "")
-    yield Finding("note" if hot else "ok", "temperature", text, remedy[False] if hot else "")
+    is_hot = bool(limit) and celsius > limit - NEARLY_HOT
+    text = f"{celsius:.1f} °C" + (f", throttles from {limit:g} °C" if limit else "")
+    yield Finding("note" if is_hot else "ok", "temperature", text, remedy[False] if is_hot else "")
 
 
-def realtime_limits(case: Case) -> Iterator[Finding]:
+def check_realtime_limits(case: Case) -> Iterator[Finding]:
     """Check whether the user is granted real-time scheduling and locked memory, by limits and capabilities."""
     tree = case.tree
     if case.scenario and not case.scenario.slave.realtime:
-        yield Finding("ok", "real time", "not wanted by the scenario")
+        yield Finding("ok", "real time", "not requested: [slave] realtime is false")
         return
     if tree.text("/proc/sys/kernel/sched_rt_runtime_us") == "0":
         text = "the kernel grants no time to SCHED_FIFO: sched_rt_runtime_us is 0"
         yield Finding(case.severity, "real time", text, "sudo sysctl kernel.sched_rt_runtime_us=950000")
     process = _process(case)
     if process is None:
-        text = f"what {case.user.name} is granted cannot be determined"
-        refused = as_user(case.user)  # a refused session reports why
-        remedy = f"see: {shlex.join([*refused, 'true'])}" if refused else f"the same with sudo, --user {case.user.name}"
+        text = f"the limits of {case.user.name} cannot be determined"
+        prefix = user_prefix(case.user)
+        rerun = f"run the same command with sudo and --user {case.user.name}"
+        remedy = f"see: {shlex.join([*prefix, 'true'])}" if prefix else rerun  # the command prints why it fails
         yield Finding("note", "real time", text, remedy)
         return
     limits, capabilities = process_limits(process), _capabilities(process)
-    remedy = grant(case)
+    remedy = realtime_remedy(case)
     priority, memory = limits.get("Max realtime priority"), limits.get("Max locked memory")
     if priority is not None and not capabilities >> CAP_SYS_NICE & 1:
         enough = priority >= LOOP_PRIORITY
-        text = f"priority {priority:g} is permitted, the slave's loop wants {LOOP_PRIORITY}"
+        text = f"priority {priority:g} is permitted, but the slave's loop needs {LOOP_PRIORITY}"
         severity, service = case.severity, _service_priority(case)
         if not enough and service >= LOOP_PRIORITY:
             severity, text = "note", f"{text}; as the installed service it has {service:g}"
@@ -122,17 +130,17 @@ def realtime_limits(case: Case) -> Iterator[Finding]:
         yield Finding("ok" if enough else "note", "lock limit", f"{text} may be locked", "" if enough else remedy)
 
 
-def clock(case: Case) -> Iterator[Finding]:
+def check_clock(case: Case) -> Iterator[Finding]:
     """Check whether the clock is synchronised by NTP."""
-    answer = case.tree.run("timedatectl", "show", "--property=NTPSynchronized", "--value")
-    if answer == "yes":
+    output = case.tree.run("timedatectl", "show", "--property=NTPSynchronized", "--value")
+    if output == "yes":
         yield Finding("ok", "clock", "synchronised")
-    elif answer == "no":
-        text = "not synchronised: dates of recordings and certificates, and delays between machines, mean nothing"
-        remedy = "sudo timedatectl set-ntp true; without internet, chrony with the master's computer as its server"
+    elif output == "no":
+        text = "not synchronised: dates of recordings and certificates, and delays between machines, are wrong"
+        remedy = "sudo timedatectl set-ntp true; without internet, use chrony with the master's computer as its server"
         yield Finding(case.severity if case.remote else "note", "clock", text, remedy)
     else:
-        yield Finding("note", "clock", "whether it is synchronised cannot be determined: no answer of timedatectl")
+        yield Finding("note", "clock", "whether it is synchronised cannot be determined: timedatectl does not answer")
 
 
 def process_limits(text: str) -> dict[str, float]:
@@ -140,7 +148,7 @@ def process_limits(text: str) -> dict[str, float]:
     limits = {}
     for line in text.splitlines():
         value = line[26:].split()
-        limit = float("inf") if value[:1] == ["unlimited"] else number(value[0]) if value else None
+        limit = float("inf") if value[:1] == ["unlimited"] else parse_number(value[0]) if value else None
         if limit is not None:
             limits[line[:26].strip()] = limit
     return limits
@@ -148,7 +156,7 @@ def process_limits(text: str) -> dict[str, float]:
 
 def _process(case: Case) -> str | None:
     """Return limits and status of a process of the user; None if this process cannot start one."""
-    prefix = as_user(case.user) if case.tree.live else []
+    prefix = user_prefix(case.user) if case.tree.live else []
     if prefix:
         return case.tree.run(*prefix, "cat", LIMITS, STATUS)
     return None if prefix is None else f"{case.tree.text(LIMITS)}\n{case.tree.text(STATUS)}"
@@ -157,11 +165,11 @@ def _process(case: Case) -> str | None:
 def _capabilities(text: str) -> int:
     for line in text.splitlines():
         if line.startswith("CapEff:"):
-            return hexadecimal(line.partition(":")[2]) or 0
+            return parse_hexadecimal(line.partition(":")[2]) or 0
     return 0
 
 
 def _service_priority(case: Case) -> float:
     """Return the real-time priority that the installed unit grants; 0 if no unit is installed for this user."""
     settings = dict(line.partition("=")[::2] for line in case.tree.text(UNIT).splitlines())
-    return (number(settings.get("LimitRTPRIO", "")) or 0.0) if settings.get("User") == case.user.name else 0.0
+    return (parse_number(settings.get("LimitRTPRIO", "")) or 0.0) if settings.get("User") == case.user.name else 0.0

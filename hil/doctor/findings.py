@@ -75,10 +75,10 @@ def accounts(tree: Tree, file: str) -> list[Account]:
     return [Account(name, int(number), fourth) for name, number, fourth in rows]
 
 
-def grant(case: Case) -> str:
-    """Return how the user's session gets the real-time scheduling and the locked memory that it lacks."""
+def realtime_remedy(case: Case) -> str:
+    """Return how the user's session gets real-time scheduling and locked memory."""
     if f"{case.user.name} - rtprio {LOOP_PRIORITY}" in case.tree.text(LIMITS).splitlines():
-        return f"log in again: pam_limits grants it to new sessions, by {LIMITS}"
+        return f"log in again: new sessions get it from {LIMITS}"
     return "uuv-hil board install grants it to the service and its user; for a shell: see /etc/security/limits.d"
 
 
@@ -90,7 +90,7 @@ def may_open(status: os.stat_result, user: User) -> bool:
     return status.st_mode >> shift & 6 == 6
 
 
-def as_user(user: User) -> list[str] | None:
+def user_prefix(user: User) -> list[str] | None:
     """Return the prefix of a command that is run as `user`, with that user's limits; None if this is not permitted.
 
     It uses runuser, not setuid, because runuser opens a session, in which limits.conf(5) applies.
@@ -100,7 +100,7 @@ def as_user(user: User) -> list[str] | None:
     return ["runuser", "-u", user.name, "--"] if os.geteuid() == 0 else None
 
 
-def number(text: str) -> float | None:
+def parse_number(text: str) -> float | None:
     """Return a decimal number of the kernel's files; None if the text is no number."""
     try:
         value = float(text)
@@ -109,7 +109,7 @@ def number(text: str) -> float | None:
     return None if value != value else value
 
 
-def hexadecimal(text: str) -> int | None:
+def parse_hexadecimal(text: str) -> int | None:
     """Return a hexadecimal number of the kernel's files; None if the text is no number."""
     try:
         return int(text, 16)

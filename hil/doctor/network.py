@@ -8,7 +8,7 @@ from hil.common.errors import NetworkError
 from hil.doctor.findings import Case, Finding
 
 
-def network_ports(case: Case) -> Iterator[Finding]:
+def check_network_ports(case: Case) -> Iterator[Finding]:
     """Check whether the two TCP ports that the slave listens on are free."""
     if not case.scenario:
         return
@@ -26,30 +26,37 @@ def network_ports(case: Case) -> Iterator[Finding]:
     for port in ports:
         pid = taken[port]
         owner = "" if pid is None else f" by {describe_process(case.tree, pid)}"
-        remedy = "end it (is the slave running already? systemctl status uuv-hil), or use other ports: --listen"
+        remedy = "end it (if the slave runs already, see: systemctl status uuv-hil), or use other ports: --listen"
         yield Finding("problem", "network", f"port {port} is used{owner}", remedy)
     if not ports:
         scope = "" if case.remote else ", for masters on this machine only"
         yield Finding("ok", "network", f"{listen} is free{scope}")
 
 
-def security(case: Case) -> Iterator[Finding]:
+def check_security(case: Case) -> Iterator[Finding]:
     """Check whether the scenario has certificates if masters on other machines are expected."""
     if case.remote and case.scenario and case.scenario.security is None:
-        text = "anybody who reaches the port can command the vehicle"
-        yield Finding("note", "security", text, "uuv-hil keys, and a [security] section in the scenario")
+        text = "anyone who can connect to the port can command the vehicle"
+        yield Finding(
+            "note", "security", text, "make certificates with uuv-hil keys, and add [security] to the scenario"
+        )
 
 
-def wlan(case: Case) -> Iterator[Finding]:
-    """Check whether a wlan interface saves power between beacons, which delays received data by 0.1 s and more."""
+def check_wlan(case: Case) -> Iterator[Finding]:
+    """Check whether a wlan interface saves power between beacons, which delays received data by 0.1 s or more."""
     for name in case.tree.names("/sys/class/net"):
         if not any(case.tree.exists(f"/sys/class/net/{name}/{mark}") for mark in ("wireless", "phy80211")):
             continue
-        answer = case.tree.run("iw", "dev", name, "get", "power_save")
-        if answer is not None and answer.endswith("on"):
+        output = case.tree.run("iw", "dev", name, "get", "power_save")
+        if output is not None and output.endswith("on"):
             remedy = f"sudo iw dev {name} set power_save off (uuv-hil board install keeps it off)"
-            yield Finding(case.severity if case.remote else "note", "wlan", f"{name} saves power, and is late", remedy)
-        elif answer is not None and answer.endswith("off"):
-            yield Finding("ok", "wlan", f"{name} does not save power")
+            yield Finding(
+                case.severity if case.remote else "note",
+                "wlan",
+                f"{name}: power saving is on, which delays messages",
+                remedy,
+            )
+        elif output is not None and output.endswith("off"):
+            yield Finding("ok", "wlan", f"{name}: power saving is off")
         else:
             yield Finding("note", "wlan", f"{name}: power saving cannot be determined", "sudo apt install iw")

@@ -1,4 +1,4 @@
-"""Check the installation: packages, bytecode, start, processor time of a step, and the rights of a process."""
+"""Check the installation: packages, bytecode, start, processor time of a step, and permitted scheduling."""
 
 import os
 import platform
@@ -14,7 +14,7 @@ from hil.common import __version__
 from hil.common.children import python_command
 from hil.common.clock import LOOP_PRIORITY
 from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
-from hil.doctor.findings import Case, Finding, Level, User, as_user, grant
+from hil.doctor.findings import Case, Finding, Level, User, realtime_remedy, user_prefix
 from hil.install.check import assemble
 from hil.links.contract import PWM_NEUTRAL_US
 from hil.scenario.attitude_warning import attitude_warning
@@ -30,8 +30,8 @@ LIBRARIES = (
     ("pyserial", "pyserial", "serial ports", "pyserial"),
     ("numpy", "numpy", "the master's maps", "'uuv-hil[master]'"),
 )
-# the same for packages that a value in a scenario requires
-WANTED = {
+# The same for packages that a value in a scenario requires.
+REQUIRED_BY_VALUE = {
     "mavlink": ("pymavlink", "pymavlink", "[link] protocol", "'uuv-hil[mavlink]'"),
     "unicorn": ("unicorn", "unicorn", "the scenario's stm32", "'uuv-hil[unicorn]'"),
 }
@@ -40,23 +40,23 @@ EXTENSIONS = ("sim.native._rays", "sim.native._picture", "hil.slave.native._firm
 WARM_UP, STEPS = 40, 400
 
 
-def software(case: Case) -> Iterator[Finding]:
+def check_packages(case: Case) -> Iterator[Finding]:
     """Return findings about this installation and the packages that a run needs."""
     yield Finding("ok", "uuv-hil", f"{__version__}, {ROOT}")
     yield Finding("ok", "Python", f"{platform.python_version()}, {sys.executable}")
     for name, distribution, purpose, package in LIBRARIES:
         needed: Level = case.severity if name == "zenoh" or (name == "pyserial" and case.device) else "note"
-        yield library(name, distribution, purpose, package, needed)
-    words = (case.scenario.link.protocol, case.scenario.stm32) if case.scenario else ()
-    for word in words:
-        if word in WANTED:
-            yield library(*WANTED[word], case.severity)
-    yield bytecode(ROOT)
+        yield check_library(name, distribution, purpose, package, needed)
+    values = (case.scenario.link.protocol, case.scenario.stm32) if case.scenario else ()
+    for value in values:
+        if value in REQUIRED_BY_VALUE:
+            yield check_library(*REQUIRED_BY_VALUE[value], case.severity)
+    yield check_bytecode(ROOT)
     if case.scenario:
-        yield from start(case.scenario, case.user)
+        yield from check_start(case.scenario, case.user)
 
 
-def start(scenario: Scenario, user: User) -> Iterator[Finding]:
+def check_start(scenario: Scenario, user: User) -> Iterator[Finding]:
     """Check whether the slave would start, could record as `user`, and the planner would find a path."""
     checks: tuple[tuple[str, Callable[[], object]], ...] = (
         ("slave", lambda: _assemble(scenario)),
@@ -71,7 +71,7 @@ def start(scenario: Scenario, user: User) -> Iterator[Finding]:
             reported.add(fault.text)
             yield fault
     if not reported:
-        yield Finding("ok", "start", f"{scenario.path} can be put together")
+        yield Finding("ok", "start", f"the slave would start with {scenario.path}")
         warning = attitude_warning(scenario)
         if warning:
             yield Finding("note", "attitude", warning)
@@ -84,10 +84,13 @@ def _fault(topic: str, check: Callable[[], object], path: str) -> Finding | None
     except (NetworkError, MissingExtraError) as error:  # these name the remedy
         return Finding("problem", topic, str(error))
     except HilError as error:
-        return Finding("problem", topic, str(error), f"mend it in {path}")
+        return Finding("problem", topic, str(error), f"correct it in {path}")
     except Exception as error:  # noqa: BLE001 - a user's class may raise anything
         return Finding(
-            "problem", topic, f"{type(error).__name__}: {error}", f"mend it in {path}, or in what that names"
+            "problem",
+            topic,
+            f"{type(error).__name__}: {error}",
+            f"correct it in {path}, or in a file or class that it names",
         )
     return None
 
@@ -99,14 +102,14 @@ def _assemble(scenario: Scenario) -> None:
 
 
 def _open_protocols(scenario: Scenario) -> None:
-    """Open our ends of the link. Raises ConfigError or MissingExtraError."""
+    """Open the ends of the link that run here. Raises ConfigError or MissingExtraError."""
     from hil.links.protocols import Role
     from hil.slave.drivers.ends import end_protocol
     from sim.vehicle.vehicle import load_vehicle
 
     vehicle, _ = load_vehicle(scenario.vehicle)
-    ours: tuple[Role, ...] = ("host", "device") if scenario.stm32 in ("python", "process") else ("host",)
-    for role in ours:
+    roles: tuple[Role, ...] = ("host", "device") if scenario.stm32 in ("python", "process") else ("host",)
+    for role in roles:
         end_protocol(scenario.link, role, len(vehicle.channels))
 
 
@@ -117,18 +120,18 @@ def _require_room(recording: Recording, user: User) -> None:
     from hil.recording.mcap_writer import require_library
 
     require_library()
-    folder = there = os.path.abspath(recording.folder)
-    while not os.path.lexists(there):
-        there = os.path.dirname(there)
+    folder = existing = os.path.abspath(recording.folder)
+    while not os.path.lexists(existing):
+        existing = os.path.dirname(existing)
     where = f"[recording] folder {folder}"
-    if not os.path.isdir(there):
-        raise ConfigError(f"{where} cannot be made: {there} is no folder")
-    if not may_write(there, user):
-        raise ConfigError(f"{where} cannot be written: no permission for {user.name} in {there}")
-    disk = os.statvfs(there)
+    if not os.path.isdir(existing):
+        raise ConfigError(f"{where} cannot be created: {existing} is not a folder")
+    if not may_write(existing, user):
+        raise ConfigError(f"{where} cannot be written: no permission for {user.name} in {existing}")
+    disk = os.statvfs(existing)
     free = disk.f_bavail * disk.f_frsize / 2**20
     if free < recording.keep_free:
-        raise ConfigError(f"{where} has {free:.0f} MiB free, and keep_free is {recording.keep_free:g} MiB")
+        raise ConfigError(f"{where} has {free:.0f} MiB free, but keep_free is {recording.keep_free:g} MiB")
 
 
 def may_write(folder: str, user: User) -> bool:
@@ -142,15 +145,15 @@ def may_write(folder: str, user: User) -> bool:
 
 def _plan(scenario: Scenario) -> None:
     """Plan the mission's path, if numpy is installed for a master. Raises HilError if there is no path."""
-    led = scenario.planner or scenario.master.goal  # otherwise a Python program or ROS flies it
-    if not led or scenario.member or scenario.controller == "external" or find_spec("numpy") is None:
+    has_mission = scenario.planner or scenario.master.goal  # otherwise a Python program or ROS commands the vehicle
+    if not has_mission or scenario.member or scenario.controller == "external" or find_spec("numpy") is None:
         return
     from hil.master.flight import prepare
 
     prepare(scenario)
 
 
-def step(case: Case) -> Iterator[Finding]:
+def check_step(case: Case) -> Iterator[Finding]:
     """Report whether the step of the dynamics runs in C or Python and why, and its processor time for a scenario."""
     from sim.native import COMPILE_AGAIN, REMEDY, SWITCH, NativeDynamics, StaleExtensionError, choose, load
 
@@ -178,32 +181,33 @@ def step(case: Case) -> Iterator[Finding]:
     if scenario := case.scenario:
         share = case.board.recommended.core_share if case.board else 0.5
         try:
-            yield step_cost(scenario, share)
-        except HilError:  # `start` has reported it
+            yield check_step_cost(scenario, share)
+        except HilError:  # `check_start` has reported it
             return
         except Exception as error:  # noqa: BLE001 - a user's sensor may raise anything
-            text = f"cannot be taken: {type(error).__name__}: {error}"
-            yield Finding("problem", "step", text, "mend the sensor or force that raises it")
+            text = f"a step failed: {type(error).__name__}: {error}"
+            yield Finding("problem", "step", text, "correct the sensor or force that raised it")
 
 
-def step_cost(scenario: Scenario, allowed: float) -> Finding:
+def check_step_cost(scenario: Scenario, allowed: float) -> Finding:
     """Return the simulation's share of a core on this machine, compared with the allowed share (0..1)."""
-    cost, period = step_cost_s(scenario), scenario.slave.step
+    cost, period = measure_step_s(scenario), scenario.slave.step
     text = f"{cost * 1e6:.0f} µs of every {period * 1e6:.0f} µs, {cost / period:.1%} of a core"
     if cost < allowed * period:
         return Finding("ok", "step cost", text)
-    return Finding("problem", "step cost", f"{text}; {allowed:.0%} are for it", "a longer [slave] step, fewer sensors")
+    remedy = "use a longer [slave] step, or fewer sensors"
+    return Finding("problem", "step cost", f"{text}; at most {allowed:.0%} is recommended", remedy)
 
 
-def library(name: str, distribution: str, purpose: str, package: str, needed: Level) -> Finding:
+def check_library(name: str, distribution: str, purpose: str, package: str, needed: Level) -> Finding:
     """Return the version of an installed distribution, or how to install it."""
     try:
         return Finding("ok", name, metadata.version(distribution))
     except metadata.PackageNotFoundError:
-        return Finding(needed, name, f"not installed; it is for {purpose}", f"pip install {package}")
+        return Finding(needed, name, f"not installed; needed for {purpose}", f"pip install {package}")
 
 
-def bytecode(root: str) -> Finding:
+def check_bytecode(root: str) -> Finding:
     """Check whether the packages below `root` are compiled to bytecode. If not, the first start takes longer."""
     missing = total = 0
     for package in PACKAGES:
@@ -230,9 +234,9 @@ def _is_compiled(source: str) -> bool:
     return bool(flags) or (time_s, size) == (int(status.st_mtime) & 0xFFFFFFFF, status.st_size & 0xFFFFFFFF)
 
 
-def granted(case: Case) -> Iterator[Finding]:
-    """Report the scheduling and locked memory that the slave would get, tried in a process of its user."""
-    prefix = as_user(case.user)
+def check_scheduling(case: Case) -> Iterator[Finding]:
+    """Report the scheduling and locked memory that a process of the slave's user gets."""
+    prefix = user_prefix(case.user)
     if prefix is None:
         return
     code = f"from hil.common import clock; print(clock.schedule_fifo({LOOP_PRIORITY})); print(clock.lock_memory())"
@@ -243,15 +247,15 @@ def granted(case: Case) -> Iterator[Finding]:
     except OSError:  # no runuser, or an emulator that cannot start another program
         output = ""
     if not output:
-        text = f"could not be tried: {case.user.name} cannot start {sys.executable}"
+        text = f"cannot be determined: {case.user.name} cannot start {sys.executable}"
         yield Finding("note", "scheduling", text, f"see: {shlex.join([*prefix, sys.executable, '-V'])}")
     for line in output.splitlines():
         name, _, text = line.partition(": ")
-        refused = "not " in text
-        yield Finding("note" if refused else "ok", name, text, grant(case) if refused else "")
+        is_refused = "not " in text
+        yield Finding("note" if is_refused else "ok", name, text, realtime_remedy(case) if is_refused else "")
 
 
-def step_cost_s(scenario: Scenario) -> float:
+def measure_step_s(scenario: Scenario) -> float:
     """Return the processor time (s) of one step of the scenario's simulation on this machine, after its start."""
     from sim.environment.world import load_world
     from sim.vehicle.vehicle import load_vehicle

@@ -178,7 +178,7 @@ def _memory(tree: Tree, board: Board) -> str:
 
 def _temperature(tree: Tree, board: Board) -> str:
     value = temperature(tree, board)
-    limit = f", slows down from {board.throttles_at:g} °C" if board.throttles_at else ""
+    limit = f", throttles from {board.throttles_at:g} °C" if board.throttles_at else ""
     return f"{value:.1f} °C{limit}" if value is not None else ""
 
 

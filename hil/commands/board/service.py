@@ -12,7 +12,7 @@ from boards.health import recognise
 from boards.tree import Tree
 from hil.common.errors import ConfigError
 from hil.common.streams import LOOK_FIRST, agreed
-from hil.doctor.board import memory_limit
+from hil.doctor.board import check_memory_limit
 from hil.doctor.findings import Case, User, accounts
 from hil.install import changes as board_changes
 from hil.install import check as board_check
@@ -41,7 +41,7 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
     service = Service(scenario, options.scenario, user, options.listen, options.board, options.member, (*options.set,))
     plan = board_changes.plan_install(tree, board_install.texts(tree, service, here))
     board_check.check(tree, service)
-    for finding in memory_limit(Case(tree, here, scenario, User(user, 0, ()))):
+    for finding in check_memory_limit(Case(tree, here, scenario, User(user, 0, ()))):
         print(f"note: {finding.text} -> {finding.remedy}")
     for left_out in (board_install.device_left_out(scenario), board_install.firewall_missing(tree, service)):
         if left_out:

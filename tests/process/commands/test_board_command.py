@@ -25,7 +25,7 @@ def test_the_state_of_a_board_is_shown(root: Path, capsys: pytest.CaptureFixture
     text = capsys.readouterr().out
     assert text.startswith('Raspberry Pi 4 Model B (model "Raspberry Pi 4 Model B Rev 1.5")\n')
     assert re.search(r"memory +sold with 1, 2, 4, 8 GiB; 3\.70 GiB installed\n", text)
-    assert re.search(r"temperature +51\.1 °C, slows down from 80 °C\n", text)
+    assert re.search(r"temperature +51\.1 °C, throttles from 80 °C\n", text)
     assert re.search(r"throttled +no\n", text)
     assert re.search(r"system +Raspberry Pi OS 12", text)
     assert re.search(r"governor +performance \(4 processors\)\n", text)

@@ -74,7 +74,7 @@ def test_an_invalid_setting_is_a_problem() -> None:
 def test_a_missing_step_in_c_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sim.native._native", None)
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    found = next(doctor_software.step(here()))
+    found = next(doctor_software.check_step(here()))
     assert (found.level, found.topic) == ("note", "step")
     assert "Python; the step in C is not there" in found.text
     assert "python c_extensions.py" in found.remedy
@@ -83,7 +83,7 @@ def test_a_missing_step_in_c_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_environment_requires_a_missing_extension(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sim.native._native", None)
     monkeypatch.setenv("UUV_HIL_NATIVE", "1")
-    (found,) = doctor_software.step(here())
+    (found,) = doctor_software.check_step(here())
     assert (found.topic, found.remedy) == ("step", "unset UUV_HIL_NATIVE")
 
 
@@ -91,7 +91,7 @@ def test_the_environment_requires_a_missing_extension(monkeypatch: pytest.Monkey
 def test_another_missing_extension_is_noted(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    (found,) = [found for found in doctor_software.step(here()) if found.topic != "step"]
+    (found,) = [found for found in doctor_software.check_step(here()) if found.topic != "step"]
     assert (found.level, found.topic) == ("note", module.rpartition("._")[2])
     assert module in found.text
     assert "python c_extensions.py" in found.remedy
@@ -103,7 +103,7 @@ def test_an_extension_of_other_sources_is_reported(monkeypatch: pytest.MonkeyPat
     usual = native._source_bytes
     monkeypatch.setattr(native, "_source_bytes", lambda name: " 1" if name == package else usual(name))
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    (found,) = [found for found in doctor_software.step(here()) if found.level != "ok"]
+    (found,) = [found for found in doctor_software.check_step(here()) if found.level != "ok"]
     assert found.topic == topic
     assert "was compiled from other sources" in found.text
     assert found.remedy == native.COMPILE_AGAIN
@@ -127,14 +127,14 @@ def test_the_settings_of_this_process_do_not_change() -> None:
 
 
 def test_a_missing_package_is_reported_with_its_installation() -> None:
-    found = doctor_software.library("tea", "no-such-distribution", "the afternoon", "tea", "problem")
-    assert found == Finding("problem", "tea", "not installed; it is for the afternoon", "pip install tea")
+    found = doctor_software.check_library("tea", "no-such-distribution", "the afternoon", "tea", "problem")
+    assert found == Finding("problem", "tea", "not installed; needed for the afternoon", "pip install tea")
 
 
 def test_a_missing_package_is_a_problem_only_if_the_scenario_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(doctor_software.WANTED, "python", ("tea", "no-such-distribution", "tea", "tea"))
-    assert "tea" not in {finding.topic for finding in doctor_software.software(here())}
-    found = {finding.topic: finding for finding in doctor_software.software(here("paper_field"))}
+    monkeypatch.setitem(doctor_software.REQUIRED_BY_VALUE, "python", ("tea", "no-such-distribution", "tea", "tea"))
+    assert "tea" not in {finding.topic for finding in doctor_software.check_packages(here())}
+    found = {finding.topic: finding for finding in doctor_software.check_packages(here("paper_field"))}
     assert found["tea"].level == "problem"
 
 
@@ -143,23 +143,24 @@ def test_the_state_of_bytecode_is_reported(tmp_path: Path) -> None:
     source = tmp_path / "sim" / "deep" / "one.py"
     source.parent.mkdir(parents=True)
     source.write_text("x = 1\n")
-    found = doctor_software.bytecode(str(tmp_path))
+    found = doctor_software.check_bytecode(str(tmp_path))
     assert found.level == "note"
     assert found.text.startswith("1 of 1 modules are not compiled")
     compileall.compile_dir(str(tmp_path), quiet=1)
-    assert doctor_software.bytecode(str(tmp_path)) == Finding("ok", "bytecode", "compiled, 1 modules")
+    assert doctor_software.check_bytecode(str(tmp_path)) == Finding("ok", "bytecode", "compiled, 1 modules")
     source.write_text("x = 1000\n")
-    assert doctor_software.bytecode(str(tmp_path)).level == "note"
+    assert doctor_software.check_bytecode(str(tmp_path)).level == "note"
 
 
 def test_a_step_that_takes_more_than_its_share_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario("paper_field")
-    measured = doctor_software.step_cost_s(scenario)
+    measured = doctor_software.measure_step_s(scenario)
     assert 0.0 < measured < 0.1
-    monkeypatch.setattr(doctor_software, "step_cost_s", lambda _: 0.001)
-    assert doctor_software.step_cost(scenario, 0.5).level == "ok"
-    found = doctor_software.step_cost(scenario, 0.3)
-    assert (found.level, found.text) == ("problem", "1000 µs of every 2500 µs, 40.0% of a core; 30% are for it")
+    monkeypatch.setattr(doctor_software, "measure_step_s", lambda _: 0.001)
+    assert doctor_software.check_step_cost(scenario, 0.5).level == "ok"
+    found = doctor_software.check_step_cost(scenario, 0.3)
+    assert found.level == "problem"
+    assert found.text == "1000 µs of every 2500 µs, 40.0% of a core; at most 30% is recommended"
 
 
 @pytest.fixture
@@ -195,7 +196,7 @@ class Sour:
         ("depth = 2", "depth = 900", "slave", "an obstacle or the seabed of pool is there"),
         ("[slave]", '[planner]\nclass = "nope:Nope"\n[slave]', "planner", "nope cannot be imported"),
         ("[slave]", '[planner]\nclass = "wild:Wild"\n[slave]', "planner", "ZeroDivisionError: division by zero"),
-        ("[slave]", f"{RECORDING}/dev/null/x'\n[slave]", "recording", "/dev/null is no folder"),
+        ("[slave]", f"{RECORDING}/dev/null/x'\n[slave]", "recording", "/dev/null is not a folder"),
         ("[slave]", f"{RECORDING}/proc/x'\n[slave]", "recording", "0 MiB free"),
         ("[link]", '[sensors.mine]\nclass = "wild:Sour"\nrate = 50\n[link]', "step", "OverflowError: too sour"),
     ],
@@ -207,28 +208,32 @@ def test_what_the_slave_or_the_planner_would_refuse_is_a_problem(
     (tmp_path / "wild.py").write_text(FAILING_PLANNER)
     monkeypatch.syspath_prepend(str(tmp_path))
     path, _ = write_scenario(tmp_path)
-    assert [found.level for found in doctor_software.software(here(str(path))) if found.topic == "start"] == ["ok"]
+    assert [found.level for found in doctor_software.check_packages(here(str(path))) if found.topic == "start"] == [
+        "ok"
+    ]
     path.write_text(path.read_text().replace(old, new, 1))
     case = here(str(path))
     problems = [
-        found for found in (*doctor_software.software(case), *doctor_software.step(case)) if found.level == "problem"
+        found
+        for found in (*doctor_software.check_packages(case), *doctor_software.check_step(case))
+        if found.level == "problem"
     ]
     (found,) = problems
     assert found.topic == topic
     assert words in found.text
-    assert str(path) in found.remedy or "uuv-hil keys" in found.text or "mend the sensor" in found.remedy
+    assert str(path) in found.remedy or "uuv-hil keys" in found.text or "correct the sensor" in found.remedy
 
 
 def test_a_start_without_a_planner_or_a_goal_is_no_problem() -> None:
     """A fleet has a planner for each, an external controller none, and a scenario without a goal is flown by hand."""
     scenario = load_scenario("paper_field", {"master.goal": [900.0, 0.0]})
     user = doctor.find_user(Tree("/"), None)
-    lost = [found.topic for found in doctor_software.start(scenario, user)]
-    (away,) = doctor_software.start(load_scenario("paper_field", {"start.north": -500.0}), user)
+    lost = [found.topic for found in doctor_software.check_start(scenario, user)]
+    (away,) = doctor_software.check_start(load_scenario("paper_field", {"start.north": -500.0}), user)
     assert "the start (-500.00 m north, 0.00 m east) is outside the map" in away.text
     by_hand = scenario._replace(master=scenario.master._replace(goal=None))
     for other in (by_hand, scenario._replace(controller="external"), load_scenario("target_hunting")):
-        assert [found.level for found in doctor_software.start(other, user)] == ["ok"]
+        assert [found.level for found in doctor_software.check_start(other, user)] == ["ok"]
     assert lost == ["planner"]
 
 
@@ -238,11 +243,11 @@ def test_a_recording_folder_of_another_user_is_a_problem(tmp_path: Path) -> None
     folder.mkdir(mode=0o755)
     outsider = User("outsider", 4711, (4711,))
     scenario = load_scenario("paper_field", {"recording.slave": True, "recording.folder": str(folder / "a" / "b")})
-    (found,) = doctor_software.start(scenario, outsider)
+    (found,) = doctor_software.check_start(scenario, outsider)
     assert (found.level, found.topic) == ("problem", "recording")
     assert f"no permission for outsider in {folder}" in found.text
     folder.chmod(0o777)
-    assert [found.level for found in doctor_software.start(scenario, outsider)] == ["ok"]
+    assert [found.level for found in doctor_software.check_start(scenario, outsider)] == ["ok"]
     assert list(folder.iterdir()) == []
 
 

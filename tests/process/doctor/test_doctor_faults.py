@@ -121,20 +121,20 @@ def test_a_healthy_board_has_no_problem(board: Path, capsys: pytest.CaptureFixtu
             "/dev/serial0 (/dev/ttyS0): no permission for nobody",
             "usermod -aG dialout nobody",
         ),
-        (unplugged, "serial port", "/dev/serial0 (/dev/ttyS0) is not there", "enable_uart=1"),
+        (unplugged, "serial port", "/dev/serial0 (/dev/ttyS0) does not exist", "enable_uart=1"),
         (kernel_console, "console", "the kernel's console is on ttyS0", "console="),
         (hidden_console, "console", "the kernel's console is on ttyS0", "console="),
         (login_prompt, "console", "serial-getty@ttyS0", "systemctl disable --now serial-getty@ttyS0.service"),
         (other_process, "port in use", "process 812, /usr/sbin/ModemManager", "kill 812"),
         (powersave, "governor", "powersave on 4 processors", "echo performance"),
         (under_voltage, "throttled", "now: the supply voltage is too low", "power supply"),
-        (no_realtime, "real time", "priority 0 is permitted, the slave's loop wants 40", "board install"),
+        (no_realtime, "real time", "priority 0 is permitted, but the slave's loop needs 40", "board install"),
         (no_realtime_share, "real time", "sched_rt_runtime_us is 0", "sysctl"),
         (wrong_clock, "clock", "not synchronised", "timedatectl set-ntp true"),
         (taken_port, "network", "port 7447 is used by process 901, zenohd --listen", "--listen"),
         (second_port_taken, "network", "port 7448 is used", "--listen"),
-        (sleepy_wlan, "wlan", "wlan0 saves power", "power_save off"),
-        (no_memory, "memory free", "40 MiB free, the slave may need 64", "ps aux"),
+        (sleepy_wlan, "wlan", "wlan0: power saving is on", "power_save off"),
+        (no_memory, "memory free", "40 MiB free, but the slave may need 64", "ps aux"),
     ],
 )
 def test_each_planted_fault_is_found(
@@ -164,9 +164,9 @@ def test_all_planted_faults_are_found_at_once(board: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     ("change", "text", "remedy"),
     [
-        (None, "can0 is not there", "dtoverlay=mcp2515-can0"),
+        (None, "can0 does not exist", "dtoverlay=mcp2515-can0"),
         ({"flags": "0x40080"}, "can0 is down", "sudo ip link set can0 up type can bitrate 500000 ("),
-        ({"bitrate": 1_000_000}, "runs at 1000000 bit/s, the scenario says 500000", "bitrate = 1000000"),
+        ({"bitrate": 1_000_000}, "runs at 1000000 bit/s, but the scenario has 500000", "bitrate = 1000000"),
         (
             {"bitrate": 1_000_000},
             "runs at 1000000 bit/s",
@@ -176,7 +176,7 @@ def test_all_planted_faults_are_found_at_once(board: Path, capsys: pytest.Captur
         (
             {"state": "BUS-OFF"},
             "BUS-OFF",
-            "restart-ms 100 (not every driver can); sudo ip link set can0 up type can bi",
+            "restart-ms 100 (if the driver can); sudo ip link set can0 up type can bi",
         ),
         ({"state": "ERROR-PASSIVE"}, "can0 is in the state ERROR-PASSIVE", "120 ohms"),
     ],

@@ -49,7 +49,7 @@ def test_a_jetson_without_the_port_is_told_the_name_of_another(
     code, found = examine(root, capsys)
     assert code == 1
     (problem,) = [row for row in found if row["level"] == "problem"]
-    assert problem["text"] == "/dev/ttyTHS1 is not there"
+    assert problem["text"] == "/dev/ttyTHS1 does not exist"
     assert problem["remedy"].startswith(remedy)
     assert "with JetPack 5 it is /dev/ttyTHS0" in problem["remedy"]
     assert "systemctl" not in problem["remedy"]
@@ -60,7 +60,7 @@ def test_a_user_of_the_recorded_machine_only_is_found(board: Path, capsys: pytes
     port.chmod(0o660)
     plant(board, "etc/passwd", f"pi-of-the-board:x:4242:{port.stat().st_gid}::/:/bin/sh\n")
     assert doctor.main(["--root", str(board), "--user", "pi-of-the-board"]) == 0
-    assert "/dev/serial0 (/dev/ttyS0), pi-of-the-board may open it" in capsys.readouterr().out
+    assert "/dev/serial0 (/dev/ttyS0): pi-of-the-board may open it" in capsys.readouterr().out
 
 
 def test_a_missing_usb_adapter_is_reported_with_others(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -135,9 +135,9 @@ def test_the_process_that_holds_a_port_is_found() -> None:
         scenario = load_scenario("paper_field")
         scenario = scenario._replace(link=scenario.link._replace(port=name))
         case = Case(Tree("/"), load_board("raspberry_pi_4b"), scenario, doctor.find_user(Tree("/"), None))
-        (found,) = doctor_links.holders(case)
+        (found,) = doctor_links.check_port_users(case)
         assert f"{name} is open in process {process.pid}, {sys.executable}" in found.text
         assert process.stdin
         process.stdin.close()
-    assert not [row for row in doctor_links.holders(case) if row.level != "note"]
+    assert not [row for row in doctor_links.check_port_users(case) if row.level != "note"]
     os.close(master)

@@ -80,7 +80,7 @@ def test_root_determines_the_limits_of_another_user(
             "/proc/self/limits": LIMITS.format(priority=99, locked=9),
         },
     )
-    found = list(doctor_board.realtime_limits(Case(tree, None, scenario(), other)))
+    found = list(doctor_board.check_realtime_limits(Case(tree, None, scenario(), other)))
     assert [row.level for row in found] == levels
     assert tree.requested == [("runuser", "-u", "uuv", "--", "cat", "/proc/self/limits", "/proc/self/status")]
 
@@ -89,7 +89,7 @@ def test_root_determines_the_limits_of_another_user(
 def test_an_installed_service_has_the_limits_of_its_unit(other: User, user: str, level: str) -> None:
     unit = f"[Service]\nUser={user}\nLimitRTPRIO=40\n"
     tree = Runner(LIMITS.format(priority=0, locked="unlimited") + STATUS.format(0), {UNIT: unit})
-    found = next(doctor_board.realtime_limits(Case(tree, None, scenario(), other)))
+    found = next(doctor_board.check_realtime_limits(Case(tree, None, scenario(), other)))
     assert (found.level, found.topic) == (level, "real time")
     assert ("as the installed service it has 40" in found.text) == (user == "uuv")
 
@@ -101,31 +101,31 @@ def test_an_installed_grant_counts_from_the_next_login(other: User) -> None:
         SHELLS: "# Written\nuuv - rtprio 40\nuuv - memlock unlimited\n",
     }
     tree = Runner(LIMITS.format(priority=0, locked="8388608") + STATUS.format(0), files)
-    remedies = {row.remedy for row in doctor_board.realtime_limits(Case(tree, None, scenario(), other))}
-    assert remedies == {f"log in again: pam_limits grants it to new sessions, by {SHELLS}"}
-    (elsewhere, _) = doctor_board.realtime_limits(Case(tree, None, scenario(), other._replace(name="somebody")))
+    remedies = {row.remedy for row in doctor_board.check_realtime_limits(Case(tree, None, scenario(), other))}
+    assert remedies == {f"log in again: new sessions get it from {SHELLS}"}
+    (elsewhere, _) = doctor_board.check_realtime_limits(Case(tree, None, scenario(), other._replace(name="somebody")))
     assert elsewhere.remedy.startswith("uuv-hil board install")
 
 
 @pytest.mark.parametrize("unit", ["", "User=uuv", "User=uuv\nLimitRTPRIO=", "User=uuv\nLimitRTPRIO=infinity-ish"])
 def test_an_invalid_unit_grants_nothing(other: User, unit: str) -> None:
     tree = Runner(LIMITS.format(priority=0, locked=0) + STATUS.format(0), {UNIT: unit})
-    assert next(doctor_board.realtime_limits(Case(tree, None, scenario(), other))).level == "problem"
+    assert next(doctor_board.check_realtime_limits(Case(tree, None, scenario(), other))).level == "problem"
 
 
 def test_without_root_the_limits_of_others_cannot_be_determined(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.getuid", lambda: 1000)
     monkeypatch.setattr("os.geteuid", lambda: 1000)
     case = Case(Runner(None), None, scenario(), User("uuv", 4711, ()))
-    (found,) = doctor_board.realtime_limits(case)
-    assert (found.level, found.text) == ("note", "what uuv is granted cannot be determined")
-    assert found.remedy == "the same with sudo, --user uuv"
-    assert not list(doctor_software.granted(case))
+    (found,) = doctor_board.check_realtime_limits(case)
+    assert (found.level, found.text) == ("note", "the limits of uuv cannot be determined")
+    assert found.remedy == "run the same command with sudo and --user uuv"
+    assert not list(doctor_software.check_scheduling(case))
 
 
 def test_limits_of_a_user_without_a_session_cannot_be_determined(other: User) -> None:
-    (found,) = doctor_board.realtime_limits(Case(Runner(None), None, scenario(), other))
-    assert (found.level, found.text) == ("note", "what uuv is granted cannot be determined")
+    (found,) = doctor_board.check_realtime_limits(Case(Runner(None), None, scenario(), other))
+    assert (found.level, found.text) == ("note", "the limits of uuv cannot be determined")
     assert found.remedy == "see: runuser -u uuv -- true"
 
 
@@ -133,19 +133,22 @@ def test_limits_of_a_user_without_a_session_cannot_be_determined(other: User) ->
 def test_the_limits_of_the_user_nobody_are_read(capsys: pytest.CaptureFixture[str]) -> None:
     """The session is that of nobody, without root's capabilities."""
     case = Case(Tree("/"), None, scenario(), doctor.find_user(Tree("/"), "nobody"))
-    (found, *_) = doctor_board.realtime_limits(case)
+    (found, *_) = doctor_board.check_realtime_limits(case)
     assert found.topic == "real time"
-    assert "is permitted, the slave's loop wants 40" in found.text
-    assert "SCHED_FIFO" in next(doctor_software.granted(case._replace(user=doctor.find_user(Tree("/"), None)))).text
+    assert "is permitted, but the slave's loop needs 40" in found.text
+    assert (
+        "SCHED_FIFO"
+        in next(doctor_software.check_scheduling(case._replace(user=doctor.find_user(Tree("/"), None)))).text
+    )
 
 
 @as_root
 def test_an_installation_that_the_user_cannot_read_is_noted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
-    (found,) = doctor_software.granted(Case(Tree("/"), None, None, doctor.find_user(Tree("/"), "nobody")))
+    (found,) = doctor_software.check_scheduling(Case(Tree("/"), None, None, doctor.find_user(Tree("/"), "nobody")))
     assert found.level == "note"
-    assert found.text == f"could not be tried: nobody cannot start {tmp_path}/python"
+    assert found.text == f"cannot be determined: nobody cannot start {tmp_path}/python"
     assert found.remedy == f"see: runuser -u nobody -- {tmp_path}/python -V"
 
 
@@ -211,13 +214,13 @@ def port() -> Iterator[str]:
 def test_only_root_can_see_all_processes_that_hold_a_port(port: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def found(user: User, uid: int) -> list[tuple[str, str]]:
         monkeypatch.setattr("os.geteuid", lambda: uid)
-        rows = doctor_links.holders(Case(Tree("/"), None, scenario(port), user))
+        rows = doctor_links.check_port_users(Case(Tree("/"), None, scenario(port), user))
         return [(row.level, row.remedy) for row in rows]
 
     monkeypatch.setattr(doctor_links, "find_openers", lambda *_: [])
     owner = User("pilot", os.stat(port).st_uid, ())
     assert found(owner, 0) == []
-    assert found(owner, 1000) == [("note", "the same with sudo, --user pilot")]
+    assert found(owner, 1000) == [("note", "run the same command with sudo and --user pilot")]
     os.chmod(port, 0)
     assert found(User("outsider", 4711, ()), 1000) == [], "the port is not theirs anyway"
     monkeypatch.setattr(doctor_links, "find_openers", lambda *_: [os.getpid()])
@@ -227,10 +230,10 @@ def test_only_root_can_see_all_processes_that_hold_a_port(port: str, monkeypatch
 def test_a_missing_port_gives_no_finding_about_its_holders(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.geteuid", lambda: 1000)
     case = Case(Tree("/"), None, scenario("/dev/ttyNONE"), User("pilot", 1000, ()))
-    assert not list(doctor_links.holders(case))
+    assert not list(doctor_links.check_port_users(case))
 
 
-RULE = "uuv-hil board install gives it to the group dialout, by a rule for udev; sudo usermod -aG dialout pilot, "
+RULE = "uuv-hil board install assigns it to the group dialout, by a udev rule; sudo usermod -aG dialout pilot, "
 
 
 @pytest.mark.parametrize(
@@ -247,4 +250,7 @@ RULE = "uuv-hil board install gives it to the group dialout, by a rule for udev;
 def test_the_remedy_for_a_port_without_permission(tmp_path: Path, mode: int, gid: int, remedy: str) -> None:
     plant(tmp_path, "etc/group", "root:x:0:\ntty:x:5:\ndialout:x:20:\nodd\nuucp:x:987:\n")
     found = os.stat_result((stat.S_IFCHR | mode, 0, 0, 1, 0, gid, 0, 0, 0, 0))
-    assert doctor_links.permission(Tree(str(tmp_path)), found, User("pilot", 1000, ())) == f"{remedy}then log in again"
+    assert (
+        doctor_links.permission_remedy(Tree(str(tmp_path)), found, User("pilot", 1000, ()))
+        == f"{remedy}then log in again"
+    )

@@ -122,7 +122,7 @@ def test_doctor_recognises_the_emulated_board(board: VirtualBoard) -> None:
     assert "arm64 machine" in done.stdout
     lines = {line.split()[1]: line for line in done.stdout.splitlines()}
     assert "C, " in lines["step"]
-    assert "could not be tried" not in lines["scheduling"], "another process in there can be started"
+    assert "cannot be determined" not in lines["scheduling"], "another process in there can be started"
 
 
 def test_a_user_defined_board_is_shown(board: VirtualBoard, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from hil.cli import main
 from hil.doctor.findings import User
-from hil.doctor.software import start
+from hil.doctor.software import check_start
 from hil.scenario.attitude_warning import attitude_warning
 from hil.scenario.config import load_scenario
 
@@ -76,6 +76,6 @@ def test_doctor_reports_it_as_a_note(tmp_path: Path) -> None:
     me = User("me", 0, ())
     for vehicle, noted in ((TIPPING, True), ("bluerov2_heavy", False)):
         scenario = load_scenario(scenario_file(tmp_path, vehicle, 0.8))
-        found = {finding.topic: finding for finding in start(scenario, me)}
+        found = {finding.topic: finding for finding in check_start(scenario, me)}
         assert ("attitude" in found) == noted
         assert not noted or found["attitude"].level == "note"
