@@ -28,8 +28,6 @@ Floats = NDArray[np.floating[Any]]
 MARGIN = 1.25  # rays go farther than the last bin, for the near edges of patches beyond it
 STRETCH = 2.0  # an edge is at most so many times farther than the patch's middle
 _THINNEST = 1e-3  # bins: no echo is shorter
-_MOST_LOOKS = 16.0
-_MARGIN_CELLS = 4  # beyond the first and last beam
 _FIRST_LOBE = 13.26  # dB of sinc² below its middle
 HALF_POWER = 0.4429464  # sinc² is a half there, in units of its first null
 
@@ -154,7 +152,7 @@ class Bins:
             change += [slope - part, part]
         slopes = np.bincount(np.concatenate(index), np.concatenate(change), beams * width)
         sums = np.cumsum(slopes.reshape(beams, width), axis=1)[:, : self.count]
-        shares: Floats = np.maximum(sums, 0.0)  # below 0 it is rounding
+        shares: Floats = np.maximum(sums, 0.0, out=sums.astype(float, copy=False))  # below 0 it is rounding
         shares *= self._law[self._below : self._below + self.count]
         return shares
 
@@ -195,41 +193,17 @@ def main_lobe(width: float) -> float:
     return float(np.arcsin(sine)) if sine < 1.0 else 0.5 * np.pi
 
 
-def independent_cells(beams: int, spacing: float, width: float) -> Floats | None:
-    """Return what mixes independent cells into the amplitudes of beams: beams x cells; None where beams do not overlap.
-
-    Beams closer than the first null of their pattern have much of their scatterers, and noise, in common. Amplitudes
-    through a line array are limited in band: a value at each null makes all of them, and sinc is the way between.
-    """
-    step = np.sin(spacing) * HALF_POWER / np.sin(0.5 * width)
-    if step >= 1.0 or beams < 2:
-        return None
-    places = step * np.arange(beams)
-    cells = np.arange(-_MARGIN_CELLS, int(places[-1]) + _MARGIN_CELLS + 2)
-    mixing = np.sinc(places[:, None] - cells)
-    mixed: Floats = (mixing / np.sqrt((mixing**2).sum(axis=1, keepdims=True))).astype(np.float32)
-    return mixed
-
-
-def speckled(mean: Floats, looks: float, random: np.random.Generator, cells: Floats | None = None) -> Floats:
+def speckled(mean: Floats, looks: float, random: np.random.Generator) -> Floats:
     """Return intensities as a sonar measures them, from their means.
 
     Many scatterers in one cell add up to a complex Gaussian amplitude: its magnitude is Rayleigh distributed, its
     intensity exponentially (Goodman 1985, Statistical Optics, 2.9). The mean of `looks` such is gamma distributed; 0
-    looks stand for no speckle. With `cells` (see `independent_cells`) neighbours of a row are alike as overlapping
-    beams are; looks then count in halves, up to 16 of them, as more leave little speckle.
+    looks stand for no speckle.
     """
     if looks == 0.0:
         return mean
-    if cells is not None and looks <= _MOST_LOOKS:
-        parts = max(round(2.0 * looks), 1)  # real and imaginary ones
-        factors: Floats = np.zeros(mean.shape, np.float32)
-        for _ in range(parts):
-            amplitudes = random.standard_normal((len(mean), cells.shape[1]), np.float32) @ cells.T
-            factors += amplitudes * amplitudes
-        factors /= np.float32(parts)
-    elif looks == 1.0:
-        factors = random.standard_exponential(mean.shape, np.float32)
+    if looks == 1.0:
+        factors: Floats = random.standard_exponential(mean.shape, np.float32)
     else:
         factors = random.standard_gamma(looks, mean.shape, np.float32) / np.float32(looks)
     speckled: Floats = mean * factors

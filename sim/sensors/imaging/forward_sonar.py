@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from hil.common.schema import Range
 from sim.dynamics import State
-from sim.sensors.error import ErrorModel
+from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.imaging.samples import SonarImageSample, need_numpy
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
@@ -29,10 +29,12 @@ class ForwardSonarModel(NamedTuple):
     -80 where it is clear, -60 among bubbles or silt. With -200 a strength is none at all. `glint` dB is how much more
     objects send back at a right angle, within some 6 deg of it, than by Lambert's rule; 0 for none. `looks`: see
     sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam receives
-    those of its first side lobe; the others fall as those of a line array. With `multipath` sound comes by way of the
-    surface and the seabed, which take `surface_loss` and `bottom_loss` dB of it. `ringing` m, 0 for none: how far the
-    transducer's own ringing after each pulse hides echoes; it is white from the first bin on and falls, evenly in dB,
-    to the noise there. `error` is that of all ranges.
+    those of its first side lobe; the others fall as those of a line array. `side_lobe_floor` dB, 0 for none, nor
+    without side lobes: the same for all other directions, on the average, by errors of the array's elements (see
+    sim.sensors.imaging.beam_former). With `multipath` sound comes by way of the surface and the seabed, which take
+    `surface_loss` and `bottom_loss` dB of it. `ringing` m, 0 for none: how far the transducer's own ringing after each
+    pulse hides echoes; it is white from the first bin on and falls, evenly in dB, to the noise there.
+    `error` is that of all ranges.
 
     The picture: amplitudes to the power of `contrast`; white is the echo of seabed right across a beam, `gain` dB more
     is brighter; `tvg` is the share of the losses by range that the device makes good (1: all). The gain ends where the
@@ -41,9 +43,11 @@ class ForwardSonarModel(NamedTuple):
     mean intensity, echo / source, without noise, speckle and error.
 
     Defaults: Blueprint Subsea Oculus M750d at 750 kHz (130 x 20 deg, 512 beams of 1 deg, 0.1 to 120 m, 40 Hz at most;
-    sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, side lobes, losses
-    and the picture are our choice. Seabed: Mackenzie 1961; objects 7 dB more and the surface 3 dB less, our choice.
-    Scale: a speed of sound 7 m/s off.
+    sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, losses and the
+    picture are our choice. Side lobes: those of a Reson SeaBat 7125 were measured to be below -17 dB (Lanzoni & Weber
+    2010, OCEANS). Their floor: errors of 1 dB and 10 deg, our choice, in a line of 102 elements, which has beams of 1
+    deg. Both leave as much in a shadow as pictures of an Oculus have. Seabed: Mackenzie 1961; objects 7 dB more and the
+    surface 3 dB less, our choice. Scale: a speed of sound 7 m/s off.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
@@ -67,7 +71,8 @@ class ForwardSonarModel(NamedTuple):
     glint: Annotated[float, Range(0.0, 60.0)] = 0.0
     volume_strength: Annotated[float, Range(-200.0, 0.0)] = -200.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 1.0
-    side_lobes: Annotated[float, Range(0.0, 100.0)] = 25.0
+    side_lobes: Annotated[float, Range(0.0, 100.0)] = 20.0
+    side_lobe_floor: Annotated[float, Range(0.0, 100.0)] = 33.0
     multipath: bool = False
     surface_loss: Annotated[float, Range(0.0, 100.0)] = 3.0
     bottom_loss: Annotated[float, Range(0.0, 100.0)] = 10.0
@@ -100,8 +105,9 @@ class ForwardSonar:
         import numpy as np
 
         from sim.environment.seawater.absorption import francois_garrison
+        from sim.sensors.imaging.beam_former import BeamFormer
         from sim.sensors.imaging.bottom_echo import make_texture
-        from sim.sensors.imaging.echoes import Bins, Mirrors, array_pattern, bins_of, independent_cells, pattern
+        from sim.sensors.imaging.echoes import Bins, Mirrors, bins_of, pattern
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
@@ -119,15 +125,14 @@ class ForwardSonar:
         )  # fmt: skip
         self._texture = make_texture(scene.world)
         self._stride = max(1, round(0.5 * model.beam_width / spacing))
-        apart = np.arange(model.beams) * spacing
-        of = np.abs(np.arange(model.beams)[:, None] - np.arange(model.beams))
-        lobe = pattern(apart, model.beam_width)
-        received = array_pattern(apart, model.beam_width, model.side_lobes) if model.side_lobes else lobe
-        self._received = received.astype(np.float32)[of]
+        errors = np.random.default_rng(sensor_random(seed, f"{self.topic}/array").getrandbits(64))
+        self._former = BeamFormer(
+            model.beams, spacing, model.beam_width, model.side_lobes, model.side_lobe_floor, errors
+        )
+        lobe = pattern(np.arange(model.beams) * spacing, model.beam_width)
         solid_angle = float(aperture.weights[0].sum() * (2.0 * lobe.sum() - lobe[0]))
         ranges = model.min_range + (np.arange(count) + 0.5) * model.range_step
-        cells = independent_cells(model.beams, spacing, model.beam_width)
-        self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic, cells)
+        self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic, self._former)
         self._scale = RangeScale(model, mounting, seed, self.topic, scene)
 
     def add(self, solid: "Solid", state: State) -> None:
@@ -146,7 +151,7 @@ class ForwardSonar:
         )  # fmt: skip
 
     def _intensities(self, time_ns: int, state: State) -> "Floats":
-        """Return mean echo / source, beams x bins."""
+        """Return mean echo / source, directions x bins."""
         import numpy as np
 
         from sim.sensors.imaging.bottom_echo import shares_of
@@ -160,8 +165,7 @@ class ForwardSonar:
         echoes = self._pinger.with_water(echoes, scaled[0], self._bins, m.volume_strength).astype(np.float32)
         if motion := motion_of(state, self._mounting, None):
             echoes = motion.turn_beams(echoes, self._bins, m.sector / m.beams)
-        received: Floats = self._received @ echoes
-        return received
+        return echoes
 
 
 def _aperture(model: ForwardSonarModel, angles: "Floats", spacing: float) -> "Aperture":

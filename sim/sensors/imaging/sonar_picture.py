@@ -7,6 +7,7 @@ import numpy as np
 from sim.dynamics import State
 from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
+from sim.sensors.imaging.beam_former import BeamFormer
 from sim.sensors.imaging.echoes import Echoes, Floats, speckled
 from sim.sensors.imaging.samples import Encoding
 from sim.sensors.mounting import Mounting
@@ -83,13 +84,14 @@ class Picture:
 
     `absorption` dB/m; `solid_angle` (sr) is all that one beam receives, `pulse` how many bins long its pulse is. The
     transducer rings after a pulse: that falls, evenly in dB, from `rings` dB re the source to the noise at `ringing` m.
+    A `former` makes beams of directions.
     """
 
     def __init__(
         self, model: _Levels, ranges: Floats, absorption: float, solid_angle: float, seed: int, topic: str,
-        cells: Floats | None = None, pulse: float = 1.0, rings: float = 0.0,
+        former: BeamFormer | None = None, pulse: float = 1.0, rings: float = 0.0,
     ) -> None:  # fmt: skip
-        self._model, self._cells = model, cells
+        self._model, self._former = model, former
         quiet = model.noise_level - model.source_level
         self.noise = np.float32(10.0 ** (0.1 * quiet))
         falling = rings + (quiet - rings) / max(model.ringing, 1e-3) * ranges
@@ -104,11 +106,17 @@ class Picture:
         self._scale = np.minimum(scale, darkest)[:, None]
 
     def make(self, mean: Floats) -> bytes:
-        """Return the picture, a row a bin."""
-        if self._model.ground_truth:
-            return np.ascontiguousarray(mean, np.float32).tobytes()
-        received = mean.astype(np.float32) + self.noise
-        return self.encode(speckled(received, self._model.looks, self.random, self._cells) + self.ringing[:, None])
+        """Return the picture, a row a bin, out of mean intensities: of directions, of beams if there is no former."""
+        model, former = self._model, self._former
+        mean = mean.astype(np.float32)
+        if former and not model.ground_truth and former.is_coherent(model.looks):
+            found = former.receive_speckled(mean.T, float(self.noise), model.looks, self.random).T
+        else:
+            received = former.receive(mean.T).T if former else mean
+            if model.ground_truth:
+                return np.ascontiguousarray(received).tobytes()
+            found = speckled(received + self.noise, model.looks, self.random)
+        return self.encode(found + self.ringing[:, None])
 
     def encode(self, intensities: Floats) -> bytes:
         """Return the picture of intensities as they are received, a row a bin."""

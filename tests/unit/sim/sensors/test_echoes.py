@@ -11,7 +11,6 @@ from sim.sensors.imaging.echoes import (
     Bins,
     Echoes,
     array_pattern,
-    independent_cells,
     main_lobe,
     pattern,
     speckled,
@@ -102,21 +101,3 @@ def test_speckle_is_rayleigh_distributed() -> None:
     many = speckled(np.full(400_000, 3.0, np.float32), 4.0, np.random.default_rng(1))
     assert (many.mean(), many.std()) == pytest.approx((3.0, 1.5), rel=0.01)
     assert (speckled(found, 0.0, np.random.default_rng(1)) == found).all()
-
-
-@pytest.mark.parametrize("looks", [1.0, 3.0])
-def test_overlapping_beams_have_correlated_speckle(looks: float) -> None:
-    """The correlation is the overlap of the patterns, sinc² of their distance in nulls; each beam is as ever."""
-    spacing, width = radians(0.25), radians(1.0)
-    cells = independent_cells(200, spacing, width)
-    assert cells is not None
-    found = speckled(np.full((20_000, 200), 3.0, np.float32), looks, np.random.default_rng(1), cells)
-    assert found.mean() == pytest.approx(3.0, rel=0.01)
-    assert found.var(axis=0) == pytest.approx(9.0 / looks, rel=0.12)
-    assert np.quantile(found, 0.99) == pytest.approx(3.0 * {1.0: 4.605, 3.0: 2.802}[looks], rel=0.01)
-    null = main_lobe(width) / spacing
-    for apart in (1, 2, 4, 9):
-        alike = np.mean([np.corrcoef(found[:, k], found[:, k + apart])[0, 1] for k in range(20, 180, 20)])
-        assert alike == pytest.approx(np.sinc(apart / null) ** 2, abs=0.04)
-    assert independent_cells(200, radians(1.2), width) is None, "farther than the first null"
-    assert independent_cells(1, spacing, width) is None
