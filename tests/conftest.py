@@ -1,4 +1,4 @@
-"""Settings of all tests: profiles of random examples, time limits, and assertions explained in shared modules too."""
+"""Settings of all tests: profiles of random examples, time limits, and detailed assertions in shared modules too."""
 
 import fcntl
 import os
@@ -44,7 +44,7 @@ def _own_scenario(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def _own_scheduling() -> Iterator[None]:
-    """Restore the scheduling: after a loop that ran in this process all later tests would keep others waiting."""
+    """Restore the scheduling: after a loop in this process all later tests would have real-time priority."""
     if not hasattr(os, "sched_getscheduler"):
         yield
         return
@@ -69,7 +69,7 @@ def _own_library_threads() -> Iterator[None]:
 
 
 def pytest_sessionstart() -> None:
-    """Reserve ports once: what holds them stays open, and is no leak of the first test that asks for one."""
+    """Reserve ports once: the socket that reserves them stays open, and is no leak of a test."""
     free_ports(1)
 
 
@@ -78,7 +78,7 @@ DEFAULT_RECORDINGS = Path(__file__).parent.parent / "recordings"  # where `uuv-h
 
 
 @pytest.fixture(autouse=True)
-def _records_into_no_repository() -> Iterator[None]:
+def _no_recordings_in_the_repository() -> Iterator[None]:
     """Fail a test that records into the repository: it has to name a folder of its own."""
     before = DEFAULT_RECORDINGS.exists()
     yield
@@ -90,7 +90,7 @@ MOST_SYSTEM_SECONDS = 600  # for one that starts emulators and benchmarks
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Limit each test's time, but where it or its folder says another limit."""
+    """Limit the time of each test, unless it or its folder has another limit."""
     if config.pluginmanager.hasplugin("timeout"):
         for item in items:
             if not item.get_closest_marker("timeout"):

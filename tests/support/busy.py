@@ -9,10 +9,10 @@ P = ParamSpec("P")
 
 
 def retry_when_busy(judge: Callable[[], object], reason: str, attempts: int = 5) -> None:
-    """Call `judge` until it raises no AssertionError, at most `attempts` times; the last one is the test's.
+    """Call `judge` until it raises no AssertionError, at most `attempts` times; the last error is raised.
 
-    Only for what measures elapsed time or a share of the processor, where another process may have come between: what
-    is broken is broken in every attempt. Each failed one is printed with the `reason`.
+    Only for what measures elapsed time or a share of the processor, where another process may interfere: a real
+    fault fails in every attempt. Each failure is printed with the `reason`.
     """
     for attempt in range(1, attempts + 1):
         try:
@@ -26,7 +26,7 @@ def retry_when_busy(judge: Callable[[], object], reason: str, attempts: int = 5)
 
 
 def retried_when_busy(reason: str, attempts: int = 3) -> Callable[[Callable[P, object]], Callable[P, None]]:
-    """`retry_when_busy` for a whole test, which restarts what it needs: its fixtures are those of the first time."""
+    """Return a decorator that applies `retry_when_busy` to a whole test; its fixtures are made only once."""
 
     def decorate(test: Callable[P, object]) -> Callable[P, None]:
         @functools.wraps(test)

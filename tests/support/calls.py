@@ -1,4 +1,4 @@
-"""Count what a piece of work calls: a cost that does not depend on the machine, nor on what runs beside it."""
+"""Count function calls: a cost that depends neither on the machine nor on its load."""
 
 import sys
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from types import FrameType
 
 
 def count_calls(work: Callable[[], object]) -> int:
-    """Return how many functions `work` calls, of Python and of C, all that they call included."""
+    """Return how many functions of Python and C `work` calls, directly and indirectly."""
     count = 0
 
     def count_one(_: FrameType, event: str, __: object) -> None:

@@ -1,4 +1,4 @@
-"""Results of delay runs, made up for tests."""
+"""Invented results of delay runs for tests."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ MS = 1_000_000
 
 
 def meter(offset: int, same_clock: bool, network: int = MS // 2, count: int = 60, back: int = MS // 2) -> DelayMeter:
-    """Commands to a slave whose clock is `offset` ns ahead."""
+    """Return a meter with commands to a slave whose clock is `offset` ns ahead."""
     found = DelayMeter()
     found.same_clock = same_clock
     for number in range(count):

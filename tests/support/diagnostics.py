@@ -1,4 +1,4 @@
-"""Diagnostics for tests, made of the table: a name that is not in it is a KeyError."""
+"""Diagnostics for tests, made from the table of figures; an unknown name is a KeyError."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The blocks of code in README.md and docs, as a reader finds them."""
+"""The code blocks in README.md and docs."""
 
 import ast
 import re
@@ -14,7 +14,7 @@ _COMMAND = re.compile(r"^(?:\S*/)?uuv-hil (.*)$")
 
 
 class Block(NamedTuple):
-    """One block: its page, its line, its language ("python", "toml", "shell" or "text"), and what stands in it.
+    """One block: its page, its line, its language ("python", "toml", "shell" or "text"), and its text.
 
     `before` is the text of the page up to it.
     """
@@ -27,7 +27,7 @@ class Block(NamedTuple):
 
     @property
     def file(self) -> str:
-        """The name of the file that the text says it is."""
+        """The file name that the text before the block gives."""
         found = re.findall(r"`(\w+\.(?:py|toml))`:?\s*$", self.before.rstrip())
         return found[-1] if found else ""
 

@@ -1,6 +1,6 @@
 """Number of random examples of a test, and suppressed health checks; `tests/conftest.py` has the profiles.
 
-The default profile draws the same examples each time: what fails, fails for everybody. `make search`, a part of
+The default profile draws the same examples each time: a failure is the same for everybody. `make search`, a part of
 `make check`, draws eight times as many from a seed that can be chosen.
 """
 
@@ -12,7 +12,7 @@ _MACHINE = (HealthCheck.too_slow,)
 
 
 def register_profiles() -> None:
-    """Make the profiles known, and the default one valid for all that is imported from now on."""
+    """Register the profiles, and load the default one for all modules imported from now on."""
     common = settings(deadline=None, database=None, suppress_health_check=_MACHINE, print_blob=True)
     settings.register_profile("default", common, derandomize=True, max_examples=USUAL // 4)
     settings.register_profile("search", common, derandomize=False, max_examples=2 * USUAL)
@@ -20,7 +20,7 @@ def register_profiles() -> None:
 
 
 def examples(number: int, *unhealthy: HealthCheck) -> settings:
-    """Settings for a test that tries `number` examples, as many times more as the profile says."""
+    """Return settings for a test of `number` examples, multiplied by the factor of the profile."""
     return settings(
         max_examples=number * settings().max_examples // USUAL, suppress_health_check=(*_MACHINE, *unhealthy)
     )

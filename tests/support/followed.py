@@ -1,8 +1,7 @@
-"""Follow a page as a reader would: save its files, type its commands in order, compare what they print.
+"""Follow a page as a reader would: save its files, type its commands in order, compare their output.
 
-Changed are the addresses, so that pages can be followed beside each other: all machines are this one, a slave listens
-on a free port, and what would connect to the usual port connects there. What is repeated with many seeds is repeated
-with two.
+Addresses are changed, so that several pages can be followed at once: all machines are this one, a slave listens
+on a free port, and clients of the usual port connect to that one. Repetitions with many seeds have only two.
 """
 
 import os
@@ -47,14 +46,14 @@ SECONDS = 400.0
 
 
 class Step(NamedTuple):
-    """One command of a page, and what it printed."""
+    """One command of a page, and its output."""
 
     line: str
     output: str
 
 
 class Follower:
-    """Follows one page in a folder. Use as a context, which ends what is left running."""
+    """Follow one page in a folder. Use as a context, which ends the programs that still run."""
 
     def __init__(self, page: str, folder: Path) -> None:
         self.page, self.folder, self.cwd = page, folder, folder
@@ -73,7 +72,7 @@ class Follower:
         self._running.close()
 
     def follow(self) -> None:
-        """Do all that the page says. Fails with the line that does not do what the page promises."""
+        """Execute the whole page. Fails with the line whose result differs from the page."""
         for block in blocks("shell", "text", "toml", "python", "xml", page=ROOT / self.page):
             where = f"{self.page}:{block.line}"
             if block.language == "text":
@@ -220,25 +219,25 @@ def follow(page: str, folder: Path) -> int:
 
 
 def expected_code(words: list[str]) -> tuple[int, ...]:
-    """Return the exit codes of a command that a page shows: what a check finds is what the page is about."""
+    """Return the exit codes of a command that a page shows: a check may find what the page describes."""
     if "--import" in words:
         return 0, 2
     return (0, 1) if words[0] in ("doctor", "bench") or words[:2] == ["scenario", "check"] else (0,)
 
 
 def is_fenced(block: Block) -> bool:
-    """True if the block stands between fences: an indented one is for another machine."""
+    """Return True if the block is fenced; an indented one is for another machine."""
     return (ROOT / block.page).read_text().split("\n")[block.line - 1].startswith("```")
 
 
 def file_of(block: Block) -> str:
-    """Return the file that the text before a block says it is, of any ending."""
+    """Return the file name that the text before a block gives, with any ending."""
     found = re.findall(r"`(\w+\.(?:py|toml|urdf|sdf))`[^`]*:\s*$", block.before.rstrip()[-120:])
     return found[-1] if found else ""
 
 
 def pattern_of(line: str) -> re.Pattern[str]:
-    """Return a pattern of a line whose numbers, addresses and ptys are those of the day."""
+    """Return a pattern for a line in which numbers, addresses and ptys may differ."""
     pieces = re.split(r"([-+]?\d[\d.]*|/dev/pts/\d+|tcp/[\w.]+:\d+)", line)
     return re.compile(r"\s+".join(
         "".join(r"[-+\w./:]+" if number % 2 else re.escape(piece) for number, piece in enumerate(pieces)).replace(

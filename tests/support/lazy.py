@@ -1,4 +1,4 @@
-"""Modules that are imported on first use: each worker collects all tests, and runs a part of them."""
+"""Modules that are imported on first use: each worker collects all tests, but runs only some of them."""
 
 from importlib import import_module
 from operator import attrgetter
@@ -6,7 +6,7 @@ from typing import Any
 
 
 class _LazyModule:
-    """A module's attributes, or those of an attribute of it."""
+    """A stand-in with the attributes of a module, or of one of its attributes."""
 
     def __init__(self, name: str, attribute: str) -> None:
         self._name = name
@@ -21,6 +21,6 @@ class _LazyModule:
 def import_lazily(name: str, attribute: str = "") -> Any:
     """Return a stand-in for a module that takes long to import, to be used like it.
 
-    attribute: of the module ("a" or "a.b"), for which it stands instead.
+    attribute: an attribute of the module ("a" or "a.b") that it replaces instead.
     """
     return _LazyModule(name, attribute)

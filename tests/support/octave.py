@@ -1,4 +1,4 @@
-"""GNU Octave with our package for it, as a program of a user's."""
+"""GNU Octave with the package +uuv, run as by a user."""
 
 import os
 import shutil
@@ -21,7 +21,7 @@ def write_script(path: Path, script: str) -> None:
 
 
 def run_octave(folder: Path, script: str, seconds: float = 120.0) -> str:
-    """Run a script by Octave in a folder, with the package and the template on its path; what it prints."""
+    """Run a script by Octave in a folder, with the package and the template on its path; return its output."""
     write_script(folder / "script.m", script)
     done = subprocess.run(
         ["octave-cli", "--norc", "--quiet", "script.m"],
@@ -32,6 +32,6 @@ def run_octave(folder: Path, script: str, seconds: float = 120.0) -> str:
 
 
 def run(folder: Path, gateway: JsonGateway, script: str, seconds: float = 120.0) -> list[str]:
-    """Run a script that has a `vehicle` and its `gateway`; the lines that it prints."""
+    """Run a script that has a `vehicle` and its `gateway`; return the lines of its output."""
     opened = f"gateway = uuv.Gateway('127.0.0.1', {gateway.port});\nvehicle = uuv.Vehicle('uuv1', gateway);\n"
     return run_octave(folder, opened + script, seconds).split("\n")[:-1]

@@ -1,4 +1,4 @@
-"""Our programs as a user runs them: real processes, real ptys, real sockets."""
+"""The programs of the project as a user runs them: real processes, real ptys, real sockets."""
 
 import io
 import math
@@ -53,9 +53,9 @@ def free_port() -> int:
 def write_scenario(
     folder: Path, top: str = "", slave: str = "", link: str = "", allow: str = '"link_lost"'
 ) -> tuple[Path, int]:
-    """Return a short mission in the pool; the file and its port.
+    """Write a short mission in the pool; return the file and its port.
 
-    On a machine that others use too a slave may be held up for longer than a second: what is no test of that allows it.
+    On a busy machine a slave may be delayed for longer than a second, which `allow` permits by default.
     """
     port = free_port()
     path = folder / "short.toml"
@@ -64,9 +64,9 @@ def write_scenario(
 
 
 class Program:
-    """`uuv-hil ...` in a process; its output collected in a file. Use as a context, which ends it.
+    """`uuv-hil ...` in a process, with its output in a file. Use as a context, which ends it.
 
-    command: instead of this checkout's, to be given the arguments. cwd: the folder that it runs in.
+    command: the command that gets the arguments, instead of that of this checkout. cwd: the folder that it runs in.
     """
 
     def __init__(
@@ -116,13 +116,13 @@ class Program:
         return self.process.wait(seconds)
 
     def stop(self, number: int) -> int:
-        """Send a signal and wait; the exit code."""
+        """Send a signal and wait; return the exit code."""
         self.process.send_signal(number)
         return self.wait()
 
 
 def run_here(*arguments: str) -> tuple[int, str]:
-    """`uuv-hil ...` in this process, which saves its start: exit code and output. For what ends by itself at once."""
+    """Run a short `uuv-hil ...` in this process, which is faster; return exit code and output."""
     output = io.StringIO()
     with redirect_stdout(output), redirect_stderr(output):
         try:
@@ -151,7 +151,7 @@ def slave_with(folder: Path, sensors: str) -> Iterator[str]:
 
 
 def command_until(condition: Callable[[], object], *clients: VehicleClient, surge: float = 0.1) -> bool:
-    """Command some forty times a second, each client in its turn, until that comes true; whether it does."""
+    """Send commands from each client, some forty times a second, until the condition is true; return whether it is."""
 
     def commanded() -> object:
         for client in clients:
@@ -178,7 +178,7 @@ def wait_for(condition: Callable[[], T | None], seconds: float = PATIENCE_S) -> 
 
 
 def children_of(pid: int, recursive: bool = False) -> list[int]:
-    """Return the processes that any thread of that one has started; with `recursive` also what those have started."""
+    """Return the child processes of all threads of a process; with `recursive` all descendants."""
     return [child.pid for child in psutil.Process(pid).children(recursive)]
 
 
@@ -190,7 +190,7 @@ def is_running(pid: int) -> bool:
 
 
 def command_line(pid: int) -> str:
-    """Its words with spaces between; empty once it has ended."""
+    """Return the command line with spaces between its words; empty once the process has ended."""
     with suppress(psutil.Error):
         return " ".join(psutil.Process(pid).cmdline())
     return ""

@@ -26,8 +26,8 @@ KEEP_ALIVE = b"\x01\x00\x04"  # with its length before it; a link that carries d
 class SampleBlockingRelay(Relay):
     """A relay that forwards keep-alives, but none of the slave's messages on the link of samples.
 
-    It does so to the session that connected while `withholds` was set, on whichever connection, so that a new
-    connection does not help it and a new session does.
+    It blocks every connection of a session that was connected while `withholds` was set. So a new connection of that
+    session brings no samples, but a new session does.
     """
 
     withholds = False
@@ -91,7 +91,7 @@ def test_samples_and_commands_arrive_again_after_a_session_was_reopened(
         assert [line for line in reports if "but nothing else came of it" in line and "again" in line]
         before = client.received["odom"]
         assert wait_for(lambda: client.received["odom"] > before + 10 and client.contact.present)
-        assert command_until(lambda: surge_of(client) > 0.05, client, surge=0.3), "who commands is obeyed again"
+        assert command_until(lambda: surge_of(client) > 0.05, client, surge=0.3), "commands are executed again"
 
 
 def test_all_declarations_work_after_a_session_was_reopened() -> None:

@@ -47,7 +47,7 @@ def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VehicleClient]:
     """Provide a master that receives every picture of a slave, shared by tests that do not disturb it.
 
-    The environment exports a recorder's single thread of the library, with which no sonar's image would be passed on.
+    The environment sets the single library thread of a recorder, with which a slave used to pass on no sonar image.
     """
     program, endpoint = start(tmp_path_factory.mktemp("watched"), environment={"ZENOH_RUNTIME": ONE_THREAD})
     with program, VehicleClient(endpoint, "uuv1") as client:

@@ -1,4 +1,4 @@
-"""An ArduPilot of ours by the published JSON interface: sends servo packets, blocks until each is answered."""
+"""A model of ArduPilot with its published JSON interface: it sends servo packets and waits for each answer."""
 
 import json
 import socket
@@ -18,7 +18,7 @@ def encode_servos(packet: ServoPacket) -> bytes:
 
 
 class ArdupilotPeer:
-    """Sends to a simulator on a port of this machine; `time` and `position` are of the last answer."""
+    """A peer of a simulator on a port of this machine; `time` and `position` are those of the last answer."""
 
     def __init__(self, port: int, channels: int = 16, first: int = 0) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

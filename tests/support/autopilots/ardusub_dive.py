@@ -1,6 +1,6 @@
 """A dive of the real ArduSub, whose SITL program UUV_HIL_ARDUSUB names: the vehicle, and a ground station.
 
-Everything happens in simulated time, in lockstep: how fast it goes depends on the machine, what happens does not.
+Everything happens in simulated time, in lockstep: the duration depends on the machine, the results do not.
 """
 
 import os
@@ -76,11 +76,11 @@ class Dive:
         return list(self.run.simulation.state.position)
 
     def command(self, number: int, *parameters: float) -> Mission:
-        """Send until it is accepted."""
+        """Send a command until it is accepted."""
         return command(self.station, number, *parameters)
 
     def dive(self, depth: float) -> Mission:
-        """Arm, go down by the sticks, and hold depth."""
+        """Arm, dive with the joystick, and hold depth."""
         yield lambda: self.station.output("ArduPilot Ready")
         yield from self.command(ARM, 1)
         self.station.sticks = (0, 0, 300, 0)
@@ -90,13 +90,13 @@ class Dive:
         yield 15.0
 
     def hold(self, seconds: float, depths: list[float]) -> Mission:
-        """Note the depth twenty times a second."""
+        """Record the depth twenty times a second."""
         for _ in range(round(20 * seconds)):
             depths.append(self.position[2])
             yield 0.05
 
     def go(self, north: float, east: float, depth: float) -> Mission:
-        """Go to a place (m from the estimator's origin) in GUIDED; said once, as each target begins from rest."""
+        """Go to a position (m from the estimator's origin) in GUIDED; sent once, as each target begins from rest."""
         mask = 0b1101_1111_1000  # positions only
         message = dialect.MAVLink_set_position_target_local_ned_message(
             0, 1, 1, dialect.MAV_FRAME_LOCAL_NED, mask, north, east, depth, 0, 0, 0, 0, 0, 0, 0, 0

@@ -1,4 +1,4 @@
-"""A model of ArduPilot that flies ahead by itself, and a scenario for it."""
+"""A model of ArduPilot that flies forward, and a scenario for it."""
 
 import threading
 
@@ -25,7 +25,7 @@ FORWARD_PWM_US = (1400, 1400, 1600, 1600, 1500, 1500)
 
 
 class Flyer:
-    """The autopilot in a thread: sends `motors` whenever it is answered, until it is paused."""
+    """The autopilot in a thread: it sends `motors` after each answer, until it is paused."""
 
     def __init__(self, port: int) -> None:
         self.peer = ArdupilotPeer(port)

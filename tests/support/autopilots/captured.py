@@ -1,4 +1,4 @@
-"""Recordings of real autopilots beside the project: rows of `t`, `dir` and `hex` or `text`, gzip, one object a line."""
+"""Recordings of real autopilots beside the project: gzip, a JSON object a line with `t`, `dir` and `hex` or `text`."""
 
 import gzip
 import json

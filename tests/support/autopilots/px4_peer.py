@@ -1,4 +1,4 @@
-"""A PX4 of ours by its published HIL interface: connects, boots without a word, then answers each HIL_SENSOR."""
+"""A model of PX4 with its published HIL interface: it connects, boots silently, then answers each HIL_SENSOR."""
 
 import socket
 import time
@@ -14,7 +14,7 @@ PATIENCE_S = 20.0
 
 
 class Px4Peer:
-    """Connects to a simulator on a port of this machine; `received` counts messages by name, `last` has the newest."""
+    """A peer of a simulator on a port of this machine; `received` counts messages by name, `last` has the newest."""
 
     def __init__(self, port: int) -> None:
         deadline = time.monotonic() + PATIENCE_S

@@ -28,7 +28,7 @@ def board(tmp_path: Path) -> Path:
 
 
 def examine(root: Path, capsys: pytest.CaptureFixture[str], text: str = SERIAL) -> tuple[int, list[dict[str, str]]]:
-    """Return the exit code, and what is not as it should be."""
+    """Return the exit code and all findings except those of level "ok"."""
     path = root.parent / "mine.toml"
     path.write_text(text)
     plant(root, "etc/passwd", PASSWD)

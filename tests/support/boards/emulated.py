@@ -25,7 +25,7 @@ def built_board() -> VirtualBoard:
 
 @contextmanager
 def held_board() -> Iterator[VirtualBoard]:
-    """Give the built board; no other test builds or changes it until the end: hold it while its image is written."""
+    """Provide the built board, locked: no other test builds or changes it until the end."""
     lock = Path(f"{VirtualBoard().folder}.lock")
     lock.parent.mkdir(parents=True, exist_ok=True)
     with open(lock, "w", encoding="utf-8") as file:

@@ -42,7 +42,7 @@ def scenario(tmp_path: Path) -> str:
 
 @pytest.fixture
 def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The commands that would be run if it were this machine, in order."""
+    """Return a list of the commands that would be run on this machine, in order."""
     found: list[str] = []
     monkeypatch.setattr(board_service, "_run", lambda _, commands: found.extend(map(" ".join, commands)))
     return found
@@ -61,7 +61,7 @@ def install(root: Path, scenario: str, *more: str) -> int:
 
 
 def settings(text: str) -> Iterator[tuple[str, str, str]]:
-    """Section, key and value of each line of a unit; anything else fails."""
+    """Yield section, key and value of each line of a unit; fail at any other line."""
     section = ""
     for line in text.splitlines():
         if line.startswith("["):

@@ -1,8 +1,7 @@
-"""Machines as files: what the readers of boards are given in place of /proc and /sys.
+"""Machines as files, which tests of boards read instead of /proc and /sys.
 
-tests/support/boards/trees/NAME.toml holds one machine: `files` by path, `links`, `modes`. None was copied from a board
-that the project has: each says in `source` which public records its lines were taken from. Of /proc/meminfo only
-MemTotal is from there.
+tests/support/boards/trees/NAME.toml holds one machine: `files` by path, `links`, `modes`. None is from a board
+of the project: `source` names the public records of its lines. Of /proc/meminfo only MemTotal is from there.
 """
 
 import os
@@ -52,6 +51,6 @@ def plant_process(root: Path, pid: int, command: str, **opened: str) -> None:
 
 
 def expected_board(name: str) -> str:
-    """Return the preset that the machine is to be recognised as."""
+    """Return the preset as which the machine must be recognised."""
     board: str = parse_toml((TREES / f"{name}.toml").read_text())["board"]
     return board

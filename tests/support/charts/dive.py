@@ -1,4 +1,4 @@
-"""A flight over a chart, and what its report has to have."""
+"""A flight over a chart, and checks of its report."""
 
 import os
 from pathlib import Path
@@ -7,7 +7,7 @@ from tests.support.processes import Program, free_port
 
 
 def check_dive(tmp_path: Path, chart: str) -> None:
-    """Fly 5 m over that chart with `uuv-hil demo`; its report names the chart and shows what was seen."""
+    """Fly 5 m over the chart with `uuv-hil demo`; check that its report names the chart and has its pictures."""
     folder = tmp_path / "run"
     listen = f"tcp/127.0.0.1:{free_port()}"
     arguments = ["demo", "--world", chart, "--length", "5", "--output", folder, "--listen", listen]

@@ -1,4 +1,4 @@
-"""A sea bed that is known everywhere, and what a chart would tell of it."""
+"""A seabed that is known everywhere, and the soundings and contours that a chart of it would have."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,20 @@ SIDE, STEP = 129, 10.0
 
 
 def known_bed(seed: int = 4) -> Array:
-    """Rough ground of 129 x 129 nodes, 10 m apart, mean 40 m, deviation 12 m."""
+    """Return rough ground of 129 x 129 nodes, 10 m apart, mean 40 m, deviation 12 m."""
     relief = Fractal(40.0, 12.0, hurst=0.95, seed=seed, resolution=STEP)
     return np.array(relief.depths(Grid(0.0, 0.0, STEP, SIDE, SIDE))).reshape(SIDE, SIDE)
 
 
 def sounded(bed: Array, count: int, seed: int = 1) -> Array:
-    """(count, 3): north, east, depth in nodes picked by chance."""
+    """Return (count, 3): north, east and depth of randomly chosen nodes."""
     nodes = np.random.default_rng(seed).choice(bed.size, count, replace=False)
     rows, columns = np.divmod(nodes, SIDE)
     return np.column_stack([rows * STEP, columns * STEP, bed[rows, columns]])
 
 
 def contoured(bed: Array, levels: list[float]) -> Array:
-    """(n, 3): where lines between neighbouring nodes pass through the levels."""
+    """Return (n, 3): points where lines between neighbouring nodes cross the levels."""
     found = []
     for level in levels:
         for axis in (0, 1):

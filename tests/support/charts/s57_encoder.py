@@ -77,7 +77,7 @@ def description() -> bytes:
 
 
 class Encoder:
-    """Collects records, then writes them. Numbers of records are given out in order of their making."""
+    """An encoder that collects records, then writes them. Records are numbered in order of creation."""
 
     def __init__(self, edition: int = 1, update: int = 0, scale: int = 10_000) -> None:
         self.records: list[Fields] = []
@@ -129,7 +129,7 @@ class Encoder:
         return self.feature(code, 2, [(name(130, edge), 1, 255, 255)], **attributes)
 
     def ring(self, places: Sequence[Position], usage: int = 1) -> list[Row]:
-        """Return two edges around, the second one recorded against the way that the ring goes."""
+        """Return the two edges of a ring, the second one recorded against its direction."""
         half = len(places) // 2
         one, other = self.node(places[0]), self.node(places[half])
         out = self.edge(one, other, places[1:half])

@@ -7,7 +7,7 @@ SHORE = 54.008
 
 
 def bed(latitude: float, longitude: float) -> float:
-    """Its true depth in m: a plane with a valley, 0 on the shore."""
+    """Return the true depth (m): a plane with a valley, 0 on the shore."""
     return (
         20.0 * (SHORE - latitude) / (SHORE - SOUTH)
         + 4.0 * (longitude - WEST) / (EAST - WEST) * (SHORE - latitude) * 100.0
@@ -15,7 +15,7 @@ def bed(latitude: float, longitude: float) -> float:
 
 
 def place(north: float, east: float) -> Position:
-    """By shares of the whole."""
+    """Return the position at these fractions of the bay."""
     return SOUTH + north * (NORTH - SOUTH), WEST + east * (EAST - WEST)
 
 

@@ -1,4 +1,4 @@
-"""A real browser without a screen: Debian's Chromium, driven by playwright, its pictures drawn in software."""
+"""A real browser without a screen: Debian's Chromium, controlled by playwright, with software rendering."""
 
 import shutil
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ PATIENCE_MS = 120_000  # of a loaded machine without a graphics card
 
 
 class Seen:
-    """A page, and what a person would not notice: errors in its console, and hosts that it asked for anything."""
+    """A page, the errors in its console, and the hosts to which it sent requests."""
 
     def __init__(self, page: Any) -> None:
         self.page = page

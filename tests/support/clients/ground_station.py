@@ -115,7 +115,7 @@ class GroundStation:
 
 
 def fly(run: AutopilotRun, station: GroundStation, mission: Mission, limit: float) -> None:
-    """Step the run until the mission is over; fails when simulated time is beyond `limit` s."""
+    """Step the run until the mission ends; fail when simulated time exceeds `limit` s."""
     mission_run = _MissionRun(station, mission, limit)
     due = 0.0
     while True:
@@ -128,21 +128,21 @@ def fly(run: AutopilotRun, station: GroundStation, mission: Mission, limit: floa
 
 
 def fly_live(station: GroundStation, mission: Mission, limit: float) -> None:
-    """Fly by the clock an autopilot whose vehicle is another process; fails after `limit` s."""
+    """Fly an autopilot in real time whose vehicle is another process; fail after `limit` s."""
     mission_run, began = _MissionRun(station, mission, limit), time.monotonic()
     while not mission_run.is_over(time.monotonic() - began):
         time.sleep(POLL_S)
 
 
 class _MissionRun:
-    """A mission and what it waits for."""
+    """A mission and the condition that it waits for."""
 
     def __init__(self, station: GroundStation, mission: Mission, limit: float) -> None:
         self._station, self._mission, self._limit = station, mission, limit
         self._wait: Wait = 0.0
 
     def is_over(self, now: float) -> bool:
-        """Poll the ground station; go on with the mission when what it waits for has come true."""
+        """Poll the ground station; continue the mission when its condition is true; return whether it has ended."""
         self._station.poll(now)
         assert now < self._limit, f"{now:.1f} s: still waiting; texts: {self._station.texts[-5:]}"
         wait = self._wait

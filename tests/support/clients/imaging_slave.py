@@ -1,4 +1,4 @@
-"""A slave with sensors that make pictures, and what a client sees of it."""
+"""A slave with imaging sensors, and a client of it."""
 
 import functools
 import os
@@ -53,7 +53,7 @@ def watched_slave(folder: Path) -> Iterator[tuple[Program, VehicleClient]]:
 
 
 def has_all(client: VehicleClient) -> bool:
-    """Return whether three of each kind of picture have come."""
+    """Return whether three of each kind of picture have arrived."""
     return all(client.received[topic] > 2 for topic in PICTURES)
 
 
@@ -64,7 +64,7 @@ def camera(client: VehicleClient, what: Literal["requested", "dropped", "took_ms
 
 
 def newest(client: VehicleClient) -> Diagnostics:
-    """Return the diagnostics of this moment, not of up to a second ago: the second of two that come."""
+    """Return the present diagnostics, not those of up to a second ago: the second of the next two messages."""
     before = client.received["diagnostics"]
     assert wait_for(lambda: client.received["diagnostics"] > before + 1)
     return client.diagnostics()

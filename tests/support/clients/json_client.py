@@ -1,4 +1,4 @@
-"""A JSON gateway before a real slave, and a client of it."""
+"""A JSON gateway to a real slave, and a client of it."""
 
 import json
 import socket
@@ -44,7 +44,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
 
 @contextmanager
 def seeing_vehicle(folder: Path, images: str) -> Iterator[Fleet]:
-    """Connect to a slave with camera, sonar and laser whose pictures are there; `images` is as of `[ros] images`."""
+    """Provide a fleet of a slave with camera, sonar and laser that sends pictures; `images` as in `[ros] images`."""
     with slave_with(folder, SEEING.format(images=images)) as endpoint, hil.connect(endpoint) as fleet:
         fleet.wait_for("uuv1")
         wait_for_pictures(fleet)
@@ -69,13 +69,13 @@ def gateway(fleet: Fleet) -> Iterator[JsonGateway]:
 
 
 def wait_for_pictures(fleet: Fleet) -> None:
-    """Wait until the process that makes the pictures has started, which may take long on a busy machine."""
+    """Wait until the imaging process has started, which may take long on a busy machine."""
     vehicle = fleet["uuv1"]
     assert wait_for(lambda: any(topic.startswith("camera/") for topic in vehicle.pictures()), 200.0)
 
 
 class Client:
-    """A program with a socket."""
+    """A client of the gateway with its socket."""
 
     def __init__(self, gateway: JsonGateway) -> None:
         self.socket = socket.create_connection(("127.0.0.1", gateway.port), timeout=60)

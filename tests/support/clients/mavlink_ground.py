@@ -1,4 +1,4 @@
-"""pymavlink as a ground station of our MAVLink vehicle."""
+"""A ground station of the MAVLink vehicle, with pymavlink."""
 
 import os
 import time
@@ -29,7 +29,7 @@ class Ground:
     def wait(
         self, kind: str, fits: Callable[[Any], object] = lambda _: True, do: Callable[[], Any] = lambda: None
     ) -> Any:
-        """Return the first message of a kind that fits; `do` is called meanwhile, 20 times a second."""
+        """Return the first message of a kind for which `fits` is true; `do` is called meanwhile, 20 times a second."""
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             self.beat()
@@ -59,7 +59,7 @@ class Ground:
         self.wait("HEARTBEAT", lambda beat: beat.custom_mode == mode)
 
     def arm(self) -> None:
-        """Again while it is refused: on a busy machine the vehicle's samples may be too old for a moment."""
+        """Arm, repeatedly while refused: on a busy machine the vehicle's samples may be too old for a moment."""
         assert wait_for(lambda: self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0 or None)
 
     def disarm(self) -> None:

@@ -1,4 +1,4 @@
-"""A MAVLink vehicle of the gateway without a network: its port is a point that obeys, its partner a dialect."""
+"""A MAVLink vehicle of the gateway without a network: a point as vehicle, and ground stations as partners."""
 
 from collections.abc import Callable, Mapping
 from math import cos, sin
@@ -30,7 +30,7 @@ ORIGIN = Origin(45.0, 10.0, 0.0)
 
 
 class PointVehicle:
-    """A vehicle that has at once the velocity it is told, 2 m deep at first; a `VehiclePort`."""
+    """A vehicle that has the commanded velocity at once, 2 m deep at first; a `VehiclePort`."""
 
     def __init__(self) -> None:
         self.north, self.east, self.depth, self.heading = 0.0, 0.0, 2.0, 0.0
@@ -46,7 +46,7 @@ class PointVehicle:
         self.motors: tuple[MotorState, ...] = ()
 
     def move(self, seconds: float) -> None:
-        """Move on by the last command."""
+        """Move by the last command for this time."""
         command = self.commands[-1] if self.commands else None
         surge = sway = heave = turn = 0.0
         if isinstance(command, VelocityCommand):
@@ -109,7 +109,7 @@ class PointVehicle:
 
 
 class Bench:
-    """A vehicle, its dispatcher and one partner or more; the time is moved by hand."""
+    """A vehicle, its dispatcher and its partners; the test advances the time."""
 
     def __init__(self, settings: Mavlink = Mavlink(), origin: Origin | None = ORIGIN, folder: str = "") -> None:
         self.now = NS_PER_S
@@ -146,7 +146,7 @@ class Bench:
 
 
 class Partner:
-    """A ground station. What it gets is in `received`."""
+    """A ground station; `received` are its messages."""
 
     def __init__(self, bench: Bench, number: int, system: int, may_command: bool) -> None:
         self.received: list[Any] = []
@@ -166,7 +166,7 @@ class Partner:
             self._bench.dispatcher.handle(self.peer, packet, self._bench.now)
 
     def take(self, kind: str) -> list[Any]:
-        """Return what came of a kind, and forget it."""
+        """Return and remove the received messages of a kind."""
         found = [message for message in self.received if _kind(message) == kind]
         self.received = [message for message in self.received if _kind(message) != kind]
         return found
@@ -189,7 +189,7 @@ class Partner:
         self.send(dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
 
     def texts(self) -> str:
-        """Return what it was told."""
+        """Return the texts that it received."""
         return " | ".join([text.text for text in self.take("STATUSTEXT")])
 
     def _take(self, packet: bytes, message: Any) -> None:

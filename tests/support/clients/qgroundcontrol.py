@@ -1,4 +1,4 @@
-"""The requests of QGroundControl when it connects, in its order, and what it does not go on without.
+"""The requests of QGroundControl when it connects, in its order, with the answers that it needs to continue.
 
 Read in its sources of 2025 (mavlink/qgroundcontrol): Vehicle/InitialConnectStateMachine, Vehicle/StandardModes,
 Vehicle/ComponentInformation, Vehicle/FTPManager, FactSystem/ParameterManager, MissionManager/PlanManager,
@@ -28,14 +28,14 @@ WIDTHS = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}
 
 
 class Station(Ground):
-    """A ground station that connects as QGroundControl does; each step fails if that one would stall there."""
+    """A ground station that connects as QGroundControl does; each step fails where QGroundControl would stall."""
 
     def __init__(self, address: str) -> None:
         super().__init__(address, system=255)
         self.expected = 0  # number of the file server's next packet
 
     def command_to(self, component: int, command: int, *params: float) -> int:
-        """Return the MAV_RESULT of a command; the answer must come from the component that was asked, and be for us."""
+        """Return the MAV_RESULT of a command; the answer must come from that component and be addressed to us."""
         values = [*params, *[0.0] * (7 - len(params))]
         self.send.command_long_send(1, component, command, 0, *values)
 
@@ -64,7 +64,7 @@ class Station(Ground):
         return found
 
     def modes(self) -> dict[str, int]:
-        """Request all modes at once and wait without a limit until the last one has come."""
+        """Request all modes at once and wait until the last one has arrived."""
         names: dict[str, int] = {}
         assert self.command_to(AUTOPILOT, dialect.MAV_CMD_REQUEST_MESSAGE, AvailableModes.id, 0) == 0
         while True:
@@ -91,7 +91,7 @@ class Station(Ground):
         return unpack(content)
 
     def read_burst(self) -> bytes:
-        """FTPManager::_burstReadFileAckOrNak, without lost packets: each in its turn, then the end of the file."""
+        """FTPManager::_burstReadFileAckOrNak, without lost packets: each in order, then the end of the file."""
         content, asks = b"", True
         while True:
             if asks:

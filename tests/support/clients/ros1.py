@@ -1,4 +1,4 @@
-"""A small ROS master, and nodes of ROS 1 as far as tests need them: TCPROS and XML-RPC by their bytes."""
+"""A small ROS master and nodes of ROS 1 for tests: TCPROS and XML-RPC at the level of bytes."""
 
 import socket
 import threading
@@ -20,7 +20,7 @@ class _Handler(SimpleXMLRPCRequestHandler):
 
 
 class XmlServer:
-    """Serves `methods` at `uri`, in a thread. Use as a context."""
+    """An XML-RPC server of `methods` at `uri`, in a thread. Use as a context."""
 
     def __init__(self, methods: dict[str, Any], port: int = 0) -> None:
         self._server = SimpleXMLRPCServer(("127.0.0.1", port), _Handler, logRequests=False, allow_none=False)
@@ -47,7 +47,7 @@ class XmlServer:
 class SmallMaster(XmlServer):
     """A master that stores what nodes register, by kind ("Publisher") and name, and their parameters.
 
-    `pid` tells masters apart.
+    `pid` distinguishes masters.
     """
 
     def __init__(self, port: int = 0, pid: int = 1) -> None:
@@ -161,7 +161,7 @@ class Publisher(XmlServer):
             self._connection = None
 
     def accept(self) -> dict[str, str]:
-        """Wait for a subscriber; its header."""
+        """Wait for a subscriber; return its header."""
         peer = Peer.__new__(Peer)
         peer.socket, _ = self._listening.accept()
         peer.socket.settimeout(PATIENCE_S)
@@ -187,7 +187,7 @@ class Served:
 
     @property
     def tcpros(self) -> int:
-        """The TCPROS port; waits for the topic it is asked with."""
+        """The TCPROS port; waits until the topic used to request it is registered."""
         assert wait_for(lambda: "/uuv1/imu" in self.master.names("Publisher")), self.gateway.output
         answer: Any = self.node.requestTopic("/test", "/uuv1/imu", [["TCPROS"]])
         return int(answer[2][2])

@@ -1,4 +1,4 @@
-"""A browser's place taken by an HTTP client: the page, the stick's websocket, the scene's websocket."""
+"""An HTTP client in place of a browser: the page, the websocket of the joystick, the websocket of the scene."""
 
 import asyncio
 import ssl
@@ -12,7 +12,7 @@ ADDRESS = r"watch at (https?://\S+/)\?token=(\S+)"
 
 
 def with_session(work: Callable[[aiohttp.ClientSession], Awaitable[T]], tls: ssl.SSLContext | bool = True) -> T:
-    """Run `work` with a client that keeps cookies; `tls` says whom it trusts."""
+    """Run `work` with a client that stores cookies; `tls` has the certificates that it trusts."""
 
     async def run() -> T:
         async with aiohttp.ClientSession(
@@ -26,12 +26,12 @@ def with_session(work: Callable[[aiohttp.ClientSession], Awaitable[T]], tls: ssl
 
 
 def stick(held: bool = False, acts: tuple[str, ...] = (), vehicle: str = "uuv1", **axes: float) -> dict[str, Any]:
-    """Return a message of a stick."""
+    """Return a joystick message."""
     return {"vehicle": vehicle, "held": held, "axes": axes, "mode": "velocity", "acts": list(acts)}
 
 
 async def scene_bytes(client: aiohttp.ClientSession, address: str) -> int:
-    """Connect as viser's page does; how many bytes of the scene come first."""
+    """Connect as viser's page does; return the size of the first message of the scene (bytes)."""
     import viser  # here: it takes long to import, and all workers collect all tests
 
     async with client.ws_connect(f"{address}scene", protocols=[f"viser-v{viser.__version__}"]) as scene:

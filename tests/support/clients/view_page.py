@@ -22,8 +22,8 @@ PAUSE_MS = 100
 DRAWN_COLOURS = 12  # a scene with a seabed has more, an empty one fewer
 
 
-class Observed:
-    """Last words of a vehicle, also where a busy machine lets nothing through for longer than its liveness allows."""
+class LastSamples:
+    """The last samples of a vehicle, also when a busy machine has delayed it beyond its liveness timeout."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.client = vehicle.client
@@ -55,7 +55,7 @@ class ViewPage:
         self.page.wait_for_function(READY, timeout=PATIENCE_MS)
 
     def wait_until(self, holds: Callable[[], bool], seconds: float = 120.0) -> bool:
-        """Wait, while the page goes on."""
+        """Wait until the condition holds, while the page runs; return whether it does."""
 
         def look() -> bool:
             self.page.wait_for_timeout(PAUSE_MS)
@@ -95,7 +95,7 @@ class ViewPage:
         self._beside(label, "input[type=checkbox]").click()
 
     def write(self, label: str, value: float) -> None:
-        """Write a number into its box."""
+        """Enter a number into its box."""
         box = self._beside(label, "input")
         box.fill(f"{value:g}")
         box.press("Enter")
@@ -119,8 +119,8 @@ def _xpath(kind: str) -> str:
 
 
 @contextmanager
-def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[tuple[ViewPage, Observed, Program]]:
-    """Provide a slave in the pool and a view of it in a browser: the page, what the vehicle says, and the slave.
+def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[tuple[ViewPage, LastSamples, Program]]:
+    """Provide a slave in the pool and a view of it in a browser: the page, the vehicle's samples, and the slave.
 
     `script` is run in the page before its own.
     """
@@ -134,13 +134,13 @@ def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[t
     ):
         seen.page.add_init_script(script)
         page = ViewPage(seen, view)
-        yield page, Observed(fleet["uuv1"]), slave
+        yield page, LastSamples(fleet["uuv1"]), slave
         assert "Traceback" not in view.output
         assert not seen.errors, seen.errors
 
 
-def steer_by_keyboard(page: ViewPage, vehicle: Observed) -> None:
-    """Hold the space bar and W: the vehicle moves, in the water and on the screen; let go, and it stops."""
+def steer_by_keyboard(page: ViewPage, vehicle: LastSamples) -> None:
+    """Check that the vehicle moves, also on the screen, with the space bar and W held, and stops without them."""
     before, place = page.pixels(), vehicle.ground_truth.position
     page.page.locator("#heading").focus()  # outside the scene, whose camera has keys of its own
     page.page.keyboard.down("Space")

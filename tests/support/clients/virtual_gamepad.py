@@ -1,4 +1,4 @@
-"""Runs `uuv-hil` with a gamepad that SDL makes itself: the lines of a FIFO move it.
+"""Run `uuv-hil` with a virtual gamepad of SDL, which is moved by the lines of a FIFO.
 
 python virtual_gamepad.py FIFO ARGUMENTS...
 

@@ -1,4 +1,4 @@
-"""The core in C under sanitizers, driven by scripts; and its twin in Python, driven by the same."""
+"""The firmware core in C under sanitizers, and its specification in Python, both run with the same scripts."""
 
 import io
 import random
@@ -23,7 +23,7 @@ PULSES_US = (0, 799, 800, 1100, 1500, 1900, 2200, 2201, 0x5AA5, 0xFFFF)
 
 
 class Step(NamedTuple):
-    """An instant, and the bytes that have come by then, or a frame off the CAN bus."""
+    """A time, and the bytes received by then, or a frame from the CAN bus."""
 
     now_us: int
     data: bytes = b""
@@ -46,7 +46,7 @@ class Done(NamedTuple):
 
 
 class Script(NamedTuple):
-    """A life of a firmware."""
+    """All input of a firmware from its start to its end."""
 
     channels: int
     watchdog_us: int
@@ -54,7 +54,7 @@ class Script(NamedTuple):
 
 
 def run_c(program: str, script: Script, stop: bool = False) -> list[Done]:
-    """Return the core's output, step by step; with `stop` one step more, its end."""
+    """Return the core's output, step by step; with `stop` also that of its end."""
     chunks = [struct.pack("<BI", script.channels, script.watchdog_us)]
     chunks += [step.record() for step in script.steps]
     if stop:
@@ -83,7 +83,7 @@ def _results(output: bytes, channels: int) -> Iterator[Done]:
 
 
 class _Line(Wire):
-    """A wire in memory; `piece` bytes at most in each read."""
+    """A wire in memory that reads at most `piece` bytes at a time."""
 
     def __init__(self, piece: int) -> None:
         self.name = "memory"
@@ -106,7 +106,7 @@ class _Line(Wire):
 
 
 class Clock:
-    """Whose time both twins live in, ns."""
+    """The clock (ns) of both implementations."""
 
     def __init__(self) -> None:
         self.now_ns = 0
@@ -131,7 +131,7 @@ def run_python(script: Script, protocol: Protocol, clock: Clock, piece: int = 1)
 
 
 def _service(end: Stm32End, wire: _Line, now_ns: int) -> None:
-    """`Stm32End.service` for bytes that came one after another before anyone looked at the clock."""
+    """Serve the end as `Stm32End.service` does, for bytes that arrived one by one at the same time."""
     while wire.incoming:
         for message in end.link.receive():
             if end._apply(message, now_ns):
@@ -140,12 +140,12 @@ def _service(end: Stm32End, wire: _Line, now_ns: int) -> None:
 
 
 def first_difference(script: Script, c: list[Done], python: list[Done]) -> tuple[Step, Done, Done] | None:
-    """Return the first step at which the two part."""
+    """Return the first step at which the two differ."""
     return next((rows for rows in zip(script.steps, c, python, strict=True) if rows[1] != rows[2]), None)
 
 
 def instants(chance: random.Random) -> Iterator[int]:
-    """Instants of a script, us."""
+    """Yield the times of a script (us)."""
     now_us = 0
     while True:
         yield now_us
@@ -153,7 +153,7 @@ def instants(chance: random.Random) -> Iterator[int]:
 
 
 def cut(chance: random.Random, pieces: Iterator[bytes], count: int) -> list[Step]:
-    """`count` steps; most pieces come whole, some in two parts."""
+    """Return `count` steps; most pieces are whole, some are in two parts."""
     steps, rest = [], b""
     for now_us, _ in zip(instants(chance), range(count), strict=False):
         data = rest + b"".join(next(pieces) for _ in range(chance.choice((0, 0, 1, 1, 1, 2, 4))))
@@ -164,7 +164,7 @@ def cut(chance: random.Random, pieces: Iterator[bytes], count: int) -> list[Step
 
 
 def pulses(chance: random.Random, channels: int) -> tuple[int, ...]:
-    """Pulse widths, us; most are ordinary ones."""
+    """Return pulse widths (us); most are ordinary ones."""
     return tuple(
         chance.choice(PULSES_US) if chance.random() < 0.2 else chance.randint(1100, 1900) for _ in range(channels)
     )
@@ -183,7 +183,7 @@ def damaged(chance: random.Random, packet: bytes) -> bytes:
 
 
 def frame_pieces(chance: random.Random, channels: int, noisy: bool) -> Iterator[bytes]:
-    """Frames from a host: mostly commands with the next number; with `noisy` whatever else a line can carry."""
+    """Yield frames from a host: mostly commands with the next number; with `noisy` also noise and damaged frames."""
     encode = uuv_hil().encode
     sequence = 0
     while True:
@@ -212,7 +212,7 @@ def _noise(chance: random.Random, command: bytes) -> bytes:
 
 
 def sealed(beginning: bytes, chance: random.Random) -> bytes:
-    """Return a frame that begins so, as long as it says, and sound."""
+    """Return a valid frame with this beginning, of the length that it declares."""
     import binascii
 
     body = (beginning + chance.randbytes(256))[: 4 + beginning[2]]
@@ -220,7 +220,7 @@ def sealed(beginning: bytes, chance: random.Random) -> bytes:
 
 
 def frame_script(seed: int, steps: int, noisy: bool) -> Script:
-    """Return a random history of a line that carries our frame."""
+    """Return a random script for a line with the frame protocol."""
     chance = random.Random(seed)
     channels = chance.randint(1, MAX_CHANNELS)
     watchdog_us = chance.choice((200_000, 200_000, 10_000, 1_000_000))

@@ -1,4 +1,4 @@
-"""Scripts for the core in C in which the host speaks MAVLink, written with pymavlink."""
+"""Scripts for the core in C with MAVLink packets, made with pymavlink."""
 
 import random
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ ODD_PULSES = (0.0, 799.0, 799.9, 800.0, 1500.5, 1501.5, 1600.4, 1600.6, 2200.0, 
 
 
 class Host:
-    """Packs messages as the component that sends them; most as the vehicle's computer."""
+    """A packer of messages from several components, most of them from the vehicle's computer."""
 
     def __init__(self, chance: random.Random) -> None:
         self._chance = chance
@@ -86,7 +86,7 @@ def unsupported(chance: random.Random) -> Any:
 
 
 def question(chance: random.Random) -> Any:
-    """Return a message that a ground station sends to every vehicle, or in answer to one."""
+    """Return a message that a ground station sends to every vehicle, or as an answer to one."""
     to, kind, seq = _target(chance), chance.randrange(3), chance.randrange(3)
     name = chance.choice((b"SYSID_THISMAV", b"SYSID_THISMAV2", b"SYSID_THISMAV_AND", b"", b"OTHER"))
     numbers = [float(chance.randrange(5)) for _ in range(7)]
@@ -122,17 +122,17 @@ def _command(chance: random.Random, command: int, first: float, second: float) -
     return dialect.MAVLink_command_long_message(*_target(chance), command, 0, first, second, 0, 0, 0, 0, 0)
 
 
-SPOKEN: tuple[Callable[[random.Random], Any], ...] = (
+MESSAGES: tuple[Callable[[random.Random], Any], ...] = (
     *[servo_output_raw] * 6, *[rc_channels_override] * 2, *[arm_disarm] * 3, *[set_servo] * 3, timesync, unsupported,
     *[question] * 3,
 )  # fmt: skip
 
 
 def mavlink_pieces(chance: random.Random) -> Iterator[bytes]:
-    """Packets to the device, some for others, some damaged, and noise between them."""
+    """Yield packets to the device, some of them for others, some damaged, and noise between them."""
     host = Host(chance)
     while True:
-        packet = host.pack(heartbeat() if chance.random() < 0.1 else chance.choice(SPOKEN)(chance))
+        packet = host.pack(heartbeat() if chance.random() < 0.1 else chance.choice(MESSAGES)(chance))
         if chance.random() < 0.85:
             yield packet
         else:
@@ -140,7 +140,7 @@ def mavlink_pieces(chance: random.Random) -> Iterator[bytes]:
 
 
 def mavlink_script(seed: int, steps: int) -> Script:
-    """Return a random history of a line that carries MAVLink from the first instant on."""
+    """Return a random script for a line with MAVLink from the start."""
     chance = random.Random(seed)
     channels = chance.randint(1, 16)
     hello = Host(random.Random(0)).pack(heartbeat())

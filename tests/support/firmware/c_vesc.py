@@ -1,4 +1,4 @@
-"""Scripts for the core in C in which the host speaks to VESCs on CAN."""
+"""Scripts for the core in C with commands to VESCs on CAN."""
 
 import random
 import struct
@@ -12,7 +12,7 @@ PER_US = 250  # of 100 000, for 400 us
 
 
 def vesc_frames(chance: random.Random, channels: int) -> Iterator[CanFrame]:
-    """Rounds of commands, now and then with one left out, said again, or that is none."""
+    """Yield rounds of commands, now and then with one missing, repeated or invalid."""
     while True:
         for controller in range(1, channels + 1):
             if chance.random() < 0.97:
@@ -35,7 +35,7 @@ def _command(chance: random.Random, controller: int) -> CanFrame:
 
 
 def vesc_script(seed: int, steps: int) -> Script:
-    """Return a random history of a bus: time may pass between frames, and the firmware is served after each."""
+    """Return a random script for a bus: time may pass between frames, and the firmware is served after each."""
     chance = random.Random(seed)
     channels = chance.randint(1, 8)
     frames, now = vesc_frames(chance, channels), instants(chance)

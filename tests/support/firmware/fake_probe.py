@@ -127,7 +127,7 @@ class FakeChip:
                 self._dcrdr |= 1 << 24
 
     def _run(self) -> None:
-        """Run until a breakpoint: the end of an algorithm's function. A program in flash is not run."""
+        """Run until a breakpoint, the end of an algorithm's function. A program in flash is not run."""
         pc = self._uc.reg_read(arm_const.UC_ARM_REG_PC)
         if not RAM <= pc < RAM + self.model.ram[RAM]:
             return
@@ -214,7 +214,7 @@ class FakeMemory(MemoryInterface):  # type: ignore[misc]
 
 
 class FakeProbe(DebugProbe):  # type: ignore[misc]
-    """An ST-LINK that is always there."""
+    """An ST-LINK that is always connected."""
 
     def __init__(self, chip: FakeChip, unique_id: str = "066DFF515049657187", name: str = "STM32 STLink") -> None:
         super().__init__()

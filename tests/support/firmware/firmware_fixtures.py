@@ -13,7 +13,7 @@ TOOLS = ("gcc", "gcov")
 
 @pytest.fixture(scope="session")
 def core(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The core with MAVLink as the program of core_main.c: under sanitizers, and counting the lines it runs through."""
+    """Compile core_main.c, the core with MAVLink, with sanitizers and with counts of executed lines."""
     if missing := [tool for tool in TOOLS if not shutil.which(tool)]:
         pytest.skip(f"needs {' and '.join(missing)}")
     pytest.importorskip("pymavlink", reason="the core's MAVLink is made with pymavlink")

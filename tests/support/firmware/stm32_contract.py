@@ -20,7 +20,7 @@ WATCHDOG_S = 0.2
 
 
 class Stm32Contract:
-    """Subclass as `Test...`, say which `kind` it is and over which `link`."""
+    """The contract of an STM32: subclass it as `Test...` with its `kind` and `link`."""
 
     kind: ClassVar[str]
     link: ClassVar[Link] = Link(watchdog=WATCHDOG_S)
@@ -33,7 +33,7 @@ class Stm32Contract:
 
     @pytest.fixture
     def driver(self) -> Iterator[ThrusterDriver]:
-        """A fresh one that has said something."""
+        """Provide a new driver that has received a report."""
         reports: list[str] = []
         with nothing_leaks():
             driver = open_driver(self.kind, self.link, 6, True, 1, reports.append)
@@ -47,7 +47,7 @@ class Stm32Contract:
         assert [report for report in reports if not any(words in report for words in late)] == []
 
     def command(self, driver: ThrusterDriver, armed: bool, pulses: tuple[int, ...]) -> ThrusterTelemetry:
-        """Send it until an answer shows it: of the first bytes after power-up some may be lost."""
+        """Send a command until a report shows it: some of the first bytes after power-up may be lost."""
         deadline = now_ns() + PATIENCE_NS
         wanted, wait_s = pulses if armed else NEUTRAL, 0.05
         while now_ns() < deadline:
@@ -81,12 +81,12 @@ class Stm32Contract:
         before = now_ns()
         assert before - NS_PER_S < driver.applied_ns(telemetry, before) <= before
 
-    def test_disarmed_is_neutral(self, driver: ThrusterDriver) -> None:
+    def test_disarmed_outputs_are_neutral(self, driver: ThrusterDriver) -> None:
         self.command(driver, True, (1700,) * 6)
         self.command(driver, False, (1700,) * 6)
         assert tuple(driver.pwm_us) == NEUTRAL
 
-    def test_silence_is_neutral_within_the_watchdogs_time(self, driver: ThrusterDriver) -> None:
+    def test_outputs_are_neutral_after_the_watchdog_timeout(self, driver: ThrusterDriver) -> None:
         def falls_silent() -> None:
             self.command(driver, True, (1700,) * 6)
             silent, self.stall_ns = now_ns(), 0
@@ -112,7 +112,7 @@ class Stm32Contract:
             assert telemetry.pwm_us in ((1612,) * 6, NEUTRAL)
         self.command(driver, True, (1613,) * 6)
 
-    def test_it_reports_by_itself(self, driver: ThrusterDriver) -> None:
+    def test_reports_are_sent_without_commands(self, driver: ThrusterDriver) -> None:
         """The STM32 reports at least ten times a second without a request."""
 
         def reports() -> None:
@@ -120,7 +120,7 @@ class Stm32Contract:
 
         retry_when_busy(reports, "it runs in another process or thread")
 
-    def test_it_is_left_with_its_thrusters_neutral(self, driver: ThrusterDriver) -> None:
+    def test_closing_leaves_the_thrusters_neutral(self, driver: ThrusterDriver) -> None:
         self.command(driver, True, (1700,) * 6)
         assert stop_thrusters(driver, self.sequence + 1)
         assert tuple(driver.pwm_us) == NEUTRAL

@@ -18,7 +18,7 @@ USART1_IRQ, TIM3_IRQ, CAN1_TX_IRQ, CAN1_RX0_IRQ, CAN1_RX1_IRQ = 37, 29, 19, 20, 
 
 
 class Program:
-    """A chip with everything switched on, and what a program does to it."""
+    """A chip with all peripherals enabled, and the register accesses of a program."""
 
     def __init__(self, paced: bool = False) -> None:
         self.chip = Chip(paced)
@@ -42,7 +42,7 @@ class Program:
         return bool(self.chip.nvic.pending >> FIRST_INTERRUPT + interrupt & 1)
 
     def full_speed(self) -> None:
-        """168 MHz from the crystal: APB1 42 MHz, APB2 84 MHz."""
+        """Set 168 MHz from the crystal: APB1 42 MHz, APB2 84 MHz."""
         self.put(RCC, 0x0101_0083)
         self.put(RCC + 4, 7 << 24 | 1 << 22 | 336 << 6 | 8)
         self.put(RCC + 8, 4 << 13 | 5 << 10 | 2)

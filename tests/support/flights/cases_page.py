@@ -1,4 +1,4 @@
-"""The page on the reference platform's cases, held against the flights that it tells of."""
+"""The page about the cases of the reference platform, compared with its flights."""
 
 import re
 import tempfile
@@ -13,14 +13,14 @@ PAGE = Path(__file__).parents[3] / "docs" / "explanation" / "cases.md"
 
 
 def page_figures(name: str) -> dict[str, float]:
-    """Return the figures of seed 1 in simulated time that the page has for a case, by the words of their rows."""
+    """Return the page's figures of a case (seed 1, simulated time) by the titles of their rows."""
     section = PAGE.read_text(encoding="utf-8").partition(f"\n## {find_case(name).title}\n")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| ([a-z ]+) \| ([0-9.]+) (?:m|s|kJ) \|", section, re.MULTILINE)
     return {words: float(number) for words, number in rows}
 
 
 def check_page(name: str) -> None:
-    """Fly seed 1 again: the page has its figures, but for the last digits, in which processors may differ."""
+    """Fly seed 1 again and check the page's figures, except the last digits, in which processors may differ."""
     with tempfile.TemporaryDirectory() as folder:
         flown = fly_one(name, "sil", 1, folder).result
     assert page_figures(name) == {

@@ -28,7 +28,7 @@ def triples(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[float,
 
 
 def inputs(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[VelocityCommand, Navigation, float, Wrench]]:
-    """Commands, navigation, periods and residuals of such numbers: attitudes need not even be of length 1."""
+    """Return a strategy for commands, navigation, periods and residuals; quaternions may have any length."""
     optional = st.none() | numbers
     return st.tuples(
         st.builds(VelocityCommand, numbers, numbers, numbers, numbers, optional, optional),
@@ -39,7 +39,7 @@ def inputs(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[Velocit
 
 
 class ControllerContract(ABC):
-    """Subclass with `make`, and `limits` (N, N m) that no axis goes beyond."""
+    """The contract of a control law: subclass it with `make`, and `limits` (N, N m) of each axis."""
 
     limits: ClassVar[Wrench]
     pushes: ClassVar[Sequence[tuple[int, float]]] = tuple(product(range(3), (1.0, -1.0)))  # axes, and which way
@@ -50,8 +50,8 @@ class ControllerContract(ABC):
 
     @EACH
     @given(st.lists(inputs(ANY), min_size=1, max_size=4))
-    def test_nothing_but_numbers_leaves_it_and_nothing_stays(self, calls: list[Any]) -> None:
-        """An ordinary call has an ordinary answer after any input."""
+    def test_any_input_gives_finite_output_and_leaves_no_state(self, calls: list[Any]) -> None:
+        """An ordinary call has an ordinary result after any input."""
         controller = self.make()
         for call in calls:
             assert self.is_within_limits(controller.update(*call))
@@ -63,7 +63,7 @@ class ControllerContract(ABC):
 
     @EACH
     @given(st.lists(inputs(FINITE), min_size=1, max_size=4))
-    def test_within_its_limits_for_any_finite_input(self, calls: list[Any]) -> None:
+    def test_the_output_is_within_limits_for_any_finite_input(self, calls: list[Any]) -> None:
         controller = self.make()
         for call in calls:
             assert self.is_within_limits(controller.update(*call))
@@ -77,7 +77,7 @@ class ControllerContract(ABC):
 
     @EACH
     @given(st.lists(inputs(st.floats(-3.0, 3.0)), min_size=1, max_size=5))
-    def test_reset_is_as_good_as_new(self, calls: list[Any]) -> None:
+    def test_reset_equals_a_new_object(self, calls: list[Any]) -> None:
         used, new = self.make(), self.make()
         for call in calls:
             used.update(*call)
@@ -100,7 +100,7 @@ class ControllerContract(ABC):
         assert sign * (diving[2] - self.make().update(VelocityCommand(), AT_REST, DT)[2]) > 0.0
 
     @pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.0, -0.3)])
-    def test_it_levels(self, roll: float, pitch: float) -> None:
+    def test_it_levels_the_vehicle(self, roll: float, pitch: float) -> None:
         tilted = AT_REST._replace(orientation=from_euler(roll, pitch, 1.0))
         held, level = self.unlevelled(tilted), self.make().update(VelocityCommand(), tilted, DT)
         assert (level[3] - held[3]) * roll <= 0.0

@@ -1,4 +1,4 @@
-"""A vehicle in the pool that obeys the bytes of messages, without network and clock."""
+"""A vehicle in the pool that is commanded by the bytes of messages, without network and clock."""
 
 from collections.abc import Callable
 from typing import Any
@@ -26,7 +26,7 @@ def twist(surge: float = 0.0, sway: float = 0.0, heave: float = 0.0, yaw_rate: f
 
 
 class Bench:
-    """An command_receiver, a pilot and a vehicle in the pool; commands are repeated ten times a simulated second."""
+    """A command receiver, a pilot and a vehicle in the pool; commands are repeated ten times a simulated second."""
 
     def __init__(self) -> None:
         gains = parse(CONTROL, Gains, "control")
@@ -44,7 +44,7 @@ class Bench:
         self.command_receiver.on_message(topic, payload, stamp)
 
     def fly(self, seconds: float, **messages: bytes) -> OdometrySample:
-        """Repeat these messages for so long; return where the vehicle then is."""
+        """Repeat these messages for so long; return the true state of the vehicle at the end."""
 
         def command(_: State) -> None:
             for topic, payload in messages.items():
@@ -53,7 +53,7 @@ class Bench:
         return self.lead(seconds, command)
 
     def lead(self, seconds: float, command: Callable[[State], object]) -> OdometrySample:
-        """Call `command` with the navigation's state ten times a second, until it gives True."""
+        """Call `command` with the navigation's state ten times a second, until it returns True."""
         for step in range(round(400 * seconds)):
             if step % 40 == 0 and self._receive(command):
                 break

@@ -22,7 +22,7 @@ MOST_OFF_DEPTH = 0.2  # m
 
 
 class LevelFlight(NamedTuple):
-    """The furthest from level, in deg, and from the depth asked for, in m.
+    """The greatest deviations from level (deg) and from the commanded depth (m).
 
     `tilt` is the angle between the vehicle's down and the world's, `speed` the highest surge in m/s.
     """
@@ -35,12 +35,12 @@ class LevelFlight(NamedTuple):
 
 
 def top_speed(name: str) -> float:
-    """Return the surge (m/s) at which drag takes up all that the thrusters of a preset give."""
+    """Return the surge (m/s) at which drag equals the maximum thrust of a preset."""
     return top(load_vehicle(name)[0])[0].speed[0]
 
 
 def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = inf) -> LevelFlight:
-    """Fly a preset through a scenario, asked for `speed` m/s all the way, for at most so long."""
+    """Fly a preset through a scenario at a commanded `speed` (m/s), for at most so long."""
     given = load_scenario(scenario)
     depth = given.start.depth
     limit = min(seconds, 60.0 + 75.0 / speed)
@@ -67,7 +67,7 @@ def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = i
 
 
 def check_level(name: str, share: float, scenario: str = FIELD, seconds: float = inf) -> None:
-    """Fly a preset, asked for that share of its top speed, and check attitude, depth, and the speed it reaches."""
+    """Fly a preset at this share of its top speed, and check attitude, depth, and reached speed."""
     found = fly_level(name, share * top_speed(name), scenario, seconds)
     assert found.tilt < MOST_TILT
     assert found.depth_error < MOST_OFF_DEPTH

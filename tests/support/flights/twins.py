@@ -1,4 +1,4 @@
-"""The C twins as their source stands now, for the tests that need them."""
+"""The C extensions compiled from the present sources, for the tests that need them."""
 
 import sys
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ EACH = examples(200, HealthCheck.function_scoped_fixture, HealthCheck.differing_
 
 
 def compiled(folder: Path) -> None:
-    """Compile into `folder`; skips where there is no compiler."""
+    """Compile the C extensions into `folder`; skip where there is no compiler."""
     if reason := c_extensions.unavailable_reason():
         pytest.skip(f"no C here: {reason}")
     assert c_extensions.build(str(folder)) is None
@@ -27,7 +27,7 @@ def compiled(folder: Path) -> None:
 
 @contextmanager
 def taken_from(folder: Path) -> Iterator[None]:
-    """`import sim.native._native` and the others find what is in `folder`, never what is left from an older source."""
+    """Let `import sim.native._native` and the others find the extensions in `folder`, never older ones."""
     with pytest.MonkeyPatch.context() as patch:
         for binary in c_extensions.SOURCES:
             name = c_extensions.module(binary)

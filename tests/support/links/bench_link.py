@@ -1,4 +1,4 @@
-"""The host's end of a link whose far end is a test: nothing comes but what the test says."""
+"""The host's end of a link whose other end is a test, which supplies all reports."""
 
 from collections.abc import Callable
 from typing import Any, cast
@@ -10,12 +10,12 @@ from hil.slave.drivers.ends import Ends
 
 
 class BenchLink:
-    """Link that receives what is put into `says`; `broken` is a pulled cable; `closed` is true once it is closed."""
+    """A link that receives what is put into `reports`; `broken` is a pulled cable; `closed` is true once it is closed."""
 
     deadline_ns = NEVER_NS
 
     def __init__(self) -> None:
-        self.says: list[ThrusterTelemetry] = []
+        self.reports: list[ThrusterTelemetry] = []
         self.broken = self.closed = False
         self.wire = self
 
@@ -27,7 +27,7 @@ class BenchLink:
             raise DeviceError("gone")
 
     def receive(self) -> list[ThrusterTelemetry]:
-        output, self.says = self.says, []
+        output, self.reports = self.reports, []
         return output
 
     def send(self, command: ThrusterCommand) -> None:
@@ -40,8 +40,8 @@ class BenchLink:
         return Ends("/dev/bench", cast(Any, self))
 
 
-def says_in_turn(reports: list[ThrusterTelemetry]) -> Callable[[], Ends]:
-    """Open a link on which one of `reports` comes at each look."""
+def link_with_reports(reports: list[ThrusterTelemetry]) -> Callable[[], Ends]:
+    """Open a link that receives one of `reports` at each call."""
     link = BenchLink()
     cast(Any, link).receive = lambda: [reports.pop(0)]
     return link.ends

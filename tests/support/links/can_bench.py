@@ -1,4 +1,4 @@
-"""Two ends of a CAN bus in memory, and noise that knows CAN frames."""
+"""Two ends of a CAN bus in memory, and noise made of CAN frames."""
 
 import random
 from collections.abc import Callable, Iterable
@@ -10,7 +10,7 @@ from tests.support.links.link_contract import CanLinkContract
 
 
 class MemoryBus:
-    """A bus: what one of its wires writes, all others read."""
+    """A bus: frames written by one wire are read by all others."""
 
     def __init__(self) -> None:
         self.wires: list[MemoryWire] = []
@@ -61,7 +61,7 @@ def exchange(sender: Protocol, message: Message, receiver: Protocol) -> list[Mes
 
 
 def noise(count: int, sound: list[CanFrame], seed: int = 1) -> Iterable[bytes]:
-    """Records: sound frames with a bit or two turned, sound ones in a wrong order, and random bytes."""
+    """Return records: valid frames with a bit or two changed, valid ones in a wrong order, and random bytes."""
     source = random.Random(seed)
     known = [pack_frame(frame) for frame in sound]
     for _ in range(count):

@@ -20,7 +20,7 @@ _names = (f"bus{number}" for number in itertools.count())
 
 
 def socket_pair() -> tuple[Wire, Wire]:
-    """Sockets that keep records apart, in place of the kernel's CAN sockets."""
+    """Return sockets that preserve record boundaries, in place of the kernel's CAN sockets."""
     device, host = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     for end in (device, host):
         end.setblocking(False)
@@ -60,7 +60,7 @@ class _AdapterWire(SlcanWire):
 
 
 def until(condition: Callable[[], bool]) -> None:
-    """Wait until it is so."""
+    """Wait until the condition is true."""
     end = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < end

@@ -1,4 +1,4 @@
-"""A bus in memory with nodes of the package `dronecan`, the reference implementation in Python, and ends of ours."""
+"""A bus in memory with nodes of the package `dronecan`, the reference implementation, and link ends of this project."""
 
 from functools import cache
 from importlib import import_module
@@ -20,7 +20,7 @@ MS = 1_000_000
 
 @cache
 def driver_class() -> Any:
-    """Return the class of a wire of ours as the package wants it; made on first use, which imports the package."""
+    """Return a driver class of the package for a wire of this project; made on first use, which imports the package."""
 
     package: Any = import_module("dronecan")
 
@@ -49,7 +49,7 @@ def driver_class() -> Any:
 
 
 class Bench:
-    """A bus with nodes of the package and ends of ours; ours live by a clock that need not wait."""
+    """A bus with nodes of the package and link ends of this project, which use a clock that the test advances."""
 
     def __init__(self) -> None:
         self.bus = MemoryBus()

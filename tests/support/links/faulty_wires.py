@@ -1,4 +1,4 @@
-"""Wires with faults, in pairs, and the clock that they can be given."""
+"""Pairs of wires with injected faults, and a clock for them."""
 
 import select
 import socket
@@ -12,9 +12,9 @@ from tests.support.links.can_pairs import socket_pair
 
 
 class Clock:
-    """Clock of the wires in place of the machine's, set by the test alone.
+    """A clock of the wires that only the test sets, in place of the machine's.
 
-    It is an hour ahead of the machine's, whose timer therefore wakes nobody.
+    It is an hour ahead of the machine's, so that no timer fires.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class Clock:
 
 
 def instant_pair(opened: ExitStack, faults: Faults = Faults(), seed: int = 1) -> tuple[Wire, FaultyWire]:
-    """Return a wire that takes no time, its host's end with faults."""
+    """Return a wire without transmission time, with faults at the host's end."""
     device, host = socket.socketpair()
     for end in (device, host):
         end.setblocking(False)
@@ -56,7 +56,7 @@ def can_pair(opened: ExitStack, faults: Faults) -> tuple[Wire, FaultyWire]:
 
 
 def cross(sender: Wire, receiver: Wire, data: bytes) -> tuple[bytes, int]:
-    """Send `data` at once and wait for as much, moving both ends; what came, and in how many ns."""
+    """Send `data` at once and receive as much while serving both ends; return the received data and the time (ns)."""
     began, received, sent = now_ns(), b"", 0
     while len(received) < len(data):
         sent += sender.write(data[sent:])

@@ -1,4 +1,4 @@
-"""The shipped frames a second time, by hand from the tables in their files: no code of ours, sums bit by bit."""
+"""An independent implementation of the shipped frames, from the tables in their files, with bitwise checksums."""
 
 import struct
 from collections.abc import Callable, Sequence
@@ -54,7 +54,7 @@ def aa55_telemetry(pulses: Sequence[int], sequence: int, armed: bool, timed_out:
 
 
 def cobs(frame: bytes) -> bytes:
-    """Byte by byte, as the paper tells it; frames of less than 254 bytes."""
+    """Encode byte by byte as in the COBS paper; frames of less than 254 bytes."""
     out, code_at = bytearray([0]), 0
     for byte in frame:
         if byte:

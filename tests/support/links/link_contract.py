@@ -1,6 +1,6 @@
 """Conformance tests of every wire and every thruster link.
 
-A new wire subclasses `WireContract`, a wire with a protocol on it `LinkContract`; class attributes say what it is:
+A new wire subclasses `WireContract`, a wire with a protocol on it `LinkContract`; class attributes describe it:
 
     class TestVescOnVirtualCan(CanLinkContract):
         open_wires = staticmethod(virtual_pair)
@@ -39,26 +39,26 @@ EVERY_BYTE = bytes(range(256))
 
 
 def uuv_hil() -> Protocol:
-    """Return one end's protocol, speaking our own frame."""
+    """Return the frame protocol of one end."""
     return open_protocol("frame", "host", MAX_THRUSTERS)
 
 
 def command(sequence: int, channels: int = 6) -> ThrusterCommand:
-    """Return an armed command that no other sequence number gives."""
+    """Return an armed command whose pulses depend on the sequence number."""
     return ThrusterCommand(sequence, True, tuple(1100 + (sequence * 7 + i) % 800 for i in range(channels)))
 
 
 def records(data: bytes, first_id: int = 0x1AB_CDE0, extended: bool = True) -> bytes:
-    """CAN frames that carry `data`, eight bytes each."""
+    """Return CAN frames that carry `data`, eight bytes each."""
     parts = [data[start : start + 8] for start in range(0, len(data), 8)]
     return b"".join(pack_frame(CanFrame(first_id + i, part, extended)) for i, part in enumerate(parts))
 
 
 @contextmanager
 def nothing_leaks() -> Iterator[None]:
-    """Asserts that there are no other descriptors and threads at the end than at the beginning, or soon after it.
+    """Assert that no descriptors and threads are added between the beginning and the end, or soon after it.
 
-    Those of earlier tests may go meanwhile.
+    Those of earlier tests may end meanwhile.
     """
     os.close(open_lifeline())  # the pipe for children is made once and stays
     before = _held()
@@ -85,7 +85,7 @@ def wait_readable(wire: Wire, seconds: float = PATIENCE_S) -> bool:
 
 
 def read_bytes(wire: Wire, count: int, patience_s: float = PATIENCE_S) -> bytes:
-    """Return the next `count` bytes, or as many as come in time."""
+    """Return the next `count` bytes, or as many as arrive in time."""
     data = b""
     while len(data) < count and wait_readable(wire, patience_s):
         data += wire.read()
@@ -93,7 +93,7 @@ def read_bytes(wire: Wire, count: int, patience_s: float = PATIENCE_S) -> bytes:
 
 
 def read_messages(link: ThrusterLink, count: int) -> list[Message]:
-    """Return the next `count` messages, or as many as come in time."""
+    """Return the next `count` messages, or as many as arrive in time."""
     messages: list[Message] = []
     while len(messages) < count and wait_readable(link.wire):
         messages += link.receive()
@@ -101,7 +101,7 @@ def read_messages(link: ThrusterLink, count: int) -> list[Message]:
 
 
 def await_answer(driver: ThrusterDriver, sequence: int) -> list[ThrusterTelemetry]:
-    """Return the reports that echo the command with this number, once there is one; [] if none comes in time."""
+    """Return the reports that echo the command with this number, once there is one; [] if none arrives in time."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         found = [report for report in driver.service(now_ns()) if report.sequence == sequence]
@@ -126,7 +126,7 @@ class Ends(NamedTuple):
 
 
 class WireContract:
-    """Subclass as `Test...` and set the attributes."""
+    """The contract of a wire: subclass it as `Test...` and set the attributes."""
 
     open_wires: ClassVar[Callable[[], tuple[Wire, Wire]]]  # the device's end, the host's end
     record_size: ClassVar[int] = 1  # bytes that the wire keeps together: RECORD_SIZE on a CAN bus
@@ -136,25 +136,25 @@ class WireContract:
 
     @property
     def sample(self) -> bytes:
-        """Every byte there is, as the wire carries it."""
+        """Every byte value, in the form that the wire carries."""
         return records(EVERY_BYTE) if self.record_size == RECORD_SIZE else EVERY_BYTE
 
     @pytest.fixture
     def wires(self) -> Iterator[Wires]:
-        """A fresh wire; afterwards nothing is left open."""
+        """Provide a new wire; check afterwards that nothing is left open."""
         with nothing_leaks():
             wires = Wires(*type(self).open_wires())
             yield wires
             for wire in wires:
                 wire.close()
 
-    def test_a_quiet_wire_reads_as_nothing(self, wires: Wires) -> None:
+    def test_a_quiet_wire_reads_no_bytes(self, wires: Wires) -> None:
         for wire in wires:
             assert not wait_readable(wire, 0)
             assert wire.read() == b""
 
     @pytest.mark.parametrize("downward", [True, False])
-    def test_every_byte_crosses_unchanged_and_without_echo(self, wires: Wires, downward: bool) -> None:
+    def test_every_byte_is_transmitted_unchanged_and_without_echo(self, wires: Wires, downward: bool) -> None:
         sender, receiver = (wires.host, wires.device) if downward else (wires.device, wires.host)
         assert sender.write(self.sample) == len(self.sample)
         assert read_bytes(receiver, len(self.sample)) == self.sample
@@ -176,7 +176,7 @@ class WireContract:
         assert read_bytes(receiver, len(after)) == after
 
     def fill(self, sender: Wire) -> int:
-        """Write until the wire refuses; the bytes it took, always whole records."""
+        """Write until the wire refuses; return the accepted bytes, always whole records."""
         sent = 0
         for _ in range(20_000 if self.refuses_when_full else 400):
             taken = sender.write(self.sample)
@@ -187,7 +187,7 @@ class WireContract:
         assert not self.refuses_when_full, "took 5 MB that nobody read"
         return sent
 
-    def test_a_closed_wire_says_so(self, wires: Wires) -> None:
+    def test_using_a_closed_wire_is_an_error(self, wires: Wires) -> None:
         for wire in wires:
             wire.close()
             wire.close()
@@ -196,7 +196,7 @@ class WireContract:
             with pytest.raises(DeviceError, match="closed"):
                 wire.write(self.sample)
 
-    def test_the_host_notices_that_the_device_went(self, wires: Wires) -> None:
+    def test_the_host_detects_that_the_device_closed(self, wires: Wires) -> None:
         wires.device.close()
         if self.host_sees_hangup:
             assert wait_readable(wires.host), "a loop that waits must wake up"
@@ -211,7 +211,7 @@ class WireContract:
 
 
 class LinkContract(WireContract):
-    """A wire with a protocol on it."""
+    """The contract of a wire with a protocol on it."""
 
     protocol: ClassVar[str] = "frame"
     settings: ClassVar[dict[str, Any]] = {}  # of the protocol
@@ -231,7 +231,7 @@ class LinkContract(WireContract):
 
     @contextmanager
     def linked(self, wires: Wires, channels: int) -> Iterator[Ends]:
-        """Fresh protocols on `wires`; afterwards no error that the test has not injected."""
+        """Provide new protocols on `wires`; check afterwards that there are no errors except injected ones."""
         device = ThrusterLink(wires.device, self.protocol_of("device", channels))
         ends = Ends(device, ThrusterLink(wires.host, self.protocol_of("host", channels)))
         yield ends
@@ -242,12 +242,12 @@ class LinkContract(WireContract):
 
     @pytest.fixture
     def ends(self, wires: Wires) -> Iterator[Ends]:
-        """A fresh link with the most thrusters it carries."""
+        """Provide a new link with the most thrusters it can carry."""
         with self.linked(wires, self.channels[-1]) as ends:
             yield ends
 
     def assert_same(self, received: list[Message], sent: Sequence[Message]) -> None:
-        """Asserts that `sent` is what was heard, as far as this protocol carries it."""
+        """Assert that `received` equals `sent`, as far as this protocol carries it."""
         assert [type(message) for message in received] == [type(message) for message in sent]
         for got, wanted in zip(received, sent, strict=True):
             carried = self.commands_carry if isinstance(wanted, ThrusterCommand) else self.reports_carry
@@ -262,7 +262,7 @@ class LinkContract(WireContract):
         for link in ends:
             assert link.receive() == []
 
-    def test_messages_cross_both_ways(self, wires: Wires) -> None:
+    def test_messages_are_transmitted_both_ways(self, wires: Wires) -> None:
         for channels in self.channels:
             with self.linked(wires, channels) as ends:
                 order = command(channels, channels)
@@ -274,7 +274,7 @@ class LinkContract(WireContract):
                 assert ends.host.counters.messages_out == ends.device.counters.messages_in == 1
                 assert ends.device.counters.bytes_out == ends.host.counters.bytes_in > 0
 
-    def test_all_come_in_order(self, ends: Ends) -> None:
+    def test_all_messages_arrive_in_order(self, ends: Ends) -> None:
         burst = 10  # what fits any bus at once
         for first in range(1, 301, burst):
             sent = [command(sequence, self.channels[-1]) for sequence in range(first, first + burst)]
@@ -282,7 +282,7 @@ class LinkContract(WireContract):
                 ends.host.send(order)
             self.assert_same(read_messages(ends.device, burst), sent)
 
-    def test_noise_costs_no_sound_message(self, ends: Ends) -> None:
+    def test_noise_loses_no_valid_message(self, ends: Ends) -> None:
         self.injected = True
         for sequence, noise in enumerate(self.noise, 1):
             ends.host.wire.write(noise)
@@ -292,7 +292,7 @@ class LinkContract(WireContract):
         if self.noise_is_counted:
             assert ends.device.counters.dropped_bytes == sum(map(len, self.noise))
 
-    def test_stm32_on_the_link(self, ends: Ends) -> None:
+    def test_an_stm32_is_commanded_over_the_link(self, ends: Ends) -> None:
         channels = self.channels[-1]
         stm32 = Stm32(channels, telemetry_period_ns=10**9)
         end = Stm32End(stm32, ends.device)
@@ -308,7 +308,7 @@ class LinkContract(WireContract):
 
 
 class CanLinkContract(LinkContract):
-    """A CAN bus with a protocol on it: noise is what others say there."""
+    """The contract of a protocol on a CAN bus, where noise consists of frames of other nodes."""
 
     record_size = RECORD_SIZE
     host_sees_hangup = False

@@ -1,4 +1,4 @@
-"""A plain pymavlink peer on the other side of our ends, and a clock that a test sets."""
+"""A plain pymavlink peer of the link ends, and a clock that a test sets."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ class Clock:
 
 
 class Peer:
-    """Packs and parses with nothing but pymavlink."""
+    """A packer and parser that uses only pymavlink."""
 
     def __init__(self, system: int = 255, component: int = 190) -> None:
         self.mavlink = dialect.MAVLink(None, system, component)
@@ -43,7 +43,7 @@ class Peer:
         return [message.get_type() for message in self.parse(data)]
 
     def long(self, command: int, *params: float, system: int = 1, component: int = 1) -> bytes:
-        """COMMAND_LONG to our device."""
+        """Return a COMMAND_LONG to the device."""
         seven = [*params, *[0.0] * (7 - len(params))]
         return self.pack(dialect.MAVLink_command_long_message(system, component, command, 0, *seven))
 
@@ -67,7 +67,7 @@ def device_end(channels: int = 4, **settings: Any) -> MavlinkDevice:
 
 
 class Board:
-    """An STM32 behind our device's end, without a wire; as `Stm32End` serves it, but also fed at its deadlines."""
+    """An STM32 with the device's end, without a wire; served as by `Stm32End`, and also at its deadlines."""
 
     def __init__(self, channels: int = 4, watchdog_ms: int = 200, **settings: Any) -> None:
         self.clock = Clock()
@@ -81,7 +81,7 @@ class Board:
         return self.stm32.pwm_us
 
     def take(self, data: bytes = b"") -> bytes:
-        """Feed it; what it answers and reports."""
+        """Feed bytes; return its answers and reports."""
         output = b""
         messages: list[Message] = self.end.feed(data)
         output += self.end.replies()
@@ -94,7 +94,7 @@ class Board:
         return output
 
     def wait(self, ms: int) -> bytes:
-        """Let time pass, woken at its deadlines alone; what it says."""
+        """Advance the time with wake-ups only at deadlines; return its output."""
         output = b""
         ends = self.clock.now + ms * MS
         while self.clock.now < ends:

@@ -1,4 +1,4 @@
-"""DroneCAN's public library on a multicast bus ("mcast:7"): drives the STM32 at node 20, asks it, and prints JSON.
+"""DroneCAN's public library on a multicast bus ("mcast:7"): command and query the STM32 at node 20, and print JSON.
 
 A process of its own, as the library's driver starts one more.
 """

@@ -1,4 +1,4 @@
-"""CAN adapters that speak the Lawicel protocol, each on a pty, all on one bus: for tests without hardware."""
+"""CAN adapters with the Lawicel protocol, each on a pty, all on one bus, for tests without hardware."""
 
 import os
 import select
@@ -11,9 +11,9 @@ ACKNOWLEDGED = {b"t": b"z\r", b"T": b"Z\r", b"r": b"z\r", b"R": b"Z\r"}
 
 
 class SlcanBus:
-    """`paths` are the adapters' serial ports. What one sends, all others that are open hand to their ports.
+    """`paths` are the adapters' serial ports. Frames sent by one are passed to the ports of all others that are open.
 
-    `said` holds all lines that came, without their end, by adapter.
+    `output` has all received lines, without their end, by adapter.
     """
 
     def __init__(self, adapters: int = 2) -> None:
@@ -28,7 +28,7 @@ class SlcanBus:
         self._thread.start()
 
     def leave(self) -> None:
-        """Leave the adapter; the last user closes it. More calls than users are harmless."""
+        """Release the adapter; the last user closes it. More calls than users are harmless."""
         self._users -= 1
         if self._users == 0:
             self.close()

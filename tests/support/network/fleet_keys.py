@@ -1,4 +1,4 @@
-"""Keys of a fleet under TLS: its vehicle, its planners, who may look, and who has a key of another authority."""
+"""Keys of a fleet with TLS: vehicle, planners, a listener, and machines without rights or of another authority."""
 
 from pathlib import Path
 

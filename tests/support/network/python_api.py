@@ -13,7 +13,7 @@ from tests.support.processes import Program, slave_with, write_scenario
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """One slave for all tests that leave it as it was."""
+    """Provide one slave for all tests that do not change it."""
     with slave_with(tmp_path_factory.mktemp("slave"), "altimeter = { rate = 5 }\nleak = { rate = 2 }") as endpoint:
         yield endpoint
 

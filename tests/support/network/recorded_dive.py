@@ -11,7 +11,7 @@ RECORDING = '[recording]\nslave = true\nmaster = true\nfolder = "{folder}"\nkeep
 
 
 def command_for(endpoint: str, seconds: float) -> int:
-    """Fly a curve, for so long and with thirty commands and 200 answers of the IMU at least; how many commands."""
+    """Fly a curve for so long, with at least 30 commands and 200 IMU samples; return the number of commands."""
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
         end, count = time.monotonic() + seconds, 0

@@ -1,7 +1,7 @@
-"""ROS 2 as the network sees it: sessions with the values of rmw_zenoh that matter, by default and before.
+"""ROS 2 on the network: sessions with the relevant settings of rmw_zenoh, of the present and the first release.
 
 From rmw_zenoh_cpp/config/DEFAULT_RMW_ZENOH_{SESSION,ROUTER}_CONFIG.json5 of ros2/rmw_zenoh: rolling (30f3030, as in
-Jazzy and Kilted) and the first release (bfc065f, 2024), whose peers told everybody of everybody.
+Jazzy and Kilted) and the first release (bfc065f, 2024), whose peers sent gossip to all peers.
 """
 
 from typing import Any, Literal
@@ -63,7 +63,10 @@ def router_settings(endpoint: str, release: Release = "now") -> str:
 
 
 class Context:
-    """A ROS 2 context with one node, which says "NAME N" on /chat_NAME and hears everything. Use as a context."""
+    """A ROS 2 context with one node, which publishes "NAME N" on /chat_NAME and subscribes to all topics.
+
+    Use as a context manager.
+    """
 
     def __init__(self, name: str, endpoint: str, release: Release = "now") -> None:
         self.name = name
@@ -76,7 +79,7 @@ class Context:
             self._session.liveliness().declare_token(graph.token(node)),
             self._session.declare_subscriber("0/**", zenoh.handlers.Callback(self._receive, indirect=False)),
             self._session.liveliness().declare_subscriber(
-                graph.ALL, zenoh.handlers.Callback(self._meet, indirect=False), history=True
+                graph.ALL, zenoh.handlers.Callback(self._on_token, indirect=False), history=True
             ),
         ]
 
@@ -87,7 +90,7 @@ class Context:
         self._session.close()  # type: ignore[no-untyped-call]
 
     def say(self, topic: str, type_name: str = CHATTER, type_hash: str = HASH, payload: bytes = b"") -> None:
-        """Publish once."""
+        """Publish one message."""
         self._session.put(
             ros.data_key(0, topic, type_name, type_hash),
             payload,
@@ -97,12 +100,12 @@ class Context:
     def _receive(self, sample: zenoh.Sample) -> None:
         self.received.add("/" + "/".join(str(sample.key_expr).split("/")[1:-2]))
 
-    def _meet(self, sample: zenoh.Sample) -> None:
+    def _on_token(self, sample: zenoh.Sample) -> None:
         entity = graph.read_token(str(sample.key_expr))
         if entity and entity.kind == "NN":
             (self.there.add if sample.kind == zenoh.SampleKind.PUT else self.there.discard)(entity.node)
 
 
 def open_router(endpoint: str, release: Release = "now") -> zenoh.Session:
-    """rmw_zenohd's session."""
+    """Open the session of rmw_zenohd."""
     return zenoh.open(zenoh.Config.from_json5(router_settings(endpoint, release)))

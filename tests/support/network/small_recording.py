@@ -1,4 +1,4 @@
-"""Small recordings, and how other software reads them."""
+"""Small recordings, and their contents as read by other software."""
 
 import random
 from pathlib import Path
@@ -26,7 +26,7 @@ def imu(number: int, topic: str = "/uuv1/imu", noise: bool = False) -> Message:
 
 
 def by_rosbags(path: Path) -> list[tuple[str, int, float]]:
-    """Topic, log time and one field of each message, as others' reader has them, and by the recording's own schemas."""
+    """Return topic, log time and one field of each message, as rosbags reads them with the schemas of the recording."""
     with AnyReader([path]) as reader:
         return [
             (connection.topic, at, reader.deserialize(raw, connection.msgtype).linear_acceleration.z)  # type: ignore[attr-defined]

@@ -1,6 +1,6 @@
 """`boards/install.sh` on a whole emulated board: from a wheel to a running service, by one command.
 
-It takes some minutes, and is skipped unless it is asked for:
+It takes some minutes, and is skipped unless selected:
 
     pytest -m board
 """

@@ -1,6 +1,6 @@
 """The slave as a service of a whole emulated board: its own kernel, systemd, two CAN controllers, a network.
 
-It takes one to three minutes, and is skipped unless it is asked for:
+It takes one to three minutes, and is skipped unless selected:
 
     pytest -m board
 """

@@ -1,7 +1,7 @@
 """The public clients MAVSDK and MAVProxy command the MAVLink vehicle.
 
-UUV_HIL_MAVSDK_PYTHON and UUV_HIL_MAVPROXY_PYTHON are Pythons that have them; `.ci/run` installs both. A ground
-station with a window was never tried by a test.
+UUV_HIL_MAVSDK_PYTHON and UUV_HIL_MAVPROXY_PYTHON are Pythons that have them; `.ci/run` installs both. No test
+uses a ground station with a window.
 """
 
 import json

@@ -1,6 +1,6 @@
 """A cable between two network namespaces that loses and delays packets: `bad_wire.py SPACE SPACE LOSS JITTER_S`.
 
-The kernel's own netem is not in every kernel. Two tun devices, one in each namespace, with this process between them;
+Not every kernel has netem. Two tun devices, one in each namespace, with this process between them;
 packets stay in order, as on Wi-Fi, whose acknowledgements work on blocks.
 """
 

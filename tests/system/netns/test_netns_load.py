@@ -21,7 +21,7 @@ ENDPOINT = "tcp/{}:7447"
 
 @retried_when_busy("figures of processes that have their turns")
 def test_pictures_do_not_delay_commands(tmp_path: Path) -> None:
-    """The link is limited to 20 Mbit/s, pictures are 26: commands take at most a frame's time more than without.
+    """Pictures of 26 Mbit/s share a link of 20 Mbit/s: commands are delayed by at most the time of one frame.
 
     Other load of the machine affects both measurements.
     """

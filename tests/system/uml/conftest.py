@@ -1,8 +1,8 @@
 """Tests of this folder that use `guest` run in User Mode Linux, all in one instance that is started for the first.
 
-Out here they are collected, chosen and reported as any others; what they do, they do under a kernel that has
-CAN, network faults and namespaces (tools/uml.py). In there pytest runs the same files again, and sends the
-reports out as lines of JSON. They are skipped unless asked for, or where User Mode Linux cannot run, and say so.
+They are collected, selected and reported here as any others, but run with a kernel that has CAN, network faults and
+namespaces (tools/uml.py). In the guest pytest runs the same files and writes its reports as lines of JSON. They are
+skipped, with the reason, unless selected by the marker, or where User Mode Linux cannot run.
 
     pytest -m uml    all of them
     pytest -m uml -rP    with the times that they measure

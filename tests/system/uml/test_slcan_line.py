@@ -1,7 +1,7 @@
 """A serial port as a CAN interface by the kernel's line discipline, as `slcand` makes it.
 
-The other end of the port is a SlcanWire: frames have the same form in both directions, and other commands of the
-two tell an adapter each passes over.
+The other end of the port is a SlcanWire: frames have the same form in both directions, and each end
+ignores the commands that the other sends to an adapter.
 """
 
 import contextlib

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.clients.view_page import Observed, ViewPage, viewed_slave
+from tests.support.clients.view_page import LastSamples, ViewPage, viewed_slave
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
 pytestmark = pytest.mark.timeout(900)
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.timeout(900)
 CLICK_UP, DRAG_RIGHT = 60, 90  # pixels of the scene
 
 
-def thrust(vehicle: Observed, thruster: str) -> float:
+def thrust(vehicle: LastSamples, thruster: str) -> float:
     """Return the force of a thruster now (N)."""
     stamped = vehicle.client.latest.get("joint_states")
     return abs(dict(zip(stamped.value.names, stamped.value.efforts, strict=True))[thruster]) if stamped else 0.0
@@ -54,7 +54,7 @@ def drag(page: ViewPage, begin: tuple[float, float], right: float) -> None:
     page.page.wait_for_timeout(1500)
 
 
-def moved(vehicle: Observed, start: tuple[float, ...]) -> tuple[float, float]:
+def moved(vehicle: LastSamples, start: tuple[float, ...]) -> tuple[float, float]:
     """Return how far north and east of `start` the vehicle is (m)."""
     position = vehicle.ground_truth.position
     return position[0] - start[0], position[1] - start[1]

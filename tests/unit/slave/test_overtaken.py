@@ -12,7 +12,7 @@ from hil.slave.loop import Loop
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.links.bench_link import says_in_turn
+from tests.support.links.bench_link import link_with_reports
 
 NEUTRAL, PUSHING, OTHER = (1500,) * 6, (1600,) * 6, (1700,) * 6
 STARTED = ThrusterTelemetry(0, False, False, NEUTRAL, 0, 0, 0, 0)
@@ -57,7 +57,7 @@ def test_a_report_before_the_first_command_is_a_restart(counted: int, ahead: int
 
 
 def make_driver(received: list[ThrusterTelemetry]) -> ExternalDriver:
-    return ExternalDriver(says_in_turn(received), 6, NS_PER_S, print)
+    return ExternalDriver(link_with_reports(received), 6, NS_PER_S, print)
 
 
 def test_the_outputs_are_those_of_the_newest_report() -> None:

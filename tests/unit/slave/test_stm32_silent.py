@@ -64,7 +64,7 @@ class Bed:
         assert wait_for(output), self.output
 
     def receive(self, seconds: float) -> None:
-        self.bench.says = [ANSWER]
+        self.bench.reports = [ANSWER]
         self.look(seconds)
 
 
@@ -124,10 +124,10 @@ def test_a_silent_or_lost_stm32_confirms_no_stop(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(stm32, name, NS_PER_S // 100)
     bed = Bed()
     bed.driver.descriptors = []  # a bench has none to wait on
-    bed.bench.says = [ANSWER]
+    bed.bench.reports = [ANSWER]
     assert stop_thrusters(bed.driver, 2)
     assert not stop_thrusters(bed.driver, 2), "what it said before is no answer"
-    bed.bench.says = [ANSWER._replace(pwm_us=(1500, 1600, 1500, 1500, 1500, 1500))]
+    bed.bench.reports = [ANSWER._replace(pwm_us=(1500, 1600, 1500, 1500, 1500, 1500))]
     assert not stop_thrusters(bed.driver, 2)
     bed.bench.broken = True
     bed.look(2.0)
@@ -144,7 +144,7 @@ def test_neutral_is_repeated_until_it_is_confirmed(monkeypatch: pytest.MonkeyPat
 
     def lose_two(command: ThrusterCommand) -> None:
         sent.append(command)
-        bed.bench.says = [ANSWER] * (len(sent) > 2)
+        bed.bench.reports = [ANSWER] * (len(sent) > 2)
 
     monkeypatch.setattr(bed.bench, "send", lose_two)
     assert stop_thrusters(bed.driver, 0xFFFF)

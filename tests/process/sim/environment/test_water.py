@@ -82,8 +82,8 @@ def test_a_current_follows_its_time_series() -> None:
 def test_a_vehicle_without_net_weight_or_drag_follows_the_water() -> None:
     """The vehicle moves as the water would, whatever its added mass, in waves that change little along the hull.
 
-    Started with the water's velocity, it is for three waves where a bit of water is that was integrated by
-    itself, and stays level.
+    It starts with the velocity of the water. For three waves it is at the place of a water particle, whose path is
+    integrated separately, and stays level.
     """
     body = VEHICLE._replace(linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6)
     body = body._replace(center_of_gravity=(0.0, 0.0, 0.0), center_of_buoyancy=(0.0, 0.0, 0.0))
