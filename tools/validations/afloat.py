@@ -58,7 +58,7 @@ def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
     theirs(periods, masses, [_theory(added) for added in masses], "theory", size=8.0)
     label(periods, "added mass (kg)", "period (s)")
     away = max(abs(measured[added] / _theory(added) - 1.0) for added in (0.0, 9.24, 60.0))
-    test = "unit/sim/vehicle/test_buoyancy.py::test_bobbing_period"
+    test = "unit/sim/vehicle/test_buoyancy.py::test_bobbing_has_its_period"
     return [below("bobbing: period away from theory (share)", away, 1e-4, test)]
 
 
@@ -72,7 +72,7 @@ def _bobbing_energy() -> Finding:
         for _ in range(400):
             dynamics.step(state, floats.NOTHING, floats.STILL, 0.0025)
         worst = max(worst, abs((floats.energy(dynamics, state) - rest) / first - 1.0))
-    test = "unit/sim/vehicle/test_buoyancy.py::test_bobbing_energy_does_not_grow"
+    test = "unit/sim/vehicle/test_buoyancy.py::test_the_energy_of_bobbing_does_not_grow"
     return below("energy gained or lost in 100 s (share)", worst, 0.001, test)
 
 

@@ -70,7 +70,7 @@ def _emptied(axes: Axes) -> Finding:
     theirs(axes, times[::600], open_circuit[::600], "open circuit, by the charge left")
     label(axes, "time (min)", "voltage (V)", "two T200 at 1700 µs", legend="lower left")
     what = "energy of the cells from full to empty"
-    return near(what, given / 3600.0, 20.0, f"{FILE}::test_energy_balance", "Wh", rel=2e-4)
+    return near(what, given / 3600.0, 20.0, f"{FILE}::test_the_battery_energy_is_balanced", "Wh", rel=2e-4)
 
 
 SHEETS = [Sheet("Battery", battery, columns=3, size=(9.5, 2.8))]

@@ -55,7 +55,7 @@ def derivatives(panels: Sequence[Axes]) -> list[Finding]:
         axes.semilogy(shares, values, ".", color=color, markersize=4, label=name)
     axes.axhline(1e-8, color="k", linewidth=0.8, linestyle=":", label="bound of the test")
     label(axes, "states, sorted (%)", "difference from theirs\n(m/s², rad/s², or share)", legend="center right")
-    test = f"{VON_BENZON}::test_state_derivatives"
+    test = f"{VON_BENZON}::test_state_derivatives_equal_those_of_von_benzon"
     return [
         below(f"worst of {len(still)} in still water", still[-1], 1e-8, test),
         below(f"worst of {len(same)} in a current, turning left out", same[-1], 1e-8, test),
@@ -123,7 +123,7 @@ def trajectories(panels: Sequence[Axes]) -> list[Finding]:
         same_steps = max(same_steps, furthest(name, flown))
         fine = max(fine, furthest(name, [(t, numbers(state)) for t, state in fly(name, "verlet", 8)]))
         _panel(axes, name, title, key, flown)
-    test = f"{VON_BENZON}::test_trajectories"
+    test = f"{VON_BENZON}::test_trajectories_equal_those_of_von_benzon"
     return [
         below("Runge-Kutta, the same steps", same_steps, 1e-4, test),
         below("Verlet, the default, 2.5 ms", fine, 2e-4, test),
@@ -160,7 +160,8 @@ def published_speeds(panels: Sequence[Axes]) -> list[Finding]:
         theirs(axes, [1.7 + 0.1 * axis], [published], "_" if axis else "table 4", size=10.0)
         axes.annotate(name, (1.7 + 0.1 * axis, published), (0, -13), textcoords="offset points", ha="center")
         what = f"{name} at {force:g} N"
-        findings.append(near(what, speeds[-1], published, f"{VON_BENZON}::test_published_speeds", "m/s", rel))
+        test = f"{VON_BENZON}::test_top_speeds_equal_the_published_ones"
+        findings.append(near(what, speeds[-1], published, test, "m/s", rel))
     axes.set(xlim=(0.0, 2.0), ylim=(0.4, 0.78))
     label(axes, "time (s)", "speed (m/s)", legend="lower right")
     return findings
@@ -192,7 +193,7 @@ def convergence(panels: Sequence[Axes]) -> list[Finding]:
     (axes,) = panels
     findings, steps = [], [2e3 / count for count in COUNTS]
     orders: dict[Integrator, tuple[int, str]] = {"verlet": (2, "Verlet"), "rk4": (4, "RK4")}
-    test = "unit/sim/test_dynamics.py::test_a_force_is_integrated_like_the_rest"
+    test = "unit/sim/test_dynamics.py::test_a_users_force_is_integrated_with_the_methods_order"
     for (integrator, (order, name)), color in zip(orders.items(), SHADES, strict=False):
         errors = errors_by_step(HEAVY, integrator)
         axes.loglog(steps, errors, "o-", color=color, markersize=3, label=f"ours, {name}")

@@ -80,7 +80,7 @@ def _free_body(axes: Axes) -> list[Finding]:
     label(axes, "time (s)", "kinetic energy over the start's", "free body", legend="upper right")
     nu = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     power = abs(WrongSign(2.0).wrench((), (0.0,) * 9, nu)[0] * nu[0])
-    test = "unit/sim/test_dynamics.py::test_free_body_keeps_energy_and_momentum"
+    test = "unit/sim/test_dynamics.py::test_a_free_body_conserves_energy_and_momentum"
     return [
         below("free body, RK4: energy gained or lost in 10 s (share)", abs(kept[-1] - 1.0), 1e-8, test),
         above(
@@ -104,7 +104,7 @@ def _thrown(axes: Axes) -> Finding:
     label(axes, "time (s)", "kinetic energy over the start's", "left alone", legend="lower left")
     what = "torpedoes left alone: energy after a step over that before, largest"
     shown = Finding(what, f"1 - {1.0 - worst:.1e}", "< 1", "", worst < 1.0)
-    return shown._replace(test="unit/sim/vehicle/test_surfaces.py::test_a_vehicle_left_alone_comes_to_rest")
+    return shown._replace(test="unit/sim/vehicle/test_surfaces.py::test_a_vehicle_without_thrust_comes_to_rest")
 
 
 def _left_alone(name: str) -> Energies:

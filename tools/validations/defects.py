@@ -33,7 +33,7 @@ def _noise(axes: Axes) -> list[Finding]:
     axes.hist(red, bins, color=WRONG, alpha=0.6, label="the paper's eq. 10")
     axes.hist(green, bins, color=OURS, histtype="step", label="ours")
     label(axes, "error of position (m)", "samples", "noise of 0.1 m", legend="upper right")
-    test = f"{FILE}::test_position_noise_is_on_both_sides"
+    test = f"{FILE}::test_position_noise_has_zero_mean"
     return [
         near("noise of 0.1 m: sd of ours", pstdev(green), a, test, "m", rel=0.02),
         near("its mean", fmean(green), 0.0, test, "m", within=4.0 * a / 20_000**0.5),
@@ -65,7 +65,7 @@ def _start(axes: Axes) -> list[Finding]:
         wrong(axes, times, _run(averaged, axis), f"one mean, {name}", "-" if axis else "--")
     label(axes, "time (s)", "speed (m/s)", "10 N, from rest", legend="lower right")
     weight = (13.5 - 13.4) * 9.82
-    test = f"{FILE}::test_every_axis_has_its_own_added_mass"
+    test = f"{FILE}::test_each_axis_has_its_own_added_mass"
     own, other = _first(HEAVY), _first(averaged)
     return [
         near("heave: first acceleration", own, (10.0 + weight) / 32.18, test, "m/s²", rel=1e-6),

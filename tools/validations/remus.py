@@ -60,7 +60,7 @@ def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
     square differs by the shares below. Most of it is cross-flow drag: ours takes sway and heave together, MSS takes
     each by itself."""
     slopes = _with_ours()
-    test = f"{FILE}::test_how_far_our_derivatives_are_from_theirs"
+    test = f"{FILE}::test_our_derivatives_differ_from_mss_by_the_stated_amount"
     agree = f"{FILE}::test_all_but_the_five_terms_agree_with_the_derivatives"
     findings = [below("with their five terms in place of ours", _with_their_terms(), 1e-8, agree)]
     for axis, (axes, name, share) in enumerate(zip(panels, AXES, SHARES, strict=True)):
@@ -93,7 +93,7 @@ def _surge_step(axes: Axes) -> list[Finding]:
     ours(axes, [0.1 * i for i in range(101)], speeds[:101])
     theirs(axes, [row["t"] for row in rows[:11]], [row["u"] for row in rows[:11]], MSS)
     label(axes, "time (s)", "u (m/s)", "1525 rpm from rest", legend="lower right")
-    test = f"{FILE}::test_surge_step"
+    test = f"{FILE}::test_a_surge_step_follows_mss"
     away = max(abs(a - row["u"]) for a, row in zip(speeds[::10], rows, strict=True))
     return [
         near("speed at 1525 rpm", speeds[-1], rows[-1]["u"], test, "m/s", within=0.001),
@@ -112,7 +112,7 @@ def _turning_circle(axes: Axes) -> list[Finding]:
     theirs(axes, [row["y"] for row in rows[shown]], [row["x"] for row in rows[shown]], MSS)
     axes.set_aspect("equal", "datalim")
     label(axes, "east (m)", "north (m)", "20° of rudder at 1200 rpm", legend="center")
-    test = f"{FILE}::test_turning_circle"
+    test = f"{FILE}::test_a_turning_circle_follows_mss"
     radius, mss = sqrt(sum(x * x for x in run.nu[:3])) / run.nu[5], last["U"] / last["r"]
     what = f"radius of the circle, {100.0 * (radius / mss - 1.0):.1f} % wider than the {mss:.2f} m of MSS"
     return [
@@ -137,7 +137,7 @@ def _zigzag(axes: Axes) -> list[Finding]:
     ours(axes, times[:1251], [degrees(x) for x in headings[:1251]])
     theirs(axes, [row["t"] for row in rows[20:71]], [degrees(row["psi"]) for row in rows[20:71]], MSS)
     label(axes, "time (s)", "heading (deg)", "zig-zag 20/20", legend="")
-    test = f"{FILE}::test_zigzag"
+    test = f"{FILE}::test_a_zigzag_follows_mss"
     return [
         near("zig-zag: greatest heading", degrees(max(headings)), degrees(0.3876), test, "deg", within=degrees(0.006)),
         below("its place after 230 m", away, 1.5, test, "m"),
@@ -153,7 +153,8 @@ def _dive(axes: Axes) -> list[Finding]:
     theirs(axes, [row["t"] for row in rows[::4]], [row["z"] for row in rows[::4]], MSS)
     axes.invert_yaxis()
     label(axes, "time (s)", "depth (m)", "5° of planes", legend="")
-    return [near("depth after a dive of 60 s", depths[-1], rows[-1]["z"], f"{FILE}::test_dive", "m", rel=0.005)]
+    test = f"{FILE}::test_a_dive_follows_mss"
+    return [near("depth after a dive of 60 s", depths[-1], rows[-1]["z"], test, "m", rel=0.005)]
 
 
 SHEETS = [

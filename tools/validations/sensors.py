@@ -57,7 +57,7 @@ def _bias(axes: Axes) -> list[Finding]:
     theirs(axes, rates, [1.0] * 5, "asked for", size=3.0)
     axes.set_ylim(0.02, 60.0)
     label(axes, "sampling rate (Hz)", "sd of the bias over that asked for", legend="upper left")
-    test = f"{ERROR}::test_bias_has_its_size_at_every_rate"
+    test = f"{ERROR}::test_a_bias_has_its_size_at_every_rate"
     return [
         near("size of the bias at 10 Hz", own[0], 1.0, test, rel=0.1),
         near("at 1000 Hz", own[4], 1.0, test, rel=0.1),
@@ -106,7 +106,7 @@ def allan(panels: Sequence[Axes]) -> list[Finding]:
     label(white, "averaging time τ (s)", "Allan deviation (rad/s)", "white noise", legend="upper right")
     label(bias, "averaging time τ (s)", "Allan deviation (m/s²)", "wandering bias", legend="lower right")
     noise = f"{ALLAN}::test_white_noise_falls_with_the_root_of_time"
-    wander = f"{ALLAN}::test_wandering_bias_has_the_deviation_of_a_gauss_markov_process"
+    wander = f"{ALLAN}::test_a_wandering_bias_has_the_deviation_of_a_gauss_markov_process"
     return [
         below("white noise, 0.1 to 10 s, away from theory (share)", max(away["white"]), 0.06, noise),
         below("bias, 0.5 to 60 s", max(away["bias"]), 0.12, wander),

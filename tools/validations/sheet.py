@@ -15,7 +15,7 @@ SHADES = ("#08306b", "#2171b5", "#6baed6", "#9ecae1")
 class Finding(NamedTuple):
     """A figure found in this run: what it is of, the bound, the test that holds it, and whether it is within.
 
-    `test` is a pytest address below tests/: "unit/sim/vehicle/test_buoyancy.py::test_bobbing_period".
+    `test` is a pytest address below tests/: "unit/sim/vehicle/test_buoyancy.py::test_bobbing_has_its_period".
     """
 
     what: str

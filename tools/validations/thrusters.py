@@ -46,7 +46,7 @@ def _t200_findings(held_out: dict[tuple[int, int], tuple[float, float, float, fl
         square += (point.thrust - truth[0]) ** 2 / len(held_out)
         share = max(share, abs(point.thrust - truth[0]) / full)
         amperes = max(amperes, abs(point.current - truth[1]))
-    test = f"{CURVES}::test_t200_against_held_out_points"
+    test = f"{CURVES}::test_the_t200_curve_fits_held_out_points"
     return [
         below(f"thrust at {len(held_out)} held-out points, root mean square", sqrt(square), 0.2, test, "N"),
         below("worst thrust (share of full)", share, 0.022, test),
@@ -74,7 +74,7 @@ def _remus_propeller(axes: Axes) -> Finding:
         theirs(axes, speeds[::3], expected[::3], "MSS" if n == 25.0 else "_")
         worst = max(worst, *(abs(a / b - 1.0) for a, b in zip(thrusts, expected, strict=True)))
     label(axes, "speed ahead (m/s)", "thrust (N)", "REMUS 100", legend="upper right")
-    test = "unit/sim/test_remus.py::test_each_of_our_terms_is_theirs_where_they_mean_the_same"
+    test = "unit/sim/test_remus.py::test_each_common_term_equals_mss"
     return below("REMUS 100's propeller ahead, away from MSS (share)", worst, 1e-12, test)
 
 
@@ -94,7 +94,8 @@ def _open_water(axes: Axes) -> Finding:
         ours(axes, ratios, coefficients, "ours, forward" if n > 0.0 else "ours, reverse", color)
         theirs(axes, ratios[::2], expected[::2], "KT0 - α J" if n > 0.0 else "_")
     label(axes, "advance ratio J", "thrust coefficient KT", "0.076 m, 58.9 rev/s")
-    return below("thrust coefficient away from KT0 - alpha J (share)", worst, 1e-6, f"{CURVES}::test_advance_speed")
+    test = f"{CURVES}::test_thrust_falls_with_the_advance_speed"
+    return below("thrust coefficient away from KT0 - alpha J (share)", worst, 1e-6, test)
 
 
 # -- lags -------------------------------------------------------------------------------------------------------------
@@ -112,7 +113,7 @@ def lags(panels: Sequence[Axes]) -> list[Finding]:
     ]
     _pi_rotor(panels[2])
     away = max(abs(run({**PI, "load": 0.0}, dt, [(1900, 0.05)])[0] / _pi(0.05) - 1.0) for dt in DTS[:3])
-    test = f"{LAGS}::test_pi_rotor_without_load_is_the_second_order_response"
+    test = f"{LAGS}::test_a_pi_rotor_without_load_has_a_second_order_response"
     return [*findings, below("rotor under PI control, away from theory (share)", away, 1e-9, test)]
 
 
@@ -142,10 +143,11 @@ def _lag(
     label(axes, "time (s)", "rotor (rad/s)", name, legend="upper left")
     away = max(abs(run(model, dt, [(1900, 0.05)])[0] / theory(0.05) - 1.0) for dt in DTS)
     end = abs(reference_speed(rates, FULL, 0.01, 0.6, since_start=True))
-    test = f"{LAGS}::test_{name.lower()}_is_its_analytic_step_response"
+    diverges = f"{LAGS}::test_the_published_euler_step_diverges"
+    test = f"{LAGS}::test_{name.lower()}_has_its_analytic_step_response"
     return [
         below(f"{name}, steps of 0.5 to 50 ms, away from theory (share)", away, 1e-12, test),
-        above(f"{name} as published, within 0.6 s", end, 1e6, f"{LAGS}::test_the_published_step_diverges", "rad/s"),
+        above(f"{name} as published, within 0.6 s", end, 1e6, diverges, "rad/s"),
     ]
 
 

@@ -136,7 +136,7 @@ def carried(panels: Sequence[Axes]) -> list[Finding]:
         apart.semilogy([0.1 * (i + 1) for i in range(len(away))], away, color=color, label=name)
         ends[name] = away[-1]
     label(apart, "time (s)", "distance of the two (m)", legend="center right")
-    test = "unit/sim/test_dynamics.py::test_a_current_carries_everything_along"
+    test = "unit/sim/test_dynamics.py::test_motion_in_a_current_equals_motion_in_still_water"
     return [
         below("seen from the water, RK4, 4 s: distance", ends["ours, RK4, 2 ms"], 1e-8, test, "m"),
         below("the same, Verlet", ends["ours, Verlet, 2 ms"], 5e-5, test, "m"),
@@ -177,7 +177,7 @@ def _adrift(axes: Axes) -> Finding:
     axes.set_ylim(-0.25, 0.6)
     label(axes, "time (s)", "speed over ground (m/s)", legend="upper right")
     away = max(abs(a - b) for a, b in zip(speeds[-1], current, strict=True))
-    test = "unit/sim/test_known_defects.py::test_a_current_acts"
+    test = "unit/sim/test_known_defects.py::test_a_current_moves_a_drifting_vehicle"
     return below("adrift for a minute: speed away from the water's", away, 0.02, test, "m/s")
 
 
@@ -203,7 +203,8 @@ def _spectrum(axes: Axes) -> list[Finding]:
     tested = WaveField(waves, 30.0, swell.G, 5)
     heights = [tested.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
     energy = sum(0.5 * wave.amplitude**2 for wave in components(waves, 50.0, swell.G, 3)) / (1.5**2 / 16.0)
-    size, share = f"{WAVES}::test_the_elevation_has_its_variance_and_zero_mean", f"{WAVES}::test_the_components_have_the_energy_of_the_spectrum"
+    size = f"{WAVES}::test_the_elevation_has_its_variance_and_zero_mean"
+    share = f"{WAVES}::test_the_components_have_the_energy_of_the_spectrum"
     return [
         near("significant height of two hours", 4.0 * pstdev(heights), 1.5, size, "m", rel=0.04),
         below("energy of the components away from Hs²/16 (share)", abs(energy - 1.0), 1e-12, share),
@@ -236,7 +237,8 @@ def _orbits(axes: Axes) -> list[Finding]:
         theirs(axes, [v for _, v in theory[::2]], places[::2], "Airy" if depth < 100.0 else "_")
     axes.invert_yaxis()
     label(axes, "greatest orbital speed (m/s)", "depth (m)", legend="lower right")
-    deep, near_seabed = f"{WAVES}::test_orbits_decay_exponentially_in_deep_water", f"{WAVES}::test_orbits_are_flat_at_a_near_seabed"
+    deep = f"{WAVES}::test_orbits_decay_exponentially_in_deep_water"
+    near_seabed = f"{WAVES}::test_orbits_are_flat_at_a_near_seabed"
     return [
         below("orbital speed in deep water away from Airy (share of the surface's)", worst[0], 1e-3, deep),
         below("over a seabed at 5 m", worst[1], 1e-3, near_seabed),
@@ -263,7 +265,8 @@ def _dispersion(axes: Axes) -> Finding:
     shallow = [w for w in omegas[::4] if w < 2.5]
     axes.plot(shallow, [w / (swell.G * 0.1) ** 0.5 for w in shallow], "k+", label="0.1 m: ω / √(g h)")
     label(axes, "angular frequency (rad/s)", "wave number (rad/m)", legend="lower right")
-    return below("dispersion away from g k tanh(k h) (share)", worst, 1e-12, f"{WAVES}::test_every_component_follows_the_dispersion_relation")
+    test = f"{WAVES}::test_every_component_follows_the_dispersion_relation"
+    return below("dispersion away from g k tanh(k h) (share)", worst, 1e-12, test)
 
 
 SHEETS = [

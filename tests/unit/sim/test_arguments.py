@@ -1,4 +1,4 @@
-"""A program that gives a simulation what is of another type gets one error that names it."""
+"""A wrong type passed to a simulation is refused with one error that names it."""
 
 from math import nan
 from typing import Any
@@ -23,7 +23,7 @@ NO_SPECS: list[Any] = [5, {}, None]
 
 
 class NoWrench:
-    """A force that returns what is no wrench."""
+    """A force that returns an invalid wrench."""
 
     def __init__(self, returned: Any) -> None:
         self._returned = returned
@@ -63,7 +63,7 @@ def test_a_simulation_refuses_other_types(arguments: dict[str, Any], words: str)
         Simulation(**given)
 
 
-def test_a_failure_of_another_type_is_refused_in_flight_too() -> None:
+def test_a_failure_of_another_type_is_refused_during_a_run() -> None:
     simulation = Simulation(SIX, POOL, {}, position=PLACE)
     off: Any = "off"
     with pytest.raises(ConfigError, match=r"failures\[0\] is off: give a Failure"):

@@ -1,4 +1,4 @@
-"""The equations of motion against numbers that others computed, and against what physics conserves."""
+"""The equations of motion against published numbers and conservation laws."""
 
 from collections.abc import Sequence
 from math import inf, sqrt
@@ -36,7 +36,7 @@ def coriolis(vehicle: Vehicle, nu: list[float]) -> list[float]:
     return [-row[0] for row in product(dynamics.mass, [[x] for x in nu_dot])]
 
 
-def test_coriolis_anchor() -> None:
+def test_the_coriolis_matrix_has_the_values_worked_out_by_hand() -> None:
     """The matrix is C_A for M_A = diag(1..6) and nu = 1..6 (Fossen 2021, eq. 6.43, by hand)."""
     C = [
         [0, 0, 0, 0, 9, -4],
@@ -56,7 +56,7 @@ def test_coriolis_anchor() -> None:
     ("axis", "force", "rate"),
     [(0, 129.2, 0.910), (1, 85.0, sqrt(85.0 / 217.0)), (2, 120.0, 0.7136), (5, 10.0, sqrt(10.0 / 1.5))],
 )
-def test_terminal_rates(axis: int, force: float, rate: float) -> None:
+def test_terminal_rates_balance_force_and_drag(axis: int, force: float, rate: float) -> None:
     """The rate is where (linear + quadratic |v|) v equals the force: von Benzon's table 4 within 1 %."""
     wrench = [force if i == axis else 0.0 for i in range(6)]
     dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=True), 1000.0, 9.82)
@@ -68,7 +68,7 @@ def test_terminal_rates(axis: int, force: float, rate: float) -> None:
 
 
 def explicit_added_mass_peak(mass: float, added: float) -> float:
-    """Return the peak over 1 s at 10 N where added mass times the last acceleration is a force, as others have it."""
+    """Return the peak over 1 s at 10 N where added mass times the last acceleration is a force, as elsewhere."""
     acceleration, peak = 0.0, 0.0
     for _ in range(100):
         acceleration = (10.0 - added * acceleration) / mass
@@ -95,8 +95,8 @@ def test_added_mass_six_times_the_mass_is_stable(integrator: Integrator) -> None
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_a_current_carries_everything_along(integrator: Integrator) -> None:
-    """All happens in a steady current as in still water, seen from the water, turning included (Galileo)."""
+def test_motion_in_a_current_equals_motion_in_still_water(integrator: Integrator) -> None:
+    """The motion in a steady current equals that in still water, relative to the water, turning included (Galileo)."""
     current, dt, steps = (0.4, -0.3, 0.1), 0.002, 2000
     q, nu = from_euler(0.3, -0.2, 0.9), [0.5, -0.2, 0.1, 0.4, -0.3, 0.8]
     moving = [a + b for a, b in zip(nu[:3], rotate_inverse(q, current), strict=True)] + nu[3:]
@@ -112,7 +112,7 @@ def test_a_current_carries_everything_along(integrator: Integrator) -> None:
     assert carried.quaternion == pytest.approx(calm.quaternion, abs=within)
 
 
-def test_adrift_it_takes_the_speed_of_the_current() -> None:
+def test_a_drifting_vehicle_reaches_the_speed_of_the_current() -> None:
     dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=True), 1000.0, 9.82)
     state = State((0.0, 0.0, DEEP), from_euler(0.0, 0.0, 1.0))
     for _ in range(40_000):
@@ -139,7 +139,7 @@ def test_full_matrices_equal_diagonal_ones() -> None:
     assert one.nu == pytest.approx(other.nu, rel=1e-12)
 
 
-def test_off_diagonal_damping_acts() -> None:
+def test_off_diagonal_damping_has_an_effect() -> None:
     """A sway velocity that brakes yaw through one entry of the full matrix."""
     linear = [0.0] * 36
     linear[5 * 6 + 1] = 2.0
@@ -148,7 +148,7 @@ def test_off_diagonal_damping_acts() -> None:
     assert nu_dot == pytest.approx([0, 0, 0, 0, 0, -6.0])
 
 
-def test_free_body_keeps_energy_and_momentum() -> None:
+def test_a_free_body_conserves_energy_and_momentum() -> None:
     """A body without force or drag, with an uneven mass matrix, keeps its kinetic energy and its world momentum."""
     matrix = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
               0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
@@ -168,7 +168,7 @@ def test_free_body_keeps_energy_and_momentum() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_munk_moment_goes_with_its_share(share: float) -> None:
+def test_the_munk_moment_scales_with_its_share(share: float) -> None:
     """The moment of two speeds about each axis is (A_jj - A_ii) v_i v_j in ideal fluid (Lamb 1932, article 124)."""
     a, b, c = HEAVY.added_mass[:3]
     for axis, ideal, nu in (
@@ -184,7 +184,7 @@ def test_munk_moment_goes_with_its_share(share: float) -> None:
 
 
 @pytest.mark.parametrize("shares", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.7, 0.1, 0.4)])
-def test_no_share_of_the_munk_moment_makes_energy(shares: tuple[float, float, float]) -> None:
+def test_no_share_of_the_munk_moment_adds_energy(shares: tuple[float, float, float]) -> None:
     """The moments' and forces' work on a free body cancels, without drag and with coupled added mass."""
     matrix = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
               0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
@@ -205,7 +205,7 @@ def test_no_share_of_the_munk_moment_makes_energy(shares: tuple[float, float, fl
 
 @pytest.mark.parametrize("depth", [DEEP, 0.05])
 @pytest.mark.parametrize("full", [False, True])
-def test_forces_are_the_terms_of_the_equation(full: bool, depth: float) -> None:
+def test_the_forces_add_up_to_the_equation_of_motion(full: bool, depth: float) -> None:
     """They sum to M nu_r', where nu_r' is nu' less the rate of the water seen from turning axes."""
     linear = list(HEAVY.linear_damping)
     if full:
@@ -251,7 +251,7 @@ def _relative(state: State, current: Sequence[float]) -> list[float]:
 
 
 @pytest.mark.parametrize(("integrator", "order"), [("verlet", 2), ("rk4", 4)])
-def test_a_force_is_integrated_like_the_rest(integrator: Integrator, order: int) -> None:
+def test_a_users_force_is_integrated_with_the_methods_order(integrator: Integrator, order: int) -> None:
     """Halving the step divides the error by two to the order of the method, or more."""
 
     def end(steps: int) -> list[float]:
@@ -265,7 +265,7 @@ def test_a_force_is_integrated_like_the_rest(integrator: Integrator, order: int)
     assert errors[0] / errors[1] > 0.75 * 2**order
 
 
-def test_each_force_does_its_own_work() -> None:
+def test_each_force_does_the_work_of_its_kind() -> None:
     """Coriolis forces do no work, damping takes energy whatever the motion; level and deep, weight is along z alone."""
     dynamics = Dynamics(HEAVY, 1025.0, 9.82)
     for nu in ([0.8, -0.5, 0.3, 0.6, -0.4, 0.9], [-1.0, 0.2, -0.7, -0.1, 0.5, -0.3]):

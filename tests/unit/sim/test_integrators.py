@@ -43,14 +43,14 @@ RK4 = make_dynamics(HEAVY, *WATER, "rk4")
 METHODS = {"euler": EULER, "verlet": make_dynamics(HEAVY, *WATER, "verlet"), "rk4": RK4}
 
 
-class Away(NamedTuple):
+class Deviation(NamedTuple):
     """The greatest errors of a run: position in m, quaternion."""
 
     position: float
     quaternion: float
 
 
-def flown(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> list[tuple[list[float], list[float]]]:
+def simulate(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> list[tuple[list[float], list[float]]]:
     """Return position and quaternion after each step of `dt`, from rest."""
     state, found = State((0.0, 0.0, 50.0)), []
     for _ in range(round(SECONDS / dt)):
@@ -59,14 +59,14 @@ def flown(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> list[tuple[
     return found
 
 
-def errors(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> Away:
+def errors(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> Deviation:
     """Return the greatest errors against Runge-Kutta with half the step."""
-    true = flown(RK4, wrench, 0.5 * dt)[1::2]
+    true = simulate(RK4, wrench, 0.5 * dt)[1::2]
     apart = [
         [max(abs(a - b) for a, b in zip(mine[i], theirs[i], strict=True)) for i in (0, 1)]
-        for mine, theirs in zip(flown(dynamics, wrench, dt), true, strict=True)
+        for mine, theirs in zip(simulate(dynamics, wrench, dt), true, strict=True)
     ]
-    return Away(*(max(column) for column in zip(*apart, strict=True)))
+    return Deviation(*(max(column) for column in zip(*apart, strict=True)))
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def errors(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> Away:
         ("verlet", TURNING, 0.0025, 2.6e-6, 1.2e-6),
     ],
 )
-def test_the_errors_are_those_of_the_table(
+def test_the_errors_equal_those_of_the_table(
     method: str, wrench: Sequence[float], dt: float, position: float, quaternion: float
 ) -> None:
     """The rows at 10 ms are compared, and of those at 2.5 ms the one of the default in a turn."""
@@ -103,8 +103,8 @@ def test_position_from_rest_is_that_of_a_constant_acceleration() -> None:
     assert ends[1] - ends[0] == pytest.approx(0.5 * acceleration * dt * seconds, rel=1e-6)
 
 
-def test_a_tumbling_body_keeps_its_energy() -> None:
-    """An uneven body without drag keeps it for ten seconds at 2.5 ms: semi-implicit Euler makes 13 % more of it."""
+def test_a_tumbling_body_conserves_its_energy() -> None:
+    """An uneven body without drag conserves it for ten seconds at 2.5 ms: semi-implicit Euler adds 13 %."""
     gains = []
     for kind in (Dynamics, Euler):
         dynamics = kind(bare([10.0, 20.0, 30.0, 5.0, 15.0, 25.0]), 1000.0, 9.8)
@@ -136,7 +136,7 @@ def test_damping_quicker_than_a_step_stays_stable(rate: float) -> None:
     assert all(after <= before + 1e-12 for before, after in pairwise(away))
 
 
-def test_a_vehicle_with_little_inertia_flies_at_the_longest_step() -> None:
+def test_a_vehicle_with_little_inertia_is_stable_at_the_longest_step() -> None:
     """The quickest damping of all presets (160 / s at 2 rad/s) at 20 ms, the most that a scenario may ask for."""
     vehicle, _ = load_vehicle("bluerov2_blue")
     quiet = fit(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
@@ -151,7 +151,7 @@ def test_a_vehicle_with_little_inertia_flies_at_the_longest_step() -> None:
 
 
 @pytest.mark.parametrize("dt_ns", [10_000_000, 2_500_000])
-def test_thrust_comes_half_a_step_early_and_no_more(dt_ns: int) -> None:
+def test_thrust_leads_by_half_a_step_only(dt_ns: int) -> None:
     """The lead is the speed times dt / 2, as the thrusters' docstring says; it no longer grows at top speed."""
 
     def flight(dt_ns: int, seconds: float) -> tuple[float, float]:

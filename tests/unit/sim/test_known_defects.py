@@ -41,7 +41,7 @@ def coriolis(vehicle: Vehicle, nu: Sequence[float]) -> list[float]:
     return [-x for x in Dynamics(vehicle, 1000.0, 9.8).forces(State((0.0, 0.0, DEEP), nu=nu), NOTHING, STILL).coriolis]
 
 
-def test_position_noise_is_on_both_sides() -> None:
+def test_position_noise_has_zero_mean() -> None:
     """The source paper's eq. 10, a exp(+mu²/(2 c²)), is never below a and unbounded; ours has mean 0 and its size."""
     a, c, random = 0.1, 1.0, Random(1)
     red = [a * exp(random.gauss(0.0, 1.0) ** 2 / (2.0 * c**2)) for _ in range(20_000)]
@@ -93,7 +93,7 @@ def test_dvl_altitude_is_not_the_mean_of_the_slants() -> None:
     assert not dvl.sample(0, lost).locked
 
 
-def test_every_axis_has_its_own_added_mass() -> None:
+def test_each_axis_has_its_own_added_mass() -> None:
     """A single mean added mass for all three axes, as in Stonefish, would start heave 1.4 times as fast."""
     mean = sum(HEAVY.added_mass[:3]) / 3.0
     averaged = HEAVY._replace(added_mass=(mean,) * 3 + HEAVY.added_mass[3:])
@@ -137,7 +137,7 @@ def in_other_units(vehicle: Vehicle) -> Vehicle:
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_no_unit_is_built_in(integrator: Integrator) -> None:
+def test_the_dynamics_are_independent_of_units(integrator: Integrator) -> None:
     """ArduPilot's SIM_Submarine multiplies an angular rate squared by an area and a length and calls it a torque,
     and has 10.5 kg in one place and 16.75 kg in another. Whoever computes in feet gets another spin from it;
     ours is the same ride in any units."""
@@ -166,7 +166,7 @@ def test_no_unit_is_built_in(integrator: Integrator) -> None:
     assert same.quaternion == pytest.approx(ride.quaternion, rel=1e-9)
 
 
-def test_a_current_acts() -> None:
+def test_a_current_moves_a_drifting_vehicle() -> None:
     """HoloOcean leaves the current out of its Fossen dynamics: adrift, a vehicle stays where it is. Ours goes along."""
     current = (0.3, -0.2, 0.0)
     state = State((0.0, 0.0, DEEP), from_euler(0.0, 0.0, 1.0))
@@ -177,7 +177,7 @@ def test_a_current_acts() -> None:
     assert state.position[0] > 15.0
 
 
-def test_von_benzon_in_print() -> None:
+def test_the_coriolis_matrix_of_von_benzon_has_errors_in_print() -> None:
     """Eq. 8 prints element (4, 5) of C_RB with the wrong sign, and the authors' Ca.m leaves out the Munk moment."""
     nu = [0.0, 0.0, 0.0, 0.3, -0.4, 0.5]
     ix, iy, iz = HEAVY.inertia
@@ -200,7 +200,7 @@ def test_von_benzon_in_print() -> None:
     assert distributed[2] != pytest.approx(munk, abs=0.1)
 
 
-def test_the_third_thruster_of_von_benzon() -> None:
+def test_the_third_thruster_of_von_benzon_has_a_misprint() -> None:
     """Table A1 turns thruster 3 by 3 pi/4, a misprint of 3 pi/2: it would push sideways alone."""
 
     def turned(angle: float) -> tuple[float, float]:
@@ -214,7 +214,7 @@ def test_the_third_thruster_of_von_benzon() -> None:
         assert turned(angle) == pytest.approx(directions[name])
 
 
-def test_a_torpedo_may_go_astern() -> None:
+def test_forces_are_finite_astern() -> None:
     """The speed of MSS's remus100.m is sqrt(u^1 + v^2), which going astern is no real number. Ours is the magnitude of
     the velocity: all forces are finite, and turn about with it.
     """

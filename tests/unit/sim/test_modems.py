@@ -1,4 +1,4 @@
-"""Acoustic and optical modems against worked cases."""
+"""Acoustic and optical modems against cases worked out by hand."""
 
 from math import exp, hypot, log10, pi
 
@@ -23,7 +23,7 @@ TWO = {"a": (0.0, 0.0, 10.0), "b": (300.0, 400.0, 10.0)}
 SLOWER_BELOW = WaterColumn(Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0)), 9.81)
 
 
-def test_a_message_goes_along_the_bent_ray() -> None:
+def test_a_message_travels_along_the_refracted_ray() -> None:
     places = {"a": (0.0, 0.0, 60.0), "b": (600.0, 0.0, 90.0)}
     ray = SoundRays((0.0, 200.0), (1520.0, 1480.0)).between(600.0, 60.0, 90.0)
     assert ray is not None
@@ -35,7 +35,7 @@ def test_a_message_goes_along_the_bent_ray() -> None:
 
 
 @pytest.mark.parametrize(("bounces", "fate"), [(0, "shadowed"), (1, "delivered")])
-def test_into_a_shadow_only_an_echo_leads(bounces: int, fate: str) -> None:
+def test_only_a_reflection_reaches_a_shadow_zone(bounces: int, fate: str) -> None:
     """The modems are both 3 m deep, 550 m apart, under sound that bends down."""
     places = {"a": (0.0, 0.0, 3.0), "b": (550.0, 0.0, 3.0)}
     model = EXACT._replace(bounces=bounces, source_level=190.0)
@@ -49,7 +49,7 @@ def run(channel: AcousticChannel, until_s: float = 10.0) -> list[Packet]:
     return channel.receive(round(until_s * NS))
 
 
-def test_thorp_and_wenz_worked_by_hand() -> None:
+def test_thorp_and_wenz_have_the_values_worked_out_by_hand() -> None:
     # f = 10 kHz: 0.11*100/101 + 44*100/4200 + 0.0275 + 0.003
     assert thorp_absorption(10_000.0) * 1000.0 == pytest.approx(0.10891 + 1.04762 + 0.0275 + 0.003, abs=1e-4)
     assert transmission_loss(1000.0, 10_000.0, 2.0) == pytest.approx(60.0 + 1.18703 * 0.999, abs=1e-3)
@@ -58,7 +58,7 @@ def test_thorp_and_wenz_worked_by_hand() -> None:
     assert ambient_noise(10_000.0, 4.0, 0.5) == pytest.approx(10.0 * log10(parts))
 
 
-def test_a_message_takes_its_way_and_its_airtime() -> None:
+def test_a_message_takes_its_travel_time_and_airtime() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     through = channel.send(0, "a", b"x" * 16, TWO)
     assert through == round((0.03 + 128 / 640) * NS)
@@ -72,7 +72,7 @@ def test_a_message_takes_its_way_and_its_airtime() -> None:
     assert channel.counts == {"sent": 1, "delivered": 1}
 
 
-def test_signal_to_noise_is_the_sonar_equation() -> None:
+def test_signal_to_noise_follows_the_sonar_equation() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "a", b"x", TWO)
     (packet,) = run(channel)
@@ -80,7 +80,7 @@ def test_signal_to_noise_is_the_sonar_equation() -> None:
     assert packet.snr == pytest.approx(168.0 - transmission_loss(500.0, 28_000.0, 1.5) - noise)
 
 
-def test_the_speed_of_sound_of_the_water_makes_a_range_wrong() -> None:
+def test_a_wrong_speed_of_sound_scales_the_range() -> None:
     column = WaterColumn(Profile((0.0, 100.0), (1000.0, 1000.0), (1480.0, 1480.0)), 9.81)
     channel = AcousticChannel(EXACT, 50.0, seed=1, column=column)
     channel.send(0, "a", b"x", TWO)
@@ -88,7 +88,7 @@ def test_the_speed_of_sound_of_the_water_makes_a_range_wrong() -> None:
     assert packet.distance == pytest.approx(500.0 * 1500.0 / 1480.0, rel=1e-6)
 
 
-def test_who_sends_is_deaf() -> None:
+def test_a_sending_modem_cannot_receive() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "a", b"x" * 16, TWO)
     channel.send(round(0.2 * NS), "b", b"y" * 16, TWO)  # a's message comes at 0.33 s, while b still sends
@@ -96,7 +96,7 @@ def test_who_sends_is_deaf() -> None:
     assert channel.counts["deaf"] == 1
 
 
-def test_who_begins_to_send_loses_what_it_was_hearing() -> None:
+def test_a_modem_that_starts_to_send_loses_its_reception() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "a", b"x" * 16, TWO)
     channel.receive(round(0.35 * NS))
@@ -105,7 +105,7 @@ def test_who_begins_to_send_loses_what_it_was_hearing() -> None:
     assert channel.counts["deaf"] == 1
 
 
-def test_a_modem_sends_one_message_at_a_time_and_none_that_is_too_long() -> None:
+def test_one_message_at_a_time_is_sent_and_too_long_ones_refused() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     assert channel.send(0, "a", b"x", TWO)
     assert channel.send(1, "a", b"x", TWO) == 0
@@ -113,7 +113,7 @@ def test_a_modem_sends_one_message_at_a_time_and_none_that_is_too_long() -> None
     assert (channel.counts["busy"], channel.counts["too_long"]) == (1, 1)
 
 
-def test_of_two_that_collide_the_first_is_received_and_disturbed() -> None:
+def test_of_two_colliding_messages_the_first_is_received_with_interference() -> None:
     places = {"near": (0.0, 0.0, 5.0), "ear": (30.0, 0.0, 5.0), "far": (900.0, 0.0, 5.0)}
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "near", b"x" * 16, places)
@@ -129,7 +129,7 @@ def test_of_two_that_collide_the_first_is_received_and_disturbed() -> None:
     assert 8.0 < received[0].snr < 12.0
 
 
-def test_a_longer_message_that_came_first_keeps_the_receiver() -> None:
+def test_a_longer_message_that_came_first_occupies_the_receiver() -> None:
     places = {"a": (0.0, 0.0, 5.0), "b": (30.0, 0.0, 5.0), "c": (60.0, 0.0, 5.0)}
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "a", b"x" * 60, places)
@@ -138,14 +138,14 @@ def test_a_longer_message_that_came_first_keeps_the_receiver() -> None:
     assert channel.counts["collided"] == 1
 
 
-def test_too_far_is_not_received() -> None:
+def test_messages_beyond_reach_are_not_received() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "a", b"x", {"a": (0.0, 0.0, 5.0), "b": (20_000.0, 0.0, 5.0)})
     assert run(channel, 30.0) == []
     assert channel.counts["too_weak"] == 1
 
 
-def test_packets_are_lost_as_often_as_the_formula_says() -> None:
+def test_packets_are_lost_at_the_rate_of_the_formula() -> None:
     modem = EXACT._replace(source_level=126.0, detection=-30.0, bit_rate=2000.0, overhead=0.0)
     channel = AcousticChannel(modem, 50.0, seed=3)
     for number in range(2000):
@@ -159,7 +159,7 @@ def test_packets_are_lost_as_often_as_the_formula_says() -> None:
     assert channel.counts["delivered"] + channel.counts["damaged"] == channel.counts["sent"] == 2000
 
 
-def test_the_ways_of_sound_by_hand() -> None:
+def test_sound_paths_have_the_lengths_worked_out_by_hand() -> None:
     ways = paths(100.0, 10.0, 20.0, 50.0, bounces=1)
     # direct; over the surface, 10 up and 20 down; over the bottom, 40 down and 30 up
     assert [way.length for way in ways] == pytest.approx([hypot(100.0, across) for across in (10.0, 30.0, 70.0)])
@@ -169,7 +169,7 @@ def test_the_ways_of_sound_by_hand() -> None:
     assert [way.length for way in twice[3:]] == pytest.approx([hypot(100.0, 90.0), hypot(100.0, 110.0)])
 
 
-def test_echoes_lessen_what_is_understood() -> None:
+def test_echoes_reduce_reception() -> None:
     modem = EXACT._replace(surface_loss=15.0, bottom_loss=15.0)
     plain, echoing = (AcousticChannel(modem._replace(bounces=n), 15.0, seed=1) for n in (0, 1))
     snr = []
@@ -188,7 +188,7 @@ def test_echoes_lessen_what_is_understood() -> None:
     st.lists(st.tuples(st.integers(0, 3), st.integers(0, 400_000_000), st.integers(0, 80)), min_size=1, max_size=40),
     st.integers(0, 3),
 )
-def test_every_message_has_one_fate(calls: list[tuple[int, int, int]], bounces: int) -> None:
+def test_every_message_is_counted_under_exactly_one_result(calls: list[tuple[int, int, int]], bounces: int) -> None:
     names = "abcd"
     places = {name: (120.0 * i, 40.0 * i * i, 3.0 + i) for i, name in enumerate(names)}
     channel = AcousticChannel(EXACT._replace(bounces=bounces), 20.0, seed=5)
@@ -208,7 +208,7 @@ def test_every_message_has_one_fate(calls: list[tuple[int, int, int]], bounces: 
 AHEAD, BACK = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 
 
-def test_light_reaches_as_far_as_it_is_said_to() -> None:
+def test_light_has_its_stated_reach() -> None:
     modem = OpticalModem()
     errors = bit_error(modem, (0.0, 0.0, 5.0), AHEAD, (20.0, 0.0, 5.0), BACK)
     assert (1.0 - errors) ** 1024 == pytest.approx(0.5, rel=1e-6)
@@ -218,7 +218,7 @@ def test_light_reaches_as_far_as_it_is_said_to() -> None:
     assert bit_error(modem, (0.0, 0.0, 5.0), AHEAD, (30.0, 0.0, 5.0), BACK) > 0.05
 
 
-def test_light_needs_both_to_look_at_each_other() -> None:
+def test_optical_modems_must_face_each_other() -> None:
     modem, here, there = OpticalModem(), (0.0, 0.0, 5.0), (5.0, 0.0, 5.0)
     assert bit_error(modem, here, AHEAD, there, BACK) < 1e-12
     assert bit_error(modem, here, BACK, there, BACK) == 0.5
@@ -229,7 +229,7 @@ def test_light_needs_both_to_look_at_each_other() -> None:
     assert weak[0] > weak[1], "off its axis the lamp is weaker"
 
 
-def test_murky_water_swallows_light() -> None:
+def test_turbid_water_attenuates_light() -> None:
     clear, harbour = OpticalModem(), OpticalModem(attenuation=2.2)
     assert bit_error(clear, (0.0, 0.0, 0.0), AHEAD, (10.0, 0.0, 0.0), BACK) < 1e-12
     assert bit_error(harbour, (0.0, 0.0, 0.0), AHEAD, (10.0, 0.0, 0.0), BACK) == pytest.approx(0.5, abs=0.01)
@@ -239,8 +239,8 @@ def test_murky_water_swallows_light() -> None:
 LEVEL = from_euler(0.0, 0.0, 0.0)
 
 
-def seen(distance: float, heading: float = 0.0, count: int = 1) -> OpticalChannel:
-    """Return the fates of `count` messages over that distance, in clear ocean water."""
+def results_of(distance: float, heading: float = 0.0, count: int = 1) -> OpticalChannel:
+    """Return the results of `count` messages over that distance, in clear ocean water."""
     channel = OpticalChannel(OpticalModem(), seed=2)
     places = {"a": Pose((0.0, 0.0, 5.0), LEVEL), "b": Pose((distance, 0.0, 5.0), from_euler(0.0, 0.0, heading))}
     for number in range(count):
@@ -251,21 +251,21 @@ def seen(distance: float, heading: float = 0.0, count: int = 1) -> OpticalChanne
     return channel
 
 
-def test_light_between_vehicles_goes_as_far_as_the_modem_reaches() -> None:
-    assert seen(15.0).counts == {"sent": 1, "delivered": 1}
-    assert seen(200.0).counts == {"sent": 1, "too_weak": 1}
-    counts = seen(20.0, count=1000).counts  # where one packet in two is whole
+def test_optical_messages_between_vehicles_have_the_modems_reach() -> None:
+    assert results_of(15.0).counts == {"sent": 1, "delivered": 1}
+    assert results_of(200.0).counts == {"sent": 1, "too_weak": 1}
+    counts = results_of(20.0, count=1000).counts  # where one packet in two is whole
     assert counts["delivered"] / 1000 == pytest.approx(0.5, abs=0.06)
     assert counts["delivered"] + counts["damaged"] == 1000
 
 
-def test_four_heads_see_all_round_and_worst_between_them() -> None:
+def test_four_optical_heads_cover_all_directions_and_worst_between_them() -> None:
     for quarter in range(4):
-        assert seen(19.0, quarter * pi / 2.0, 50).counts["delivered"] > 45
-    assert seen(19.0, pi / 4.0, 50).counts["delivered"] < 15
+        assert results_of(19.0, quarter * pi / 2.0, 50).counts["delivered"] > 45
+    assert results_of(19.0, pi / 4.0, 50).counts["delivered"] < 15
 
 
-def test_light_is_half_duplex_too_and_tells_how_well_it_is_seen() -> None:
+def test_optical_modems_are_half_duplex_and_report_signal_quality() -> None:
     places = {name: Pose((float(north), 0.0, 5.0), LEVEL) for name, north in (("a", 0), ("b", 12))}
     channel = OpticalChannel(OpticalModem(), seed=2)
     assert channel.send(0, "a", bytes(16), places)

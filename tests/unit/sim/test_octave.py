@@ -1,4 +1,4 @@
-"""The pieces of the equations of motion against the MSS toolbox (MIT, T. I. Fossen), run in GNU Octave 7.3."""
+"""Terms of the equations of motion against the MSS toolbox (MIT, T. I. Fossen), run in GNU Octave 7.3."""
 
 import json
 from pathlib import Path
@@ -35,14 +35,14 @@ def force(vehicle: Vehicle, nu: list[float]) -> list[float]:
     return [row[0] for row in product(dynamics.mass, [[x] for x in nu_dot])]
 
 
-def test_coriolis_of_a_full_matrix() -> None:
+def test_coriolis_of_a_full_matrix_equals_mss() -> None:
     """The product C(nu) nu of any symmetric M is that of m2c."""
     case = ORACLE["m2c_full"]
     expected = [-row[0] for row in product(case["C"], [[x] for x in case["nu"]])]
     assert force(body(case["M"]), case["nu"]) == pytest.approx(expected, rel=EXACT, abs=EXACT)
 
 
-def test_coriolis_of_added_mass() -> None:
+def test_coriolis_of_added_mass_equals_mss() -> None:
     """The product C_A(nu) nu of a prolate spheroid is that of imlay61."""
     case = ORACLE["imlay61"]
     expected = [-row[0] for row in product(case["CA"], [[x] for x in case["nu"]])]
@@ -50,7 +50,7 @@ def test_coriolis_of_added_mass() -> None:
     assert force(body(diagonal), case["nu"]) == pytest.approx(expected, rel=EXACT, abs=EXACT)
 
 
-def test_rigid_body() -> None:
+def test_rigid_body_matrices_equal_mss() -> None:
     """The matrix M_RB about an origin off the centre of gravity, and C_RB(nu) nu in a turn, are those of spheroid."""
     case = ORACLE["spheroid"]
     mass, lever = case["MRB"][0][0], case["r_bg"][2]
@@ -63,7 +63,7 @@ def test_rigid_body() -> None:
     assert force(body(case["MRB"]), nu) == pytest.approx(expected, rel=EXACT, abs=EXACT)
 
 
-def test_restoring() -> None:
+def test_restoring_forces_equal_mss() -> None:
     """The forces of W 1000 N and B 1010 N, both centres off the origin, are those of gvect."""
     case = ORACLE["gvect"]
     vehicle = body(
@@ -78,7 +78,7 @@ def test_restoring() -> None:
     assert g == pytest.approx(case["g"], rel=EXACT)
 
 
-def test_attitude() -> None:
+def test_rotation_matrices_equal_mss() -> None:
     """The matrix Rzyx equals that of the quaternion of the same angles."""
     case = ORACLE["Rzyx"]
     q = from_euler(case["phi"], case["theta"], case["psi"])

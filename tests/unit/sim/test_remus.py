@@ -134,7 +134,7 @@ def hull_of(vehicle: Vehicle) -> HullLift:
     return HullLift(vehicle.lift, 1026.0)
 
 
-def test_mass_matrix() -> None:
+def test_the_mass_matrix_equals_mss() -> None:
     with (VECTORS / "mss_remus100_M.csv").open() as file:
         theirs = [[float(x) for x in line.split(",")] for line in file if not line.startswith("#")]
     for row, expected in zip(mass_matrix(REMUS), theirs, strict=True):
@@ -196,7 +196,7 @@ def our_propeller(n: float, nu_r: Six) -> Six:
     return [thrust, 0.0, 0.0, thruster.torque * thrust, 0.0, 0.0]
 
 
-def test_each_of_our_terms_is_theirs_where_they_mean_the_same() -> None:
+def test_each_common_term_equals_mss() -> None:
     """The terms are compared for motion straight ahead in water at rest."""
     fins = FinSet(REMUS.fins, 1026.0, 0.01)
     for speed in (0.3, 1.0, 2.5):
@@ -219,7 +219,7 @@ def test_each_of_our_terms_is_theirs_where_they_mean_the_same() -> None:
             assert abs(ours[aside]) >= 0.0
 
 
-def test_how_far_our_derivatives_are_from_theirs() -> None:
+def test_our_derivatives_differ_from_mss_by_the_stated_amount() -> None:
     """The difference of all our terms is stated as a root of the mean square, m/s² and rad/s², and a share of theirs.
 
     Without a current: in one their propeller meets the water at the speed over ground. Most of what is left is the
@@ -278,7 +278,7 @@ class Run:
         return to_euler(self.simulation.state.quaternion)
 
 
-def test_surge_step() -> None:
+def test_a_surge_step_follows_mss() -> None:
     """The speed at 1525 rpm from rest is within 0.015 m/s over a minute, at the end 2.540 m/s in both."""
     run = Run(1525.0, 0.0)
     furthest = 0.0
@@ -310,9 +310,9 @@ def their_coast(speed: float, seconds: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("start", [0.5, 1.5, 2.5])
-def test_coasting(start: float) -> None:
-    """The way and speed over 60 s with the propeller stopped are theirs. Without the damping of slow motion it would go
-    9.5 to 21 % farther; the reference's own terms are held by the derivatives above.
+def test_coasting_follows_mss(start: float) -> None:
+    """The distance and speed over 60 s with the propeller stopped equal theirs. Without the damping of slow motion it
+    would move 9.5 to 21 % farther; the reference's own terms are tested by the derivatives above.
     """
     run = Run(0.0, start)
     run.step(60.0)
@@ -332,7 +332,7 @@ def test_slow_damping_is_by_the_speed_through_the_water() -> None:
         assert sum(a * b for a, b in zip(found, nu, strict=True)) < 0.0
 
 
-def test_turning_circle() -> None:
+def test_a_turning_circle_follows_mss() -> None:
     """The circle by 20 degrees of rudder at 1200 rpm is 5.5 % wider: the rudder feels 1.86 m/s ahead, not 1.89."""
     run = Run(1200.0, 1.5)
     run.step(20.0)
@@ -346,7 +346,7 @@ def test_turning_circle() -> None:
     assert run.nu[1] == pytest.approx(last["v"], rel=0.01)
 
 
-def test_dive() -> None:
+def test_a_dive_follows_mss() -> None:
     """The vehicle dives by 5 degrees of the planes at 1200 rpm."""
     run = Run(1200.0, 1.5)
     run.step(20.0)
@@ -357,7 +357,7 @@ def test_dive() -> None:
     assert run.nu[2] == pytest.approx(last["w"], rel=0.005)
 
 
-def test_zigzag() -> None:
+def test_a_zigzag_follows_mss() -> None:
     """The rudder goes to the other 20 degrees once the heading, read every 0.04 s, has turned by 20 degrees.
 
     As many swings in 100 s, the same overshoot, the place within 1.5 m after 230 m.

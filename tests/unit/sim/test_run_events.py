@@ -1,4 +1,4 @@
-"""Events of a run: found from positions, attitudes and contacts alone, joined, counted, written down."""
+"""Events of a run: detected from positions, attitudes and contacts alone, merged, counted, recorded."""
 
 from math import cos, hypot, pi, radians, sin
 from typing import Any
@@ -41,7 +41,7 @@ def dive(judge: RunMonitor, *depths: float, requested: float | None = None) -> l
     return list(judge.log.events())
 
 
-def test_a_condition_is_one_event_however_often_it_is_seen() -> None:
+def test_a_lasting_condition_is_one_event() -> None:
     log = EventLog()
     for step in range(100):  # in touch every other step, as a hull that slides along a wall
         log.record("collision", step * TICK, step * TICK + TICK // 2, (step, 0.0, 5.0), "the wall")
@@ -51,7 +51,7 @@ def test_a_condition_is_one_event_however_often_it_is_seen() -> None:
     assert [event.what for event in log.events()] == ["the wall", "the pile", "the wall"]
 
 
-def test_a_log_has_an_end() -> None:
+def test_an_event_log_is_bounded_and_counts_dropped_events() -> None:
     log = EventLog()
     for number in range(MAX_EVENTS + 3):
         log.record("capsize", 10 * number * S, 10 * number * S, (0.0, 0.0, 0.0))
@@ -68,13 +68,13 @@ def test_a_vehicle_that_is_tilted_too_far_has_capsized(degrees: float, capsized:
     assert not lenient.log.events()
 
 
-def test_a_vehicle_at_the_surface_that_was_to_be_deeper_has_surfaced() -> None:
+def test_a_vehicle_at_the_surface_below_its_commanded_depth_has_surfaced() -> None:
     up = dive(monitor(), 5.0, 3.0, 0.21, 0.19, 0.1, 3.0, requested=5.0)
     assert [(event.kind, event.start_ns, event.duration_ns) for event in up] == [("surfaced", 3 * TICK, TICK)]
     assert up[0].position == (1.0, 2.0, 0.19)
 
 
-def test_depths_that_were_asked_for_are_none_of_its_faults() -> None:
+def test_commanded_depths_are_not_events() -> None:
     assert not dive(monitor(), 0.1, 0.1, 3.0, 0.1, requested=5.0), "it began at the surface"
     assert not dive(monitor(), 5.0, 0.0, 9.0, 0.0), "it was asked for no depth"
     assert not dive(monitor(), 5.0, 5.9, 4.0, requested=2.0), "within the margin"
@@ -89,7 +89,7 @@ def test_a_vehicle_that_sinks_is_too_deep() -> None:
     assert [(event.kind, event.start_ns) for event in down] == [("too_deep", 2 * TICK)]
 
 
-def test_events_cross_the_network_and_rubbish_does_not() -> None:
+def test_events_survive_a_round_trip_and_malformed_ones_are_refused() -> None:
     events = (
         RunEvent("collision", 5 * S, S, (1.5, -2.25, 3.125), "the pile at (1, 2)"),
         RunEvent("capsize", 7 * S, 0, (0.0, 0.0, 5.0)),
@@ -100,7 +100,7 @@ def test_events_cross_the_network_and_rubbish_does_not() -> None:
     assert decode_events("\n".join(rubbish)) == ()
 
 
-def test_events_of_a_run_are_those_after_its_beginning() -> None:
+def test_events_of_a_run_are_those_after_its_start() -> None:
     before = RunEvent("collision", 0, S, (0.0, 0.0, 5.0), "x")
     across = before._replace(start_ns=5 * S, duration_ns=10 * S)
     after = before._replace(start_ns=12 * S)
@@ -108,7 +108,7 @@ def test_events_of_a_run_are_those_after_its_beginning() -> None:
     assert [(event.start_ns, event.duration_ns) for event in shifted] == [(0, 5 * S), (2 * S, S)]
 
 
-def test_of_two_observers_the_first_is_believed() -> None:
+def test_events_of_the_first_observer_take_precedence() -> None:
     exact = RunEvent("capsize", 5 * S, S, (0.0, 0.0, 5.0))
     coarse = exact._replace(start_ns=exact.start_ns + TICK, duration_ns=S // 2)
     later, other = exact._replace(start_ns=20 * S), exact._replace(kind="surfaced")
@@ -116,7 +116,7 @@ def test_of_two_observers_the_first_is_believed() -> None:
 
 
 def sliding(**world: Any) -> Simulation:
-    """Fly the paper's vehicle ahead for 15 s against a pile that it hits off its middle and slides along."""
+    """Return a run ahead for 15 s against a pile that the reference vehicle hits off its middle and slides along."""
     place = World("some", "made up", (-20.0, 20.0, -20.0, 20.0), 10.0)._replace(**world)
     simulation = Simulation(SIX, place, {}, position=(0.0, 0.0, 5.0))
     for _ in range(15 * 400):
@@ -124,7 +124,7 @@ def sliding(**world: Any) -> Simulation:
     return simulation
 
 
-def test_a_collision_says_with_what_and_where() -> None:
+def test_a_collision_names_the_obstacle_and_position() -> None:
     (hit, *_) = sliding(cylinder=(Cylinder(4.0, 0.2, 0.5, name="the north buoy"),)).events.events()
     assert (hit.kind, hit.what) == ("collision", "the north buoy")
     assert hit.position[0] == pytest.approx(3.5 - hypot(*SIX.dimensions[:2]) / 2, abs=0.1)
@@ -136,8 +136,8 @@ def test_a_collision_says_with_what_and_where() -> None:
     assert not sliding().events.events()
 
 
-def test_each_touch_is_noted_to_the_step() -> None:
-    """A touch of one step is an event of one step; lying on the seabed is one event as long as it lies."""
+def test_each_contact_is_recorded_to_the_step() -> None:
+    """A contact of one step is an event of one step; lying on the seabed is one event while it lasts."""
     world = World("some", "made up", (-20.0, 20.0, -20.0, 20.0), 10.0)
     simulation = Simulation(SIX, world, {}, position=(0.0, 0.0, 10.0 - 0.5 * SIX.dimensions[2] - 1e-4))
     simulation.state.nu = [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]
@@ -152,7 +152,7 @@ def test_each_touch_is_noted_to_the_step() -> None:
     assert event.start_ns == seen[0] - 2_500_000
 
 
-def test_what_began_since_it_was_asked_last() -> None:
+def test_new_events_are_returned_once() -> None:
     log = EventLog()
     assert log.new_events() == []
     log.record("collision", 0, 0, (0.0, 0.0, 1.0), "a pile")

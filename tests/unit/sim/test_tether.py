@@ -1,4 +1,4 @@
-"""The tether: against the elastic catenary, against an integration in a current, its winch, and that it is stable."""
+"""The tether: against the elastic catenary, against integration in a current, its winch, and its stability."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -26,21 +26,21 @@ STEP_NS, SLOW_NS = 2_500_000, 10_000_000
 WEIGHT = (KEYS.mass - 1000.0 * 0.25 * pi * KEYS.diameter**2) * 9.81  # N a metre
 
 
-def held(keys: TetherKeys, world: World = WORLD, end: Sequence[float] = END, dt: float = 0.01) -> Tether:
-    """Return a tether whose end does not yield."""
+def taut_tether(keys: TetherKeys, world: World = WORLD, end: Sequence[float] = END, dt: float = 0.01) -> Tether:
+    """Return a tether whose end is fixed."""
     return Tether(keys, world, dt, lambda: (State(end), [[0.0] * 6] * 6))
 
 
 def at_rest(keys: TetherKeys, world: World = WORLD, steps: int = 2500) -> tuple[Tether, Any]:
     """Return a tether whose end was held at END, and its wrench there."""
-    tether = held(keys, world)
+    tether = taut_tether(keys, world)
     for step in range(steps):
         tether.begin(step * SLOW_NS)
         wrench = tether.wrench(END, LEVEL, (0.0,) * 6)
     return tether, wrench
 
 
-def test_it_hangs_as_the_elastic_catenary() -> None:
+def test_a_tether_hangs_as_the_elastic_catenary() -> None:
     """The pull at both ends follows from their distance (Irvine 1981, Cable Structures, eqs 1.26 and 1.27)."""
 
     def misses(pull: Any) -> tuple[float, float]:
@@ -59,7 +59,7 @@ def test_it_hangs_as_the_elastic_catenary() -> None:
     assert max(map(max, tether._velocities)) < 0.1
 
 
-def test_it_bends_in_a_current_as_an_integration_says() -> None:
+def test_a_tether_in_a_current_equals_an_integration() -> None:
     """The tether in 0.8 m/s across equals an integration of d(pull)/ds = -(weight + drag), shot from the anchor."""
     world = WORLD._replace(current=(0.0, 0.8, 0.0))
     flow = np.array(world.current)
@@ -86,11 +86,13 @@ def test_it_bends_in_a_current_as_an_integration_says() -> None:
 
 @pytest.mark.parametrize("step", [0.0025, 0.01])
 @pytest.mark.parametrize(("length", "stiffness"), [(1.0, 1e3), (1.0, 5e6), (30.0, 1e5), (300.0, 1e3), (300.0, 1e7)])
-def test_it_gains_no_energy(stiffness: float, length: float, step: float) -> None:
-    """Slack, weightless, without drag, and thrown aside: it never moves faster than it was thrown, and ever slower."""
+def test_a_tether_gains_no_energy(stiffness: float, length: float, step: float) -> None:
+    """The tether is slack, weightless, without drag, and thrown aside: it never exceeds its first speed, and slows
+    down.
+    """
     keys = KEYS._replace(length=length, stiffness=stiffness, drag=0.0, drag_along=0.0)
     keys = keys._replace(mass=1000.0 * 0.25 * pi * keys.diameter**2, anchor=(0.0, 0.0, 200.0))
-    tether = held(keys, end=(0.9 * length, 0.0, 200.0 + 0.3 * length), dt=step)
+    tether = taut_tether(keys, end=(0.9 * length, 0.0, 200.0 + 0.3 * length), dt=step)
     tether.begin(0)
     for k, speed in enumerate(tether._velocities):
         speed[1] = sin(pi * k / keys.segments)
@@ -104,10 +106,10 @@ def test_it_gains_no_energy(stiffness: float, length: float, step: float) -> Non
 
 @pytest.mark.parametrize(("integrator", "step_ns"), [("verlet", STEP_NS), ("verlet", SLOW_NS), ("rk4", SLOW_NS)])
 @pytest.mark.parametrize(("length", "stiffness"), [(1.0, 2e4), (1.0, 1e7), (10.0, 5e6)])
-def test_a_vehicle_on_a_short_or_stiff_line_comes_to_rest(
+def test_a_vehicle_on_a_short_or_stiff_tether_comes_to_rest(
     length: float, stiffness: float, step_ns: int, integrator: Integrator
 ) -> None:
-    """Carried off by a current: the pull is the drag of the vehicle, and stretches the line by its share of EA."""
+    """The vehicle is carried off by a current: the pull is its drag, and stretches the line by its share of EA."""
     keys = TetherKeys(length, anchor=(0.0, 0.0, 5.0), stiffness=stiffness, drag_along=0.0)
     simulation = Simulation(
         load_vehicle("bluerov2_heavy")[0], WORLD._replace(current=(0.6, 0.0, 0.0)), {},
@@ -130,10 +132,11 @@ def test_a_vehicle_on_a_short_or_stiff_line_comes_to_rest(
 
 
 @pytest.mark.parametrize("stiffness", [2e4, 1e7])
-def test_a_line_on_the_seabed_pulls_steadily(stiffness: float) -> None:
+def test_a_tether_on_the_seabed_has_a_steady_pull(stiffness: float) -> None:
     """Half of it lies; the rest hangs from the end as a catenary that begins level: pull = H + weight x height."""
     world = WORLD._replace(depth=30.0)
-    tether, pulls = held(KEYS._replace(stiffness=stiffness, anchor=(0.0, 0.0, 30.0)), world, (40.0, 0.0, 10.0)), []
+    keys = KEYS._replace(stiffness=stiffness, anchor=(0.0, 0.0, 30.0))
+    tether, pulls = taut_tether(keys, world, (40.0, 0.0, 10.0)), []
     for step in range(3000):
         tether.begin(step * SLOW_NS)
         pulls.append(tether.tension)
@@ -149,7 +152,7 @@ def test_segments_that_are_too_short_are_refused() -> None:
     assert TetherKeys(1.0, segments=40).validate() is None
 
 
-def test_the_winch_pays_out_at_its_speed_and_the_pull_falls() -> None:
+def test_a_winch_pays_out_at_its_speed_and_the_pull_falls() -> None:
     tether, _ = at_rest(KEYS._replace(length=45.0, winch_speed=1.0), steps=1000)
     taut = tether.tension
     tether.set_length(48.0)
@@ -166,7 +169,7 @@ def test_the_winch_pays_out_at_its_speed_and_the_pull_falls() -> None:
         tether.set_length(0.1)
 
 
-def test_a_vehicle_cannot_leave_its_tether_and_runs_alike_twice() -> None:
+def test_a_vehicle_is_held_by_its_tether_and_runs_are_reproducible() -> None:
     """A vehicle with 10 m paid out, carried off by a current, is held; two runs have the same numbers."""
     vehicle, _ = load_vehicle("bluerov2_heavy")
 
@@ -188,8 +191,8 @@ def test_a_vehicle_cannot_leave_its_tether_and_runs_alike_twice() -> None:
     assert one.tether.nodes == other.tether.nodes
 
 
-def test_a_vehicle_that_is_put_elsewhere_is_not_thrown_by_its_tether() -> None:
-    """The line hangs anew from where its anchor is by then: nothing has moved at the speed of the jump."""
+def test_moving_a_vehicle_elsewhere_causes_no_large_pull_of_its_tether() -> None:
+    """The line is laid out again from the anchor's new position: nothing has moved at the speed of the jump."""
     simulation = Simulation(
         load_vehicle("bluerov2")[0], WORLD, {}, position=(5.0, 0.0, 10.0),
         tether=KEYS._replace(anchor_velocity=(0.2, 0.0, 0.0)),

@@ -1,4 +1,4 @@
-"""BlueROV2 Heavy against von Benzon 2022's model as others run it: derivatives, trajectories, published speeds."""
+"""BlueROV2 Heavy against von Benzon 2022's own implementation: derivatives, trajectories, published speeds."""
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
@@ -55,7 +55,7 @@ class LeftOut:
         return [row[0] for row in product(ADDED, turning)]
 
 
-def test_state_derivatives() -> None:
+def test_state_derivatives_equal_those_of_von_benzon() -> None:
     """The derivatives agree to 1e-8 at 300 random states, 100 of them in still water, but for what is left out."""
     in_current = 0
     for row in rows_of("vonbenzon_fossen_xdot.csv"):
@@ -115,7 +115,7 @@ def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[State,
     ("integrator", "splits", "within"), [("rk4", 1, 1e-4), ("verlet", 8, 2e-4)], ids=["rk4", "verlet"]
 )
 @pytest.mark.parametrize("name", CASES)
-def test_trajectories(name: str, integrator: Integrator, splits: int, within: float) -> None:
+def test_trajectories_equal_those_of_von_benzon(name: str, integrator: Integrator, splits: int, within: float) -> None:
     """Positions, attitudes and speeds (m, rad, m/s, rad/s) agree each second for 15 to 40 s.
 
     Step for step with their Runge-Kutta to 1e-4: 1e-7 but for the sines, 5e-5. With the default integrator and
@@ -137,10 +137,9 @@ def test_trajectories(name: str, integrator: Integrator, splits: int, within: fl
     [(0, 85.0, 0.72, 0.015), (1, 85.0, 0.63, 0.01), (2, 120.0, 0.71, 0.01)],
     ids=["surge", "sway", "heave"],
 )
-def test_published_speeds(axis: int, force: float, published: float, within: float) -> None:
-    """The speeds are those of table 4 of the paper, within 1 %; the vehicle is 1 N heavy, which it counts in.
-
-    Surge is within 1.5 %: the paper's own damping, (13.7 + 141 u) u = 85, gives 0.729 where it prints 0.72.
+def test_top_speeds_equal_the_published_ones(axis: int, force: float, published: float, within: float) -> None:
+    """The speeds are those of table 4 of the paper, within 1 %; the vehicle is 1 N heavy, which it includes. Surge is
+    within 1.5 %: the paper's own damping, (13.7 + 141 u) u = 85, gives 0.729 where it prints 0.72.
     """
     dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=axis != 2), DENSITY, GRAVITY)
     wrench = [force if i == axis else 0.0 for i in range(6)]

@@ -120,7 +120,9 @@ def test_side_lobes_of_a_scanning_sonar_act_on_both_paths() -> None:
 
 
 def test_the_surface_reflects_echoes_of_a_scanning_sonar() -> None:
-    """The bent way of a ball at the sonar's 1.5 m, 10 m ahead, is sqrt(10² + 3²) m; one way bent is between."""
+    """The path by the surface to a ball at the sonar's 1.5 m, 10 m ahead, is sqrt(10² + 3²) m; with one way direct it
+    is between.
+    """
     model = HEAD._replace(
         angle_min=-0.01, angle_max=0.01, step=0.01, multipath=True, beam_height=radians(50.0), rays=400
     )

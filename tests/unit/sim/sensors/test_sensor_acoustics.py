@@ -62,12 +62,12 @@ def test_altimeter_measures_along_its_beam() -> None:
         (5.0, radians(81), 15.0 / cos(radians(81))),
     ],
 )
-def test_altimeter_without_an_echo(depth: float, roll: float, expected: float) -> None:
+def test_an_altimeter_without_an_echo_gives_no_altitude(depth: float, roll: float, expected: float) -> None:
     state = State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0))
     assert Altimeter(ALTIMETER, Mounting(), 1, scene()).sample(0, state).distance == pytest.approx(expected)
 
 
-def test_altimeter_errors_have_their_size() -> None:
+def test_altimeter_errors_have_their_stated_size() -> None:
     one = Altimeter(AltimeterModel(), Mounting(), 1, scene())
     state = State((0.0, 0.0, 10.0))
     assert pstdev(one.sample(i, state).distance for i in range(2000)) == pytest.approx(0.005, rel=0.06)
@@ -81,7 +81,7 @@ def test_altimeter_errors_have_their_size() -> None:
 USBL = UsblModel(range=EXACT, angle=EXACT, station=(10.0, -20.0, 2.0))
 
 
-def test_usbl_is_exact_without_errors() -> None:
+def test_a_usbl_is_exact_without_errors() -> None:
     state = State((100.0, 200.0, 30.0), from_euler(0.3, -0.5, 2.0), NU)
     sample = Usbl(USBL, ASKEW, 1, scene(DEEP)).sample(5, state)
     assert sample is not None
@@ -90,7 +90,7 @@ def test_usbl_is_exact_without_errors() -> None:
 
 
 @pytest.mark.parametrize("place", [(300.0, 0.0, 100.0), (-200.0, 150.0, 4.0), (0.0, 0.0, 400.0), (50.0, -60.0, 7.0)])
-def test_usbl_errors_have_the_size_it_says(place: tuple[float, float, float]) -> None:
+def test_usbl_errors_have_their_reported_covariance(place: tuple[float, float, float]) -> None:
     """The scatter of 3000 fixes is the covariance in the sample: thin along the line of sight, wide across it."""
     model = UsblModel(range=ErrorModel(noise=0.5), angle=ErrorModel(noise=0.01), station=(0.0, 0.0, 1.0))
     usbl, state = Usbl(model, Mounting(), 1, scene(DEEP)), State(place)
@@ -107,7 +107,7 @@ def test_usbl_errors_have_the_size_it_says(place: tuple[float, float, float]) ->
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, -1.0), (1200.0, 0.0, 5.0), (10.0, -20.0, 2.0)])
-def test_usbl_has_no_fix(place: tuple[float, float, float]) -> None:
+def test_a_usbl_has_no_fix_in_air_out_of_reach_or_at_its_station(place: tuple[float, float, float]) -> None:
     """There is no fix in the air, out of reach, and at the station itself."""
     assert Usbl(USBL, Mounting(), 1, scene(DEEP)).sample(0, State(place)) is None
 
@@ -117,7 +117,7 @@ def test_usbl_has_no_fix(place: tuple[float, float, float]) -> None:
     ("ocean", "speed"),
     [(None, 1500.0), (Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0))), 1505.0)],
 )
-def test_usbl_samples_come_after_the_sounds_way(ocean: Ocean | None, speed: float, latency: float) -> None:
+def test_usbl_samples_arrive_after_the_travel_time(ocean: Ocean | None, speed: float, latency: float) -> None:
     """A fix from 600 m away, both at 75 m, takes 0.4 s on average and the latency; its stamp is the ping's."""
     station = (600.0, 0.0, 75.0)
     fitted = SensorSpec(Usbl, USBL._replace(station=station, rate=2.0), Mounting(latency=latency))
@@ -133,8 +133,9 @@ def test_usbl_samples_come_after_the_sounds_way(ocean: Ocean | None, speed: floa
 SLOWER_BELOW = Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0)))
 
 
-def test_usbl_ranges_and_points_along_the_bent_ray() -> None:
-    """The range is the station's speed of sound times its travel time; the place is off by the bow of the ray."""
+def test_a_usbl_measures_range_and_direction_along_the_refracted_ray() -> None:
+    """The range is the station's speed of sound times its travel time; the position is off by the curvature of the ray.
+    """
     place, station = (600.0, 80.0, 90.0), (0.0, 0.0, 40.0)
     world = DEEP._replace(ocean=SLOWER_BELOW)
     sample = Usbl(USBL._replace(station=station), Mounting(), 1, scene(world)).sample(0, State(place))
@@ -152,7 +153,7 @@ def test_usbl_ranges_and_points_along_the_bent_ray() -> None:
     assert dist(sample.position, station) == pytest.approx(ray.time * 1500.0)
 
 
-def test_usbl_has_no_fix_in_a_shadow() -> None:
+def test_a_usbl_has_no_fix_in_a_shadow_zone() -> None:
     """Rays that bend down in a gradient of -0.2 /s leave a beacon 3 m deep without sound from 500 m away."""
     world = DEEP._replace(ocean=SLOWER_BELOW)
     usbl = Usbl(USBL._replace(station=(0.0, 0.0, 3.0)), Mounting(), 1, scene(world))
@@ -160,7 +161,7 @@ def test_usbl_has_no_fix_in_a_shadow() -> None:
     assert usbl.sample(1, State((500.0, 0.0, 3.0))) is None
 
 
-def test_usbl_with_an_assumed_speed_in_water_of_one_speed() -> None:
+def test_a_wrong_assumed_speed_of_sound_scales_usbl_ranges() -> None:
     usbl = Usbl(USBL._replace(station=(0.0, 0.0, 5.0), assumed_speed=1515.0), Mounting(), 1, scene(DEEP))
     sample = usbl.sample(0, State((300.0, 0.0, 5.0)))
     assert sample is not None
@@ -173,8 +174,8 @@ METER = CurrentMeterModel(velocity=EXACT)
 
 
 @pytest.mark.parametrize("mounting", [Mounting(), ASKEW])
-def test_current_meter_is_exact_without_errors(mounting: Mounting) -> None:
-    """The sample is water less vehicle at the meter's place, by hand with the lever arm."""
+def test_a_current_meter_is_exact_without_errors(mounting: Mounting) -> None:
+    """The sample is water less vehicle velocity at the meter's position, by hand with the lever arm."""
     state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
     sample = CurrentMeter(METER, mounting, 1, scene()).sample(4, state)
     assert sample is not None
@@ -185,7 +186,7 @@ def test_current_meter_is_exact_without_errors(mounting: Mounting) -> None:
     assert sample.velocity == pytest.approx(rotate_inverse(axes, rotate_inverse(state.quaternion, past.tolist())))
 
 
-def test_current_meter_feels_the_waves_where_it_is_and_nothing_in_the_air() -> None:
+def test_a_current_meter_measures_waves_at_its_position_and_nothing_in_air() -> None:
     world = SEA._replace(ocean=Ocean(waves=Waves(1.0, 6.0, components=3)), current=(0.0, 0.0, 0.0))
     simulation = scene(world)
     meter = CurrentMeter(METER, Mounting((0.0, 0.0, 2.0)), 1, simulation)
@@ -196,7 +197,7 @@ def test_current_meter_feels_the_waves_where_it_is_and_nothing_in_the_air() -> N
     assert meter.sample(0, State((3.0, 4.0, -4.0))) is None
 
 
-def test_current_meter_errors_have_their_size() -> None:
+def test_current_meter_errors_have_their_stated_size() -> None:
     meter, state = CurrentMeter(CurrentMeterModel(), Mounting(), 2, scene()), State((0.0, 0.0, 5.0))
     samples = [meter.sample(i, state) for i in range(2000)]
     assert pstdev(sample.velocity[1] for sample in samples if sample) == pytest.approx(0.005, rel=0.06)
@@ -209,8 +210,8 @@ TRACK = DvlWaterModel(velocity=EXACT, near=2.0, far=6.0)
 
 
 @pytest.mark.parametrize("mounting", [Mounting((0.3, -0.1, 0.2)), ASKEW._replace(orientation=(0.1, -0.1, 2.5))])
-def test_water_track_is_relative_to_its_layer(mounting: Mounting) -> None:
-    """The current at the middle of the layer counts where it grows with depth, not that at the vehicle."""
+def test_water_track_is_relative_to_the_middle_of_its_layer(mounting: Mounting) -> None:
+    """The current of the layer's middle counts where it grows with depth, not that at the vehicle."""
     layers = Layers((0.0, 20.0), (0.0, 2.0), (1.0, 0.0))
     simulation = scene(SEA._replace(ocean=Ocean(layers=layers), current=(0.0, 0.0, 0.0)))
     state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
@@ -234,13 +235,13 @@ def test_water_track_is_relative_to_its_layer(mounting: Mounting) -> None:
         (-0.1, 0.0, False),
     ],
 )
-def test_water_track_lock(depth: float, roll: float, locked: bool) -> None:
+def test_water_track_locks_within_its_limits(depth: float, roll: float, locked: bool) -> None:
     sample = DvlWater(TRACK, Mounting(), 1, scene()).sample(0, State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0), NU))
     assert sample.locked is locked
     assert all(isnan(x) is not locked for x in sample.velocity)
 
 
-def test_water_track_errors_have_their_size() -> None:
+def test_water_track_errors_have_their_stated_size() -> None:
     track, state = DvlWater(DvlWaterModel(), Mounting(), 1, scene()), State((0.0, 0.0, 5.0), nu=NU)
     samples = [track.sample(i, state).velocity for i in range(2000)]
     for axis in range(3):

@@ -1,3 +1,5 @@
+"""The attitude and heading filter: exact without errors, its convergence, and its error sources."""
+
 from math import asin, atan2, cos, degrees, exp, hypot, radians, sin
 from statistics import fmean, pstdev
 
@@ -38,7 +40,7 @@ def hold(ahrs: Ahrs, state: State, seconds: float, rate: float = 50.0) -> ImuSam
 
 
 @pytest.mark.parametrize("mounting", [Mounting(), Mounting((0.2, -0.1, 0.3), (0.4, -1.0, 2.5))])
-def test_exact_at_rest(mounting: Mounting) -> None:
+def test_an_ahrs_is_exact_at_rest(mounting: Mounting) -> None:
     state = State((0.0, 0.0, 5.0), from_euler(0.4, -0.6, 2.8))
     sample = hold(Ahrs(MODEL, mounting, 1, SCENE), state, 20.0)
     assert angle(sample.orientation, mounting.attitude(state)) < 1e-7
@@ -47,7 +49,7 @@ def test_exact_at_rest(mounting: Mounting) -> None:
 
 
 @pytest.mark.parametrize("mounting", [Mounting(), Mounting(orientation=(0.4, -1.0, 2.5))])
-def test_exact_while_it_turns_about_all_axes(mounting: Mounting) -> None:
+def test_an_ahrs_is_exact_while_turning_about_all_axes(mounting: Mounting) -> None:
     """The filter follows a turn on the spot, without accelerations, for 30 s and several turns."""
     ahrs = Ahrs(MODEL, mounting, 1, SCENE)
     state = State((0.0, 0.0, 5.0), from_euler(0.1, 0.2, 0.3))
@@ -64,7 +66,7 @@ def test_exact_while_it_turns_about_all_axes(mounting: Mounting) -> None:
     assert largest < 1e-4
 
 
-def test_it_finds_back_from_a_wrong_attitude() -> None:
+def test_a_wrong_attitude_converges_with_its_time_constants() -> None:
     """Tilt and heading errors die away as exp(-t / time), each with its own time."""
     model = MODEL._replace(level_time=5.0, heading_time=20.0)
     state = State((0.0, 0.0, 5.0))
@@ -81,7 +83,7 @@ def test_it_finds_back_from_a_wrong_attitude() -> None:
     assert after(10.0, 0.0, 0.0, 0.5) == pytest.approx((0.0, 0.0, 0.5 * exp(-0.5)), rel=0.01, abs=1e-9)
 
 
-def test_accelerations_tilt_it() -> None:
+def test_an_acceleration_tilts_the_attitude() -> None:
     """A long push ahead looks like a lean backwards: bow up, as the plumb line says."""
     state = State((0.0, 0.0, 5.0))
     state.nu_dot = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -89,14 +91,14 @@ def test_accelerations_tilt_it() -> None:
     assert pitch == pytest.approx(atan2(0.5, 9.80665), rel=1e-3)
 
 
-def test_iron_turns_it() -> None:
+def test_magnetic_iron_turns_the_heading() -> None:
     """An iron of 1 µT ahead and to starboard, bow along a field of 50 µT cos(1.1), turns north to starboard."""
     iron = Ahrs(MODEL._replace(magnetic_field=ErrorModel(offset=1e-6)), Mounting(), 1, SCENE)
     found = to_euler(hold(iron, State((0.0, 0.0, 5.0), from_euler(0.0, 0.0, 0.3)), 150.0).orientation)
     assert found[2] - 0.3 == pytest.approx(-atan2(1e-6, 50e-6 * cos(1.1) + 1e-6), rel=1e-3)
 
 
-def test_its_default_errors_are_those_of_the_data_sheet() -> None:
+def test_default_errors_equal_those_of_the_data_sheet() -> None:
     """The errors over many units are 0.4 deg of roll and pitch and 1 deg of heading, in the default world's field."""
     world = SEA._replace(magnetic_field=DEFAULT)
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))

@@ -31,12 +31,12 @@ def test_white_noise_falls_with_the_root_of_time(tau: float) -> None:
 
 
 @pytest.mark.parametrize("tau", [0.5, 2.0, 5.0, 20.0, 60.0])
-def test_wandering_bias_has_the_deviation_of_a_gauss_markov_process(tau: float) -> None:
+def test_a_wandering_bias_has_the_deviation_of_a_gauss_markov_process(tau: float) -> None:
     size, time = 0.0735, 10.0
     found = allan_deviation(ErrorModel(bias=size, bias_time=time), tau)
     shape = 1.0 - time / (2.0 * tau) * (3.0 - 4.0 * exp(-tau / time) + exp(-2.0 * tau / time))
     assert found == pytest.approx(size * sqrt(2.0 * time / tau * shape), rel=0.12)
 
 
-def test_constants_do_not_show() -> None:
+def test_constant_errors_do_not_appear() -> None:
     assert allan_deviation(ErrorModel(turn_on=1.0, offset=2.0), 1.0) == pytest.approx(0.0, abs=1e-12)

@@ -1,3 +1,5 @@
+"""The error model of sensors: bias, noise, scale, resolution and limits, against other simulators' formulas."""
+
 from itertools import pairwise
 from math import exp, sqrt
 from random import Random
@@ -34,7 +36,7 @@ def uuv_simulator(rate: float, seconds: float) -> list[float]:
     return values
 
 
-def test_bias_has_its_size_at_every_rate() -> None:
+def test_a_bias_has_its_size_at_every_rate() -> None:
     """The formulae of others give a size that depends on the rate; the exact process does not."""
     assert pstdev(hector(100.0, 400.0)) == pytest.approx(0.103 * SD, rel=0.15)
     assert pstdev(hector(1000.0, 200.0)) == pytest.approx(0.032 * SD, rel=0.15)
@@ -45,14 +47,14 @@ def test_bias_has_its_size_at_every_rate() -> None:
 
 
 @pytest.mark.parametrize("rate", RATES)
-def test_bias_wanders_as_fast_at_every_rate(rate: float) -> None:
+def test_a_bias_wanders_equally_fast_at_every_rate(rate: float) -> None:
     """The change over 0.1 s has the variance 2 sd² (1 - exp(-0.1 / tau))."""
     values = series(ErrorModel(bias=SD, bias_time=TAU), rate, 300.0)[:: round(0.1 * rate)]
     changes = [b - a for a, b in pairwise(values)]
     assert pstdev(changes) == pytest.approx(SD * sqrt(2.0 * (1.0 - exp(-0.1 / TAU))), rel=0.06)
 
 
-def test_bias_has_its_size_from_the_start() -> None:
+def test_a_bias_has_its_size_from_the_start() -> None:
     random = Random(3)
     first = [ErrorProcess(ErrorModel(bias=SD, bias_time=1e6), 0.01, random).measure(0.0) for _ in range(4000)]
     assert pstdev(first) == pytest.approx(SD, rel=0.05)
@@ -70,7 +72,7 @@ def test_noise_density_is_rate_independent_in_the_mean(rate: float) -> None:
     assert pstdev(values) == pytest.approx(0.3 * sqrt(rate), rel=0.05)
 
 
-def test_noise_is_two_sided_and_of_its_size() -> None:
+def test_noise_has_zero_mean_and_its_stated_size() -> None:
     values = series(ErrorModel(noise=0.5), 100.0, 200.0, true=3.0)
     assert fmean(values) == pytest.approx(3.0, abs=0.02)
     assert pstdev(values) == pytest.approx(0.5, rel=0.03)
@@ -78,7 +80,7 @@ def test_noise_is_two_sided_and_of_its_size() -> None:
     assert max(values) > 4.0
 
 
-def test_constants() -> None:
+def test_constant_errors_have_their_stated_size() -> None:
     assert series(ErrorModel(), 10.0, 1.0, true=5.0) == [5.0] * 10
     assert series(ErrorModel(offset=0.25), 10.0, 1.0, true=5.0) == [5.25] * 10
     random = Random(5)
@@ -89,12 +91,12 @@ def test_constants() -> None:
     assert pstdev(scaled) == pytest.approx(1.0, rel=0.06)
 
 
-def test_axes_are_independent() -> None:
+def test_errors_of_axes_are_independent() -> None:
     axes = ErrorBank([ErrorModel(turn_on=1.0)] * 3, 0.1, Random(1))
     assert len(set(axes.measure((0.0, 0.0, 0.0)))) == 3
 
 
-def test_seeds() -> None:
+def test_the_seed_determines_the_errors() -> None:
     """The numbers are the same in every process and for ever: what other sensors there are does not matter."""
     assert sensor_random(42, "imu").random() == 0.11237544680163525
     assert sensor_random(42, "dvl").random() != sensor_random(42, "imu").random()
@@ -106,7 +108,7 @@ def test_resolution_rounds_to_steps() -> None:
     assert [process.measure(true) for true in (0.0, 0.1, 0.13, -0.9, 10.12)] == [0.0, 0.0, 0.25, -1.0, 10.0]
 
 
-def test_limit_is_what_the_device_can_say() -> None:
+def test_values_are_clipped_at_the_devices_limit() -> None:
     process = ErrorProcess(ErrorModel(noise=1.0, limit=5.0), 0.01, Random(1))
     values = [process.measure(true) for true in (100.0, -100.0)]
     assert values == [5.0, -5.0]

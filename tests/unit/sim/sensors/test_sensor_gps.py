@@ -1,3 +1,5 @@
+"""GPS: geodesy, fixes at the surface only, acquisition and errors."""
+
 from math import isnan, pi, radians
 from statistics import fmean, pstdev
 
@@ -39,7 +41,7 @@ PROJ = [
 
 
 @pytest.mark.parametrize(("origin", "place", "expected"), PROJ)
-def test_places_are_those_of_another_implementation(
+def test_geodetic_positions_equal_those_of_proj(
     origin: tuple[float, float, float], place: tuple[float, float, float], expected: tuple[float, float, float]
 ) -> None:
     latitude, longitude, altitude = TangentPlane(*origin).geodetic(place)
@@ -50,7 +52,7 @@ def test_places_are_those_of_another_implementation(
 
 @pytest.mark.parametrize("latitude", [-90.0, -60.0, -1e-9, 0.0, 12.3, 45.0, 89.99999, 90.0])
 @pytest.mark.parametrize("altitude", [-11_000.0, 0.0, 9000.0])
-def test_there_and_back(latitude: float, altitude: float) -> None:
+def test_geodetic_coordinates_survive_a_round_trip(latitude: float, altitude: float) -> None:
     found = geodetic(*earth_centred(latitude, 33.3, altitude))
     assert found[0] == pytest.approx(latitude, abs=1e-13)
     assert found[2] == pytest.approx(altitude, abs=5e-9)
@@ -58,7 +60,7 @@ def test_there_and_back(latitude: float, altitude: float) -> None:
         assert found[1] == pytest.approx(33.3, abs=1e-8)
 
 
-def test_a_degree_of_the_meridian() -> None:
+def test_the_meridian_has_its_radii_of_curvature() -> None:
     """The meridian is curved with b²/a at the equator, with a²/b at the pole."""
     b = SEMI_MAJOR_AXIS * (1.0 - FLATTENING)
     for latitude, radius in ((0.0, b * b / SEMI_MAJOR_AXIS), (90.0, SEMI_MAJOR_AXIS**2 / b)):
@@ -69,7 +71,7 @@ def test_a_degree_of_the_meridian() -> None:
 # --- the receiver
 
 
-def test_exact_at_the_surface() -> None:
+def test_a_fix_at_the_surface_is_exact_without_errors() -> None:
     """The place is that of the antenna, 0.5 m above the origin of a vehicle that rolls to its side."""
     gps = Gps(MODEL, Mounting((0.0, 0.0, -0.5)), 1, SCENE)
     sample = gps.sample(5, State((3.0, 4.0, 0.2)))
@@ -81,7 +83,7 @@ def test_exact_at_the_surface() -> None:
     assert gps.sample(5, on_its_side)[1:4] == pytest.approx((latitude, longitude, altitude), rel=1e-14)
 
 
-def test_no_fix_under_water() -> None:
+def test_there_is_no_fix_under_water() -> None:
     gps = Gps(MODEL, Mounting((0.0, 0.0, -0.5)), 1, SCENE)
     for depth in (0.5, 0.6, 10.0):
         sample = gps.sample(1, State((0.0, 0.0, depth)))
@@ -89,14 +91,14 @@ def test_no_fix_under_water() -> None:
         assert all(map(isnan, sample[1:4]))
 
 
-def test_a_fix_takes_its_time_after_each_dive() -> None:
+def test_a_fix_takes_its_acquisition_time_after_each_dive() -> None:
     gps = Gps(MODEL._replace(acquisition=3.0), Mounting(), 1, SCENE)
     depths = [5.0, -0.1, -0.1, -0.1, -0.1, -0.1, 0.1, -0.1, -0.1, -0.1, -0.1]
     fixes = [gps.sample(i * S, State((0.0, 0.0, depth))).fix for i, depth in enumerate(depths)]
     assert fixes == [False, False, False, False, True, True, False, False, False, False, True]
 
 
-def test_waves_wash_over_the_antenna() -> None:
+def test_waves_over_the_antenna_interrupt_the_fix() -> None:
     """A long swell of 2 m over an antenna 0.3 m above the mean surface leaves fixes while the surface is lower."""
     ocean = Ocean(waves=Waves(2.0, 8.0, components=1))
     scene = Simulation(VEHICLE, SEA._replace(ocean=ocean), {}, position=(0.0, 0.0, 5.0))
@@ -107,7 +109,7 @@ def test_waves_wash_over_the_antenna() -> None:
     assert 20 < sum(fixes) < 180
 
 
-def test_errors_have_their_size() -> None:
+def test_position_errors_have_their_stated_size() -> None:
     """Half of all fixes are within 2.5 m, as the data sheet says; the error that the device states is right."""
     state, plane = State((0.0, 0.0, -1.0)), TangentPlane(*ORIGIN, 36.2)
     north_degree = 1.0 / (plane.geodetic((1.0, 0.0, 0.0))[0] - ORIGIN[0])
@@ -123,7 +125,7 @@ def test_errors_have_their_size() -> None:
     assert fmean(easts) == pytest.approx(0.0, abs=0.2)
 
 
-def test_a_world_without_a_place_on_earth_is_named() -> None:
+def test_a_world_without_an_origin_is_reported() -> None:
     scene = Simulation(VEHICLE, load_world("pool"), {}, position=(0.0, 0.0, 1.0))
     with pytest.raises(ConfigError, match=r"the world pool does not say .*origin = \[latitude, longitude\]"):
         Gps(MODEL, Mounting(), 1, scene)

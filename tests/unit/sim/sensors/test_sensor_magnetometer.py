@@ -1,3 +1,5 @@
+"""The magnetometer: the earth's field, iron, mounting and errors."""
+
 from math import atan2, cos, pi, sin
 from statistics import fmean, pstdev
 
@@ -20,7 +22,7 @@ SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, magnetic_field=
 SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
 
 
-def test_the_field_of_the_earth() -> None:
+def test_the_earths_field_has_its_components() -> None:
     north, east, down = earth_field(SEA)
     assert (north**2 + east**2 + down**2) ** 0.5 == pytest.approx(50e-6)
     assert atan2(east, north) == pytest.approx(0.25)
@@ -30,14 +32,14 @@ def test_the_field_of_the_earth() -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.0, -2.0, pi])
-def test_a_compass(heading: float) -> None:
+def test_the_horizontal_field_points_to_magnetic_north(heading: float) -> None:
     """The level field's horizontal part points to magnetic north: heading less declination from the bow."""
     x, y, z = Magnetometer(MODEL, Mounting(), 1, SCENE).sample(7, State(quaternion=from_euler(0, 0, heading))).field
     level = 50e-6 * cos(1.1)
     assert (x, y, z) == pytest.approx((level * cos(heading - 0.25), -level * sin(heading - 0.25), 50e-6 * sin(1.1)))
 
 
-def test_tilted_and_askew() -> None:
+def test_tilt_and_mounting_rotate_the_field() -> None:
     state = State(quaternion=from_euler(0.5, -0.4, 2.0))
     mounting = Mounting((0.3, 0.2, 0.1), (1.0, 0.5, -2.0))
     sample = Magnetometer(MODEL, mounting, 1, SCENE).sample(7, state)
@@ -46,7 +48,7 @@ def test_tilted_and_askew() -> None:
     assert turned == pytest.approx(earth_field(SEA))
 
 
-def test_iron() -> None:
+def test_hard_and_soft_iron_distort_the_field() -> None:
     """Soft iron acts first, row after row, then hard iron, along the sensor's axes."""
     soft = (1.1, 0.2, 0.0, 0.0, 0.9, 0.0, 0.0, 0.1, 1.0)
     model = MODEL._replace(hard_iron=(3e-6, -2e-6, 1e-6), soft_iron=soft)
@@ -55,7 +57,7 @@ def test_iron() -> None:
     assert Magnetometer(model, Mounting(), 1, SCENE).sample(0, State()).field == pytest.approx(expected)
 
 
-def test_errors_have_their_size() -> None:
+def test_errors_have_their_stated_size() -> None:
     sensor, state = Magnetometer(MagnetometerModel(), Mounting(), 3, SCENE), State()
     samples = [sensor.sample(i, state).field for i in range(2000)]
     for axis, size in enumerate((1e-6, 1e-6, 1.4e-6)):
@@ -67,7 +69,7 @@ def test_errors_have_their_size() -> None:
     assert fmean(norths) == pytest.approx(earth_field(SEA)[0], abs=4e-7)
 
 
-def test_keys() -> None:
+def test_magnetometer_keys_are_read_and_checked() -> None:
     sensors = read_sensors({"magnetometer": {"hard_iron": [1e-6, 0, 0]}}, "a.toml: sensors")
     assert sensors["magnetometer"].model.hard_iron == (1e-6, 0.0, 0.0)
     with pytest.raises(ConfigError, match="soft_iron: expected 9 values"):

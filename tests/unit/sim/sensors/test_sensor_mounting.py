@@ -1,4 +1,4 @@
-"""Sensors that sit somewhere and look somewhere: their samples belong to their own place and axes."""
+"""Sensors with a position and orientation of their own: their samples belong to these."""
 
 from math import pi, radians
 
@@ -29,7 +29,7 @@ def moving() -> State:
     return state
 
 
-def test_place_and_attitude_of_a_mounting() -> None:
+def test_a_mounting_has_its_own_position_and_attitude() -> None:
     nose_up = State((10.0, 20.0, 5.0), from_euler(0.0, radians(90), 0.0))
     mounting = Mounting((2.0, 0.0, 0.0), (0.0, radians(-90), 0.0))
     assert mounting.place(nose_up) == pytest.approx((10.0, 20.0, 3.0))
@@ -37,7 +37,7 @@ def test_place_and_attitude_of_a_mounting() -> None:
     assert mounting.attitude(nose_up) == pytest.approx((1.0, 0.0, 0.0, 0.0))
 
 
-def test_an_imu_that_lies_on_its_side() -> None:
+def test_an_imu_on_its_side_has_its_axes_exchanged() -> None:
     """An IMU that is rolled to starboard by a quarter turn has the vehicle's z as its y axis."""
     imu = Imu(EXACT_IMU, Mounting(orientation=(pi / 2.0, 0.0, 0.0)), 1, SCENE)
     sample = imu.sample(0, State(nu=(0.0, 0.0, 0.0, 0.1, 0.2, 0.3)))
@@ -46,7 +46,7 @@ def test_an_imu_that_lies_on_its_side() -> None:
     assert sample.orientation == pytest.approx(from_euler(pi / 2.0, 0.0, 0.0))
 
 
-def test_imu_askew_says_the_same_in_other_axes() -> None:
+def test_a_rotated_imu_measures_the_same_in_other_axes() -> None:
     state = moving()
     straight = Imu(EXACT_IMU, Mounting(ASKEW.position), 1, SCENE).sample(0, state)
     askew = Imu(EXACT_IMU, ASKEW, 1, SCENE).sample(0, state)
@@ -58,7 +58,7 @@ def test_imu_askew_says_the_same_in_other_axes() -> None:
 
 
 @pytest.mark.parametrize("orientation", [(0.0, 0.0, pi / 4.0), (0.1, -0.15, 2.5), (0.0, 0.0, -1.0)])
-def test_dvl_askew_says_the_same_in_other_axes(orientation: tuple[float, float, float]) -> None:
+def test_a_rotated_dvl_measures_the_same_in_other_axes(orientation: tuple[float, float, float]) -> None:
     state = moving()
     mounting = Mounting((0.3, -0.1, 0.2), orientation)
     sample = Dvl(EXACT_DVL, mounting, 1, SCENE).sample(0, state)
@@ -68,7 +68,7 @@ def test_dvl_askew_says_the_same_in_other_axes(orientation: tuple[float, float, 
     assert sample.altitude == pytest.approx(20.0 - mounting.depth(state))
 
 
-def test_a_dvl_that_looks_ahead_has_no_bottom_until_the_vehicle_dives() -> None:
+def test_a_dvl_directed_ahead_has_no_bottom_lock_until_the_vehicle_dives() -> None:
     ahead = Dvl(EXACT_DVL, Mounting(orientation=(0.0, radians(90), 0.0)), 1, SCENE)
     assert not ahead.sample(0, State((0.0, 0.0, 5.0), nu=NU)).locked
     diving = ahead.sample(0, State((0.0, 0.0, 5.0), from_euler(0.0, radians(-90), 0.0), NU))

@@ -1,4 +1,4 @@
-"""Pressure under waves: linear theory, and what it goes over to at the surface."""
+"""Pressure under waves: linear theory, and its limit at the surface."""
 
 from itertools import pairwise
 from math import cosh, exp, pi
@@ -27,7 +27,7 @@ TIMES = [0.31 * i for i in range(40)]
 
 @pytest.mark.parametrize("depth", [3.0, 25.0, 4000.0])
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.5, 1.0])
-def test_a_small_wave_is_that_of_the_theory(depth: float, share: float) -> None:
+def test_a_small_wave_gives_the_pressure_of_linear_theory(depth: float, share: float) -> None:
     """The pressure is rho g a cosh(k (h - z)) / cosh(k h) cos(theta), over rho g, to the square of steepness."""
     wave_field = WaveField(SMALL, depth, G, 3)
     (wave,) = wave_field.components
@@ -40,7 +40,7 @@ def test_a_small_wave_is_that_of_the_theory(depth: float, share: float) -> None:
         assert head == pytest.approx(expected, abs=2.0 * k * wave.amplitude**2)
 
 
-def test_it_is_zero_at_the_surface_in_crests_and_troughs() -> None:
+def test_pressure_is_zero_at_the_surface_in_crests_and_troughs() -> None:
     wave_field = WaveField(ROUGH, 25.0, G, 3)
     heights = [wave_field.elevation(time, 4.0, -3.0) for time in TIMES]
     assert max(heights) > 0.5
@@ -54,14 +54,14 @@ def test_it_is_zero_at_the_surface_in_crests_and_troughs() -> None:
         assert just == pytest.approx(0.01, rel=0.35)  # less the water's own acceleration
 
 
-def test_waves_are_not_felt_far_down() -> None:
+def test_waves_have_no_pressure_far_down() -> None:
     wave_field = WaveField(ROUGH, 4000.0, G, 3)
     assert pstdev(wave_field.pressure_depth(time, 0.0, 0.0, 2.0) for time in TIMES) > 0.2
     assert pstdev(wave_field.pressure_depth(time, 0.0, 0.0, 150.0) for time in TIMES) < 1e-3
 
 
 @pytest.mark.parametrize("profile", [None, Profile((0.0, 10.0), (1020.0, 1030.0))])
-def test_the_sensor_feels_the_waves_where_it_is(profile: Profile | None) -> None:
+def test_the_wave_pressure_is_that_at_the_sensor(profile: Profile | None) -> None:
     world = SEA._replace(ocean=Ocean(waves=ROUGH, profile=profile))
     simulation = Simulation(VEHICLE, world, {}, seed=5, position=(0.0, 0.0, 5.0))
     sensor, calm = Pressure(MODEL, Mounting((2.0, 0.0, 0.5)), 1, simulation), water_pressure(world)
@@ -74,7 +74,7 @@ def test_the_sensor_feels_the_waves_where_it_is(profile: Profile | None) -> None
     assert in_the_air == STANDARD_ATMOSPHERE
 
 
-def test_a_wave_passes_over() -> None:
+def test_the_measured_pressure_has_the_period_of_the_wave() -> None:
     """The period of the measured pressure is the wave's."""
     waves = Waves(1.0, 2.0 * pi, components=1)
     simulation = Simulation(VEHICLE, SEA._replace(ocean=Ocean(waves=waves)), {}, position=(0.0, 0.0, 5.0))

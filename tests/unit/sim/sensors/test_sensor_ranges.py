@@ -1,4 +1,4 @@
-"""Laser, profiler, echosounder, scanning sonar; and log and altimeter over relief and obstacles."""
+"""Laser, profiler, echosounder, scanning sonar; and DVL and altimeter over relief and obstacles."""
 
 from math import atan, cos, inf, isnan, log10, pi, radians, sin, sqrt, tan
 from random import Random
@@ -53,8 +53,8 @@ def to_slope(place: tuple[float, ...], direction: tuple[float, ...]) -> float:
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.8, -2.5])
-def test_laser_in_a_pool(heading: float) -> None:
-    """Every beam's wall follows from heading and angle, which grows from the bow to starboard."""
+def test_a_laser_measures_the_walls_of_a_pool(heading: float) -> None:
+    """Every beam's range follows from heading and angle, which grows from the bow to starboard."""
     laser = Laser(LaserModel(ground_truth=True), Mounting(), 1, scene(POOL))
     sample = laser.sample(7, State((1.0, 2.0, 5.0), from_euler(0.0, 0.0, heading)))
     assert sample.time_ns == 7
@@ -69,7 +69,7 @@ def test_laser_in_a_pool(heading: float) -> None:
         assert distance == pytest.approx(min(to_north, to_east), abs=1e-6)
 
 
-def test_laser_sees_a_pile_on_the_side_where_it_is() -> None:
+def test_a_laser_detects_a_pile_on_its_side() -> None:
     world = FLAT._replace(cylinder=(Cylinder(0.0, 6.0, 1.0),))  # to starboard of a vehicle that looks north
     sample = Laser(LaserModel(ground_truth=True), Mounting(), 1, scene(world)).sample(0, State((0.0, 0.0, 5.0)))
     seen = {round(sample.angle_min / radians(1)) + i for i, distance in enumerate(sample.ranges) if distance < inf}
@@ -77,7 +77,7 @@ def test_laser_sees_a_pile_on_the_side_where_it_is() -> None:
     assert sample.ranges[270] == pytest.approx(5.0, abs=1e-9)
 
 
-def test_laser_limits_and_air() -> None:
+def test_a_laser_has_range_limits_and_none_in_air() -> None:
     world = FLAT._replace(cylinder=(Cylinder(2.0, 0.0, 1.95), Cylinder(-45.0, 0.0, 1.0)))
     laser = Laser(LaserModel(), Mounting(), 1, Simulation(VEHICLE, world, {}, position=(30.0, 30.0, 5.0)))
     under_water = laser.sample(0, State((0.0, 0.0, 5.0))).ranges
@@ -86,7 +86,7 @@ def test_laser_limits_and_air() -> None:
     assert set(laser.sample(1, State((0.0, 0.0, -0.1))).ranges) == {inf}
 
 
-def test_laser_errors_are_common_and_each_beams_own() -> None:
+def test_laser_errors_have_a_common_and_an_independent_part() -> None:
     """Noise is independent from beam to beam; what is drawn at the start is the same for all."""
     state, model = State((1.0, 1.0, 5.0)), LaserModel(beams=40)
     true = Laser(model._replace(ground_truth=True), Mounting(), 1, scene(POOL)).sample(0, state).ranges
@@ -106,8 +106,8 @@ def test_laser_errors_are_common_and_each_beams_own() -> None:
     assert all((4.0 * x).is_integer() for x in rounded.ranges)
 
 
-def test_laser_flies_with_its_rate_latency_and_pose() -> None:
-    """A second at 20 Hz has so many samples, each 30 ms late, from a place off the body's origin."""
+def test_a_laser_in_flight_has_its_rate_latency_and_pose() -> None:
+    """A second at 20 Hz has the right number of samples, each 30 ms late, from a position off the body's origin."""
     mounting = Mounting((0.5, 0.0, 0.1), (0.0, 0.0, pi / 2.0), latency=0.03)
     fitted = SensorSpec(Laser, LaserModel(rate=20.0, ground_truth=True), mounting)
     simulation = Simulation(VEHICLE, POOL, {"laser": fitted}, position=(0.0, 0.0, 5.0))
@@ -123,7 +123,7 @@ def test_laser_flies_with_its_rate_latency_and_pose() -> None:
 
 
 @pytest.mark.parametrize("mounting", [Mounting(), ASKEW])
-def test_profiler_over_a_slope(mounting: Mounting) -> None:
+def test_a_profiler_measures_a_slope(mounting: Mounting) -> None:
     model = ProfilerModel(beams=61, ground_truth=True)
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
     sample = Profiler(model, mounting, 1, scene(sloping())).sample(3, state)
@@ -135,7 +135,7 @@ def test_profiler_over_a_slope(mounting: Mounting) -> None:
         assert distance == pytest.approx(expected, abs=1e-6)
 
 
-def test_profiler_sees_a_block_to_starboard() -> None:
+def test_a_profiler_detects_a_block_to_starboard() -> None:
     world = FLAT._replace(box=(Box(0.0, 8.0, 4.0, 4.0, top=15.0),))
     sample = Profiler(ProfilerModel(ground_truth=True), Mounting(), 1, scene(world)).sample(0, State((0.0, 0.0, 5.0)))
     heights = [x * cos(sample.angle_min + i * sample.angle_increment) for i, x in enumerate(sample.ranges)]
@@ -144,7 +144,7 @@ def test_profiler_sees_a_block_to_starboard() -> None:
     assert all(sample.angle_min + i * sample.angle_increment > atan(0.6) - 1e-9 for i in on_top)
 
 
-def test_strengths_of_a_profile_are_lamberts() -> None:
+def test_strengths_of_a_profile_follow_lamberts_law() -> None:
     """Strengths are 20 lg cos of the angle below straight down; a block is 7 dB stronger; else there are none."""
     model = ProfilerModel(beams=61, ground_truth=True, max_range=25.0)
     world = FLAT._replace(box=(Box(0.0, 4.0, 4.0, 4.0, top=18.0),))
@@ -161,8 +161,8 @@ def test_strengths_of_a_profile_are_lamberts() -> None:
     assert any(map(isnan, sample.intensities))
 
 
-def test_a_wide_beam_of_a_profiler_rounds_an_edge() -> None:
-    """A cliff that is not seen from above is a step for rays; a wide beam has distances between its two sides."""
+def test_a_wide_profiler_beam_rounds_an_edge() -> None:
+    """A cliff that faces away from the sonar is a step for rays; a wide beam has distances between its two sides."""
     world = FLAT._replace(box=(Box(0.0, -9.0, 40.0, 22.0, top=14.0),))  # up to 2 m to starboard, 6 m high
 
     def depths(width: float) -> list[float]:
@@ -175,7 +175,7 @@ def test_a_wide_beam_of_a_profiler_rounds_an_edge() -> None:
     assert between[1] > 3
 
 
-def test_fading_of_a_profile_is_in_the_mean_none() -> None:
+def test_fading_of_a_profile_preserves_its_mean() -> None:
     one, same, other = (Profiler(ProfilerModel(looks=4.0), Mounting(), seed, scene(FLAT)) for seed in (1, 1, 2))
     state = State((0.0, 0.0, 5.0))
     first, again, third = (device.sample(0, state) for device in (one, same, other))
@@ -190,7 +190,7 @@ def test_fading_of_a_profile_is_in_the_mean_none() -> None:
 
 
 @pytest.mark.parametrize("width", [0.0, 5.0, 25.0, 60.0])
-def test_echosounder_hears_the_nearest_of_its_cone(width: float) -> None:
+def test_an_echosounder_measures_the_nearest_echo_in_its_cone(width: float) -> None:
     """The range over a slope of 14 deg is the perpendicular if the cone is wide enough, else the edge of the cone."""
     model = EchosounderModel(beam_width=radians(width), rings=12, ground_truth=True)
     echosounder = Echosounder(model, Mounting(), 1, scene(sloping()))
@@ -202,7 +202,7 @@ def test_echosounder_hears_the_nearest_of_its_cone(width: float) -> None:
     assert distance >= expected - 1e-9
 
 
-def test_echosounder_errors_and_limits() -> None:
+def test_an_echosounder_has_its_errors_and_limits() -> None:
     echosounder, state = Echosounder(EchosounderModel(), Mounting(), 1, scene()), State((0.0, 0.0, 10.0))
     assert pstdev(echosounder.sample(i, state).distance for i in range(1000)) == pytest.approx(0.005, rel=0.1)
     assert echosounder.sample(0, State((0.0, 0.0, 19.9))).distance == -inf
@@ -215,7 +215,7 @@ def test_echosounder_errors_and_limits() -> None:
 SONAR = ScanningSonarModel(ground_truth=True, beam_width=0.0, beam_height=0.0, rings=0)
 
 
-def test_scanning_sonar_goes_round() -> None:
+def test_a_scanning_sonar_scans_a_full_turn() -> None:
     """A turn is 400 pings of 1 grad; each range is that of the wall in its direction."""
     sonar, state = ScanningSonar(SONAR, Mounting(), 1, scene(POOL)), State((0.0, 0.0, 5.0))
     samples = [sonar.sample(i, state) for i in range(401)]
@@ -227,7 +227,7 @@ def test_scanning_sonar_goes_round() -> None:
         assert list(sample.ranges) == pytest.approx([min(walls)], abs=1e-6)
 
 
-def test_scanning_sonar_sweeps_a_sector() -> None:
+def test_a_scanning_sonar_sweeps_a_sector() -> None:
     model = SONAR._replace(angle_min=-0.2, angle_max=0.2, step=0.1)
     sonar = ScanningSonar(model, Mounting(), 1, scene(POOL))
     angles = [sonar.sample(i, State((0.0, 0.0, 5.0))).angle_min for i in range(10)]
@@ -237,8 +237,8 @@ def test_scanning_sonar_sweeps_a_sector() -> None:
     assert model.validate() is None
 
 
-def test_intensities_of_a_scanning_sonar() -> None:
-    """A pile to starboard is in the ping that looks there, at its range; the distance beside it is as without them."""
+def test_scanning_sonar_intensities_show_a_pile_at_its_range() -> None:
+    """A pile to starboard is in the ping of that direction, at its range; distances are as without intensities."""
     world = FLAT._replace(cylinder=(Cylinder(0.0, 12.0, 0.5),), depth=500.0)
     model = ScanningSonarModel(bins=1000, max_range=30.0, min_range=0.5, ground_truth=True, surface_strength=-200.0)
     sonar, plain = (ScanningSonar(m, Mounting(), 1, scene(world)) for m in (model, model._replace(bins=0)))
@@ -256,7 +256,7 @@ def test_intensities_of_a_scanning_sonar() -> None:
     assert sums[-pi] == 0.0
 
 
-def test_a_device_gives_intensities_beside_cameras() -> None:
+def test_a_scanning_sonar_device_gives_intensities() -> None:
     sensors = read_sensors({"scanning_sonar": {"device": "ping360"}}, "test")
     assert sensors["scanning_sonar"].offloaded
     assert sensors["scanning_sonar"].model.bins == 1200
@@ -268,7 +268,7 @@ def test_a_device_gives_intensities_beside_cameras() -> None:
     assert len(set(samples[0].echoes.intensities)) > 20
 
 
-def test_scanning_sonars_beam_is_tall() -> None:
+def test_a_scanning_sonar_has_a_tall_beam() -> None:
     """A 25 deg tall beam 3 m above a flat seabed meets it at 3 m / sin(12.5 deg), a thin one never."""
     world, state = FLAT, State((0.0, 0.0, 17.0))
     tall = ScanningSonar(ScanningSonarModel(ground_truth=True), Mounting(), 1, scene(world)).sample(0, state)
@@ -285,7 +285,7 @@ ALTIMETER = AltimeterModel(error=EXACT)
 
 
 @pytest.mark.parametrize("mounting", [Mounting(), ASKEW._replace(orientation=(0.1, -0.2, 0.8))])
-def test_log_over_a_slope(mounting: Mounting) -> None:
+def test_a_dvl_over_a_slope_has_exact_velocity_and_altitude(mounting: Mounting) -> None:
     """The beams' ranges are those to the slope; velocity is exact; altitude is at right angles to the slope."""
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
     dvl = Dvl(DVL, mounting, 1, scene(sloping()))
@@ -302,7 +302,7 @@ def test_log_over_a_slope(mounting: Mounting) -> None:
     assert rotate(mounting.quaternion, sample.velocity) == pytest.approx(swing, abs=1e-9)
 
 
-def test_log_over_a_block_and_out_of_reach() -> None:
+def test_a_dvl_beam_ends_on_a_block_and_lock_is_lost_out_of_reach() -> None:
     """One beam ends on a block; over a slope that falls away two of them find nothing any more, and lock is lost."""
     across = 15.0 * tan(DVL.tilt) / sqrt(2.0)
     world = FLAT._replace(box=(Box(across, across, 4.0, 4.0, top=16.0),))
@@ -314,8 +314,8 @@ def test_log_over_a_block_and_out_of_reach() -> None:
     assert not dvl.sample(0, State((0.0, 0.0, 5.0))).locked
 
 
-def test_an_obstacle_out_of_reach_changes_no_bit() -> None:
-    """The formula is taken while only the flat seabed is within reach; nearer, the rays, which give the same."""
+def test_an_obstacle_out_of_reach_does_not_change_a_sample() -> None:
+    """A formula is used while only the flat seabed is within reach; nearer, the rays, which give the same."""
     near = FLAT._replace(cylinder=(Cylinder(30.0, 0.0, 2.0),), box=(Box(-20.0, -20.0, 3.0, 3.0, 0.3, 15.0),))
     one, other = Dvl(DvlModel(), ASKEW, 5, scene()), Dvl(DvlModel(), ASKEW, 5, scene(near))
     rays = Dvl(DvlModel(), ASKEW, 5, scene(near))
@@ -327,7 +327,7 @@ def test_an_obstacle_out_of_reach_changes_no_bit() -> None:
         assert (third.altitude, *third.velocity) == pytest.approx((first.altitude, *first.velocity), abs=1e-9)
 
 
-def test_ground_is_flat_only_while_nothing_is_in_reach() -> None:
+def test_the_ground_is_flat_only_without_obstacles_in_reach() -> None:
     world = FLAT._replace(cylinder=(Cylinder(10.0, 0.0, 2.0),))
     ground = Dvl(DVL, Mounting(), 1, scene(world))._ground
     for north in [0.5 * i for i in range(30)]:
@@ -336,8 +336,8 @@ def test_ground_is_flat_only_while_nothing_is_in_reach() -> None:
     assert not Dvl(DVL, Mounting(), 1, scene(sloping()))._ground.is_flat(State((0.0, 0.0, 5.0)), 0.0)
 
 
-def test_ground_measures_clearance_only_when_it_could_tell(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The answer on a way among obstacles is always that of the clearance here, which is seldom measured."""
+def test_clearance_is_seldom_computed_without_changing_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The result on a path among obstacles always equals that of the clearance here, which is seldom computed."""
     world = FLAT._replace(cylinder=(Cylinder(10.0, 0.0, 2.0),), box=(Box(-6.0, -9.0, 3.0, 3.0, 0.3, 15.0),))
     measured: list[tuple[float, ...]] = []
     clearance = World.clearance
@@ -358,7 +358,7 @@ def test_ground_measures_clearance_only_when_it_could_tell(monkeypatch: pytest.M
     assert len(measured) < 500
 
 
-def test_altimeter_over_relief_and_obstacles() -> None:
+def test_an_altimeter_measures_relief_and_obstacles() -> None:
     state = State((1.0, 2.0, 5.0), from_euler(0.15, -0.2, 2.0), NU)
     sample = Altimeter(ALTIMETER, ASKEW, 1, scene(sloping())).sample(0, state)
     beam = rotate(ASKEW.attitude(state), (0.0, 0.0, 1.0))
@@ -372,7 +372,7 @@ def test_altimeter_over_relief_and_obstacles() -> None:
     assert ahead.sample(0, State((-20.0, 0.0, 11.0))).distance == inf
 
 
-def test_samples_are_the_same_in_every_run() -> None:
+def test_samples_are_equal_in_every_run() -> None:
     def ride() -> list[str]:
         sensors = {
             "laser": SensorSpec(Laser, LaserModel(rate=20.0)),

@@ -32,7 +32,7 @@ def with_battery() -> Vehicle:
     return VEHICLE._replace(thrusters=thrusters, battery=battery)
 
 
-def test_battery_monitor_reads_the_battery() -> None:
+def test_a_battery_monitor_measures_the_battery() -> None:
     vehicle = with_battery()
     exact = BatteryMonitorModel(voltage=ErrorModel(), current=ErrorModel())
     simulation = Simulation(vehicle, POOL, {"battery": SensorSpec(BatteryMonitor, exact)}, position=(0.0, 0.0, 1.0))
@@ -48,8 +48,8 @@ def test_battery_monitor_reads_the_battery() -> None:
     assert samples[0].charge - samples[1].charge == pytest.approx(state.current / 3600.0, rel=0.02)
 
 
-def test_battery_monitor_errors_have_their_size() -> None:
-    """The noise, beside the scale's error, is one step of the converter and the rounding to it, 1/12 of its square."""
+def test_battery_monitor_errors_have_their_stated_size() -> None:
+    """The noise, besides the scale error, is one step of the converter and the rounding to it, 1/12 of its square."""
     scene = Simulation(with_battery(), POOL, {}, position=(0.0, 0.0, 1.0))
     scene.step((1600,) * 6)
     battery = scene.battery
@@ -65,18 +65,18 @@ def test_battery_monitor_errors_have_their_size() -> None:
     assert pstdev(amperes) == pytest.approx(size, rel=0.12)
 
 
-def test_a_vehicle_without_a_battery_is_named() -> None:
+def test_a_battery_monitor_without_a_battery_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"paper_six has no battery: give its vehicle file a \[battery\]"):
         Simulation(VEHICLE, POOL, read_sensors({"battery": {}}, "a"), position=(0.0, 0.0, 1.0))
 
 
-def test_leak_at_a_time() -> None:
+def test_a_leak_starts_at_its_time() -> None:
     leak = Leak(LeakModel(at=2.5), Mounting(), 1, SCENE)
     wet = [leak.sample(i * S, State()).on for i in range(6)]
     assert wet == [False, False, False, True, True, True]
 
 
-def test_leak_below_a_depth_stays() -> None:
+def test_a_leak_below_a_depth_persists() -> None:
     """The depth is the detector's: 1 m ahead of the origin of a vehicle that dives steeply."""
     leak = Leak(LeakModel(below=10.0), Mounting((1.0, 0.0, 0.0)), 1, SCENE)
     depths = [5.0, 9.6, 9.4, 9.6, 3.0]
@@ -87,13 +87,13 @@ def test_leak_below_a_depth_stays() -> None:
     assert leak.sample(0, State((0.0, 0.0, 0.0))).on
 
 
-def test_leak_never() -> None:
+def test_a_leak_detector_without_settings_reports_no_leak() -> None:
     leak = Leak(LeakModel(), Mounting(), 1, SCENE)
     assert not any(leak.sample(i * 10**15, State((0.0, 0.0, 9000.0))).on for i in range(10))
 
 
-def test_contact_tells_of_every_touch() -> None:
-    """A touch of a wall at full speed is reported although it is long over when the switch is read."""
+def test_a_contact_switch_reports_every_contact() -> None:
+    """A contact with a wall at full speed is reported although it is over when the switch is read."""
     slow = SensorSpec(ContactSwitch, ContactModel(rate=1.0))
     simulation = Simulation(VEHICLE, POOL, {"contact": slow}, position=(6.0, 0.0, 2.0))
     found: list[tuple[bool, int]] = []

@@ -1,3 +1,5 @@
+"""IMU, DVL, pressure and odometry: exact without errors, and errors of their size."""
+
 from itertools import pairwise
 from math import cos, hypot, isnan, radians, sin
 from statistics import fmean, pstdev
@@ -27,21 +29,22 @@ SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.
 NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
 
 
-def test_imu_at_rest_feels_its_support() -> None:
+def test_an_imu_at_rest_measures_gravity_upwards() -> None:
     sample = Imu(EXACT_IMU, PLAIN, 1, SCENE).sample(5, State())
     assert sample == (5, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
     nose_up = State(quaternion=from_euler(0.0, radians(90), 0.0))
     assert Imu(EXACT_IMU, PLAIN, 1, SCENE).sample(5, nose_up).acceleration == pytest.approx((9.8, 0.0, 0.0))
 
 
-def test_imu_off_the_axis_feels_the_turn() -> None:
+def test_an_imu_off_the_axis_measures_the_turn() -> None:
     state = State(nu=(0, 0, 0, 0, 0, 2.0))
     state.nu_dot = [0.0, 0.0, 0.0, 0.0, 0.0, 3.0]
     assert specific_force(state, (0.5, 0.0, 0.0), 0.0) == pytest.approx((-0.5 * 4.0, 0.5 * 3.0, 0.0))
 
 
-def test_specific_force_is_the_acceleration_of_the_place() -> None:
-    """The specific force is the second difference of the sensor's place in the world, on a wild ride in a current."""
+def test_specific_force_is_the_acceleration_of_the_sensors_position() -> None:
+    """The specific force is the second difference of the sensor's position in the world, in fast motion in a current.
+    """
     vehicle, _ = load_vehicle("bluerov2_heavy")
     dynamics = Dynamics(vehicle, 1025.0, 9.8, "rk4")
     state, place, dt = State((0, 0, 50.0), from_euler(0.3, -0.2, 0.7), NU), (0.2, -0.1, 0.3), 0.001
@@ -66,7 +69,7 @@ def test_specific_force_is_the_acceleration_of_the_place() -> None:
     assert specific_force(felt, place, 9.8) == pytest.approx(expected, abs=0.02)
 
 
-def test_imu_noise_is_on_by_default_and_of_its_size() -> None:
+def test_imu_noise_is_on_by_default_with_its_stated_size() -> None:
     imu, state = Imu(ImuModel(), PLAIN, 3, SCENE), State()
     samples = [imu.sample(i, state) for i in range(2000)]
     rates = [sample.angular_velocity[0] for sample in samples]
@@ -77,8 +80,8 @@ def test_imu_noise_is_on_by_default_and_of_its_size() -> None:
     assert 0.0005 < pstdev(roll) < 0.02
 
 
-def test_dvl_is_exact_without_errors() -> None:
-    """The velocity of a tilted, turning log off the origin is that of its place, the altitude that over the seabed."""
+def test_a_dvl_is_exact_without_errors() -> None:
+    """The velocity of a tilted, turning DVL off the origin is that of its position; its altitude is over the seabed."""
     q, place = from_euler(0.15, -0.2, 2.0), (0.3, -0.1, 0.2)
     state = State((1.0, 2.0, 3.0), q, NU)
     sample = Dvl(EXACT_DVL, Mounting(place), 1, SCENE).sample(9, state)
@@ -91,7 +94,7 @@ def test_dvl_is_exact_without_errors() -> None:
     assert abs(sample.altitude - slant) > 1.0
 
 
-def test_dvl_beams_have_their_own_noise() -> None:
+def test_dvl_beams_have_independent_noise() -> None:
     """The sd of u by least squares over four beams is the beam's over sqrt(2) sin(tilt), of w over 2 cos(tilt)."""
     model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.05))
     dvl, state = Dvl(model, PLAIN, 1, SCENE), State((0.0, 0.0, 5.0), nu=NU)
@@ -113,15 +116,15 @@ def test_dvl_beams_have_their_own_noise() -> None:
         (5.0, radians(60), False),  # two beams above the horizon
     ],
 )
-def test_dvl_lock(depth: float, roll: float, locked: bool) -> None:
+def test_a_dvl_locks_within_its_limits(depth: float, roll: float, locked: bool) -> None:
     sample = Dvl(DvlModel(), PLAIN, 1, SCENE).sample(0, State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0), NU))
     assert sample.locked is locked
     assert isnan(sample.altitude) is not locked
     assert all(isnan(x) is not locked for x in sample.velocity)
 
 
-def test_dvl_with_three_beams() -> None:
-    """One beam loses the seabed over a slant; three still give velocity and altitude."""
+def test_a_dvl_with_three_beams_gives_velocity_and_altitude() -> None:
+    """One beam loses the seabed over a slope; three still give velocity and altitude."""
     model = EXACT_DVL._replace(max_range=23.0)
     state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)
     dvl = Dvl(model, PLAIN, 1, SCENE)
@@ -131,8 +134,8 @@ def test_dvl_with_three_beams() -> None:
     assert sample.altitude == pytest.approx(19.5)
 
 
-def test_a_beam_without_lock_counts_for_nothing() -> None:
-    """The error with three beams is each beam's own: the three measured speeds and ends are met exactly."""
+def test_a_beam_without_lock_does_not_contribute() -> None:
+    """The error with three beams is that of each beam: the three measured speeds and distances are met exactly."""
     model = DvlModel(max_range=23.0, velocity=ErrorModel(offset=0.1), range=ErrorModel(offset=0.5))
     dvl = Dvl(model, PLAIN, 1, SCENE)
     state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)
@@ -146,7 +149,7 @@ def test_a_beam_without_lock_counts_for_nothing() -> None:
     assert sample.altitude == pytest.approx(1.0 / hypot(*normal))
 
 
-def test_pressure() -> None:
+def test_pressure_is_hydrostatic_at_the_sensor_with_noise() -> None:
     sensor = Pressure(PressureModel(error=EXACT), Mounting((0.1, 0.0, 0.2)), 1, SCENE)
     assert sensor.sample(3, State((0, 0, 10.0))).time_ns == 3
     assert sensor.sample(3, State((0, 0, 10.0))).pascal == pytest.approx(101_325.0 + 1025.0 * 9.8 * 10.2)
@@ -157,7 +160,7 @@ def test_pressure() -> None:
     assert pstdev([noisy.sample(i, State()).pascal for i in range(500)]) == pytest.approx(20.0, rel=0.5)
 
 
-def test_odometry_is_near_the_truth_and_ground_truth_is_it() -> None:
+def test_odometry_has_errors_and_ground_truth_is_exact() -> None:
     state = State((1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3), NU)
     exact = GroundTruth(GroundTruthModel(), PLAIN, 1, SCENE).sample(7, state)
     assert exact == (7, (1.0, 2.0, 3.0), from_euler(0.1, 0.2, 0.3), NU)

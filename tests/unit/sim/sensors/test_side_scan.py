@@ -1,4 +1,4 @@
-"""Side-scan sonar against what planes and blocks must give; devices; and all that makes images with either engine."""
+"""Side-scan sonar against planes and blocks; devices; and images of all sensors with either engine."""
 
 from math import isinf, pi, radians, sin, sqrt
 from pathlib import Path
@@ -43,7 +43,7 @@ def side(sample: SideScanSample, which: str) -> Any:
 SCAN = SideScanModel(ground_truth=True, max_range=60.0, rays=3000, surface_strength=-200.0)
 
 
-def test_first_bottom_return_is_the_altitude() -> None:
+def test_the_first_bottom_return_is_at_the_altitude() -> None:
     scan = SideScan(SCAN, Mounting(), 1, scene())
     sample = scan.sample(0, AHEAD)
     assert sample.altitude == pytest.approx(10.0, abs=1e-4)
@@ -55,7 +55,7 @@ def test_first_bottom_return_is_the_altitude() -> None:
     assert side(sample, "port") == pytest.approx(side(sample, "starboard"), rel=1e-6)
 
 
-def test_shadow_of_a_block_to_starboard() -> None:
+def test_a_block_to_starboard_has_its_shadow() -> None:
     """A block from 18 to 22 m aside and 4 m high, 10 m above the seabed: its top's far edge shades to 22 * 10 / 6 m."""
     world = FLAT._replace(box=(Box(0.0, 20.0, 6.0, 4.0, top=16.0),))
     sample = SideScan(SCAN, Mounting(), 1, scene(world)).sample(0, AHEAD)
@@ -72,13 +72,13 @@ def test_shadow_of_a_block_to_starboard() -> None:
     assert (port[101:] > 0.0).all()
 
 
-def test_out_of_the_water_a_side_scan_hears_nothing() -> None:
+def test_a_side_scan_receives_nothing_out_of_the_water() -> None:
     ping = SideScan(SideScanModel(ground_truth=True), Mounting(), 1, scene()).sample(0, State((0.0, 0.0, -0.5)))
     assert isinf(ping.altitude)
     assert not side(ping, "port").any()
 
 
-def test_side_scan_turns_with_the_vehicle() -> None:
+def test_a_side_scan_turns_with_the_vehicle() -> None:
     """The block to the east is to port of a vehicle heading south."""
     world = FLAT._replace(box=(Box(0.0, 20.0, 6.0, 4.0, top=16.0),))
     scan = SideScan(SCAN, Mounting(), 1, scene(world))
@@ -97,7 +97,7 @@ def test_a_side_scan_picture_is_noisy_and_seeded() -> None:
 
 
 @pytest.mark.parametrize("device", ["oculus_m750d", "oculus_m750d_high", "gemini_720is", "blueview_p900_130"])
-def test_devices(device: str) -> None:
+def test_every_sonar_device_gives_samples(device: str) -> None:
     sensors = read_sensors({"forward_sonar": {"device": device, "rays": 4, "max_range": 30.0, "rate": 2.0}}, "test")
     fitted = sensors["forward_sonar"]
     assert fitted.model.max_range == 30.0
@@ -106,7 +106,7 @@ def test_devices(device: str) -> None:
     assert sample.frequency >= 720e3
 
 
-def test_a_device_is_of_its_sensor() -> None:
+def test_a_device_of_another_sensor_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"side_scan: device: .*gemini_720is\.toml is no side_scan"):
         read_sensors({"side_scan": {"device": "gemini_720is"}}, "test")
     with pytest.raises(ConfigError, match="starfish_450"):
@@ -114,7 +114,7 @@ def test_a_device_is_of_its_sensor() -> None:
     assert read_sensors({"side_scan": {"device": "starfish_450"}}, "test")["side_scan"].model.beam_width == radians(0.8)
 
 
-def test_numpys_rays_give_the_same_pictures(binaries: Path) -> None:
+def test_rays_in_numpy_and_c_give_the_same_pictures(binaries: Path) -> None:
     """Pictures by numpy's rays equal those by C to the last byte: sonars and camera, rough ground with obstacles."""
     grid = covering(EXTENT, 1.0)
     terrain = Terrain(grid, Fractal(15.0, 1.5, seed=4).depths(grid), 20.0)
@@ -133,7 +133,7 @@ def test_numpys_rays_give_the_same_pictures(binaries: Path) -> None:
     assert samples("C") == samples("python")
 
 
-def test_the_surface_echoes_from_below() -> None:
+def test_the_surface_echoes_to_a_side_scan_below() -> None:
     """The lobe 8 m below the surface, 12 m above the seabed, reaches up to 60 deg; the altitude is over the seabed."""
     state = State((0.0, 0.0, 8.0))
     model = SCAN._replace(beam_height=radians(170.0), surface_strength=-30.0)

@@ -34,7 +34,7 @@ def idle(vehicle: Vehicle, **pulses: int) -> list[int]:
 # -- the engine ---------------------------------------------------------------------------------------------------
 
 
-def test_engine_pumps_at_its_rate_between_its_limits() -> None:
+def test_a_buoyancy_engine_pumps_at_its_rate_between_its_limits() -> None:
     vehicle = BARE._replace(buoyancy_engine=ENGINE._replace(rate=30e-6))
     simulation = at_sea(vehicle, 200.0)
     assert simulation.equipment
@@ -54,7 +54,7 @@ def test_engine_pumps_at_its_rate_between_its_limits() -> None:
         assert bladder.volume == pytest.approx(volume, rel=1e-9)
 
 
-def test_engine_makes_it_rise_and_sink_at_the_speed_of_its_lift() -> None:
+def test_a_buoyancy_engine_gives_the_speed_of_its_lift() -> None:
     """The lift of 455 cm³ of sea water is 4.57 N; the hull drags 601 N at 1 m/s."""
     vehicle = BARE._replace(buoyancy_engine=ENGINE._replace(rate=1e-4))
     simulation = at_sea(vehicle, 200.0)
@@ -64,7 +64,7 @@ def test_engine_makes_it_rise_and_sink_at_the_speed_of_its_lift() -> None:
         assert simulation.state.nu[2] == pytest.approx(sign * sqrt(1025.0 * 9.8 * volume / 601.27), rel=1e-3)
 
 
-def test_engine_off_the_middle_pitches() -> None:
+def test_a_buoyancy_engine_off_the_middle_pitches_the_vehicle() -> None:
     vehicle = BARE._replace(
         buoyancy_engine=ENGINE._replace(position=(0.2, 0.0, 0.0), rate=1.0),
         linear_damping=(50.0, 0.0, 200.0, 5.0, 50.0, 50.0),
@@ -78,8 +78,8 @@ def test_engine_off_the_middle_pitches() -> None:
     )  # bow up
 
 
-def test_it_bobs_at_the_surface_with_the_period_of_its_water_plane() -> None:
-    """The period on its full bladder is 2 pi sqrt((m + m_a) / (rho g A)), A that of the box."""
+def test_bobbing_at_the_surface_has_the_period_of_the_water_plane() -> None:
+    """The period with a full bladder is 2 pi sqrt((m + m_a) / (rho g A)), A that of the box."""
     engine = ENGINE._replace(rate=1.0, max_volume=30_500e-6)  # 30 l, so that it floats about a fifth out of the water
     vehicle = BARE._replace(buoyancy_engine=engine, quadratic_damping=(0.0,) * 6)
     simulation = at_sea(vehicle, 0.0)
@@ -107,7 +107,7 @@ def test_only_a_pulse_above_1700_releases() -> None:
     assert [is_release(pulse) for pulse in (0, 1500, 1700, 1701, 1900, 2200, 2201)] == [0, 0, 0, 1, 1, 1, 0]
 
 
-def test_what_is_left_weighs_what_is_left() -> None:
+def test_the_remaining_vehicle_has_the_remaining_mass_properties() -> None:
     """Two point masses on a stick, one of them dropped, leave the other, about itself."""
     one, other = DropWeight("one", 2.0, (0.4, 0.0, 0.0), 1e-3), (-0.4, 0.0, 0.0)
     pair = BARE._replace(
@@ -121,7 +121,7 @@ def test_what_is_left_weighs_what_is_left() -> None:
     assert left.center_of_buoyancy[0] == pytest.approx(-0.1)
 
 
-def test_the_order_does_not_matter() -> None:
+def test_the_order_of_releases_does_not_matter() -> None:
     other = DropWeight("nose", 1.0, (0.9, 0.0, 0.0), 1e-4)
     one = without_weight(without_weight(TETHYS, WEIGHT, 1025.0), other, 1025.0)
     two = without_weight(without_weight(TETHYS, other, 1025.0), WEIGHT, 1025.0)
@@ -129,8 +129,8 @@ def test_the_order_does_not_matter() -> None:
         assert getattr(one, key) == pytest.approx(getattr(two, key), abs=1e-12)
 
 
-def test_release_keeps_velocity_and_takes_its_momentum() -> None:
-    """The momentum before is that of what is left and of the weight, which goes on as it went."""
+def test_a_release_keeps_the_velocity_and_removes_its_momentum() -> None:
+    """The momentum before is that of the remaining vehicle and of the weight, which moves on unchanged."""
     vehicle = TETHYS._replace(drop_weights=(WEIGHT,), volume=TETHYS.mass / 1025.0)
     simulation = at_sea(vehicle, 50.0)
     simulation.state.nu = nu = [1.0, 0.2, -0.1, 0.1, 0.05, -0.2]
@@ -144,7 +144,7 @@ def test_release_keeps_velocity_and_takes_its_momentum() -> None:
     assert [a + b for a, b in zip(left, own, strict=True)] == pytest.approx(before)
 
 
-def test_after_release_it_rises_as_fast_as_the_mass_left_allows() -> None:
+def test_a_vehicle_rises_after_release_as_its_remaining_mass_allows() -> None:
     vehicle = BARE._replace(drop_weights=(WEIGHT._replace(position=(0.0, 0.0, 0.0), volume=0.0),))
     simulation = at_sea(vehicle, 50.0)
     simulation.step(idle(vehicle))
@@ -162,7 +162,7 @@ def test_after_release_it_rises_as_fast_as_the_mass_left_allows() -> None:
     assert simulation.state.nu[2] == pytest.approx(-sqrt(2.0 * 9.8 / 601.27), rel=0.01)
 
 
-def test_a_contact_is_with_the_mass_that_is_left() -> None:
+def test_a_collision_after_release_uses_the_remaining_mass() -> None:
     offloaded = TETHYS._replace(drop_weights=(DropWeight("half", 70.0, (0.0, 0.0, 0.0), 0.0),))
     dropped, light = at_sea(offloaded, 5.0), at_sea(without_weight(offloaded, offloaded.drop_weights[0], 1025.0), 5.0)
     dropped.release("half")
@@ -173,7 +173,7 @@ def test_a_contact_is_with_the_mass_that_is_left() -> None:
     assert dropped.state.nu == light.state.nu
 
 
-def test_releases_are_planned_named_and_checked(tmp_path: Path) -> None:
+def test_releases_are_scheduled_by_name_and_validated(tmp_path: Path) -> None:
     simulation = at_sea(TETHYS, 50.0, releases=(Release("drop weight", 1.0),))
     for _ in range(100):
         simulation.step(idle(TETHYS))
@@ -201,7 +201,7 @@ def test_releases_are_planned_named_and_checked(tmp_path: Path) -> None:
     assert flown.vehicle.mass == TETHYS.mass - 1.0
 
 
-def test_a_weight_is_a_part_of_the_vehicle() -> None:
+def test_a_drop_weight_must_be_a_part_of_the_vehicle() -> None:
     offloaded = TETHYS._replace(drop_weights=(WEIGHT._replace(mass=200.0),))
     assert "'keel' is more than the vehicle" in str(validate_drop_weights(offloaded))
     far = TETHYS._replace(drop_weights=(WEIGHT._replace(mass=50.0, position=(5.0, 0.0, 0.0)),))
@@ -211,7 +211,7 @@ def test_a_weight_is_a_part_of_the_vehicle() -> None:
 # -- layers and waves ---------------------------------------------------------------------------------------------
 
 
-def test_it_comes_to_rest_where_the_water_is_as_dense_as_it_was_trimmed_for() -> None:
+def test_a_vehicle_rests_at_the_density_that_it_is_trimmed_for() -> None:
     world = SEA._replace(ocean=Ocean(profile=Profile((0.0, 20.0), (1020.0, 1030.0))))
     vehicle = BARE._replace(linear_damping=(10.0, 10.0, 20.0, 5.0, 30.0, 30.0))
     for start in (5.0, 14.0):
@@ -225,8 +225,9 @@ def test_it_comes_to_rest_where_the_water_is_as_dense_as_it_was_trimmed_for() ->
         assert simulation.state.position[2] == pytest.approx(10.0, abs=0.05)
 
 
-def test_afloat_it_follows_a_long_swell() -> None:
-    """A swell of 16 s, 400 m long, lifts what floats by its own height; under water nothing of the surface is felt."""
+def test_a_floating_vehicle_follows_a_long_swell() -> None:
+    """A swell of 16 s, 400 m long, lifts a floating vehicle by its own height; under water there is no surface effect.
+    """
     swell = Waves(significant_height=2.0 * sqrt(2.0), peak_period=16.0, components=1, hold=0.0)
     world = SEA._replace(ocean=Ocean(waves=swell))
     vehicle = BARE._replace(
@@ -251,7 +252,7 @@ def test_afloat_it_follows_a_long_swell() -> None:
     assert deep.forces().others == [0.0] * 6
 
 
-def test_calm_water_of_one_density_has_no_such_forces() -> None:
+def test_calm_water_of_one_density_gives_no_extra_forces() -> None:
     world = SEA._replace(ocean=Ocean(profile=Profile((0.0, 100.0), (1025.0, 1025.0))))
     simulation = at_sea(BARE, 0.1, world)
     simulation.step(idle(BARE))

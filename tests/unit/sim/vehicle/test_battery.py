@@ -1,3 +1,5 @@
+"""The battery: the circuit with its load, energy balance, voltage sag, and wrong tables."""
+
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -55,7 +57,7 @@ def test_the_voltage_solves_the_circuit(tmp_path: Path) -> None:
     assert full.thrusts[0] < 0.8 * performance(1900, 16.8).thrust
 
 
-def test_turns_and_currents_are_those_of_the_table_at_the_batterys_voltage(tmp_path: Path) -> None:
+def test_rpm_and_current_are_those_of_the_table_at_the_battery_voltage(tmp_path: Path) -> None:
     vehicle, _ = load_vehicle(vehicle_file(tmp_path))
     thrusters = make_thrusters(vehicle, 0.0025)
     pulses = (1700, 1300, 1500, 1900, 1100, 1600)
@@ -74,7 +76,7 @@ def test_turns_and_currents_are_those_of_the_table_at_the_batterys_voltage(tmp_p
     assert thrusters.motors(pulses)[1][1] > 0.5
 
 
-def test_without_a_battery_they_are_those_at_the_supply_and_unknown_of_other_curves(tmp_path: Path) -> None:
+def test_without_a_battery_rpm_and_current_are_those_of_the_supply(tmp_path: Path) -> None:
     vehicle, _ = load_vehicle(vehicle_file(tmp_path, battery=""))
     (speed, current), *_ = make_thrusters(vehicle, 0.0025).motors((1700,) * 6)
     expected = performance(1700, 16.0)
@@ -84,7 +86,7 @@ def test_without_a_battery_they_are_those_at_the_supply_and_unknown_of_other_cur
 
 
 @pytest.mark.parametrize("resistance", [0.0, 0.05, 0.5])
-def test_energy_balance(resistance: float) -> None:
+def test_the_battery_energy_is_balanced(resistance: float) -> None:
     """The cells give, from full to empty, what the load gets plus what the resistance heats."""
     battery = parse({**TABLE, "capacity_wh": 20.0, "resistance": resistance, "hotel_current": 1.0}, Battery, "test")
     pack = BatteryPack(battery)
@@ -105,7 +107,7 @@ def test_energy_balance(resistance: float) -> None:
     assert pack.state.fraction == 0.0
 
 
-def test_voltage_below_and_above_the_table() -> None:
+def test_the_circuit_is_solved_beyond_the_voltages_of_the_table() -> None:
     """The table gives 2 V, proportional below 10 V, and 25 V, where the current of 20 V holds."""
     load = [performance(1900, volts).current for volts in VOLTS]
     for volts, ohm in ((2.0, 0.1), (25.0, 0.1)):
@@ -116,7 +118,7 @@ def test_voltage_below_and_above_the_table() -> None:
 
 
 @pytest.mark.parametrize(("key", "seconds"), [("", 1.0), ("cut_off_delay = 0.25", 0.25), ("cut_off_delay = 0", 0.0)])
-def test_sag_cuts_off_for_good_after_its_delay(key: str, seconds: float, tmp_path: Path) -> None:
+def test_voltage_sag_cuts_off_permanently_after_its_delay(key: str, seconds: float, tmp_path: Path) -> None:
     """The delay is of one sag without a break, not of several that add up; then it stays off."""
     vehicle, _ = load_vehicle(vehicle_file(tmp_path, TOML.replace("cut_off = 11.0", f"cut_off = 14.5\n{key}")))
     dt = 0.0025
@@ -141,8 +143,8 @@ def test_sag_cuts_off_for_good_after_its_delay(key: str, seconds: float, tmp_pat
     assert thrusters.battery.current == 0.0
 
 
-def test_it_empties_under_way(tmp_path: Path) -> None:
-    """The vehicle in the world: the charge falls, the same ride gives the same numbers, an unfed one has none."""
+def test_the_charge_falls_during_a_run(tmp_path: Path) -> None:
+    """The charge falls, the same run gives the same numbers, and a vehicle without a battery has no state."""
     vehicle, _ = load_vehicle(vehicle_file(tmp_path, TOML.replace("266.0", "2.0")))
     rides = []
     for _ in range(2):
@@ -171,13 +173,13 @@ def test_it_empties_under_way(tmp_path: Path) -> None:
         ({"resistance": -0.1}, "resistance: -0.1 is outside"),
     ],
 )
-def test_wrong_batteries_are_named(changes: dict[str, Any], words: str) -> None:
+def test_wrong_batteries_are_reported(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match="battery") as caught:
         parse({**TABLE, **changes}, Battery, "test.toml: battery")
     assert words in str(caught.value)
 
 
-def test_a_battery_needs_a_thruster_that_draws(tmp_path: Path) -> None:
+def test_a_battery_needs_a_thruster_with_a_current(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"battery: no thruster draws from it"):
         load_vehicle(vehicle_file(tmp_path, curve=""))
     with pytest.raises(ConfigError, match=r"battery: expected a table"):

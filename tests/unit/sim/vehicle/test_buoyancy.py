@@ -1,3 +1,5 @@
+"""Buoyancy at the surface: continuous, correct for a box, and conserving energy."""
+
 from itertools import pairwise
 from math import inf, pi, sqrt
 
@@ -25,7 +27,7 @@ def float_(**changes: object) -> Vehicle:
 
 
 def energy(dynamics: Dynamics, state: State) -> float:
-    """Return the energy: kinetic, of the weight, and of the water pushed aside, each point's lift over its depth."""
+    """Return the energy: kinetic, of the weight, and of the displaced water, each point's lift over its depth."""
     zx, zy, zz = rotations.matrix(state.quaternion)[6:]
     hull = dynamics.hull
     heights, share = [z for _, _, z in hull.points], hull.full / len(hull.points)
@@ -68,7 +70,7 @@ def test_level_lift_is_that_of_a_box() -> None:
         assert hull.buoyancy(depth, LEVEL)[0] == pytest.approx(hull.full * (depth + 0.117) / 0.234)
 
 
-def test_center_of_buoyancy_moves_to_the_wet_part() -> None:
+def test_the_center_of_buoyancy_moves_to_the_submerged_part() -> None:
     """The centre, half in, is a quarter of the height below the middle. Heeled, it moves to the low side."""
     hull = Hull(float_(), RHO, G)
     lift, x, y, z = hull.buoyancy(0.0, LEVEL)
@@ -77,7 +79,7 @@ def test_center_of_buoyancy_moves_to_the_wet_part() -> None:
     assert y / lift > 0.01
 
 
-def test_heel_stiffness_of_a_box() -> None:
+def test_a_floating_box_has_its_metacentric_height() -> None:
     """The metacentric height of a floating box is second moment over volume, less the height of weight over lift."""
     dynamics = Dynamics(float_(), RHO, G)
     heel = 1e-6
@@ -91,7 +93,7 @@ def test_heel_stiffness_of_a_box() -> None:
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 @pytest.mark.parametrize("added", [0.0, 9.24, 60.0])
-def test_bobbing_period(integrator: Integrator, added: float) -> None:
+def test_bobbing_has_its_period(integrator: Integrator, added: float) -> None:
     vehicle = float_(added_mass=(5.0, 5.0, added, 0.1, 0.1, 0.1))
     dynamics = Dynamics(vehicle, RHO, G, integrator)
     state, dt, crossings, before = State((0.0, 0.0, 0.02)), 0.001, [], inf
@@ -108,7 +110,7 @@ def test_bobbing_period(integrator: Integrator, added: float) -> None:
 
 
 @pytest.mark.parametrize("start", [0.08, 0.4])
-def test_bobbing_energy_does_not_grow(start: float) -> None:
+def test_the_energy_of_bobbing_does_not_grow(start: float) -> None:
     """The energy of 100 s of bobbing, leaping out and falling back stays within 0.1 % with the default integrator.
 
     Drag in turning only: without any, leaping winds up the smallest roll (parametric resonance).
@@ -123,7 +125,7 @@ def test_bobbing_energy_does_not_grow(start: float) -> None:
         assert energy(dynamics, state) - rest == pytest.approx(first, rel=0.001)
 
 
-def test_rolling_about_in_the_surface_keeps_energy() -> None:
+def test_rolling_at_the_surface_conserves_energy() -> None:
     """Lift has a potential whatever the attitude: a tumbling, bobbing hull neither gains nor loses."""
     dynamics = Dynamics(float_(center_of_buoyancy=(0.01, -0.02, -0.03)), RHO, G, "rk4")
     state = State((0.0, 0.0, 0.1), from_euler(0.8, -0.5, 0.0), (0.1, 0.2, -0.3, 1.0, -0.5, 0.3))
@@ -133,7 +135,7 @@ def test_rolling_about_in_the_surface_keeps_energy() -> None:
         assert energy(dynamics, state) == pytest.approx(start, abs=2e-4)
 
 
-def test_trimmed_vehicle_hangs_in_any_water() -> None:
+def test_a_trimmed_vehicle_hovers_in_any_water() -> None:
     for density in (998.0, 1028.0):
         dynamics = Dynamics(PLAIN, density, 9.81)
         assert dynamics.acceleration(5.0, LEVEL, NOTHING, NOTHING, STILL) == pytest.approx([0.0] * 6, abs=1e-12)

@@ -1,4 +1,4 @@
-"""Forces beside those of the dynamics: a user's own, from a scenario."""
+"""Forces of a user's own class, from a scenario."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,7 +33,7 @@ class Deaf:
 
 
 class Crosswind:
-    """A force that depends on all it is given."""
+    """A force that depends on all its arguments."""
 
     def begin(self, time_ns: int) -> None:
         """Do nothing: it does not change with time."""
@@ -51,7 +51,7 @@ def scenario_file(folder: Path, force: str) -> str:
     return str(path)
 
 
-def test_a_force_of_a_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_users_force_acts_in_a_simulation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     scenario = load_scenario(scenario_file(tmp_path, '[[force]]\nclass = "my_forces:Tether"\npull = 5.0\n'))
     vehicle, _ = load_vehicle(scenario.vehicle)
@@ -76,7 +76,7 @@ def test_a_force_of_a_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         ("[force]\npull = 1", "force: expected tables, each under [[force]]"),
     ],
 )
-def test_wrong_forces_are_named(force: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_forces_are_reported(force: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match=r"mine\.toml: force") as caught:
         load_scenario(scenario_file(tmp_path, force))
@@ -84,7 +84,7 @@ def test_wrong_forces_are_named(force: str, words: str, tmp_path: Path, monkeypa
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_c_and_python_agree_with_a_force_too(integrator: str) -> None:
+def test_c_and_python_agree_with_a_users_force(integrator: str) -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")
     both = [kind(vehicle, 1025.0, 9.81, integrator, [Crosswind()]) for kind in (Dynamics, make_dynamics)]  # type: ignore[arg-type]
     states = [State((1.0, 2.0, 9.0), from_euler(0.3, -0.2, 1.0), [0.4, -0.3, 0.2, 0.1, -0.2, 0.3]) for _ in both]

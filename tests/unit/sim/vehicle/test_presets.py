@@ -1,4 +1,4 @@
-"""The presets against what was published of them, beyond what loading checks."""
+"""The presets against published figures, beyond what loading checks."""
 
 from math import sqrt
 
@@ -53,8 +53,8 @@ def diagonal(values: tuple[float, ...], size: int) -> list[float]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_holds_still_and_moves_ahead(name: str) -> None:
-    """Neutral pulses leave it within what its trim allows; it answers a push on every thruster without blowing up."""
+def test_every_preset_stays_still_and_stable_under_thrust(name: str) -> None:
+    """Neutral pulses leave it within its trim; full thrust on every channel keeps its motion bounded."""
     vehicle, _ = load_vehicle(name)
     world = load_world("paper_field")._replace(cylinder=(), box=())
     still = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
@@ -98,7 +98,7 @@ def test_blue_published_matrix_is_not_that_of_its_poses() -> None:
     )
 
 
-def test_paper_seven_is_paper_six_with_another_thruster() -> None:
+def test_paper_seven_is_paper_six_with_seven_thrusters() -> None:
     six, seven = load_vehicle("paper_six")[0], load_vehicle("paper_seven")[0]
     assert seven._replace(name=six.name, thrusters=six.thrusters) == six
     assert len(seven.thrusters) == 7
@@ -138,8 +138,8 @@ def prism_coefficient(ratio: float) -> float:
     return float(0.68 * ratio**-exponent)
 
 
-def test_numbers_as_published() -> None:
-    """Another table repeats the numbers: what was typed into a preset was typed right."""
+def test_preset_numbers_equal_the_published_ones() -> None:
+    """A second table repeats the numbers, which finds typing errors in a preset."""
     wu, _ = load_vehicle("bluerov2_heavy_wu2018")
     assert wu.added_mass == (5.5, 12.7, 14.57, 0.12, 0.12, 0.12)
     assert (wu.mass - 1000.0 * wu.volume) * 9.80665 == pytest.approx(114.8 - 112.8, abs=2e-3)

@@ -1,4 +1,4 @@
-"""Fins, hull lift and cross-flow drag against formulas, and against what none of them may do: make energy."""
+"""Fins, hull lift and cross-flow drag against formulas, and that none of them adds energy."""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -42,14 +42,14 @@ def rudder(angle: float, fin: Fin = RUDDER) -> FinSet:
 # -- the polar ----------------------------------------------------------------------------------------------------
 
 
-def test_lift_slope_of_known_wings() -> None:
+def test_known_wings_have_their_lift_slope() -> None:
     assert lift_slope(1e4) == pytest.approx(2.0 * pi, rel=1e-3)  # a long one: thin-aerofoil theory
     assert lift_slope(0.1) == pytest.approx(0.5 * pi * 0.1, rel=1e-2)  # a short one: Jones
     assert RUDDER.polar.lift_slope == pytest.approx(2.0 * pi / (1.0 + sqrt(2.0)))
     assert RUDDER.polar.induced_drag == pytest.approx(1.0 / (pi * 0.9 * 2.0))
 
 
-def test_lift_and_drag_of_half_rho_u_squared() -> None:
+def test_lift_and_drag_scale_with_dynamic_pressure() -> None:
     for speed, angle in ((0.5, 0.1), (2.0, -0.2), (1.0, 0.3)):
         slope = RUDDER.polar.lift_slope
         size = 0.5 * RHO * speed * speed * 0.02
@@ -58,8 +58,8 @@ def test_lift_and_drag_of_half_rho_u_squared() -> None:
         assert wrench(rudder(angle), speed) == pytest.approx([-drag, -lift, 0.0, 0.0, 0.0, lift])
 
 
-def test_angle_of_attack_is_against_the_local_flow() -> None:
-    """A drift by 0.1 rad with a rudder set against it by as much is as straight ahead, all turned by 0.1 rad."""
+def test_the_angle_of_attack_is_relative_to_the_local_flow() -> None:
+    """A drift by 0.1 rad with a rudder turned by as much equals straight motion, all turned by 0.1 rad."""
     straight, drifting = wrench(rudder(0.2), 1.0), wrench(rudder(0.1), cos(0.1), sin(0.1))
     x, y = straight[:2]
     assert drifting[:2] == pytest.approx([x * cos(0.1) - y * sin(0.1), x * sin(0.1) + y * cos(0.1)])
@@ -67,7 +67,7 @@ def test_angle_of_attack_is_against_the_local_flow() -> None:
     assert turning == pytest.approx(wrench(rudder(0.0), 1.0, -0.2))
 
 
-def test_stall() -> None:
+def test_a_fin_stalls_beyond_its_angle() -> None:
     polar = RUDDER.polar
     before, at, after = (polar.at(angle)[0] for angle in (0.29, 0.3, 0.55))
     assert before < at == pytest.approx(0.3 * polar.lift_slope)
@@ -82,20 +82,20 @@ def test_stall() -> None:
     assert min(drag for _, drag in found) >= 0.01
 
 
-def test_a_rudder_works_the_other_way_round_going_astern() -> None:
+def test_a_rudder_acts_in_reverse_going_astern() -> None:
     ahead, astern = wrench(rudder(0.2), 1.0), wrench(rudder(0.2), -1.0)
     assert astern == pytest.approx([-x for x in ahead])
     assert list(wrench(rudder(0.2))) == [0.0] * 6  # at rest
 
 
-def test_what_the_hull_straightens() -> None:
+def test_the_hull_straightens_the_flow_at_a_rudder() -> None:
     behind = RUDDER._replace(straightening=0.0)
     assert wrench(rudder(0.2, behind), 1.0, 0.3) == pytest.approx(wrench(rudder(0.2), 1.0))
     half = RUDDER._replace(straightening=0.5)
     assert wrench(rudder(0.2, half), 1.0, 0.3) == pytest.approx(wrench(rudder(0.2), 1.0, 0.15))
 
 
-def test_matrix_is_the_slope_of_the_wrench() -> None:
+def test_the_fin_matrix_is_the_slope_of_the_wrench() -> None:
     for name in TORPEDOES:
         vehicle, _ = load_vehicle(name)
         matrix = fin_matrix(vehicle.fins, RHO)
@@ -129,7 +129,7 @@ def forces() -> list[Callable[[Random], Force]]:
 
 
 @pytest.mark.parametrize("make", forces(), ids=["fin", "hull", "hull in a plane", "cross flow", "damping"])
-def test_no_surface_makes_energy(make: Callable[[Random], Force]) -> None:
+def test_no_surface_adds_energy(make: Callable[[Random], Force]) -> None:
     """The power of force and moment is never above zero in still water, for flows from everywhere."""
     random = Random(5)
     for _ in range(2000):
@@ -144,8 +144,8 @@ def test_no_surface_makes_energy(make: Callable[[Random], Force]) -> None:
 
 
 @pytest.mark.parametrize("name", TORPEDOES)
-def test_a_vehicle_left_alone_comes_to_rest(name: str) -> None:
-    """The kinetic energy of a vehicle thrown with its fins askew, ahead or astern, falls all the time."""
+def test_a_vehicle_without_thrust_comes_to_rest(name: str) -> None:
+    """The kinetic energy of a vehicle thrown with its fins deflected, ahead or astern, falls all the time."""
     vehicle, _ = load_vehicle(name)
     vehicle = vehicle._replace(neutrally_buoyant=True, center_of_buoyancy=vehicle.center_of_gravity)
     vehicle = vehicle._replace(fins=tuple([fin._replace(straightening=1.0) for fin in vehicle.fins]))
@@ -167,7 +167,7 @@ def test_a_vehicle_left_alone_comes_to_rest(name: str) -> None:
 # -- hull and cross flow ------------------------------------------------------------------------------------------
 
 
-def test_hull_lift_at_an_angle() -> None:
+def test_hull_lift_has_its_value_at_an_angle() -> None:
     lift = Lift(0.2, aspect_ratio=0.2, parasitic_drag=0.05, position=(-0.3, 0.0, 0.0))
     size, slope, angle = 0.5 * RHO * 4.0 * 0.2, lift_slope(0.2), 0.1
     up, drag = size * slope * angle, size * (0.05 + (slope * angle) ** 2 / (pi * 0.3 * 0.2))
@@ -181,7 +181,7 @@ def test_hull_lift_at_an_angle() -> None:
     assert wrench(flat, u, across)[1] == 0.0
 
 
-def test_cross_flow_of_sway_and_of_yaw() -> None:
+def test_cross_flow_drag_acts_on_sway_and_yaw() -> None:
     drag = CrossFlowDrag(CrossFlow((1.1,)), (2.0, 0.2, 0.3), RHO)
     assert wrench(drag, 1.0, 0.4)[1] == pytest.approx(-0.5 * RHO * 1.1 * 2.0 * 0.3 * 0.16)
     assert wrench(drag, 1.0, 0.0, -0.4)[2] == pytest.approx(0.5 * RHO * 1.1 * 2.0 * 0.2 * 0.16)
@@ -191,13 +191,13 @@ def test_cross_flow_of_sway_and_of_yaw() -> None:
     assert yaw[1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_cross_flow_coefficient_by_speed() -> None:
+def test_the_cross_flow_coefficient_depends_on_speed() -> None:
     drag = CrossFlowDrag(CrossFlow((1.0, 0.4), (0.2, 0.4)), (2.0, 0.2, 0.2), RHO)
     for speed, coefficient in ((0.1, 1.0), (0.3, 0.7), (0.9, 0.4)):
         assert wrench(drag, 0.0, speed)[1] == pytest.approx(-0.5 * RHO * coefficient * 0.4 * speed * speed)
 
 
-def test_damping_by_speed_brakes_astern_too() -> None:
+def test_damping_by_speed_brakes_also_astern() -> None:
     damping = SpeedDamping((8.0, 160.0, 100.0, 13.0, 20.0, 32.0))
     assert wrench(damping, -2.0, 0.1)[:2] == pytest.approx([32.0, -32.0])
 
@@ -205,7 +205,7 @@ def test_damping_by_speed_brakes_astern_too() -> None:
 # -- servos -------------------------------------------------------------------------------------------------------
 
 
-def test_pulses_and_angles() -> None:
+def test_pulses_and_deflections_convert_both_ways() -> None:
     fin = RUDDER._replace(pwm_min_us=1200, max_deflection=0.4)
     assert [fin.deflection(pulse) for pulse in (1100, 1200, 1350, 1500, 1700, 1900, 2100)] == pytest.approx(
         [-0.4, -0.4, -0.2, 0.0, 0.2, 0.4, 0.4]
@@ -213,7 +213,7 @@ def test_pulses_and_angles() -> None:
     assert [fin.pulse(angle) for angle in (-1.0, -0.2, 0.0, 0.2, 1.0)] == [1200, 1350, 1500, 1700, 1900]
 
 
-def test_a_servo_lags() -> None:
+def test_a_servo_follows_with_its_lag() -> None:
     fins = FinSet([RUDDER._replace(time_constant=0.1)], RHO, 0.01)
     for _ in range(10):
         fins.step([1900])
@@ -224,7 +224,7 @@ def test_a_servo_lags() -> None:
     assert fins.angles[0] == pytest.approx(-0.01)
 
 
-def test_a_servo_without_pulses_stays() -> None:
+def test_a_servo_without_pulses_keeps_its_angle() -> None:
     fins = FinSet([RUDDER._replace(time_constant=0.0)], RHO, 0.01)
     fins.step([1700])
     for pulse in (0, 799, 2201):
@@ -246,7 +246,7 @@ def flight(vehicle: Vehicle, steps: int = 800) -> list[float]:
 
 
 @pytest.mark.parametrize("name", TORPEDOES)
-def test_the_same_each_time_and_in_c(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_with_fins_are_equal_each_time_and_in_c(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     vehicle, _ = load_vehicle(name)
     native = flight(vehicle)
     assert flight(vehicle) == native
@@ -255,7 +255,7 @@ def test_the_same_each_time_and_in_c(name: str, monkeypatch: pytest.MonkeyPatch)
     assert all(map(isfinite, native))
 
 
-def test_one_pulse_a_channel() -> None:
+def test_a_step_needs_one_pulse_a_channel() -> None:
     vehicle, _ = load_vehicle("tethys")
     assert vehicle.channels == ("propeller", "rudder", "elevator", "buoyancy engine", "drop weight")
     simulation = Simulation(vehicle, SEA, position=DEEP)
@@ -263,7 +263,7 @@ def test_one_pulse_a_channel() -> None:
         simulation.step([1500])
 
 
-def test_torque_of_a_propeller_rolls() -> None:
+def test_propeller_torque_rolls_the_vehicle() -> None:
     vehicle, _ = load_vehicle("lauv")
     (thruster,) = vehicle.thrusters
     twisting = vehicle._replace(thrusters=(thruster._replace(torque=0.02, time_constant=0.0),))
@@ -283,7 +283,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("right", "wrong", "words"), WRONG)
-def test_mistakes_are_named(right: str, wrong: str, words: str, tmp_path: Path) -> None:
+def test_mistakes_are_reported(right: str, wrong: str, words: str, tmp_path: Path) -> None:
     text = (Path(__file__).parents[4] / "sim/vehicles/remus100.toml").read_text()
     assert right in text
     path = tmp_path / "mine.toml"
@@ -293,7 +293,7 @@ def test_mistakes_are_named(right: str, wrong: str, words: str, tmp_path: Path) 
     assert words in str(caught.value)
 
 
-def test_sixteen_channels_are_all(tmp_path: Path) -> None:
+def test_a_vehicle_has_at_most_16_channels(tmp_path: Path) -> None:
     text = (Path(__file__).parents[4] / "sim/vehicles/tethys.toml").read_text()
     weight = '[[drop_weights]]\nname = "w{}"\nmass = 0.1\nposition = [0.0, 0.0, 0.0]\n'
     for count, fits in ((11, True), (12, False)):

@@ -1,4 +1,4 @@
-"""Top speeds: the published anchors, and the speed that a simulated run settles at."""
+"""Top speeds: published reference values, and the speed that a simulated run settles at."""
 
 from collections.abc import Callable, Sequence
 from math import inf
@@ -24,7 +24,7 @@ def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[AxisCapability, ...]
     ("force", "axis", "speed"),
     [(120.0 + NET_WEIGHT, 2, 0.716), (85.0, 1, 0.630), (85.0, 0, 0.730), (10.0, 5, 2.582)],
 )
-def test_anchors_of_von_benzon(force: float, axis: int, speed: float) -> None:
+def test_top_speeds_agree_with_von_benzons_runs(force: float, axis: int, speed: float) -> None:
     """The speeds of von Benzon's runs, table 4, lie on either side: 0.72 m/s at 85 N surge, 0.735 at a run's peak."""
     found = terminal_speed(force, HEAVY.linear_damping[axis], HEAVY.quadratic_damping[axis])
     assert found == pytest.approx(speed, rel=0.01)
@@ -51,7 +51,7 @@ def test_the_published_sets_disagree(name: str, speed: float) -> None:
     )
 
 
-def test_terminal_speed_solves_its_equation() -> None:
+def test_the_terminal_speed_solves_its_equation() -> None:
     for force, linear, quadratic in (
         (5.0, 2.0, 3.0),
         (-5.0, 2.0, 3.0),
@@ -75,7 +75,7 @@ def settled(vehicle: Vehicle, axis: int, wrench: Callable[[], Sequence[float]]) 
 
 
 def shares(vehicle: Vehicle, axis: int, force: float) -> list[float]:
-    """Return the thrusts that the vehicle's own computer would choose."""
+    """Return the thrusts that the vehicle's own computer would allocate."""
     forward, reverse = zip(*((t.max_forward, t.max_reverse) for t in vehicle.thrusters), strict=True)
     wrench = [0.0] * 6
     wrench[axis] = force
@@ -87,7 +87,7 @@ def shares(vehicle: Vehicle, axis: int, force: float) -> list[float]:
 @pytest.mark.parametrize("way", [0, 1])
 @pytest.mark.parametrize("axis", [0, 1, 2, 5])
 @pytest.mark.parametrize("name", ["paper_six", "paper_seven", "bluerov2_heavy"])
-def test_a_run_settles_there(name: str, axis: int, way: int) -> None:
+def test_a_run_settles_at_the_terminal_speed(name: str, axis: int, way: int) -> None:
     """A run in six degrees of freedom settles there under what the allocated thrusts of all thrusters make together."""
     vehicle, _ = load_vehicle(name)
     if axis != 2:  # weight would sink it meanwhile
@@ -99,16 +99,16 @@ def test_a_run_settles_there(name: str, axis: int, way: int) -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 2])
-def test_a_run_by_pulses_settles_there(axis: int) -> None:
-    """The chain is whole: whole microseconds, the thrusters' curve and their lag."""
+def test_a_run_by_pulses_settles_at_the_terminal_speed(axis: int) -> None:
+    """The chain is complete: whole microseconds, the thrusters' curve and their lag."""
     vehicle, _ = load_vehicle("paper_seven")
     reach, thrusters = top(vehicle)[axis], ThrusterSet(vehicle, 0.02)
     pulses = [pulse_finder(t)(f) for t, f in zip(vehicle.thrusters, shares(vehicle, axis, reach.force[0]), strict=True)]
     assert settled(vehicle, axis, lambda: thrusters.step(pulses)) == pytest.approx(reach.speed[0], rel=0.001)
 
 
-def test_more_than_the_limits_is_not_to_be_had() -> None:
-    """The stated force is the edge: a hundredth more leaves a residual, along that very axis."""
+def test_a_force_above_the_stated_limit_leaves_a_residual() -> None:
+    """The stated force is the limit: a hundredth more leaves a residual, along that axis."""
     for name in preset_names("sim/vehicles"):
         vehicle, _ = load_vehicle(name)
         forward, reverse = zip(*((t.max_forward, t.max_reverse) for t in vehicle.thrusters), strict=True)
@@ -121,7 +121,7 @@ def test_more_than_the_limits_is_not_to_be_had() -> None:
                 assert residual[axis] == pytest.approx(0.01 * force, rel=0.02), (name, axis)
 
 
-def test_axes_that_cannot_be_driven() -> None:
+def test_undriven_axes_are_reported() -> None:
     idle = {name: [r.axis for r in top(load_vehicle(name)[0]) if not r.driven] for name in preset_names("sim/vehicles")}
     assert {name: axes for name, axes in idle.items() if axes} == {
         "bluerov2": ["pitch"], "bluerov2_blue": ["pitch"], "bluerov2_li2020": ["pitch"], "paper_six": ["pitch"],
@@ -135,7 +135,7 @@ def test_a_propeller_loses_thrust_and_a_hull_drags() -> None:
     assert speeds == pytest.approx({"remus100": 2.540, "eca_a9": (53.0 / 8.0) ** 0.5, "lauv": 2.0495}, abs=5e-4)
 
 
-def test_a_lone_thruster_off_the_middle_drives_nothing_alone() -> None:
+def test_a_single_thruster_off_the_middle_drives_no_axis_alone() -> None:
     thruster = HEAVY.thrusters[0]._replace(position=(0.0, 0.3, 0.0), direction=(1.0, 0.0, 0.0))
     found = top(HEAVY._replace(thrusters=(thruster,)))
     assert [reach.axis for reach in found if reach.driven] == []
@@ -143,7 +143,7 @@ def test_a_lone_thruster_off_the_middle_drives_nothing_alone() -> None:
     assert tuple(reach.axis for reach in found) == AXES
 
 
-def test_weight_helps_down_and_hinders_up() -> None:
+def test_weight_raises_the_speed_down_and_lowers_it_up() -> None:
     vehicle = HEAVY._replace(volume=0.0134 - 0.001)  # 1 kg heavier than the water it displaces, and 0.1 kg
     heave = top(vehicle)[2]
     down, up = heave.force[0] + 1.1 * 9.80665, heave.force[1] + 1.1 * 9.80665

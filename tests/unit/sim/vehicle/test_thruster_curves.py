@@ -1,3 +1,5 @@
+"""Curves of thrust over pulse width, against tables and published formulas."""
+
 import csv
 from itertools import pairwise
 from math import pi
@@ -32,8 +34,9 @@ def curved(**curve: Any) -> Thruster:
 
 
 @pytest.mark.parametrize("curve", CURVES)
-def test_every_curve_keeps_the_contract(curve: dict[str, Any]) -> None:
-    """No output comes outside the pulses; it never falls, keeps the limits, both ways, and inverts to half a pulse."""
+def test_every_curve_follows_the_contract(curve: dict[str, Any]) -> None:
+    """No thrust comes outside the pulses; it never falls, stays within limits, both ways, and inverts to half a pulse.
+    """
     thruster = curved(**curve)
     assert [steady_thrust(thruster, pulse) for pulse in (0, -1, 799, 2201, 65535)] == [0.0] * 5
     thrusts = [steady_thrust(thruster, pulse) for pulse in range(800, 2201)]
@@ -52,13 +55,13 @@ def test_every_curve_keeps_the_contract(curve: dict[str, Any]) -> None:
             assert pulse_finder(thruster)(thrust) == pulse
 
 
-def test_saturation_of_a_table() -> None:
+def test_a_table_saturates_at_its_ends() -> None:
     assert steady_thrust(curved(**{**TABLE, "thrust_n": [-90.0, 0.0, 0.0, 20.0, 95.0]}), 1900) == 60.0
     assert steady_thrust(curved(**{**TABLE, "thrust_n": [-90.0, 0.0, 0.0, 20.0, 95.0]}), 1100) == -50.0
     assert steady_thrust(curved(**TABLE), 1620) == pytest.approx(10.0)
 
 
-def test_dead_zone_is_that_of_bessa() -> None:
+def test_the_dead_zone_is_that_of_bessa() -> None:
     """The output is u|u| - delta times the gain, each side its own (deflection 0.5: 25 + 375 / 2 us from neutral)."""
     thruster = curved(**CURVES[0])._replace(dead_band_us=0.0)
     assert steady_thrust(thruster, 1700) == pytest.approx(60.0 * (0.25 - 0.04))
@@ -81,7 +84,7 @@ def official() -> dict[tuple[int, int], tuple[float, float, float, float]]:
     }  # fmt: skip
 
 
-def test_t200_against_held_out_points() -> None:
+def test_the_t200_curve_fits_held_out_points() -> None:
     held_out = official()
     assert len(held_out) > 300
     worst = [0.0] * 4
@@ -101,8 +104,8 @@ def test_t200_against_held_out_points() -> None:
     assert worst[3] < 60.0
 
 
-def test_t200_between_the_voltages() -> None:
-    """The curve at 14 V is made from 12 and 16 V, which checks straight lines in the voltage."""
+def test_the_t200_curve_interpolates_between_voltages() -> None:
+    """The curve at 14 V is made from 12 and 16 V, which tests linear interpolation in the voltage."""
     for pulse in range(1100, 1901, 20):
         middle = (performance(pulse, 12.0).thrust + performance(pulse, 16.0).thrust) / 2.0
         assert performance(pulse, 14.0).thrust == pytest.approx(middle, abs=0.6)
@@ -118,8 +121,8 @@ def test_t200_between_the_voltages() -> None:
             assert found == pytest.approx(0.1 * tenth, abs=0.15)
 
 
-def test_advance_speed() -> None:
-    """The thrust is rho D⁴ n² (KT0 - alpha J) at full speed, J = v / (n D); a propeller that stands loses nothing."""
+def test_thrust_falls_with_the_advance_speed() -> None:
+    """The thrust is rho D⁴ n² (KT0 - alpha J) at full speed, J = v / (n D); a stopped propeller loses nothing."""
     thruster = curved(**CURVES[2])._replace(max_forward=1e3, max_reverse=1e3)
     vehicle = load_vehicle("paper_six")[0]._replace(thrusters=(thruster._replace(position=(0.0, 1.0, 0.0)),))
     thrusters = make_thrusters(vehicle, 0.01)
@@ -151,14 +154,14 @@ def test_advance_speed() -> None:
         ({"kind": "t200", "volts": 16}, "no key 'volts'"),
     ],
 )
-def test_wrong_curves_are_named(curve: dict[str, Any], words: str) -> None:
+def test_wrong_curves_are_reported(curve: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=r"test\.toml: curve") as caught:
         curved(**curve)
     assert words in str(caught.value)
 
 
-def test_curve_and_dynamics_in_a_vehicle_file(tmp_path: Path) -> None:
-    """One is set for all thrusters at once, and one by its own; a thruster of each kind runs."""
+def test_a_vehicle_file_sets_curve_and_dynamics(tmp_path: Path) -> None:
+    """One is set for all thrusters at once, and one for a single one; a thruster of each kind runs."""
     text = PRESET.read_text().replace("time_constant = 0.05", "# no lag")
     text = text.replace(
         "[every_thruster]",

@@ -1,3 +1,5 @@
+"""Models of the thrusters' lag, against analytic responses and the published Euler step."""
+
 from math import atan, cos, exp, isnan, log, pi, sin, sqrt, tan, tanh
 from typing import Any
 
@@ -44,7 +46,7 @@ def reference_speed(rates: tuple[float, float], wanted: float, dt: float, end: f
 
 
 @pytest.mark.parametrize("rates", [(0.0, 0.05), (5.0, 0.04)])
-def test_the_published_step_diverges(rates: tuple[float, float]) -> None:
+def test_the_published_euler_step_diverges(rates: tuple[float, float]) -> None:
     """The published step leaves all bounds within 0.6 s; with its time put right it settles."""
     wrong = reference_speed(rates, FULL, 0.01, 0.6, since_start=True)
     right = reference_speed(rates, FULL, 0.0001, 0.6, since_start=False)
@@ -53,7 +55,7 @@ def test_the_published_step_diverges(rates: tuple[float, float]) -> None:
 
 
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.01, 0.05])
-def test_yoerger_is_its_analytic_step_response(dt: float) -> None:
+def test_yoerger_has_its_analytic_step_response(dt: float) -> None:
     """The speed from rest is s = S tanh(alpha S t); then off, s = s0 / (1 + alpha s0 t); then reverse through zero."""
     up, off, back = run(YOERGER, dt, [(1900, 0.05), (1500, 0.1), (1100, 0.1)])
     s_up = FULL * tanh(0.05 * FULL * 0.05)
@@ -64,13 +66,13 @@ def test_yoerger_is_its_analytic_step_response(dt: float) -> None:
     assert back == pytest.approx(-FULL * tanh(0.05 * FULL * (0.1 - braking)), rel=1e-12)
 
 
-def test_yoerger_while_it_still_brakes() -> None:
+def test_yoerger_has_its_response_while_braking() -> None:
     _, braking = run(YOERGER, 0.001, [(1900, 1.0), (1100, 0.02)])
     assert braking == pytest.approx(FULL * tan(pi / 4.0 - 0.05 * FULL * 0.02), rel=1e-9)
 
 
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.01, 0.05])
-def test_bessa_is_its_analytic_step_response(dt: float) -> None:
+def test_bessa_has_its_analytic_step_response(dt: float) -> None:
     """The response of s' = -k2 (s - S)(s + S + k1/k2) is (S - s) / (s + r) = S/r exp(-k2 (S + r) t), r = S + k1/k2."""
     k1, k2 = 5.0, 0.04
     r = FULL + k1 / k2
@@ -96,7 +98,7 @@ def test_reversals_match_many_small_steps(dynamics: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.01])
-def test_pi_rotor_without_load_is_the_second_order_response(dt: float) -> None:
+def test_a_pi_rotor_without_load_has_a_second_order_response(dt: float) -> None:
     """The error follows e'' + kp/J e' + ki/J e = 0 with e(0) = S, e'(0) = -kp/J S."""
     damping, stiffness = 20.0, 500.0
     w, t = sqrt(stiffness - damping**2 / 4.0), 0.05
@@ -105,8 +107,8 @@ def test_pi_rotor_without_load_is_the_second_order_response(dt: float) -> None:
     assert speed == pytest.approx(FULL - e, rel=1e-9)
 
 
-def test_pi_rotor_under_load() -> None:
-    """The rotor matches the plain equations in steps of 2 us, is of second order in the step, and gets to its speed."""
+def test_a_pi_rotor_under_load_matches_small_steps() -> None:
+    """The rotor matches the plain equations in steps of 2 us, is of second order in the step, and reaches its speed."""
     speed = integral = 0.0
     for _ in range(25_000):
         error = FULL - speed
@@ -119,21 +121,21 @@ def test_pi_rotor_under_load() -> None:
         assert run(PI, dt, [(1900, 3.0)]) == pytest.approx([FULL], rel=1e-3)
 
 
-def test_pi_rotor_with_a_weak_integral_stays_too_slow() -> None:
+def test_a_pi_rotor_with_a_weak_integral_stays_too_slow() -> None:
     """The torque left over is kp (S - s) + ki limit = load s²."""
     (speed,) = run({**PI, "integral_limit": 0.2}, 0.0025, [(1900, 3.0)])
     assert 0.02 * (FULL - speed) + 0.5 * 0.2 == pytest.approx(5e-6 * speed * speed, rel=0.02)
 
 
 @pytest.mark.parametrize("dynamics", [YOERGER, BESSA, PI, {**BESSA, "inertia": 1e-8}, {**PI, "inertia": 1e-7}])
-def test_no_step_is_too_long(dynamics: dict[str, Any]) -> None:
+def test_long_steps_stay_stable(dynamics: dict[str, Any]) -> None:
     for dt in (0.02, 1.0):
         ends = run(dynamics, dt, [(1900, 4.0), (1100, 4.0), (1500, 4.0)])
         assert ends[:2] == pytest.approx([FULL, -FULL], rel=0.02)
         assert abs(ends[2]) < 10.0
 
 
-def test_reverse_limit_and_half_thrust() -> None:
+def test_reverse_limit_and_time_to_half_thrust_are_exact() -> None:
     """The full speed is at each side's limit; the time to half thrust of Yoerger's rotor is that of tanh² = 1/2."""
     thruster = with_models(PLAIN._replace(max_reverse=40.0), {"dynamics": YOERGER}, "test.toml")
     thrusters = make_thrusters(PAPER._replace(thrusters=(thruster,)), 0.0001)
@@ -143,7 +145,7 @@ def test_reverse_limit_and_half_thrust() -> None:
     assert thrusters.thrusts[0] == pytest.approx(-20.0, rel=2e-3)
 
 
-def test_the_present_speed_of_a_rotor_is_reported_and_no_current() -> None:
+def test_the_present_speed_of_a_rotor_is_reported_without_a_current() -> None:
     thruster = with_models(PLAIN, {"dynamics": YOERGER}, "test.toml")
     thrusters = make_thrusters(PAPER._replace(thrusters=(thruster,)), 0.0025)
     for pulse, sign in ((1800, 1.0), (1200, -1.0)):
@@ -155,7 +157,7 @@ def test_the_present_speed_of_a_rotor_is_reported_and_no_current() -> None:
         assert isnan(current)
 
 
-def test_wrong_dynamics_are_named() -> None:
+def test_wrong_dynamics_are_reported() -> None:
     wrong = {"kind": "bessa", "inertia": 1e-4, "kv1": 0, "kv2": 0, "full_speed": 1}
     with pytest.raises(ConfigError, match="dynamics: kv1 and kv2 are both 0"):
         with_models(PLAIN, {"dynamics": wrong}, "test.toml")

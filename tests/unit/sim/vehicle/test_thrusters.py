@@ -1,3 +1,5 @@
+"""Thrusters: curve and inverse, lag, and the wrench of their poses."""
+
 from math import exp
 
 import pytest
@@ -11,7 +13,7 @@ SQUARE = Thruster("square", (0, 0, 0), (1, 0, 0), 80.0, 40.0, dead_band_us=25)
 
 
 @pytest.mark.parametrize("pulse", [0, -5, 1, 799, 2201, 65535])
-def test_no_pulse_is_no_thrust(pulse: int) -> None:
+def test_an_invalid_pulse_gives_no_thrust(pulse: int) -> None:
     assert steady_thrust(SQUARE, pulse) == 0.0
 
 
@@ -20,7 +22,7 @@ def test_no_pulse_is_no_thrust(pulse: int) -> None:
     [(1500, 0.0), (1475, 0.0), (1525, 0.0), (1900, 80.0), (2200, 80.0), (1100, -40.0), (800, -40.0),
      (1525 + 375 // 3, 80.0 / 9.0)],
 )  # fmt: skip
-def test_square_curve(pulse: int, thrust: float) -> None:
+def test_the_square_curve_has_its_values(pulse: int, thrust: float) -> None:
     assert steady_thrust(SQUARE, pulse) == pytest.approx(thrust)
 
 
@@ -29,19 +31,19 @@ def test_square_curve(pulse: int, thrust: float) -> None:
     [(1100, -39.91), (1200, -26.56), (1300, -14.10), (1400, -4.72), (1600, 5.92), (1700, 17.88), (1800, 33.54),
      (1900, 51.44)],
 )  # fmt: skip
-def test_curve_follows_the_makers_table(pulse: int, thrust: float) -> None:
+def test_the_t200_curve_follows_the_manufacturers_table(pulse: int, thrust: float) -> None:
     """The curve is that of Blue Robotics' T200 performance data, September 2019, 16 V, within 3 % of full thrust."""
     assert steady_thrust(T200, pulse) == pytest.approx(thrust, abs=0.03 * 51.44)
 
 
 @pytest.mark.parametrize("thruster", [SQUARE, T200, SQUARE._replace(linear_share=1.0)])
-def test_inverse_of_every_pulse(thruster: Thruster) -> None:
+def test_the_inverse_returns_every_pulse(thruster: Thruster) -> None:
     for pulse in range(1100, 1901):
         thrust = steady_thrust(thruster, pulse)
         assert pulse_finder(thruster)(thrust) == (pulse if thrust else 1500)
 
 
-def test_inverse_is_clamped_and_jumps_the_dead_band() -> None:
+def test_the_inverse_is_clamped_and_skips_the_dead_band() -> None:
     assert pulse_finder(SQUARE)(1e9) == 1900
     assert pulse_finder(SQUARE)(-1e9) == 1100
     assert pulse_finder(SQUARE)(0.0) == 1500
@@ -50,13 +52,13 @@ def test_inverse_is_clamped_and_jumps_the_dead_band() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
-def test_a_thrust_too_small_to_be_divided_is_none(share: float) -> None:
+def test_a_denormal_thrust_gives_the_neutral_pulse(share: float) -> None:
     least = 5e-324
     assert [pulse_finder(SQUARE._replace(linear_share=share))(thrust) for thrust in (least, -least, -0.0)] == [1500] * 3
 
 
 @pytest.mark.parametrize("thruster", [SQUARE, T200, T200._replace(pwm_neutral_us=1480, pwm_min_us=1000)])
-def test_a_finder_knows_the_curve_backwards_and_keeps_nothing(thruster: Thruster) -> None:
+def test_a_pulse_finder_inverts_the_curve_without_state(thruster: Thruster) -> None:
     """The thrust of the deflection x is k x + (1 - k) x² of the maximum; the finder returns the pulse that has it."""
     find, k = pulse_finder(thruster), thruster.linear_share
     for x in (0.3, -0.9, 1.0, 0.01, -0.01, -1.0, 0.3):
@@ -64,15 +66,15 @@ def test_a_finder_knows_the_curve_backwards_and_keeps_nothing(thruster: Thruster
         assert find(most * (k * abs(x) + (1.0 - k) * x * x)) == thruster.pulse_at(x)
 
 
-def test_thrust_asked_for_is_thrust_had() -> None:
-    """The thrust is exact to half a microsecond where the curve is steepest."""
+def test_the_delivered_thrust_equals_the_requested() -> None:
+    """It is exact to half a microsecond where the curve is steepest."""
     steepest = (2.0 - T200.linear_share) * T200.max_forward / 372.0
     for tenth in range(-399, 515):
         assert steady_thrust(T200, pulse_finder(T200)(0.1 * tenth)) == pytest.approx(0.1 * tenth, abs=0.51 * steepest)
 
 
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.02])
-def test_lag_does_not_depend_on_the_step(dt: float) -> None:
+def test_the_lag_does_not_depend_on_the_step(dt: float) -> None:
     """The response after 0.1 s at tau 0.05 s is 1 - exp(-2), whatever the step."""
     vehicle, _ = load_vehicle("paper_six")
     thrusters = ThrusterSet(vehicle, dt)
@@ -82,7 +84,7 @@ def test_lag_does_not_depend_on_the_step(dt: float) -> None:
     assert wrench[0] == pytest.approx(4 * 0.5**0.5 * thrusters.thrusts[0])
 
 
-def test_lists_and_tuples_of_pulses_and_their_number() -> None:
+def test_pulses_may_be_lists_or_tuples_of_the_right_length() -> None:
     vehicle, _ = load_vehicle("paper_six")
     one, other = ThrusterSet(vehicle, 0.01), ThrusterSet(vehicle, 0.01)
     assert one.step([1600] * 6) == other.step((1600,) * 6)
@@ -90,7 +92,7 @@ def test_lists_and_tuples_of_pulses_and_their_number() -> None:
         one.step([1600] * 5)
 
 
-def test_wrench_of_one_thruster() -> None:
+def test_one_thruster_has_its_wrench() -> None:
     """The moment is position x force: a push down at the starboard bow rolls to starboard and lowers the bow."""
     vehicle = load_vehicle("paper_six")[0]
     at = (0.1, 0.2, 0.3)
@@ -99,7 +101,7 @@ def test_wrench_of_one_thruster() -> None:
     assert columns == [(1, 0, 0, 0, 0.3, -0.2), (0, 1, 0, -0.3, 0, 0.1), (0, 0, 1, 0.2, -0.1, 0)]
 
 
-def test_wrench_matrix_of_the_paper_vehicle() -> None:
+def test_the_wrench_matrix_of_the_reference_vehicle_is_as_published() -> None:
     rows = wrench_matrix(load_vehicle("paper_six")[0])
     c, arm = 0.5**0.5, 0.25 * 0.5**0.5
     assert rows == [
@@ -112,7 +114,7 @@ def test_wrench_matrix_of_the_paper_vehicle() -> None:
     ]
 
 
-def test_wrench_matrix_against_the_published_one() -> None:
+def test_the_wrench_matrix_of_the_bluerov2_heavy_agrees_with_the_published_one() -> None:
     """The authors' matrix (von Benzon 2022, TAM.mat) agrees where it can be compared. Its vertical columns are ours up
     to port and starboard, and with two thrusters reversed: there only sizes can be compared.
     """

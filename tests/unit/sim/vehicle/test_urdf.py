@@ -1,4 +1,4 @@
-"""URDF in, vehicle out: axes turned, links added up, and nothing guessed."""
+"""Import of URDF: axes turned, links added up, and nothing guessed."""
 
 import re
 from pathlib import Path
@@ -45,8 +45,8 @@ def test_masses_of_all_links_add_up() -> None:
     assert np.array(square(vehicle.inertia, 3)) == pytest.approx(turn @ inertia @ turn)
 
 
-def test_every_thruster_holds_for_given_thrusters_too() -> None:
-    """A URDF without thrusters is completed by a file that has them: what they have in common holds for these."""
+def test_every_thruster_applies_also_to_given_thrusters() -> None:
+    """A URDF without thrusters is completed by a file that has them: their common keys apply to these."""
     row = {"name": "only", "position": [0.0, 0.0, 0.0], "direction": [1, 0, 0], "max_reverse": 30}
     vehicle, _ = read_urdf(str(VECTORS / "hydra.urdf"), {**REST, "thrusters": [row]})
     (thruster,) = vehicle.thrusters
@@ -82,7 +82,7 @@ def test_the_turned_model_has_the_same_physics() -> None:
     assert (vehicle.volume, vehicle.dimensions) == (0.0301, (0.6, 0.4, 0.35))
 
 
-def test_gazebo_tags_give_the_same_numbers() -> None:
+def test_gazebo_tags_give_the_same_vehicle() -> None:
     vehicle, _ = read_urdf(str(VECTORS / "hydra_gz.urdf"), REST)
     added = square(vehicle.added_mass, 6)
     assert [added[i][i] for i in range(6)] == [12.0, 20.0, 32.0, 0.5, 0.7, 0.6]
@@ -94,7 +94,7 @@ def test_gazebo_tags_give_the_same_numbers() -> None:
     assert vehicle.thrusters[0].max_forward == 60.0
 
 
-def test_what_is_missing_is_listed_not_guessed() -> None:
+def test_missing_values_are_listed_and_not_guessed() -> None:
     with pytest.raises(ConfigError) as caught:
         read_urdf(str(VECTORS / "hydra_gz.urdf"))
     listed = "volume, dimensions, center_of_buoyancy, [every_thruster] max_forward, [every_thruster] max_reverse"
@@ -106,8 +106,8 @@ def without_inertia() -> bytes:
     return re.sub(r"<inertial>.*?</inertial>", "", text, flags=re.DOTALL).encode()
 
 
-def test_a_urdf_without_inertia_takes_that_which_is_given() -> None:
-    """Mass and inertia are asked for by name, and what is added of them counts."""
+def test_a_urdf_without_inertia_uses_the_given_one() -> None:
+    """Mass and inertia are requested by name, and those given are used."""
     path, given = str(VECTORS / "hydra.urdf"), {"mass": "31 kg", "inertia": [0.8, 1.1, 1.4]}
     for missing, rest in ((["mass", "inertia"], {}), (["inertia"], {"mass": 31.0}), (["mass"], {"inertia": [1.0] * 3})):
         with pytest.raises(ConfigError, match=f"does not say {', '.join(missing)}: write"):
@@ -120,8 +120,8 @@ def test_a_urdf_without_inertia_takes_that_which_is_given() -> None:
     assert read_urdf(path, {"inertia": [1.0] * 3}, massive)[0].mass == 30.0
 
 
-def test_a_mass_that_is_given_counts_wherever_the_mass_does() -> None:
-    """The mass counts for the volume of what is neutrally buoyant; a warning says that the inertia stays."""
+def test_a_given_mass_is_used_everywhere() -> None:
+    """The mass sets the volume of a neutrally buoyant vehicle; a warning states that the inertia stays."""
     text = (VECTORS / "hydra.urdf").read_text().replace("<volume>0.0301</volume>", "")
     neutral = text.replace("<neutrally_buoyant>0<", "<neutrally_buoyant>1<").encode()
     vehicle, notes = read_urdf("hydra.urdf", {"mass": "40 kg"}, neutral)
@@ -129,7 +129,7 @@ def test_a_mass_that_is_given_counts_wherever_the_mass_does() -> None:
     assert notes == ["The mass is the one given, the inertia still that of the URDF."]
 
 
-def test_the_file_written_reads_as_the_same_vehicle(tmp_path: Path) -> None:
+def test_the_written_file_loads_as_the_same_vehicle(tmp_path: Path) -> None:
     vehicle = hydra()
     path = tmp_path / "hydra.toml"
     path.write_text(to_toml(vehicle, ["a note"]))
@@ -141,7 +141,7 @@ def test_the_file_written_reads_as_the_same_vehicle(tmp_path: Path) -> None:
     assert again.thrusters[2].direction == (0.0, 0.0, -1.0)  # without the dust of sines and cosines
 
 
-def test_plain_urdf_needs_only_names(tmp_path: Path) -> None:
+def test_a_plain_urdf_needs_only_names(tmp_path: Path) -> None:
     """Revolute joints of links named thruster are enough, without plugin or tag; SDFormat's added mass is read."""
     path = tmp_path / "plain.urdf"
     path.write_text(
@@ -172,8 +172,8 @@ FIN = """<link name="hydra/fin0"/><joint name="f" type="revolute">
 </robot>"""
 
 
-def test_fins_are_reported_and_those_given_are_kept(tmp_path: Path) -> None:
-    """Each fin is reported once by its name, with what it takes to write it down; the file holds what was given."""
+def test_fins_are_reported_and_given_ones_retained(tmp_path: Path) -> None:
+    """Each fin is reported once by its name, with the table to write; the file contains the given ones."""
     text = (VECTORS / "hydra.urdf").read_text().replace("</robot>", FIN).encode()
     path = str(VECTORS / "hydra.urdf")
     vehicle, notes = read_urdf(path, {}, text)
@@ -222,7 +222,7 @@ BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
         (f"<robot>{BASE}</robot>", "[[thrusters]]"),
     ],
 )
-def test_wrong_files_are_named(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_files_are_reported(text: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "m.urdf"
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"m\.urdf") as caught:
@@ -231,6 +231,6 @@ def test_wrong_files_are_named(text: str, words: str, tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_not_there() -> None:
+def test_a_missing_file_is_reported() -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.urdf: no such file"):
         read_urdf("nowhere.urdf")

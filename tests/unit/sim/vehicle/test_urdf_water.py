@@ -21,7 +21,7 @@ def imported(model: str = "", more: str = "", **extra: Any) -> Imported:
     return read_robot(read_xml("hydra.urdf", text.encode()), "hydra.urdf", extra)
 
 
-def test_a_sphere() -> None:
+def test_a_sphere_has_its_added_mass_and_drag() -> None:
     vehicle = imported("<type>sphere</type><radius>0.2</radius><fluid_density>1000</fluid_density>").vehicle
     added, drag = 2.0 / 3.0 * pi * 1000.0 * 0.2**3, 0.5 * 0.5 * 1000.0 * pi * 0.2**2
     assert vehicle.added_mass == pytest.approx((added, added, added, 0.0, 0.0, 0.0))
@@ -29,8 +29,8 @@ def test_a_sphere() -> None:
 
 
 @pytest.mark.parametrize(("axis", "place"), [("i", 0), ("j", 1), ("k", 2)])
-def test_a_cylinder(axis: str, place: int) -> None:
-    """The cylinder is five diameters long: end 0.99, side 0.74. What the file says besides is added."""
+def test_a_cylinder_has_its_added_mass_and_drag(axis: str, place: int) -> None:
+    """The cylinder is five diameters long: end 0.99, side 0.74. Additional values of the file are added."""
     found = imported(
         f"<type>cylinder</type><radius>0.1</radius><length>1</length><axis>{axis}</axis>"
         "<linear_damping>-1 -2 -3 0 0 0</linear_damping>"
@@ -76,7 +76,7 @@ def test_a_box_has_drag_and_no_added_mass() -> None:
         ("<type>cylinder</type><radius>1</radius><length>1</length><axis>x</axis>", "'x' is none of i, j, k"),
     ],
 )
-def test_wrong_shapes_are_named(model: str, words: str) -> None:
+def test_wrong_shapes_are_reported(model: str, words: str) -> None:
     with pytest.raises(ConfigError, match=r"hydra\.urdf") as caught:
         imported(model)
     assert words in str(caught.value)
@@ -105,13 +105,13 @@ def thruster(inside: str) -> str:
          "<outputValues>-30 0 50</outputValues></conversion>", (50.0, 30.0)),
     ],
 )  # fmt: skip
-def test_conversions_of_thrusters(conversion: str, limits: tuple[float, float]) -> None:
+def test_thruster_conversions_become_limits(conversion: str, limits: tuple[float, float]) -> None:
     dynamics = "<dynamics><type>FirstOrder</type><timeConstant>0.2</timeConstant></dynamics>"
     found = imported(more=thruster(f"<jointName>t</jointName>{dynamics}{conversion}")).vehicle.thrusters[-1]
     assert (found.max_forward, found.max_reverse, found.time_constant) == pytest.approx((*limits, 0.2))
 
 
-def test_a_quadratic_fin() -> None:
+def test_a_quadratic_fin_is_converted_to_a_lift_slope() -> None:
     """The lift of such a fin is constant speed² angle: that is 1/2 rho A slope of ours."""
     more = (
         '<link name="f"/><joint name="fj" type="revolute"><origin xyz="-1 0 0" rpy="0 0 0"/>'
@@ -128,8 +128,8 @@ def test_a_quadratic_fin() -> None:
     assert (fin.axis, fin.max_deflection, fin.time_constant) == ((0.0, 0.0, -1.0), 0.4, 0.3)
 
 
-def test_sensors_of_plugins_and_tags() -> None:
-    """A DVL of uuv_simulator looks along its link's x; its beams are no lasers. One beam is an echosounder."""
+def test_sensors_of_plugins_and_tags_are_imported() -> None:
+    """A DVL of uuv_simulator points along its link's x; its beams are not lasers. One beam is an echosounder."""
     down = 'rpy="0 1.5707963267948966 0"'
     more = (
         f'<link name="dvl"/><joint name="d"><origin xyz="0.1 0.2 0" {down}/><parent link="hydra/base_link"/>'

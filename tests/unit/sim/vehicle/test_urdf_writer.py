@@ -1,4 +1,4 @@
-"""Written URDF is read by others' parsers, and comes back through our own importer."""
+"""Written URDF is read by independent parsers, and imported again by our own importer."""
 
 import io
 from math import cos, sin
@@ -30,7 +30,7 @@ def imported(vehicle: Vehicle, prefix: str = "") -> Vehicle:
 
 @pytest.mark.parametrize("name", PRESETS)
 @pytest.mark.parametrize("prefix", ["", "uuv1/"])
-def test_our_importer_finds_the_same_vehicle(name: str, prefix: str) -> None:
+def test_our_importer_reads_the_same_vehicle(name: str, prefix: str) -> None:
     vehicle, _ = load_vehicle(name)
     back = imported(vehicle, prefix)
     assert {key: getattr(back, key) for key in SAME} == {key: getattr(vehicle, key) for key in SAME}
@@ -48,7 +48,7 @@ def test_our_importer_finds_the_same_vehicle(name: str, prefix: str) -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_parsers_of_others_read_it(name: str) -> None:
+def test_independent_parsers_read_it(name: str) -> None:
     vehicle, _ = load_vehicle(name)
     text = urdf_of(vehicle, "uuv1/").encode()
     parts = [thruster.name for thruster in vehicle.thrusters] + [fin.name for fin in vehicle.fins]
@@ -72,7 +72,7 @@ def test_a_thruster_pushes_along_its_x_axis_and_a_fin_turns_as_its_deflection_sa
     assert turned == pytest.approx(cos(0.2) * chord + sin(0.2) * normal)
 
 
-def test_inertia_of_all_nine_numbers_turns_its_axes() -> None:
+def test_a_full_inertia_matrix_is_written_in_turned_axes() -> None:
     vehicle = load_vehicle("paper_six")[0]._replace(inertia=(0.2, 0.01, -0.02, 0.01, 0.3, 0.03, -0.02, 0.03, 0.4))
     assert imported(vehicle).inertia == vehicle.inertia
     tensor = URDF.from_xml_string(urdf_of(vehicle).encode()).links[0].inertial.inertia
@@ -86,7 +86,7 @@ def test_a_mesh_keeps_its_place_and_orientation(tmp_path: Path) -> None:
     assert back.orientation == pytest.approx(mesh.orientation)
 
 
-def test_names_that_xml_would_take_for_tags_are_escaped() -> None:
+def test_names_with_xml_characters_are_escaped() -> None:
     vehicle = load_vehicle("paper_six")[0]
     thruster = vehicle.thrusters[0]._replace(name='<a> & "b"', direction=(0.0, 0.0, 2.0))
     back = imported(vehicle._replace(name="<&>", thrusters=(thruster,)))

@@ -1,3 +1,5 @@
+"""Vehicle files: presets, common keys, and the rigid body mass matrix."""
+
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +38,7 @@ def test_every_preset_loads(name: str) -> None:
     assert is_positive_definite(mass_matrix(vehicle))
 
 
-def test_the_paper_vehicle_is_that_of_the_paper() -> None:
+def test_the_reference_vehicle_is_as_published() -> None:
     vehicle, _ = load_vehicle("paper_six")
     assert vehicle.dimensions == (0.378, 0.302, 0.234)
     assert vehicle.mass == 9.7
@@ -46,7 +48,7 @@ def test_the_paper_vehicle_is_that_of_the_paper() -> None:
     assert {round(t.max_reverse, 6) for t in vehicle.thrusters} == {49.03325}
 
 
-def test_control_table_and_common_thruster_keys(tmp_path: Path) -> None:
+def test_the_control_table_and_common_thruster_keys_are_read(tmp_path: Path) -> None:
     preset = Path(__file__).parents[4] / "sim/vehicles/paper_six.toml"
     text = preset.read_text().split("[control")[0]
     path = tmp_path / "mine.toml"
@@ -76,17 +78,17 @@ def test_control_table_and_common_thruster_keys(tmp_path: Path) -> None:
         ({"mass": -1.0}, "mass: -1 kg is outside"),
     ],
 )
-def test_wrong_vehicles_are_named(changes: dict[str, Any], words: str) -> None:
+def test_wrong_vehicles_are_reported(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=r"test\.toml") as caught:
         build(**changes)
     assert words in str(caught.value)
 
 
-def test_direction_of_any_length() -> None:
+def test_a_thruster_direction_may_have_any_length() -> None:
     assert build().thrusters[0].unit_direction == pytest.approx((0.6, 0.8, 0.0))
 
 
-def test_rigid_mass_of_an_offset_point() -> None:
+def test_the_mass_matrix_of_an_offset_point_mass_is_exact() -> None:
     """The kinetic energy of a body that turns about the origin with its mass 1 m away is half (I + m) r²."""
     vehicle = build(center_of_gravity=[1.0, 0.0, 0.0])
     nu = [[0.0], [0.0], [0.0], [0.0], [0.0], [2.0]]
@@ -96,7 +98,7 @@ def test_rigid_mass_of_an_offset_point() -> None:
     assert momentum[0][0] == 0.0
 
 
-def test_inverse() -> None:
+def test_the_inverse_matrix_is_exact() -> None:
     matrix = mass_matrix(build(center_of_gravity=[0.01, 0.02, 0.03]))
     unit = product(matrix, inverse(matrix))
     assert [x for row in unit for x in row] == pytest.approx([float(i % 7 == 0) for i in range(36)], abs=1e-13)

@@ -1,4 +1,4 @@
-"""Thrusters push water, not air: they lose thrust as they come out of it."""
+"""Ventilation: thrusters lose thrust as they come out of the water."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -24,7 +24,7 @@ NEARLY_OUT = -max(thruster.position[2] for thruster in HEAVY.thrusters)  # the l
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 50.0)
 
 
-def test_the_share_is_that_of_the_source() -> None:
+def test_the_thrust_share_is_that_of_the_source() -> None:
     """The share is a third at the surface, none half a radius above it, all 1.3 radii below, and never jumps."""
     assert thrust_share(0.0) == pytest.approx(0.325)
     assert thrust_share(1.0) == pytest.approx(1.0 - 0.675 * 0.231**1.258)
@@ -34,7 +34,7 @@ def test_the_share_is_that_of_the_source() -> None:
     assert all(0.0 <= after - before < 0.003 for before, after in pairwise(shares))
 
 
-def pushed(depth: float, roll: float = 0.0, world: World = SEA) -> tuple[list[float], Sequence[float]]:
+def thrust_at_depth(depth: float, roll: float = 0.0, world: World = SEA) -> tuple[list[float], Sequence[float]]:
     """Return thrusts and wrench of bluerov2_heavy soon after a command of full ahead, held at `depth` m."""
     simulation = Simulation(HEAVY, world, QUIET, position=(0.0, 0.0, depth))
     for _ in range(200):
@@ -45,21 +45,21 @@ def pushed(depth: float, roll: float = 0.0, world: World = SEA) -> tuple[list[fl
 
 
 def test_a_vehicle_in_the_air_has_no_thrust() -> None:
-    in_air, nothing = pushed(-0.4)
+    in_air, nothing = thrust_at_depth(-0.4)
     assert not any(in_air)
     assert not any(nothing)
-    deep, force = pushed(5.0)
+    deep, force = thrust_at_depth(5.0)
     assert min(map(abs, deep)) > 10.0
     assert any(force)
-    (*less,), _ = pushed(NEARLY_OUT)
+    (*less,), _ = thrust_at_depth(NEARLY_OUT)
     assert all(0.0 <= a / b <= 1.0 for a, b in zip(less, deep, strict=True))
     assert 0.1 < sum(a / b for a, b in zip(less, deep, strict=True)) / 8 < 0.99
 
 
-def test_each_thruster_loses_by_its_own_place() -> None:
-    """A vehicle rolled by a quarter turn has the thrusters of one side in the air; those below push as deep down."""
-    deep, _ = pushed(5.0)
-    shares = [a / b for a, b in zip(pushed(0.0, 0.5 * pi)[0], deep, strict=True)]
+def test_each_thruster_loses_thrust_by_its_own_position() -> None:
+    """A vehicle rolled by a quarter turn has the thrusters of one side in the air; those below have full thrust."""
+    deep, _ = thrust_at_depth(5.0)
+    shares = [a / b for a, b in zip(thrust_at_depth(0.0, 0.5 * pi)[0], deep, strict=True)]
     up = [i for i, thruster in enumerate(HEAVY.thrusters) if thruster.position[1] < -0.1]
     down = [i for i, thruster in enumerate(HEAVY.thrusters) if thruster.position[1] > 0.1]
     assert up
@@ -68,8 +68,8 @@ def test_each_thruster_loses_by_its_own_place() -> None:
     assert [shares[i] for i in down] == pytest.approx([1.0] * len(down))
 
 
-def test_waves_cover_and_bare_them() -> None:
-    """The share at one place and depth goes up and down with the surface over it."""
+def test_waves_change_the_thrust_share() -> None:
+    """The share at one position and depth rises and falls with the surface above it."""
     waves = Waves(significant_height=1.0, peak_period=5.0)
     simulation = Simulation(HEAVY, SEA._replace(ocean=Ocean(waves=waves)), QUIET, position=(0.0, 0.0, 0.5))
     wave_field = simulation.wave_field
@@ -84,14 +84,14 @@ def test_waves_cover_and_bare_them() -> None:
     assert surface.reach > calm.reach + 1.0
 
 
-def test_a_propeller_of_known_diameter_uses_it() -> None:
+def test_a_known_propeller_diameter_is_used() -> None:
     assert REMUS.thrusters[0].propeller_diameter == 0.14  # that of its curve
     assert HEAVY.thrusters[0]._replace(diameter=0.1).propeller_diameter == 0.1
     assert 0.06 < HEAVY.thrusters[0].propeller_diameter < 0.09  # a T200's 76 mm
 
 
-def test_deep_down_nothing_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Deep down the shares are not computed: one comparison decides."""
+def test_deep_vehicles_do_not_compute_the_shares(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One comparison of the depth decides."""
     monkeypatch.delattr(Ventilation, "shares")
     simulation = Simulation(HEAVY, SEA, QUIET, position=(0.0, 0.0, 2.0))
     for _ in range(100):
