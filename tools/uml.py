@@ -4,7 +4,7 @@
 
 For what this machine's kernel lacks or must not be touched for: CAN interfaces, network faults, namespaces.
 The command is root in there. It sees this machine's files, programs and devices' names at this machine's
-speed, on one CPU; what it writes is gone afterwards, except in the folder shared with --share. There is no
+speed, on one CPU; what it writes is lost afterwards, except in the folder shared with --share. There is no
 network but its own. Takes a second to start and to end. Nobody needs to be root out here.
 
 Needs: apt install user-mode-linux busybox-static gcc libc6-dev (x86 only). Exit code: the command's.
@@ -210,7 +210,7 @@ class _Console:
         self._status: int | None = None
 
     def follow(self, command: Sequence[str], seconds: float) -> Outcome:
-        """Start the kernel and stay until it is gone."""
+        """Start the kernel and wait until it has ended."""
         process = start_child(
             foreign_command(*command),
             stdin=subprocess.DEVNULL,
@@ -251,7 +251,7 @@ class _Console:
             if ended:
                 self._status = int(status)
                 break
-        for _ in lines:  # until it is gone
+        for _ in lines:  # until it has ended
             pass
 
     def _last_words(self) -> str:

@@ -211,7 +211,7 @@ def main(arguments: list[str]) -> int:
         os.nice(LESS_URGENT)
         of = options.slaves[0], options.routers[0], options.seconds, options.sessions, options.step
         print(measure(ExitStack(), Path(options.folder), *of), flush=True)
-        os._exit(0)  # closes nothing: sessions whose router is gone take minutes
+        os._exit(0)  # closes nothing: sessions without their router take minutes to close
     load = psutil.getloadavg()[0]
     print(f"{os.cpu_count()} processors, load before: {load:.1f}\n\n{HEADER}\n{_rule(HEADER)}", flush=True)
     broken = []

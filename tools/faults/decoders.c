@@ -5,7 +5,7 @@
  * An input is noise, or one or two packets of the corpus with bits flipped, bytes lost, doubled or put in; every third
  * goes to the CAN decoder as frames. Each is copied to memory of exactly its size, so that a step beyond it is seen. At
  * the end a sound command must still move the outputs. Prints how many inputs and bytes it was, and how many commands
- * were obeyed.
+ * were executed.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -148,7 +148,7 @@ static void receive_can(UuvHilFirmware *firmware, const uint8_t *bytes, size_t s
 }
 
 /* Whether sound packets still move the outputs: every one is sent, neutral and not, until one does. */
-static bool still_obeys(UuvHilFirmware *firmware)
+static bool still_executes(UuvHilFirmware *firmware)
 {
     for (size_t turn = 0; turn < 4 * packets; turn++) {
         now += 1000000; /* the watchdog has tripped: any sequence number counts */
@@ -185,9 +185,9 @@ int main(int argc, char **argv)
         if (firmware.board.channels != CHANNELS)
             return 1;
     }
-    printf("%lu inputs, %lu bytes, %lu commands obeyed\n", count, size_total, commands);
-    if (!still_obeys(&firmware)) {
-        printf("a sound command is not obeyed any more\n");
+    printf("%lu inputs, %lu bytes, %lu commands executed\n", count, size_total, commands);
+    if (!still_executes(&firmware)) {
+        printf("a sound command is not executed any more\n");
         return 1;
     }
     return 0;

@@ -66,7 +66,7 @@ FAULTS = (
     Fault("process", "STM32 killed", lambda rig: rig.kill_stm32(), lambda rig: rig.revive_stm32(), links=LINKS,
           hold_s=RESET_S),
     Fault("process", "STM32 paused for 2 s", _pause_stm32, _signal("stm32", signal.SIGCONT), links=IN_PROCESSES,
-          hold_s=0.0, after_mend=True),
+          hold_s=0.0, after_removal=True),
     Fault("process", "slave killed", _signal("slave", signal.SIGKILL), _restart_slave, links=LINKS, hold_s=0.2,
           quick=True),
     Fault("process", "slave terminated", _signal("slave", signal.SIGTERM), _restart_slave, links=LINKS, hold_s=0.2),

@@ -124,10 +124,10 @@ def _check_planner(rig: Rig) -> None:
         rig.instruct("ask")
         line = rig.processes["planner"].expect("figures", 10.0)
         figures = json.loads(line.partition(" ")[2])
-        if figures["present"] or time.monotonic() > end_s:  # it obeys before it has been seen
+        if figures["present"] or time.monotonic() > end_s:  # it executes commands before it is reported as present
             break
     if figures["problem"] or not figures["present"]:
-        raise NetworkError(f"the planner has it that {figures['problem'] or 'the vehicle is gone'}")
+        raise NetworkError(f"the planner reports: {figures['problem'] or 'the vehicle is lost'}")
 
 
 FAULTS = (

@@ -14,11 +14,13 @@ from tools.faults.rows import RECOVERY_S, Fault, Row, judge
 BEGIN_S = 20.0  # that the outputs may take to follow the planner to begin with
 SETTLE_S = 0.3  # between the strike of a fault under which control goes on, and the planner's silence
 LONG_S = 10.0  # that is waited for neutral outputs at most
-AFTER_S = 0.4  # that old commands may take to show after the vehicle obeys again
+AFTER_S = 0.4  # time in which old commands may still show after the vehicle executes commands again
 LEAK_S = 5.0  # that sockets of lost connections may take to go
 SPARE = 2  # descriptors more than before that are none of a fault: a thread's event, a log
 # What a slave says whatever happens.
-USUAL = re.compile(r"ready |scheduling:|memory:|garbage|idle processors|master \S+ is there|commands arrive|real-time")
+USUAL = re.compile(
+    r"ready |scheduling:|memory:|garbage|idle processors|master \S+ is connected|commands arrive|real-time"
+)
 
 
 def measure(rig: Rig, fault: Fault) -> Row:
@@ -27,24 +29,24 @@ def measure(rig: Rig, fault: Fault) -> Row:
     logs = _Logs(rig)
     rig.instruct("ahead")
     if rig.await_pins("ahead", BEGIN_S) != rig.await_pins("ahead", 0.0):
-        problems.append("the vehicle did not obey before the fault")
+        problems.append("the vehicle executed no commands before the fault")
     time.sleep(0.1)
     descriptors, files = rig.descriptors, _files(rig)
     began = time.monotonic()
     try:
-        fault.strike(rig)
+        fault.apply(rig)
         if not fault.cuts:
             time.sleep(SETTLE_S)
             if fault.steady and rig.pins.executed("neutral", began):
                 problems.append("the outputs fell to neutral under the planner's commands")
             began = time.monotonic()
             rig.instruct("silent")
-        neutral_s = nan if fault.after_mend else rig.await_pins("neutral", LONG_S) - began
-        rig.instruct("silent" if fault.after_mend else "astern")
+        neutral_s = nan if fault.after_removal else rig.await_pins("neutral", LONG_S) - began
+        rig.instruct("silent" if fault.after_removal else "astern")
         time.sleep(fault.hold_s)
         repaired = time.monotonic()
-        fault.mend(rig)
-        if fault.after_mend:
+        fault.remove(rig)
+        if fault.after_removal:
             neutral_s = max(0.0, rig.await_pins("neutral", LONG_S) - repaired)
             rig.instruct("astern")
         recovery_s = rig.await_pins("astern", 2.0 * RECOVERY_S) - repaired

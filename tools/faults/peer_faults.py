@@ -13,12 +13,12 @@ LATE_S = 0.2  # by how much a flood that takes all of a processor may delay a co
 def _attack(kind: str, seconds: float = 0.0) -> Callable[[Rig], None]:
     """Start the attacker, and let the planner command during the attack."""
 
-    def strike(rig: Rig) -> None:
+    def start(rig: Rig) -> None:
         command = [*module_command("tools.faults.attacker"), kind, f"tcp/127.0.0.1:{rig.port}"]
         rig.start_process("attacker", command, OURS).expect("attacking", START_S)
         rig.pause(seconds)
 
-    return strike
+    return start
 
 
 def _end_attack(rig: Rig) -> None:

@@ -139,7 +139,7 @@ class Relay:
         while self._waiting and self._waiting[0][0] <= time.monotonic():
             _, end, data = self._waiting.popleft()
             if end in self._pairs:
-                with suppress(OSError):  # its reader has gone, which reading from it shows too
+                with suppress(OSError):  # the reader has closed it, which reading reports too
                     end.sendall(data)
                     self.passed += len(data)
 

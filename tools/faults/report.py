@@ -10,7 +10,7 @@ from typing import Any
 from hil.bench.machine import describe
 from tools.faults.rows import Row
 
-COLUMNS = ("fault", "link", "neutral, s", "limit, s", "obeys again, s", "old commands", "reported", "left behind")
+COLUMNS = ("fault", "link", "neutral, s", "limit, s", "executes again, s", "old commands", "reported", "left behind")
 PRIVATE = ("name", "interpreter")  # of the machine: what a published file need not say
 LONGEST_REPORT = 90  # characters of a line in the table
 
@@ -30,7 +30,9 @@ def line_of(row: Row) -> str:
     verdict = "ok  " if row.passed else "FAIL"
     neutral, recovery = _number(row.neutral_s), _number(row.recovery_s)
     again = f" (attempt {row.attempts})" if row.attempts > 1 else ""
-    text = f"{verdict} {row.room:8} {row.fault:34} {row.link:20} neutral {neutral:>5} obeys again {recovery:>5}{again}"
+    text = (
+        f"{verdict} {row.room:8} {row.fault:34} {row.link:20} neutral {neutral:>5} executes again {recovery:>5}{again}"
+    )
     return "\n".join([text, *(f"     {problem}" for problem in row.problems)])
 
 
@@ -53,7 +55,7 @@ def summary(rows: Sequence[Row]) -> str:
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
-    """Draw a line a fault and a mark a link: the times until the outputs are neutral and until the vehicle obeys."""
+    """Draw a line for each fault and a mark for each link: times until the outputs are neutral, and until recovery."""
     from hil.plots.plotting import pyplot
 
     moving = [row for row in rows if not isnan(row.neutral_s)]
@@ -83,7 +85,7 @@ def draw(rows: Sequence[Row], path: Path) -> None:
     left.set_xlabel("until the outputs are neutral, s (bar: limit)")
     left.set_xlim(left=-0.02)
     right.set_xscale("log")
-    right.set_xlabel("from the fault's end until the vehicle obeys again, s")
+    right.set_xlabel("from the fault's end until the vehicle executes again, s")
     for axes in (left, right):
         axes.grid(axis="x", alpha=0.3)
         axes.set_ylim(-0.7, len(faults) - 0.3)

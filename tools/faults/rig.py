@@ -60,7 +60,7 @@ class Rig:
         self.folder = folder
         self.pins = Pins()
         self.ahead_until_s = 0.0  # when the planner stopped commanding ahead
-        self.foreign = 0  # commands executed of those that are not to be obeyed
+        self.foreign = 0  # executed commands of planners that must not command
         self.environments: dict[str, dict[str, str]] = {}
         self.has_disk = False  # a small one, where the slave records
         self._network = network
