@@ -10,7 +10,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.floors.network import Floor, Load, RoundTrips, wait_ns
 from hil.bench.harness import READY_S, Bench, Process, await_vehicle, labels_of, program
 from hil.bench.loopback import settled
-from hil.bench.presence import check_end, check_there
+from hil.bench.presence import check_end, check_present
 from hil.bench.statistics import median
 from hil.client.client import VehicleClient
 from hil.client.delay import DelayMeter, find_doubts
@@ -204,7 +204,7 @@ def _command(
     schedule = RateKeeper(period, now_ns())
     for number in range(WARM_UP + round(plan.seconds * plan.rate)):
         wait_ns(schedule.deadline_ns)
-        check_there(client, slave)
+        check_present(client, slave)
         if load:
             load.begin()
         began = now_ns()
@@ -225,7 +225,7 @@ def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
     """Return the time (ms) from the publish of a step in surge until the first acceleration that shows it arrives."""
     delays, began = [], now_ns()
     for number in range(steps):
-        check_there(client, slave)
+        check_present(client, slave)
         sign = 1.0 if number % 2 else -1.0
         sent = now_ns()
         client.command(VelocityCommand(sign * STEP_M_S, 0.0, 0.0))
@@ -311,7 +311,7 @@ def _doubts(
     if missing and result.delay:
         yield f"{missing} of {result.sent} commands were not answered by the STM32: lost, or overtaken by the next"
     if losses:
-        yield f"the vehicle was gone {losses} times meanwhile"
+        yield f"the vehicle was lost {losses} times meanwhile"
     if abs(result.rate / plan.rate - 1.0) > OFF:
         yield f"commands were sent at {result.rate:.1f} Hz instead of {plan.rate:g}: this machine has no time for more"
     beyond = [wire + rest for wire, rest in zip(result.hops["wire"], result.hops["STM32"], strict=True)]

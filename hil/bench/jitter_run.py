@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, await_vehicle
-from hil.bench.presence import check_end, check_there
+from hil.bench.presence import check_end, check_present
 from hil.common.children import foreign_command, python_command
 from hil.common.clock import LOOP_PRIORITY, seconds_ns
 from hil.common.errors import NetworkError
@@ -81,7 +81,7 @@ def slave_loop(bench: Bench, seconds: float, watch: Callable[[float], None] = la
         count = round(seconds * COMMAND_HZ)
         for number in range(count):
             client.command(VelocityCommand())
-            check_there(client, slave)
+            check_present(client, slave)
             watch(number / count)
             time.sleep(1.0 / COMMAND_HZ)
         check_end(client, slave)

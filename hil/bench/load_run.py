@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, Process, await_vehicle
 from hil.bench.limits import Limits
-from hil.bench.presence import check_end, check_there, simulation_of
+from hil.bench.presence import check_end, check_present, simulation_of
 from hil.bench.processes import Threads, read_threads, role, shares, thread_names
 from hil.bench.statistics import median, spread
 from hil.common.errors import HilError
@@ -103,7 +103,7 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
 
         def read_all() -> Threads:
             for client, slave in there:
-                check_there(client, slave)
+                check_present(client, slave)
             for client, slave in there:
                 _name(slave, f"{client.node} " if len(there) > 1 else "", names)
             return read_threads(list(names))

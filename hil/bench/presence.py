@@ -11,8 +11,8 @@ from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
-PATIENCE_S = 5.0  # that a slave under load, or a network, may be silent for while it is measured
-BACK_S = 2.0  # that it may need for an answer at the end
+PATIENCE_S = 5.0  # permitted silence during a measurement, because of load or a slow network
+BACK_S = 2.0  # permitted time until the last answer
 
 
 def wait_for_silence(client: VehicleClient, slave: Process | None = None, patience: float = PATIENCE_S) -> str:
@@ -27,11 +27,11 @@ def wait_for_silence(client: VehicleClient, slave: Process | None = None, patien
     if client.contact.silence_s > patience:
         return f"{client.node} at {client.endpoint} has not answered for {client.contact.silence_s:.1f} s"
     if report_age_s > max(patience, PATIENCE_S):  # diagnostics come once a second, from a thread of the lowest priority
-        return f"{client.node} at {client.endpoint} has reported nothing of its health for {report_age_s:.1f} s"
+        return f"{client.node} at {client.endpoint} has sent no diagnostics for {report_age_s:.1f} s"
     return ""
 
 
-def check_there(client: VehicleClient, slave: Process | None = None) -> None:
+def check_present(client: VehicleClient, slave: Process | None = None) -> None:
     """Check that the vehicle is present. Raises NetworkError."""
     reason = wait_for_silence(client, slave)
     if reason:
@@ -39,14 +39,14 @@ def check_there(client: VehicleClient, slave: Process | None = None) -> None:
 
 
 def check_end(client: VehicleClient, slave: Process | None = None) -> None:
-    """Check that the vehicle was present to the end: it answers now, or soon. Raises NetworkError."""
+    """Check that the vehicle is present at the end of a measurement. Raises NetworkError."""
     deadline = time.monotonic() + BACK_S
     while not client.contact.present and time.monotonic() < deadline:
         time.sleep(0.05)
-    check_there(client, slave)
+    check_present(client, slave)
     if not client.contact.present:
         lost_s = client.contact.silence_s
-        raise NetworkError(f"{client.node} at {client.endpoint} is gone: it has not answered for {lost_s:.1f} s")
+        raise NetworkError(f"{client.node} at {client.endpoint} is lost: it has not answered for {lost_s:.1f} s")
 
 
 def simulation_of(scenario: Scenario) -> Simulation:

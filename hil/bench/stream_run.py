@@ -7,7 +7,7 @@ from math import isnan, nan
 from typing import NamedTuple
 
 from hil.bench.harness import Process, await_vehicle
-from hil.bench.presence import check_end, check_there
+from hil.bench.presence import check_end, check_present
 from hil.client.client import VehicleClient
 from hil.client.delay import doubts_of
 from hil.common.clock import NS_PER_MS, now_ns, to_wall_ns
@@ -88,7 +88,7 @@ class Listener:
         self._counting.set()
         while time.monotonic() - self._began < seconds:
             time.sleep(0.1)
-            check_there(self.client, slave)
+            check_present(self.client, slave)
             watch((time.monotonic() - self._began) / seconds)
         self._counting.clear()
         self._ended = time.monotonic()

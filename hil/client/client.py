@@ -218,7 +218,7 @@ class VehicleClient:
         if stamped is None:
             raise NetworkError(f"{self.node} at {self.endpoint} has sent no {topic}")
         if stamped.age_s > within_s:
-            raise NetworkError(f"{self.node} at {self.endpoint} is gone: no {topic} for {stamped.age_s:.1f} s")
+            raise NetworkError(f"{self.node} at {self.endpoint} is lost: no {topic} for {stamped.age_s:.1f} s")
         return stamped.value
 
     def diagnostics(self) -> Diagnostics:
@@ -297,20 +297,20 @@ class VehicleClient:
         """Return why the vehicle executes others' commands but not ours, with the remedy; "" if unknown."""
         if self.contact.rivals:
             return (
-                f"{self.contact.rivals} are all called {self.node}, and all would obey: end one of them, "
+                f"{self.contact.rivals} are all called {self.node}, and all would execute commands: end one of them, "
                 "or give it another node in [slave]"
             )
         values = self.diagnostics()
         may_command = values.may_command
         if self._certificate and may_command and self._certificate not in may_command:
             return (
-                f"{self.node} obeys {', '.join(may_command)} only, and the certificate of this machine says "
-                f"{self._certificate!r}: add it to may_command in the [security] section of the slave's scenario"
+                f"{self.node} accepts commands of {', '.join(may_command)} only, and the certificate of this machine "
+                f"names {self._certificate!r}: add it to may_command in the [security] section of the slave's scenario"
             )
         if self._named_other >= HOLDS_ON and (self.has_commanded or not self._rank):
             return (
-                f"{self.node} obeys another master, {values.commander or 'an anonymous sender'}; end that one first, "
-                "or take over with --take-over (in Python take_over=True)"
+                f"{self.node} is commanded by another master, {values.commander or 'an anonymous sender'}; end that "
+                "one first, or take over with --take-over (in Python take_over=True)"
             )
         return ""
 

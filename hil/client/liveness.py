@@ -53,12 +53,12 @@ class LivenessMonitor:
     ) -> None:
         self._session, self._node, self._clock = session, node, clock
         self._arrived, self._report = arrived, report
-        self._there: dict[str, str] = {}  # slaves of the node: ident -> machine and process
+        self._slaves: dict[str, str] = {}  # slaves of the node: ident -> machine and process
         self._doubled_ns = 0  # since when there is more than one; 0 if there is not
         self._lost_ns = 0
         self._received_ns = 0
         self._patience_s = lease + GRACE_S
-        self._turn = threading.Lock()  # guards `present`, which two threads change
+        self._lock = threading.Lock()  # guards `present`, which two threads change
         self._ping_times: tuple[int, ...] = ()  # wall times (ns) of our last pings
         self._send_as_master: Callable[[bytes], None] | None = None  # sends pings and the times of answers, if a master
         self._closing = threading.Event()
@@ -92,7 +92,7 @@ class LivenessMonitor:
         """Withdraw this process's presence. The session stays open."""
         self._closing.set()
         self._pinger.join()
-        with self._turn:
+        with self._lock:
             arrival = self._arrival  # no new one is started once `_closing` is set
         if arrival:
             arrival.join()
@@ -121,7 +121,7 @@ class LivenessMonitor:
         """
         if not self._doubled_ns or now_ns() - self._doubled_ns < self._patience_s * NS_PER_S:
             return ""
-        return " and ".join(sorted(self._there.values()))
+        return " and ".join(sorted(self._slaves.values()))
 
     @property
     def silence_s(self) -> float:
@@ -131,7 +131,7 @@ class LivenessMonitor:
     def _ping(self) -> None:
         while not self._wait_for_next():
             if self.present and self._is_timed_out() and not self._closing.wait(STALL_S) and self._is_timed_out():
-                self._is_there(False)
+                self._set_present(False)
             self._reconnect_stalled()
             sent = to_wall_ns(now_ns())
             self._ping_times = (*self._ping_times[1 - STORED_PINGS :], sent)
@@ -224,21 +224,21 @@ class LivenessMonitor:
         self.reported = Estimate(*reported) if reported[1] >= 0 else None
         self._clock.add(sent, there, answered, received_ns)
         self.known.set()
-        self._is_there(True)
+        self._set_present(True)
 
     def _on_presence(self, presence: Presence, alive: bool) -> None:
         if presence.part != "slave":
             return
         if alive:
-            self._there[presence.ident] = presence.process
+            self._slaves[presence.ident] = presence.process
             self._received_ns = now_ns()  # its first answer needs some time
         else:
-            self._there.pop(presence.ident, None)
-        self._doubled_ns = (self._doubled_ns or now_ns()) if len(self._there) > 1 else 0
-        self._is_there(bool(self._there))
+            self._slaves.pop(presence.ident, None)
+        self._doubled_ns = (self._doubled_ns or now_ns()) if len(self._slaves) > 1 else 0
+        self._set_present(bool(self._slaves))
 
-    def _is_there(self, present: bool) -> None:
-        with self._turn:
+    def _set_present(self, present: bool) -> None:
+        with self._lock:
             if present == self.present or self._closing.is_set():
                 return
             self.present = present
@@ -249,7 +249,7 @@ class LivenessMonitor:
             self.reported = None  # our rights may be different when it is back
             self.losses += 1
             self._lost_ns = now_ns()
-            self._report(f"{self._node} at {self._session.name} is gone; trying to reach it again")
+            self._report(f"{self._node} at {self._session.name} is lost; trying to connect again")
             return
         if self._lost_ns:
             self._report(f"{self._node} is back after {(now_ns() - self._lost_ns) / NS_PER_S:.1f} s")

@@ -47,7 +47,7 @@ class Vehicle(VehicleState):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._action: Action | None = None
-        self._turn = threading.RLock()  # held while a command is sent or replaced
+        self._lock = threading.RLock()  # held while a command is sent or replaced
         self._repeater = threading.Thread(target=self._repeat, name=f"commands {self.name}", daemon=True)
 
     def drive(
@@ -154,7 +154,7 @@ class Vehicle(VehicleState):
 
     def release(self) -> None:
         """Send no more commands: the vehicle's deadman then sets the thrusters to neutral."""
-        with self._turn:
+        with self._lock:
             self._replace(None)
 
     def close(self) -> None:
@@ -185,7 +185,7 @@ class Vehicle(VehicleState):
             raise NetworkError(f"{self.name} is only observed here; connect without observe=True to command it")
         self._require_presence()
         self.client.require_acceptance(pause=self._pause)
-        with self._turn:
+        with self._lock:
             self._replace(new)
             self._step()
             if not self._repeater.is_alive():
@@ -203,7 +203,7 @@ class Vehicle(VehicleState):
 
     def _repeat(self) -> None:
         while not self._closing.wait(PERIOD_S):
-            with self._turn:
+            with self._lock:
                 self._step()
 
     def _step(self) -> None:

@@ -126,7 +126,7 @@ class VehicleState:
         )
 
     def __repr__(self) -> str:
-        return f"<vehicle {self.name} at {self.client.endpoint}{'' if self.present else ', gone'}>"
+        return f"<vehicle {self.name} at {self.client.endpoint}{'' if self.present else ', lost'}>"
 
     @property
     def present(self) -> bool:

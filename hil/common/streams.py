@@ -41,7 +41,7 @@ def prepare() -> None:
 
 
 def drop_output() -> None:
-    """Discard pending output, because its reader is gone or the disk is full."""
+    """Discard pending output, because its reader has closed it or the disk is full."""
     null = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(null, sys.stdout.fileno())
@@ -54,7 +54,7 @@ def drop_output() -> None:
 def leave(code: int) -> NoReturn:
     """Flush the output and end the process at once, whatever its other threads do."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # the reader is gone, or the stream is closed
+        with suppress(OSError, ValueError):  # the stream is closed, here or by its reader
             stream.flush()
     os._exit(code)
 

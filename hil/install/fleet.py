@@ -72,7 +72,7 @@ class Started(NamedTuple):
     folder: str
 
 
-class Shown(NamedTuple):
+class MemberState(NamedTuple):
     """State of a member: "running", "ended" or "unreachable", and the last line of its log."""
 
     member: str
@@ -142,19 +142,19 @@ def load_started(scenario: str) -> tuple[list[Started], str]:
         raise ConfigError(f"{path}: is not what was written there; end the slaves by hand and remove it") from None
 
 
-def query_states(members: Sequence[Started], ssh: str) -> list[Shown]:
+def query_states(members: Sequence[Started], ssh: str) -> list[MemberState]:
     """Return the state of each member."""
     shown = []
     for one in members:
         try:
             state, _, last = _run(one.host, _filled(STATUS, one), ssh).partition("\n")
-            shown.append(Shown(one.member, one.host, state, last.strip()))
+            shown.append(MemberState(one.member, one.host, state, last.strip()))
         except DeviceError as error:
-            shown.append(Shown(one.member, one.host, "unreachable", str(error)))
+            shown.append(MemberState(one.member, one.host, "unreachable", str(error)))
     return shown
 
 
-def stop(scenario: str, members: Sequence[Started], ssh: str, forget_begun: bool = False) -> list[Shown]:
+def stop(scenario: str, members: Sequence[Started], ssh: str, forget_begun: bool = False) -> list[MemberState]:
     """Stop the slaves by SIGTERM, and after GRACE_S by SIGKILL. Unreachable ones stay in the state file.
 
     With `forget_begun` an unreachable member whose start was not complete is removed from the file.
@@ -162,9 +162,9 @@ def stop(scenario: str, members: Sequence[Started], ssh: str, forget_begun: bool
     shown, left = [], []
     for one in members:
         try:
-            shown.append(Shown(one.member, one.host, _run(one.host, _filled(STOP, one), ssh).strip(), ""))
+            shown.append(MemberState(one.member, one.host, _run(one.host, _filled(STOP, one), ssh).strip(), ""))
         except DeviceError as error:
-            shown.append(Shown(one.member, one.host, "unreachable", str(error)))
+            shown.append(MemberState(one.member, one.host, "unreachable", str(error)))
             left += [one] if one.pid or not forget_begun else []
     if left:
         _save_started(state_file(scenario), left, ssh)

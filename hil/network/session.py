@@ -52,7 +52,7 @@ class Session:
         self._open_library = open_library
         self._session = open_library()
         self._zid = str(self._session.info.zid())
-        self._turn = threading.Condition()  # guards declarations, opening and closing
+        self._condition = threading.Condition()  # guards declarations, opening and closing
         self._declared: list[Declared] = []
         self._is_open = True
         self._is_opening = False
@@ -136,7 +136,7 @@ class Session:
         token = self._declare(lambda session: session.liveliness().declare_token(key))
 
         def withdraw() -> None:
-            with self._turn:
+            with self._condition:
                 self._declared.remove(token)
                 with suppress(zenoh.ZError):  # the session was closed, which withdraws it too
                     token.current.undeclare()
@@ -240,10 +240,10 @@ class Session:
     def close(self) -> None:
         """Close the session and wait for its readers to end. May be called twice."""
         atexit.unregister(self.close)
-        with self._turn:
+        with self._condition:
             self._closed.set()
             self._close_library()
-            self._turn.notify_all()
+            self._condition.notify_all()
         for worker in (self._worker, self._sending):
             if worker:
                 worker.end()
@@ -258,7 +258,7 @@ class Session:
         Messages in transit are lost. If it cannot be opened, for example without its router, each later call tries
         again.
         """
-        with self._turn:
+        with self._condition:
             if self._closed.is_set() or self._is_opening or (self._is_open and openings != self.openings):
                 return False
             self._close_library()
@@ -266,11 +266,11 @@ class Session:
         opened = None
         with suppress(zenoh.ZError):
             opened = self._open_library()  # takes long without a router; the lock is free, so that clients can close
-        with self._turn:
+        with self._condition:
             self._is_opening = False
             if opened:
                 self._replace_library(opened)
-            self._turn.notify_all()
+            self._condition.notify_all()
         return opened is not None
 
     def _replace_library(self, opened: zenoh.Session) -> None:
@@ -317,8 +317,8 @@ class Session:
 
     def _declare(self, declare: Callable[[zenoh.Session], Any]) -> Declared:
         """Declare something now, and again on each session that replaces this one."""
-        with self._turn:
-            self._turn.wait_for(lambda: self._closed.is_set() or not self._is_opening)
+        with self._condition:
+            self._condition.wait_for(lambda: self._closed.is_set() or not self._is_opening)
             declared = Declared(declare, self._session, self.name)
             self._declared.append(declared)
         return declared
@@ -373,8 +373,8 @@ class Session:
 
     def _await_other(self, declared: Declared, current: object) -> None:
         """Wait until the declaration is repeated on another session of the library, or this session is closed."""
-        with self._turn:
-            self._turn.wait_for(lambda: self._closed.is_set() or declared.current is not current)
+        with self._condition:
+            self._condition.wait_for(lambda: self._closed.is_set() or declared.current is not current)
 
     def _start(self, run: Callable[[], None], name: str) -> None:
         reader = threading.Thread(target=run, name=name, daemon=True)

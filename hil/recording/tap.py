@@ -58,10 +58,10 @@ class _Publisher:
         self.last = last
 
 
-class _Line:
+class _Connection:
     """The session with one endpoint.
 
-    Each of `receivers` returns the next message of a subscription, or None. `news` has the events of links.
+    Each of `receivers` returns the next message of a subscription, or None. `link_events` has the events of links.
     """
 
     def __init__(self, session: zenoh.Session, endpoint: str, lease: float) -> None:
@@ -69,7 +69,7 @@ class _Line:
         self.endpoint = endpoint
         self.count = 0  # received messages
         self.unread, self._stall, self._checked_ns = UnreadLinks(lease), StallDetector(lease), 0
-        self.news = session.info.declare_link_events_listener(zenoh.handlers.RingChannel(LINKS), history=True)
+        self.link_events = session.info.declare_link_events_listener(zenoh.handlers.RingChannel(LINKS), history=True)
         history = HistoryConfig(detect_late_publishers=True)
         latched = [topic.full_name("*") for topic in TOPICS.values() if topic.qos.latched]
         self._subscribers: list[Any] = [  # their type does not declare `try_recv`
@@ -134,7 +134,7 @@ class Tap:
         # By the publisher's gid and the key: a master has one gid for all topics, and separate numbers for each topic.
         self._publishers: dict[tuple[bytes, str], _Publisher | None] = {}
         self._topics: dict[str, tuple[str, str] | None] = {}
-        self._lines: list[_Line] = []
+        self._connections: list[_Connection] = []
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
         self._complaint_ns = 0
@@ -151,17 +151,17 @@ class Tap:
     def receive(self) -> list[Message]:
         """Return the messages received since the last call, in the order of their arrival."""
         messages = []
-        for line in tuple(self._lines):
-            if line.news.try_recv() is not None:  # a new link; see hil.network.sockets
+        for connection in tuple(self._connections):
+            if connection.link_events.try_recv() is not None:  # a new link; see hil.network.sockets
                 free_sockets()
-            self.reconnections += line.unread.mend(line)
-            for receive in line.receivers:
+            self.reconnections += connection.unread.mend(connection)
+            for receive in connection.receivers:
                 while (sample := receive()) is not None:
-                    line.count += 1
-                    if message := self._message(line, sample):
+                    connection.count += 1
+                    if message := self._message(connection, sample):
                         messages.append(message)
-            if line.is_stalled(now_ns()):
-                self._reopen(line)
+            if connection.is_stalled(now_ns()):
+                self._reopen(connection)
         messages.sort(key=_logged_time)
         return messages
 
@@ -181,23 +181,23 @@ class Tap:
         self._closing.set()
         for thread in self._threads:  # a thread that is inside the library when the interpreter ends aborts the process
             thread.join()
-        for line in self._lines:
-            line.close()
-        self._lines.clear()
+        for connection in self._connections:
+            connection.close()
+        self._connections.clear()
 
-    def _reopen(self, line: _Line) -> None:
+    def _reopen(self, connection: _Connection) -> None:
         """Close a session and open it again, in a thread, because both may take a while.
 
         The new session is not reopened before it has received a message, as there may be no publisher.
         """
         self.reconnections += 1
-        self._lines.remove(line)
+        self._connections.remove(connection)
 
         def reopen() -> None:
-            line.close()
-            self._open(line.endpoint, self._settings[line.endpoint])
+            connection.close()
+            self._open(connection.endpoint, self._settings[connection.endpoint])
 
-        self._start(line.endpoint, reopen)
+        self._start(connection.endpoint, reopen)
 
     def _start(self, endpoint: str, work: Callable[[], None]) -> None:
         thread = threading.Thread(target=work, name=f"tap {endpoint}", daemon=True)
@@ -210,12 +210,12 @@ class Tap:
         config.insert_json5("timestamping/enabled", "true")  # stamp received messages with their time of arrival
         while not self._closing.is_set():
             with suppress(zenoh.ZError):
-                self._lines.append(_Line(zenoh.open(config), endpoint, self._lease))
+                self._connections.append(_Connection(zenoh.open(config), endpoint, self._lease))
                 self.connected.add(endpoint)
                 return
             self._closing.wait(RETRY_S)
 
-    def _message(self, line: _Line, sample: zenoh.Sample) -> Message | None:
+    def _message(self, connection: _Connection, sample: zenoh.Sample) -> Message | None:
         stamp = sample.timestamp
         came_ns = stamp.get_time_as_ntp64().as_nanos() if stamp else to_wall_ns(now_ns())
         key, attachment = str(sample.key_expr), sample.attachment
@@ -227,16 +227,16 @@ class Tap:
         try:
             publisher = self._publishers[gid, key]
         except KeyError:
-            publisher = self._add_publisher(line, key, sequence, gid)
+            publisher = self._add_publisher(connection, key, sequence, gid)
         if publisher is None or sequence <= publisher.last:  # received already, by another path
             return None
         self.missed += sequence - publisher.last - 1
         publisher.last = sequence
         return Message(publisher.topic, publisher.type, sequence, sent_ns, came_ns, sample.payload.to_bytes())
 
-    def _add_publisher(self, line: _Line, key: str, sequence: int, gid: bytes) -> _Publisher | None:
+    def _add_publisher(self, connection: _Connection, key: str, sequence: int, gid: bytes) -> _Publisher | None:
         topic = self._topic(key)
-        line.learn(key)
+        connection.learn(key)
         while len(self._publishers) >= MOST_NAMES:
             del self._publishers[next(iter(self._publishers))]
         self._publishers[gid, key] = publisher = _Publisher(*topic, sequence - 1) if topic else None

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.network.security import Security
 
 WAITING = 16  # size of the queue for masters' pings; the queue for all other pings has half of it
-MOST_THERE = 32  # masters and observers, each, that are tracked; further ones are not reported
+MOST_PEERS = 32  # masters and observers, each, that are tracked; further ones are not reported
 NEW_NS = 3 * NS_PER_S  # during this time after its start, a slave ends if an older slave has the same name
 FIRST_NS = NS_PER_S // 5  # a slave that is found this soon after our start was there before us
 TWIN_S = 1.5  # the other slave must stay present for this time; after a kill, its lease of 1 s keeps it present
@@ -53,7 +53,7 @@ class Contacts:
         self._session, self._unread = session, UnreadLinks(lease)
         self._security = security
         self._report = report
-        self._there: dict[Part, dict[str, Presence]] = {"master": {}, "observer": {}}
+        self._peers: dict[Part, dict[str, Presence]] = {"master": {}, "observer": {}}
         # The ident begins with the start time: of two slaves that start together, the younger has the larger ident.
         self._node, self._ident = node, f"{time.time_ns():016x}{os.urandom(8).hex()}"
         self._twins: set[str] = set()  # idents of other slaves with our name
@@ -83,7 +83,7 @@ class Contacts:
     def add_figures(self, figures: Diagnostics) -> None:
         """Add the masters present, the active master, and the offset of its clock to the diagnostics."""
         command_receiver = self._command_receiver
-        masters = list(self._there["master"].values())
+        masters = list(self._peers["master"].values())
         if self._security:
             figures.may_command, figures.may_listen = self._security.may_command, self._security.may_listen
         figures.commanded_by = "" if command_receiver.is_master_timed_out else command_receiver.master.hex()
@@ -91,7 +91,7 @@ class Contacts:
             [master.process for master in masters if master.ident == command_receiver.master.hex()]
         )
         figures.masters = tuple([master.process for master in masters])
-        figures.observers = len(self._there["observer"])
+        figures.observers = len(self._peers["observer"])
         figures.masters_lost = self.lost
         figures.pings_dropped = sum([pings.lost for pings in self._pings])
         clock = command_receiver.clocks.get(command_receiver.master)
@@ -106,13 +106,13 @@ class Contacts:
         if presence.part == "slave":
             self._on_slave(presence, alive)
             return
-        there = self._there[presence.part]
+        peers = self._peers[presence.part]
         if alive:
-            known = len(there) < MOST_THERE or presence.ident in there
+            known = len(peers) < MOST_PEERS or presence.ident in peers
             if known:
-                there[presence.ident] = presence
+                peers[presence.ident] = presence
         else:
-            known = there.pop(presence.ident, None) is not None
+            known = peers.pop(presence.ident, None) is not None
         if known and presence.part == "master":
             self._on_master(presence, alive)
 
@@ -120,7 +120,7 @@ class Contacts:
         """Handle another slave with our name. A master would command both, so the younger one ends."""
         if not alive:
             self._twins.discard(presence.ident)
-        elif presence.ident != self._ident and len(self._twins) < MOST_THERE:
+        elif presence.ident != self._ident and len(self._twins) < MOST_PEERS:
             self._twins.add(presence.ident)
             age_ns = now_ns() - self._began_ns
             apart_ns = abs(int(presence.ident[:16], 16) - int(self._ident[:16], 16))
@@ -133,9 +133,9 @@ class Contacts:
     def _end_younger(self, other: Presence, is_younger: bool) -> None:
         if other.ident not in self._twins:
             return
-        problem = f"another slave of the name {self._node} is there: {other.process}"
+        problem = f"another slave named {self._node} is connected: {other.process}"
         if not is_younger:
-            self._report(f"WARNING: {problem}; no master commands either until one of them has ended")
+            self._report(f"WARNING: {problem}; masters command neither of them until one has ended")
             return
         self.conflict = NetworkError(f"{problem}; end that one, or give this one another node in [slave]")
         os.kill(os.getpid(), signal.SIGTERM)
@@ -145,12 +145,12 @@ class Contacts:
         if alive:
             self._command_receiver.ranks[sender] = presence.rank
             rank = f" with rank {presence.rank}" if presence.rank else ""
-            self._report(f"master {presence.process} is there{rank}")
+            self._report(f"master {presence.process} is connected{rank}")
         else:
             was_active = sender == self._command_receiver.master
             self._command_receiver.remove_sender(sender)
             self.lost += 1
-            self._report(f"master {presence.process} is gone" + (", which commanded" if was_active else ""))
+            self._report(f"master {presence.process} is lost" + (", which commanded" if was_active else ""))
 
     def _on_ping(self, payload: bytes) -> None:
         """Answer a ping at once."""
@@ -184,7 +184,7 @@ class Contacts:
     def _clock_of(self, sender: bytes) -> ClockOffset:
         clocks = self._command_receiver.clocks
         if sender not in clocks:
-            while len(clocks) >= MOST_THERE:  # a flood of anonymous senders must not remove the active master
+            while len(clocks) >= MOST_PEERS:  # a flood of anonymous senders must not remove the active master
                 del clocks[next(other for other in clocks if other != self._command_receiver.master)]
             clocks[sender] = ClockOffset()
         return clocks[sender]

@@ -10,7 +10,7 @@ from hil.client import services
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import HilError
 from hil.ros.topics import first_of
-from hil.view.front import Front
+from hil.view.page_server import PageServer
 from hil.view.panels import instruments, pictures
 from hil.view.panels.actions import ActionsPanel
 from hil.view.panels.panels import Panels
@@ -38,7 +38,7 @@ JPEG, RAW, SONAR, SIDE_SCAN = (
 )  # fmt: skip
 
 
-class Shown(NamedTuple):
+class SceneContent(NamedTuple):
     """Data of a run from its scenario; without a scenario the fields are None or empty."""
 
     world: World | None = None
@@ -54,22 +54,22 @@ class LiveView:
     """The view at `host`:`port`. Use as a context; call `update` about every `PERIOD_S` s. Raises NetworkError."""
 
     def __init__(
-        self, source: Source, shown: Shown, host: str, port: int, token: str, tls: SSLContext | None = None
+        self, source: Source, content: SceneContent, host: str, port: int, token: str, tls: SSLContext | None = None
     ) -> None:
-        self._source, self._shown = source, shown
+        self._source, self._content = source, content
         self._scene = SceneServer()
         server = self._server = self._scene.server
         server.scene.set_up_direction("+z")
-        self._panels = Panels(server, source.names, shown.hunt is not None)
-        self._world = WorldScene(server, shown.world) if shown.world else None
+        self._panels = Panels(server, source.names, content.hunt is not None)
+        self._world = WorldScene(server, content.world) if content.world else None
         if self._world:
-            self._world.draw_path(shown.path, shown.depth)
-            if shown.goal:
-                self._world.draw_goal(*shown.goal, shown.depth)
+            self._world.draw_path(content.path, content.depth)
+            if content.goal:
+                self._world.draw_goal(*content.goal, content.depth)
         else:
             server.scene.add_grid("/grid", 100.0, 100.0)
-        self._fleet = FleetScene(server, shown.hunt, self._world) if shown.hunt and self._world else None
-        thrusters = [thruster.name for vehicle in list(shown.vehicles.values())[:1] for thruster in vehicle.thrusters]
+        self._fleet = FleetScene(server, content.hunt, self._world) if content.hunt and self._world else None
+        thrusters = [thruster.name for vehicle in list(content.vehicles.values())[:1] for thruster in vehicle.thrusters]
         self._actions = ActionsPanel(server, self._panels.actions, self._vehicle, self._panels.add_log_line, thrusters)
         self._recording = RecordingPanel(server, self._panels.actions, source.recorder, self._panels.add_log_line)
         self._playback = PlaybackPanel(server, source.playback) if source.playback else None
@@ -81,14 +81,14 @@ class LiveView:
         self._last_place: tuple[float, ...] | None = None
         server.on_client_connect(self._place_camera)
         self._panels.camera.on_update(lambda _: self._place_cameras())
-        self._front = Front(host, port, self._scene.port, self._scene.secret, token, self._on_stick, tls)
-        self.port = self._front.port
+        self._page_server = PageServer(host, port, self._scene.port, self._scene.secret, token, self._on_stick, tls)
+        self.port = self._page_server.port
 
     def __enter__(self) -> "LiveView":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._front.__exit__()
+        self._page_server.__exit__()
         for steering in self._steering.values():
             steering.__exit__()
         self._scene.__exit__()
@@ -114,9 +114,9 @@ class LiveView:
             if self._frames % PANEL_EVERY == 0:
                 self._recording.update()
                 if self._fleet:
-                    there = [name for name in names if self._source.is_present(name)]
-                    places = {name: self._drawn[name].place for name in there if self._drawn[name].is_placed}
-                    self._fleet.draw({name: self._source.latest(name) for name in there}, places)
+                    present = [name for name in names if self._source.is_present(name)]
+                    places = {name: self._drawn[name].place for name in present if self._drawn[name].is_placed}
+                    self._fleet.draw({name: self._source.latest(name) for name in present}, places)
                 if self._name in names:
                     self._draw_panels(self._name)
         if self._panels.camera.value == "follow":
@@ -132,9 +132,9 @@ class LiveView:
     def _draw_vehicle(self, name: str) -> None:
         drawn = self._drawn.get(name)
         if drawn is None:
-            vehicles = self._shown.vehicles
+            vehicles = self._content.vehicles
             file = vehicles.get(name) or next(iter(vehicles.values()), None)
-            drawn = self._drawn[name] = VehicleScene(self._server, name, file, self._shown.sensors)
+            drawn = self._drawn[name] = VehicleScene(self._server, name, file, self._content.sensors)
         latest = self._source.latest(name)
         drawn.move(latest)
         self._draw_plan(name, latest.get("plan"))
@@ -148,8 +148,8 @@ class LiveView:
         """Draw the path that a vehicle's planner has published. It replaces the path from the scenario."""
         if self._world and plan and plan != self._plans.get(name):
             self._plans[name] = plan
-            alone = len(self._shown.vehicles) <= 1
-            self._world.draw_path(plan, self._shown.depth, "path" if alone else f"path/{name}")
+            alone = len(self._content.vehicles) <= 1
+            self._world.draw_path(plan, self._content.depth, "path" if alone else f"path/{name}")
 
     def _draw_pictures(self, name: str, sensors: SensorScene, latest: Mapping[str, Any]) -> None:
         is_chosen = name == self._name
@@ -174,7 +174,7 @@ class LiveView:
 
     def _draw_panels(self, name: str) -> None:
         figures = self._source.diagnostics(name)
-        file = self._shown.vehicles.get(name)
+        file = self._content.vehicles.get(name)
         names = [thruster.name for thruster in file.thrusters] if file else []
         now = instruments.reading(self._source.latest(name), figures.pwm_us or (), names)
         if now:

@@ -31,7 +31,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 OnStick = Callable[[int, StickMessage | None], Mapping[str, Any]]
 
 
-class Front(ServerThread):
+class PageServer(ServerThread):
     """Serves at `host`:`port` (0: any free one) in a separate thread. Use as a context.
 
     viser listens on `scene_port` and requires `secret`; a browser must send `token`. Raises NetworkError if the port is
@@ -55,9 +55,9 @@ class Front(ServerThread):
         self._listener: asyncio.Server | None = None
         self._runner: web.AppRunner | None = None
         self._tls = tls
-        super().__init__("view front", host, port)
+        super().__init__("view page", host, port)
 
-    def __enter__(self) -> "Front":
+    def __enter__(self) -> "PageServer":
         return self
 
     async def _start(self, host: str, port: int) -> int:
@@ -133,7 +133,7 @@ class Front(ServerThread):
         socket = web.WebSocketResponse(max_msg_size=MOST_STICK_BYTES, heartbeat=HEARTBEAT_S)
         await socket.prepare(request)
         if self._clients >= MOST_CLIENTS:
-            await socket.close(message=f"{MOST_CLIENTS} browsers are there already".encode())
+            await socket.close(message=f"{MOST_CLIENTS} browsers are connected already".encode())
             return socket
         if request.transport is None:  # the client has disconnected meanwhile
             return socket
@@ -161,8 +161,8 @@ class Front(ServerThread):
             if request.headers.get("Upgrade", "").lower() == "websocket":
                 return await self._pass_socket(request, client, url)
             async with client.get(url) as answer:
-                kept = {name: answer.headers[name] for name in ("Content-Type",) if name in answer.headers}
-                return web.Response(status=answer.status, body=await answer.read(), headers=kept)
+                forwarded = {name: answer.headers[name] for name in ("Content-Type",) if name in answer.headers}
+                return web.Response(status=answer.status, body=await answer.read(), headers=forwarded)
 
     async def _pass_socket(self, request: web.Request, client: ClientSession, url: str) -> web.WebSocketResponse:
         protocols = [word.strip() for word in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if word]

@@ -133,7 +133,7 @@ class Floor:
         except NetworkError:
             self.tcp.close()
             raise
-        self._turn = False
+        self._use_udp = False
 
     def __enter__(self) -> "Floor":
         return self
@@ -147,8 +147,8 @@ class Floor:
 
         An answer that has not come by `until_ns` (monotonic) counts as lost, so that the caller need not wait.
         """
-        self._turn = not self._turn
-        round_trip = self.udp if self._turn else self.tcp
+        self._use_udp = not self._use_udp
+        round_trip = self.udp if self._use_udp else self.tcp
         if not round_trip.is_silent:
             round_trip.measure_once(until_ns)
 

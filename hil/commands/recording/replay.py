@@ -118,16 +118,16 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
 
 def _show(path: str, own_classes: bool, stop_fd: int) -> int:
     from hil.commands.view.opening import open_view
-    from hil.view.live_view import PERIOD_S, Shown
+    from hil.view.live_view import PERIOD_S, SceneContent
     from hil.view.sources.recorded import RecordedSource
 
     source = RecordedSource(path)
     run = read_run(read_about(path), path, own_classes)
-    shown = Shown()
+    content = SceneContent()
     if run:
         master = run.scenario.master
-        shown = Shown(run.world, dict.fromkeys(source.names, run.vehicle), (), master.depth, master.goal)
-    with open_view(source, shown) as view:
+        content = SceneContent(run.world, dict.fromkeys(source.names, run.vehicle), (), master.depth, master.goal)
+    with open_view(source, content) as view:
         while not select.select((stop_fd,), (), (), PERIOD_S)[0]:
             view.update()
     return 0

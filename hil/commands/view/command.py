@@ -3,7 +3,7 @@
 import select
 
 from hil.commands.listening import add_fleet, connect_arguments, presence
-from hil.commands.view.opening import open_view, shown_of
+from hil.commands.view.opening import open_view, scene_content
 from hil.commands.view.tls import page_tls
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.options import add_serving, new_parser
@@ -41,7 +41,7 @@ def main(arguments: list[str]) -> int:
     with (
         StopSignals() as stop_fd,
         LiveSource(endpoints, observe=options.observe, routed=routed, keys=keys, scenario=scenario) as source,
-        open_view(source, shown_of(scenario), options.listen, not options.no_browser, tls=tls) as view,
+        open_view(source, scene_content(scenario), options.listen, not options.no_browser, tls=tls) as view,
     ):
         pace = Pace(now_ns())
         reported: list[str] | None = None

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from hil.cases.viewer import Viewer
-from hil.commands.view.opening import ANY_PORT, new_token, open_view, shown_of, view_process
+from hil.commands.view.opening import ANY_PORT, new_token, open_view, scene_content, view_process
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import endpoints_of
 
@@ -32,7 +32,7 @@ class FlightViewer(Viewer):
         from hil.view.sources.simulated import SimulatedSource
 
         source = SimulatedSource(vehicles)
-        with open_view(source, shown_of(scenario), self._address, token=self._token) as view:
+        with open_view(source, scene_content(scenario), self._address, token=self._token) as view:
             self._address = self._address[0], view.port
             yield source.pace(view.update, time.sleep)
 

@@ -16,7 +16,7 @@ from hil.scenario.config import Scenario
 if TYPE_CHECKING:
     from ssl import SSLContext
 
-    from hil.view.live_view import LiveView, Shown
+    from hil.view.live_view import LiveView, SceneContent
     from hil.view.scene.fleet import Hunt
     from hil.view.sources.source import Source
 
@@ -35,7 +35,7 @@ def new_token() -> str:
 @contextmanager
 def open_view(
     source: "Source",
-    shown: "Shown",
+    shown: "SceneContent",
     place: tuple[str, int] = ANY_PORT,
     browser: bool = True,
     token: str = "",
@@ -63,14 +63,14 @@ def open_view(
         yield view
 
 
-def shown_of(scenario: Scenario | None) -> "Shown":
+def scene_content(scenario: Scenario | None) -> "SceneContent":
     """Return the world, the shapes and the planned path of a scenario. Raises ConfigError."""
-    from hil.view.live_view import Shown
+    from hil.view.live_view import SceneContent
     from sim.environment.world import load_world
     from sim.vehicle.vehicle import load_vehicle
 
     if scenario is None:
-        return Shown()
+        return SceneContent()
     vehicle = load_vehicle(scenario.vehicle)[0]
     vehicles = dict.fromkeys([member.node for member in scenario.member] or [scenario.slave.node], vehicle)
     path: Sequence[Sequence[float]] = ()
@@ -85,7 +85,7 @@ def shown_of(scenario: Scenario | None) -> "Shown":
             print(f"no path is shown: {error}", file=sys.stderr, flush=True)
     depth = scenario.master.depth
     world, sensors = load_world(scenario.world), scenario.sensors
-    return Shown(world, vehicles, tuple(path), depth, goal, sensors, _hunt_of(scenario))
+    return SceneContent(world, vehicles, tuple(path), depth, goal, sensors, _hunt_of(scenario))
 
 
 def _hunt_of(scenario: Scenario) -> "Hunt | None":

@@ -139,7 +139,7 @@ class Core:
             self._seen_ns = now
             self._find_places(snapshot)
         elif self.pilot.armed and now - self._seen_ns > LOST_NS:
-            self.texts.append((CRITICAL, "the vehicle is gone"))
+            self.texts.append((CRITICAL, "the vehicle is lost"))
             self.disarm()
         self._refusal = self.port.refusal() if snapshot else ""
         self._finish_armings(now)
@@ -172,7 +172,7 @@ class Core:
         settled(dialect.MAV_RESULT_ACCEPTED)
 
     def _watch(self, now: int) -> None:
-        """Disarm where the vehicle obeys another, and act on silence of ground stations and on leaks."""
+        """Disarm if another master commands the vehicle; act on silent ground stations and on leaks."""
         if self._refusal:
             self.texts.append((CRITICAL, f"Disarmed: {self._refusal}"))
             self.disarm()

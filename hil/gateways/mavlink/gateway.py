@@ -89,7 +89,7 @@ class Gateway:
             link.close()
 
     def _update_partners(self, now: int) -> None:
-        """Add new partners, and remove those that have gone."""
+        """Add new partners, and remove those that have disconnected."""
         present = set()
         for number, link in enumerate(self._links):
             link.tick(now)
@@ -105,7 +105,7 @@ class Gateway:
         for key in [key for key in self._peers if key not in present]:
             peer = self._peers.pop(key)
             self.dispatcher.peers.pop(peer.number, None)
-            self._report(f"gone: {peer.name}")
+            self._report(f"disconnected: {peer.name}")
 
     def _peer(self, number: int, link: Link, address: Hashable) -> Peer:
         peer = self._peers.get((number, address))
@@ -120,5 +120,5 @@ class Gateway:
                 may_command, link.burst, self.dispatcher.signing.secret, self._wall_clock, is_local,
             )  # fmt: skip
             self.dispatcher.peers[peer.number] = peer
-            self._report(f"{link.name}: sends to {name}{'' if may_command else ' (may only look)'}")
+            self._report(f"{link.name}: sends to {name}{'' if may_command else ' (can only read)'}")
         return peer

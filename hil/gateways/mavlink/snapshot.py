@@ -60,7 +60,7 @@ class VehiclePort(Protocol):
         """Send a command once; the vehicle forgets it after its deadman's time."""
 
     def refusal(self) -> str:
-        """Return why it would not obey us, and the remedy; "" if it would."""
+        """Return why it does not execute our commands, with the remedy; "" if it does."""
 
     def arm(self) -> None:
         """Let the slave take commands again, if it was disarmed; `refusal` shows when it does."""

@@ -92,7 +92,7 @@ class NetworkVehicle:
             return
 
     def refusal(self) -> str:
-        """Return why it would not obey us, and the remedy."""
+        """Return why it does not execute our commands, with the remedy; "" if it does."""
         client = self._client
         reason = client.unavailable_reason()
         return reason or (f"{client.node} has just named another master" if client.in_doubt else "")

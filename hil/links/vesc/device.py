@@ -83,7 +83,7 @@ class VescDevice(VescProtocol):
         if now_ns < self.deadline_ns:
             return b""
         self.deadline_ns = now_ns + self._period_ns
-        self._turn(now_ns)
+        self._advance_motors(now_ns)
         return b"".join([self._slow_status(thruster, pulse) for thruster, pulse in enumerate(self._pulses)])
 
     def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
@@ -154,7 +154,7 @@ class VescDevice(VescProtocol):
         status_5 = STATUS_5_DATA.pack(tachometer, _int16(values.voltage_v * 10), 0)
         return self._frame(STATUS_4, thruster, status_4) + self._frame(STATUS_5, thruster, status_5)
 
-    def _turn(self, now_ns: int) -> None:
+    def _advance_motors(self, now_ns: int) -> None:
         """Advance the motors' positions to `now_ns`, at the speed of their pulse widths."""
         minutes = (now_ns - self._turned_ns) / NS_PER_MIN if self._turned_ns >= 0 else 0.0
         self._turned_ns = now_ns

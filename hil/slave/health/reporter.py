@@ -209,7 +209,7 @@ class Health:
         if driver.lost:
             return (
                 ERROR,
-                f"the thruster link {driver.port} is gone, the STM32's watchdog stops the thrusters: connect it again",
+                f"the thruster link {driver.port} is lost, the STM32's watchdog stops the thrusters: connect it again",
             )
         if driver.is_silent:
             return ERROR, f"the STM32 on {driver.port} does not answer: check wiring, baud, protocol"

@@ -13,8 +13,8 @@ typedef struct {
     UuvHilFirmware firmware;
     UuvHilPlatform platform;
     uint64_t now_us;
-    uint16_t obeyed; /* the firmware's count of command frames when a command last set its outputs */
-    long long obeyed_ns;
+    uint16_t executed_frames; /* the firmware's count of command frames when a command last set its outputs */
+    long long executed_ns;
     PyObject *written; /* list of the byte strings that the firmware writes; NULL outside of service() */
 } Firmware;
 
@@ -41,12 +41,12 @@ static void pwm_set(void *context, const uint16_t *pulse_us, uint8_t channels)
 {
     Firmware *self = context;
     (void)pulse_us, (void)channels;
-    if (self->firmware.board.frames == self->obeyed)
+    if (self->firmware.board.frames == self->executed_frames)
         return;
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
-    self->obeyed = self->firmware.board.frames;
-    self->obeyed_ns = now.tv_sec * 1000000000LL + now.tv_nsec;
+    self->executed_frames = self->firmware.board.frames;
+    self->executed_ns = now.tv_sec * 1000000000LL + now.tv_nsec;
 }
 
 static void watchdog_kick(void *context)
@@ -115,10 +115,10 @@ static PyObject *firmware_deadline_ns(PyObject *self, void *closure)
     return PyLong_FromUnsignedLongLong(uuv_hil_deadline_us(&((Firmware *)self)->firmware) * NS_PER_US);
 }
 
-static PyObject *firmware_obeyed_ns(PyObject *self, void *closure)
+static PyObject *firmware_executed_ns(PyObject *self, void *closure)
 {
     (void)closure;
-    return PyLong_FromLongLong(((Firmware *)self)->obeyed_ns);
+    return PyLong_FromLongLong(((Firmware *)self)->executed_ns);
 }
 
 static PyMethodDef firmware_methods[] = {
@@ -131,7 +131,7 @@ static PyMethodDef firmware_methods[] = {
 static PyGetSetDef firmware_attributes[] = {
     {"pwm_us", firmware_pwm_us, NULL, "pulse widths in effect, us", NULL},
     {"deadline_ns", firmware_deadline_ns, NULL, "time of the next call of service that is due without new data", NULL},
-    {"obeyed_ns", firmware_obeyed_ns, NULL, "time (monotonic) when a command last set the outputs; 0: never", NULL},
+    {"executed_ns", firmware_executed_ns, NULL, "time (monotonic) when a command last set the outputs; 0: never", NULL},
     {NULL, NULL, NULL, NULL, NULL},
 };
 

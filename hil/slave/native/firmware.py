@@ -31,7 +31,7 @@ class FirmwareEnd:
     @property
     def command_ns(self) -> int:
         """Monotonic time (ns) at which the outputs last applied a command."""
-        return self._firmware.obeyed_ns
+        return self._firmware.executed_ns
 
     def fileno(self) -> int:
         """Return the descriptor to wait on for commands."""

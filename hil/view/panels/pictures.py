@@ -71,7 +71,7 @@ class Waterfall:
 
     def __init__(self) -> None:
         self._pings: list[Any] = []
-        self._ways: list[float] = []  # rows from the previous ping
+        self._spacings: list[float] = []  # rows from the previous ping
         self._time_ns = 0
         self._position: Sequence[float] | None = None
 
@@ -83,19 +83,19 @@ class Waterfall:
         kind = np.uint8 if sample.encoding == "uint8" else np.float32
         row = np.concatenate([np.frombuffer(sample.port, kind)[::-1], np.frombuffer(sample.starboard, kind)])
         if self._pings and len(row) != len(self._pings[0]):
-            self._pings, self._ways = [], []
+            self._pings, self._spacings = [], []
         rows, before, self._position = 1.0, self._position, position
         if before and position:
-            way = hypot(position[0] - before[0], position[1] - before[1])
-            rows = min(max(way / (sample.range_step or 1.0), _FEWEST_ROWS), _MOST_ROWS)
+            distance = hypot(position[0] - before[0], position[1] - before[1])
+            rows = min(max(distance / (sample.range_step or 1.0), _FEWEST_ROWS), _MOST_ROWS)
         self._pings = [row.astype(float), *self._pings[: WATERFALL - 1]]
-        self._ways = [rows, *self._ways[: WATERFALL - 1]]
+        self._spacings = [rows, *self._spacings[: WATERFALL - 1]]
         return True
 
     def picture(self) -> Any:
         """Return the pings as a picture (WATERFALL x width x 3); rows without pings have the background colour."""
         pings = np.array(self._pings)
-        at = np.append(0.0, np.cumsum(self._ways[:-1]))
+        at = np.append(0.0, np.cumsum(self._spacings[:-1]))
         count = min(WATERFALL, int(at[-1] + 1e-6) + 1)
         place = np.interp(np.arange(count), at, np.arange(len(at)))
         low = np.minimum(place.astype(int), max(len(at) - 2, 0))

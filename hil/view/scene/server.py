@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.common.errors import MissingExtraError
 from hil.common.ports import free_ports
-from hil.view.front import SECRET_HEADER
+from hil.view.page_server import SECRET_HEADER
 from hil.view.scene.wakeup import ThreadSafeEvent
 
 
@@ -28,7 +28,7 @@ class SceneServer:
         self.secret = secrets.token_urlsafe(24)
         self.port = free_ports(1)[0]
         self._viewers: set[int] = set()
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
         with redirect_stdout(StringIO()):  # viser prints its address, which nobody can use
             self.server = viser.ViserServer("127.0.0.1", self.port, label="uuv-hil view", verbose=False)
         self.port = self.server.get_port()
@@ -42,11 +42,11 @@ class SceneServer:
                 await connection.close(1008, "only by way of the live view's page")
                 return
             _make_thread_safe(websockets._client_state_from_id[client.client_id].message_buffer)
-            with self._turn:
+            with self._lock:
                 self._viewers.add(client.client_id)
 
         def leave(client: Any) -> None:
-            with self._turn:
+            with self._lock:
                 self._viewers.discard(client.client_id)
 
         _make_thread_safe(websockets._broadcast_buffer)
@@ -64,7 +64,7 @@ class SceneServer:
     @property
     def viewers(self) -> int:
         """Number of connected browsers."""
-        with self._turn:
+        with self._lock:
             return len(self._viewers)
 
 

@@ -55,7 +55,7 @@ class LiveSource:
         self._known: dict[str, Vehicle] = {}
         self._present: dict[str, bool] = {}
         self._log: deque[str] = deque(maxlen=LOG_LINES)
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
         self._waking = threading.Lock()
         self._is_closed = False
         self._places = Wakeup()
@@ -106,7 +106,7 @@ class LiveSource:
         """Return the newest value of each topic."""
         plan = {"plan": self._plans.latest[name]} if name in self._plans.latest else {}
         stamped = dict(self._known[name].client.latest)
-        with self._turn:
+        with self._lock:
             pictures = self._pictures
         if pictures and name in pictures.names:
             newest = dict(pictures[name].client.latest)
@@ -139,7 +139,7 @@ class LiveSource:
 
     def show_pictures(self, wanted: bool) -> None:
         """Open or close the session for pictures."""
-        with self._turn:
+        with self._lock:
             pictures, self._pictures = self._pictures, None
             if wanted:
                 self._pictures = pictures or self._connect(observe=True)

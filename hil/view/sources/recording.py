@@ -20,7 +20,7 @@ class ViewRecorder:
         self._endpoints, self._network, self._security = list(endpoints), network, security
         self._scenario = scenario
         self._running: tuple[Tap, Recorder] | None = None
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
 
     @property
     def state(self) -> str:
@@ -35,14 +35,14 @@ class ViewRecorder:
 
         Raises ConfigError, MissingExtraError, NetworkError.
         """
-        with self._turn:
+        with self._lock:
             if self._running is None:
                 self._running = self._begin()
             return f"recording into {self._running[1].folder}"
 
     def stop(self) -> str:
         """Stop recording; return a text with the number of messages and the folder. It has no effect if none runs."""
-        with self._turn:
+        with self._lock:
             if self._running is None:
                 return "no recording runs"
             (tap, recorder), self._running = self._running, None

@@ -28,7 +28,7 @@ class Steering:
         self._steers: int | None = None
         self._depth: float | None = None
         self._heading: float | None = None
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
         self._ending = threading.Event()
         self.error = ""
         self._thread = threading.Thread(target=self._run, name=f"steering {vehicle.name}", daemon=True)
@@ -46,7 +46,7 @@ class Steering:
 
         Return why this person does not steer, or "".
         """
-        with self._turn:
+        with self._lock:
             if message is None:
                 self._sticks.pop(person, None)
             else:
@@ -64,7 +64,7 @@ class Steering:
 
     def _choose(self) -> StickCommand | None:
         """Return the command of the person who steers. If nobody steers, the first who holds the switch begins to."""
-        with self._turn:
+        with self._lock:
             now = now_ns()
             wanted = {person: stick.command(now) for person, stick in self._sticks.items()}
             if self._steers is not None and wanted.get(self._steers) is None:

@@ -64,7 +64,7 @@ def test_a_second_master_is_refused_unless_it_takes_over(own_slave: tuple[Progra
         program.expect("commands arrive")
         with hil.connect(endpoint, wait=60.0) as second:
             for _ in range(2):
-                with pytest.raises(NetworkError, match=r"obeys another master.*take_over=True"):
+                with pytest.raises(NetworkError, match=r"is commanded by another master.*take_over=True"):
                     second["uuv1"].drive(surge=-0.3)
             assert not second["uuv1"].client.has_commanded
         with hil.connect(endpoint, take_over=True, wait=60.0) as third:

@@ -164,11 +164,11 @@ def test_two_slaves_of_one_name_are_not_commanded(ends: tuple[Vehicle, Session])
     with VehicleClient(session, "uuv1") as client:
         client.command(VelocityCommand())
         leave = [declare_presence(session, "uuv1", "slave", ident * 16) for ident in ("aa", "bb")]
-        assert wait_for(lambda: len(client.contact._there) == 2)
+        assert wait_for(lambda: len(client.contact._slaves) == 2)
         client.contact._doubled_ns -= 10 * NS_PER_S
         assert "all called uuv1" in client.refusal()
         with pytest.raises(NetworkError, match="end one of them"):
             client.command(VelocityCommand(surge=0.5))
         leave[1]()
-        assert wait_for(lambda: len(client.contact._there) == 1)
+        assert wait_for(lambda: len(client.contact._slaves) == 1)
         client.command(VelocityCommand(surge=0.5))

@@ -35,11 +35,11 @@ def test_commands_that_arrived_while_it_was_stopped_are_discarded(kind: str, wir
             sequence += 1
             driver.send(ThrusterCommand(sequence, True, pulses))
 
-        def obeys() -> bool:
+        def executes() -> bool:
             command(BEFORE)
             return BEFORE in reports(driver)
 
-        assert wait_for(obeys)
+        assert wait_for(executes)
         os.kill(driver.children[0], signal.SIGSTOP)
         try:
             stm32 = psutil.Process(driver.children[0])
@@ -58,4 +58,4 @@ def test_commands_that_arrived_while_it_was_stopped_are_discarded(kind: str, wir
 
         assert wait_for(stops)
         assert MEANWHILE not in seen
-        assert wait_for(obeys), "and new commands count"
+        assert wait_for(executes), "and new commands count"

@@ -72,7 +72,7 @@ def test_only_disarming_is_allowed_while_another_master_commands(client: Client,
         other["uuv1"].drive(surge=0.1)
         assert wait_for(fleet["uuv1"].client.refusal)
         for line in ({"do": "reset"}, {"do": "set_pose", "north": 4, "east": 4, "depth": 2}, {"do": "arm"}):
-            assert "obeys another master" in client.send(json.dumps(line).encode())["error"]
+            assert "is commanded by another master" in client.send(json.dumps(line).encode())["error"]
         assert client.call(do="arm", on=False)["ok"]
         assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
     assert wait_for(lambda: client.call(do="arm")["ok"])

@@ -188,7 +188,7 @@ def test_a_second_mavlink_gateway_on_a_serial_line_cannot_command(
             ground.sticks()
             while ground.link.recv_match(blocking=False):
                 pass
-            time.sleep(0.2)  # the slave says once a second whom it obeys
+            time.sleep(0.2)  # the slave reports once a second who commands it
             try:
                 messages = parser.parse_buffer(os.read(radio, 4096)) or []
             except BlockingIOError:

@@ -57,7 +57,7 @@ def test_one_master_commands_at_a_time_beside_any_number_of_observers(slave: tup
             assert command_until(lambda: "another master" in first.refusal(), first, third)
             assert third.refusal() == ""
             taken = figure(third, "commands_taken")
-        program.expect("is gone, which commanded")
+        program.expect("is lost, which commanded")
         assert command_until(lambda: first.refusal() == "", first), "the vehicle is free again"
         assert command_until(lambda: figure(first, "commands_taken") > taken + 50, first)
         assert command_until(lambda: figure(first, "masters_lost") >= 1, first), "a busy machine may lose one more"

@@ -64,7 +64,7 @@ def test_both_ends_detect_a_silent_link_and_recover(ends: tuple[End, End, Relay]
     publisher = master.session.publisher("uuv1", TOPICS["cmd_vel"])
 
     def command(seconds: float) -> int:
-        """Publish commands for some seconds; return how many of them were obeyed."""
+        """Publish commands for some seconds; return how many of them were executed."""
         before, end = len(commanded), time.monotonic() + seconds
         while time.monotonic() < end:
             publisher.put(ros.encode_twist((0.1, 0, 0), (0, 0, 0)), to_wall_ns(now_ns()))

@@ -117,9 +117,9 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
 
     with Tap([endpoint]) as tap:
         with listen(endpoint):
-            assert wait_for(lambda: tap._lines and tap._lines[0].links())
+            assert wait_for(lambda: tap._connections and tap._connections[0].links())
             slow = zenoh.handlers.Callback(be_slow, indirect=False)
-            listener = tap._lines[0].session.info.declare_link_events_listener(slow)
+            listener = tap._connections[0].session.info.declare_link_events_listener(slow)
             assert not tap.complaint()
         with listen(endpoint) as slave:
             publisher = slave.publisher("uuv1", TOPICS["imu"])
@@ -263,7 +263,7 @@ def test_no_publisher_is_left_in_a_closed_session() -> None:
     with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
         with Tap([endpoint]) as tap:
             wait_for(lambda: tap.connected)
-            (line,) = tap._lines
+            (line,) = tap._connections
             line.learn("0/a/b")
             left = RecordedUndeclare(line.session)
             line._known["0/c/d"] = None, left
@@ -284,4 +284,4 @@ def test_the_number_of_remembered_names_is_limited(monkeypatch: pytest.MonkeyPat
         received = collect(tap, lambda messages: len({message.topic for message in messages}) == len(publishers))
         assert len({message.topic for message in received}) == len(publishers), "each is recorded"
         assert len(tap._publishers) <= 8
-        assert all(len(line._known) <= 8 for line in tap._lines)
+        assert all(len(line._known) <= 8 for line in tap._connections)

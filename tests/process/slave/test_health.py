@@ -159,7 +159,7 @@ def test_a_silent_stm32_is_an_error() -> None:
             assert slave.output.count(NO_ANSWER) == 1
             os.close(theirs)
             os.close(ours)  # as if the adapter were pulled out
-            assert wait_for(lambda: any("is gone" in status.message for status in watch.statuses()))
+            assert wait_for(lambda: any("is lost" in status.message for status in watch.statuses()))
     finally:
         for descriptor in (ours, theirs):
             with suppress(OSError):

@@ -10,18 +10,18 @@ from typing import Any
 
 import pytest
 
-from hil.view import front
-from hil.view.front import Front
+from hil.view import page_server
+from hil.view.page_server import PageServer
 from tests.support.processes import free_port, wait_for
 
 TOKEN = "a-token"
 
 
 @pytest.fixture
-def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Front]:
-    monkeypatch.setattr(front, "TOKEN_WITHIN_S", 1.0)
-    monkeypatch.setattr(front, "MOST_CONNECTIONS", 8)
-    with Front("127.0.0.1", 0, free_port(), "secret", TOKEN, answer_stick) as served:
+def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[PageServer]:
+    monkeypatch.setattr(page_server, "TOKEN_WITHIN_S", 1.0)
+    monkeypatch.setattr(page_server, "MOST_CONNECTIONS", 8)
+    with PageServer("127.0.0.1", 0, free_port(), "secret", TOKEN, answer_stick) as served:
         yield served
 
 
@@ -29,7 +29,7 @@ def answer_stick(_: int, values: Mapping[str, Any] | None) -> Mapping[str, Any]:
     return {"shown": "x" * (values or {}).get("bytes", 0)}
 
 
-def connect(served: Front) -> socket.socket:
+def connect(served: PageServer) -> socket.socket:
     return socket.create_connection(("127.0.0.1", served.port), 30)
 
 
@@ -46,7 +46,7 @@ def is_closed(connection: socket.socket) -> bool:
     return True
 
 
-def status(served: Front, path: str) -> int:
+def status(served: PageServer, path: str) -> int:
     with ExitStack() as stack:
         connection = http.client.HTTPConnection("127.0.0.1", served.port, timeout=30)
         stack.callback(connection.close)
@@ -54,7 +54,7 @@ def status(served: Front, path: str) -> int:
         return connection.getresponse().status
 
 
-def test_connections_without_the_token_are_limited_in_number_and_time(served: Front) -> None:
+def test_connections_without_the_token_are_limited_in_number_and_time(served: PageServer) -> None:
     with ExitStack() as stack:
         silent = [stack.enter_context(connect(served)) for _ in range(40)]
         assert wait_for(lambda: sum(map(is_closed, silent)) >= 32), "all but eight at once"
@@ -62,13 +62,13 @@ def test_connections_without_the_token_are_limited_in_number_and_time(served: Fr
         assert status(served, f"/?token={TOKEN}") == 302
 
 
-def test_a_connection_with_a_wrong_token_is_closed(served: Front) -> None:
+def test_a_connection_with_a_wrong_token_is_closed(served: PageServer) -> None:
     with connect(served) as refused:
         refused.sendall(b"GET /?token=wrong HTTP/1.1\r\nHost: x\r\n\r\n")
         assert wait_for(lambda: is_closed(refused))
 
 
-def test_a_connection_with_the_token_stays_open(served: Front) -> None:
+def test_a_connection_with_the_token_stays_open(served: PageServer) -> None:
     request = f"GET /?token={TOKEN} HTTP/1.1\r\nHost: x\r\n\r\n".encode()
     with connect(served) as admitted, connect(served) as silent:
         admitted.sendall(request)
@@ -78,9 +78,9 @@ def test_a_connection_with_the_token_stays_open(served: Front) -> None:
         assert admitted.recv(4096).startswith(b"HTTP/1.1 302")
 
 
-def test_a_browser_that_does_not_read_is_disconnected(served: Front, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_browser_that_does_not_read_is_disconnected(served: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
     """A connection that is closed normally would stay as long as the kernel tries to send the rest."""
-    monkeypatch.setattr(front, "STALLED_S", 0.5)
+    monkeypatch.setattr(page_server, "STALLED_S", 0.5)
     ended = select.poll()
     with socket.socket() as browser:
         browser.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # so that little waits in the kernel
@@ -99,11 +99,11 @@ def test_a_browser_that_does_not_read_is_disconnected(served: Front, monkeypatch
 
 
 @pytest.mark.parametrize("token", ["%ff", "%ed%a0%80", "", "a-token-and-more"])
-def test_any_other_token_is_refused(served: Front, token: str) -> None:
+def test_any_other_token_is_refused(served: PageServer, token: str) -> None:
     assert status(served, f"/?token={token}") == 403
 
 
-def test_bytes_that_are_not_http_leave_no_traceback(served: Front, caplog: pytest.LogCaptureFixture) -> None:
+def test_bytes_that_are_not_http_leave_no_traceback(served: PageServer, caplog: pytest.LogCaptureFixture) -> None:
     with connect(served) as outsider:
         outsider.sendall(b"GET /?token=\xc3\xa9 HTTP/1.1\r\nHost: x\r\n\r\n")
         assert wait_for(lambda: is_closed(outsider))

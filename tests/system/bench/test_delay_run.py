@@ -128,7 +128,7 @@ class CommandedVehicle:
 
 def test_the_last_command_gets_its_full_period(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first step of the motion would otherwise replace it in the slave's command_receiver."""
-    monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
+    monkeypatch.setattr(delay_run, "check_present", lambda *_: None)
     vehicle: Any = CommandedVehicle()
     delay_run._command(vehicle, None, Plan(rate=200.0, seconds=0.1), None, None)
     assert now_ns() - vehicle.at[-1] > 0.9 * NS_PER_S / 200.0
@@ -155,7 +155,7 @@ def test_steps_begin_at_all_phases_between_two_samples(monkeypatch: pytest.Monke
     def wait_ns(deadline: int) -> None:
         clock[0] = deadline + late_us * 1000
 
-    monkeypatch.setattr(delay_run, "check_there", lambda *_: None)
+    monkeypatch.setattr(delay_run, "check_present", lambda *_: None)
     monkeypatch.setattr(delay_run, "now_ns", lambda: clock[0])
     monkeypatch.setattr(delay_run, "wait_ns", wait_ns)
     vehicle: Any = CommandedVehicle(lambda: clock[0])

@@ -129,7 +129,7 @@ def test_another_master_is_named_in_the_error(tmp_path: Path, gateway: JsonGatew
         assert wait_for(fleet["uuv1"].client.refusal)
         script = f"{ATTEMPT}attempt(@() vehicle.drive('surge', 0.1)); attempt(@() vehicle.set_pose(4, 4, 2));"
         for line in run(tmp_path, gateway, script):
-            assert line.startswith("uuv:refused|uuv1 obeys another master")
+            assert line.startswith("uuv:refused|uuv1 is commanded by another master")
             assert "end that one first, or take over with --take-over" in line
 
 

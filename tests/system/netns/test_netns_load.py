@@ -73,7 +73,7 @@ def test_commands_arrive_over_a_link_with_loss_and_jitter(tmp_path: Path) -> Non
         master.wait(60)
         reported["master"].first("delays_ms", 0.0, time.monotonic() + 60)
         figures: dict[str, Any] = json.loads(reported["master"].seen[-1][1])
-        losses = sum("is gone" in line for _, line in reported["master"].seen)
+        losses = sum("is lost" in line for _, line in reported["master"].seen)
     delay, counts = quantiles([round(ms * 1e6) for ms in figures["delays_ms"]]), Diagnostics(figures["diagnostics"])
     print(
         delay,

@@ -84,9 +84,9 @@ class Run:
         fault.begin(self)
         began = time.monotonic()
         slave_there = fault.slave_sees
-        slave_saw = self.slave_output.first("is gone, which commanded", began, 2) if slave_there else 0.0
+        slave_saw = self.slave_output.first("is lost, which commanded", began, 2) if slave_there else 0.0
         deadman = self.slave_output.first("deadman", began, 2) if slave_there else 0.0
-        master_saw = self.master_output.first("is gone;", began, 2) if fault.master_sees else 0.0
+        master_saw = self.master_output.first("is lost;", began, 2) if fault.master_sees else 0.0
         time.sleep(max(began + fault.seconds - time.monotonic(), 0))
         ended = time.monotonic()
         fault.end(self)
@@ -201,4 +201,4 @@ def check_outcome(name: str, outcome: Outcome) -> None:
     assert len(outcome.delays_ms) > 50
     # A process that is stopped may have a command in hand: it was taken in time.
     in_hand = 1 if "slave stopped" in name else 0
-    assert sorted(outcome.delays_ms)[-1 - in_hand] < AGE_LIMIT_MS, "nothing is obeyed late"
+    assert sorted(outcome.delays_ms)[-1 - in_hand] < AGE_LIMIT_MS, "no command is executed late"

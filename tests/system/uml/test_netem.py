@@ -189,7 +189,7 @@ def test_a_vehicle_is_commanded_over_a_poor_network_and_again_after_an_interrupt
             with shaped("lo", ALL_LOST):
                 drive(client, INTERRUPTION_S)
                 slave.expect("deadman: no command in time, stopping the thrusters")
-                with pytest.raises(NetworkError, match="is gone: no ground_truth for"):
+                with pytest.raises(NetworkError, match="is lost: no ground_truth for"):
                     client.get("ground_truth")
             assert wait_for(lambda: client.latest["ground_truth"].age_s < 0.3), "they have met again"
             drive(client, 2.0)

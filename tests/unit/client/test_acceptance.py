@@ -29,7 +29,7 @@ class Vehicle(VehicleClient):
         return Diagnostics({"armed": "true"})
 
     def unavailable_reason(self) -> str:
-        return "" if self.now >= self.accepts_ns else "uuv1 obeys another master"
+        return "" if self.now >= self.accepts_ns else "uuv1 is commanded by another master"
 
     def pass_time(self, seconds: float) -> None:
         self.now += round(seconds * NS_PER_S)
@@ -56,7 +56,7 @@ def test_a_short_refusal_is_not_reported(started: type[Vehicle]) -> None:
 
 def test_a_lasting_refusal_is_raised_with_its_reason(started: type[Vehicle]) -> None:
     vehicle = started(10 * REFUSED_NS)
-    with pytest.raises(NetworkError, match="obeys another master"):
+    with pytest.raises(NetworkError, match="is commanded by another master"):
         vehicle.require_acceptance(pause=vehicle.pass_time)
     assert REFUSED_NS <= vehicle.now < REFUSED_NS + NS_PER_S
 

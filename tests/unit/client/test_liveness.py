@@ -110,11 +110,11 @@ def run(
             sent.clear()
             monitor._received_ns = clock.now_ns()
             monitor._answers += 1
-            monitor._is_there(True)
+            monitor._set_present(True)
         monitor.samples += samples()
 
     monitor._received_ns = clock.now_ns()
-    monitor._is_there(is_there)
+    monitor._set_present(is_there)
     monitor.known.set()
     clock.every, clock.ends_s = answer, clock.now_s + seconds
     monitor._ping()
@@ -124,7 +124,7 @@ def run(
 def test_a_silent_vehicle_is_reported_lost_after_the_lease(clock: Clock) -> None:
     silent_s = clock.now_s + 5.0
     ((at_s, line),) = run(clock, 60.0, lambda: clock.now_s < silent_s)
-    assert line == "uuv1 at tcp/bench is gone; trying to reach it again"
+    assert line == "uuv1 at tcp/bench is lost; trying to connect again"
     assert 5.0 + LEASE_S - 0.2 < at_s < 5.0 + LEASE_S + 2 * GRACE_S
 
 
@@ -155,7 +155,7 @@ def test_samples_without_replies_reopen_the_session(clock: Clock) -> None:
     """The peer has lost a part of the declarations: the key of the replies, and perhaps those of other topics."""
     session, silent_s = FakeSession("slave"), clock.now_s + 30.0
     gone, opened, *_ = run(clock, 60.0, lambda: clock.now_s < silent_s, session=session)
-    assert "is gone" in gone[1]
+    assert "is lost" in gone[1]
     assert "had a link, but no answer came of it" in opened[1]
     assert opened[0] - gone[0] < 2 * LEASE_S + 4.0
     assert session.reopened

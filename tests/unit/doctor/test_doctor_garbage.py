@@ -151,7 +151,7 @@ def test_any_text_in_any_file_gives_printable_lines(recorded: str, data: st.Data
     for finding in examine(Garbled(recorded, lambda: data.draw(st.none() | garbage))):
         text = doctor.line(finding)
         text.encode()
-        assert text.isprintable(), "one line, and nothing that a terminal would obey"
+        assert text.isprintable(), "one line, without control characters of terminals"
 
 
 @examples(75)

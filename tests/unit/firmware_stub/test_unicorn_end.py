@@ -77,12 +77,12 @@ def test_the_time_at_which_the_outputs_apply_a_command_is_recorded(bench: Bench)
     """The time is on the machine's own clock, from writes to the timers' registers; invalid bytes do not change it."""
     before = now_ns()
     bench.send(command(1))
-    obeyed = bench.end.command_ns
-    assert before < obeyed < now_ns()
+    executed = bench.end.command_ns
+    assert before < executed < now_ns()
     bench.send(bytes(40))
-    assert bench.end.command_ns == obeyed
+    assert bench.end.command_ns == executed
     bench.send(command(2))
-    assert bench.end.command_ns > obeyed, "though the pulses are the same"
+    assert bench.end.command_ns > executed, "though the pulses are the same"
 
 
 def test_a_command_does_not_wait_until_the_board_has_caught_up(bench: Bench) -> None:

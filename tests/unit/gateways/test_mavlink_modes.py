@@ -170,12 +170,12 @@ def test_targets_are_limited_in_depth() -> None:
 
 def test_arming_waits_for_the_slave_and_fails_with_a_reason() -> None:
     bench = Bench()
-    bench.vehicle.refused = "uuv1 obeys another master"
+    bench.vehicle.refused = "uuv1 is commanded by another master"
     assert bench.partner.command(ARM, 1) is None
     assert bench.vehicle.armed_calls == [True]
     bench.run(2.5)
     assert [ack.result for ack in bench.partner.take("COMMAND_ACK")] == [FAILED]
-    assert "obeys another master" in bench.partner.texts()
+    assert "is commanded by another master" in bench.partner.texts()
     assert not bench.core.pilot.armed
 
 
@@ -193,7 +193,7 @@ def test_delayed_arming_is_acknowledged_once_the_slave_accepts() -> None:
 def test_another_master_disarms() -> None:
     bench = Bench()
     bench.arm()
-    bench.vehicle.refused = "uuv1 obeys another master"
+    bench.vehicle.refused = "uuv1 is commanded by another master"
     bench.run(0.5)
     assert not bench.core.pilot.armed
     assert "another master" in bench.partner.texts()

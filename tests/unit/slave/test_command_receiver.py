@@ -47,7 +47,7 @@ class Clock:
         age_ms: float = 0.0,
         topic: str = "cmd_vel",
     ) -> bool:
-        """Deliver a command; return True if it is obeyed."""
+        """Deliver a command; return True if it is accepted."""
         stamp = ros.pack_attachment(sequence, to_wall_ns(self.now_ns) - round(age_ms * MS), gid)
         command_receiver.on_message(topic, ros.encode_twist((0.5, 0, 0), (0, 0, 0)), stamp)
         return command_receiver.take_latest() is not None
@@ -172,7 +172,7 @@ def test_a_flood_of_a_refused_sender_neither_blocks_nor_replaces_the_master(
         command_receiver.ranks.update({GID: 0, OTHER: 0})
     ring: deque[tuple[int, bytes]] = deque(maxlen=8)
     sent = dict.fromkeys((GID, OTHER), 0)
-    obeyed = dict.fromkeys((GID, OTHER), 0)
+    accepted = dict.fromkeys((GID, OTHER), 0)
     began = clock.now_ns
     while clock.now_ns < began + 2 * 10**9:
         for gid, due in ((GID, 20), (OTHER, rate)):
@@ -181,9 +181,9 @@ def test_a_flood_of_a_refused_sender_neither_blocks_nor_replaces_the_master(
                 ring.append((sent[gid], gid))
         while ring:
             sequence, gid = ring.popleft()
-            obeyed[gid] += clock.deliver(command_receiver, sequence, gid)
+            accepted[gid] += clock.deliver(command_receiver, sequence, gid)
         clock.wait(0.05)
-    assert obeyed == {GID: sent[GID], OTHER: 0}
+    assert accepted == {GID: sent[GID], OTHER: 0}
     assert command_receiver.master == GID
     assert command_receiver.refused > 0.9 * sent[OTHER]
     assert max(clock.slept, default=0.0) < 0.001
@@ -300,21 +300,20 @@ def test_ages_follow_drifting_clocks() -> None:
 def commands(
     command_receiver: CommandReceiver, clock: Clock, first: int, seconds: float, age_ms: float, each: int = 1
 ) -> list[bool]:
-    """Return which of the commands that come twenty times a second are accepted; `each` is the step of their numbers.
-    """
-    obeyed = []
+    """Return which of the commands that come 20 times a second are accepted; `each` is the step of their numbers."""
+    accepted = []
     for sequence in range(first, first + round(20 * seconds) * each, each):
         clock.wait(50)
-        obeyed.append(clock.deliver(command_receiver, sequence, age_ms=age_ms + sequence % 3 * 5))
-    return obeyed
+        accepted.append(clock.deliver(command_receiver, sequence, age_ms=age_ms + sequence % 3 * 5))
+    return accepted
 
 
 def test_a_clock_set_back_is_accepted_after_some_seconds(command_receiver: CommandReceiver, clock: Clock) -> None:
     assert all(commands(command_receiver, clock, 1, 5, 2))
-    obeyed = commands(command_receiver, clock, 101, 10, 2002)
-    assert obeyed.index(True) == pytest.approx(100, abs=3), "five seconds"
-    assert all(obeyed[103:])
-    assert command_receiver.stale == obeyed.index(True)
+    accepted = commands(command_receiver, clock, 101, 10, 2002)
+    assert accepted.index(True) == pytest.approx(100, abs=3), "five seconds"
+    assert all(accepted[103:])
+    assert command_receiver.stale == accepted.index(True)
     assert command_receiver.fault == "cmd_vel: the clock of its sender was set back by 2.00 s"
     assert not clock.deliver(command_receiver, 1000, age_ms=2500), "age counts from there"
     assert command_receiver.fault.startswith("cmd_vel: 0.5")

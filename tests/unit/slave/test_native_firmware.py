@@ -94,13 +94,13 @@ def test_the_command_time_is_that_of_the_last_executed_command() -> None:
     before = now_ns()
     quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
     end.service(NS_PER_MS)
-    obeyed = end.command_ns
-    assert before < obeyed < now_ns()
+    executed = end.command_ns
+    assert before < executed < now_ns()
     quick.coming = FRAME.encode(ThrusterCommand(8, True, (1700,) * CHANNELS))  # late
     end.service(2 * NS_PER_MS)
     end.service(3 * WATCHDOG_NS)  # the watchdog is no command
     assert end.pwm_us == (1500,) * CHANNELS
-    assert end.command_ns == obeyed
+    assert end.command_ns == executed
 
 
 def test_closing_sets_the_outputs_to_neutral() -> None:

@@ -73,7 +73,7 @@ class Bed:
         for _ in range(steps):
             self.loop.advance(1)
 
-    def obey(self, sequence: int) -> None:
+    def execute(self, sequence: int) -> None:
         """Deliver a command and the STM32's answer to it."""
         self.command_receiver.waiting.append(Received(VelocityCommand(surge=0.3), sequence, 7, now_ns()))
         self.loop._apply_command(now_ns())
@@ -95,8 +95,8 @@ def bed() -> Iterator[Bed]:
 
 def test_traces_are_published_with_the_next_sample(bed: Bed) -> None:
     bed.sample_publisher.wanted = ("odom",)
-    bed.obey(1)
-    bed.obey(2)
+    bed.execute(1)
+    bed.execute(2)
     assert bed.reported() == []
     bed.run(40)  # 0.1 s: odometry twice
     assert [output if isinstance(output, str) else output.sequence for output in bed.sample_publisher.output] == [
@@ -105,14 +105,14 @@ def test_traces_are_published_with_the_next_sample(bed: Bed) -> None:
         2,
         "odom",
     ]
-    bed.obey(3)
+    bed.execute(3)
     bed.run(40)
     assert bed.reported() == [1, 2, 3]
 
 
 def test_traces_are_published_after_50_ms_without_sample_subscribers(bed: Bed) -> None:
     bed.run(3)
-    bed.obey(1)
+    bed.execute(1)
     bed.run(19)
     assert bed.reported() == []
     bed.run(1)  # 50 ms after the answer
@@ -120,7 +120,7 @@ def test_traces_are_published_after_50_ms_without_sample_subscribers(bed: Bed) -
 
 
 def test_the_last_trace_is_published_at_the_end(bed: Bed) -> None:
-    bed.obey(1)
+    bed.execute(1)
     stop = os.eventfd(1)
     bed.loop.run(stop)
     os.close(stop)

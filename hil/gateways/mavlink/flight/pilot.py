@@ -56,7 +56,7 @@ class Pilot:
         return self.target.place if self.target and self.mode in (Mode.GUIDED, Mode.AUTO) else None
 
     def arm(self) -> None:
-        """Let the modes drive the vehicle. The caller has checked that it obeys."""
+        """Let the modes drive the vehicle. The caller has checked that it accepts commands."""
         if not self.armed:
             self.armed = True
             self._holds.release()

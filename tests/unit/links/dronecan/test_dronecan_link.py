@@ -85,8 +85,8 @@ def test_a_host_without_arming_drives_controllers_that_require_none() -> None:
     raw_only = records(f for f in frames(master.encode(ThrusterCommand(1, True, PULSES))) if f.id >> 8 & 0xFFFF == 1030)
     assert device().feed(raw_only) == [ThrusterCommand(0, False, PULSES)]
     assert device(require_arming=False).feed(raw_only) == [ThrusterCommand(0, True, PULSES)]
-    obeying_nobody = device(require_arming=False)
-    assert obeying_nobody.feed(master._arming()) == []
+    unarmed = device(require_arming=False)
+    assert unarmed.feed(master._arming()) == []
 
 
 def test_arming_status_is_repeated() -> None:
